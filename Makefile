@@ -1,0 +1,24 @@
+# `make demo` runs the main job, `make test` runs lint, types and tests. Both set up .venv by themselves.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.venv/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+demo: .venv/.ready
+	$(BIN)/python examples/andrews.py
+
+lint: .venv/.ready
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+
+test: lint
+	$(BIN)/python -m pytest
+
+benchmark: .venv/.ready
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,benchmark]'
+	$(BIN)/python -m benchmarks
+
+.PHONY: demo lint test benchmark

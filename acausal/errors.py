@@ -1,0 +1,99 @@
+"""Every error that acausal raises, as one tree.
+
+AcausalError
+├── ModelError                  the scene itself is wrong; raised while it is composed or built
+│   ├── IncompatibleError       connectors that do not fit together, or are not part of the scene
+│   ├── UnconnectedError        a connector that must be connected is not
+│   ├── GroundError             no ground, or grounds that contradict each other
+│   ├── ParameterError          a number that is not physical: NaN, negative mass, zero axis ...
+│   ├── DuplicateError          one part or connection given twice
+│   ├── MasslessError           something that moves freely has no inertia
+│   ├── AssemblyError           a loop cannot close, or start values cannot be met
+│   ├── LockedError             the constraints leave no freedom to move
+│   ├── UnderdeterminedError    fewer equations than unknowns
+│   └── OverdeterminedError     more equations than unknowns
+├── UnknownVariableError        a variable or expression that does not belong to the model asked
+├── StartValueError             a start value for something that cannot have one, or that is contradicted
+├── SimulationError             integration stopped early; carries the status and the trajectory so far
+└── ExportError                 a file or library could not be written or compiled
+
+A message says what is wrong, where (component path and file:line), with which values, and what to try.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from acausal.trajectory import Trajectory
+
+
+class AcausalError(Exception):
+    """Root of all errors raised on purpose by acausal."""
+
+
+class ModelError(AcausalError):
+    """The scene is wrong: it cannot be a physical mechanism as composed."""
+
+
+class IncompatibleError(ModelError):
+    """Connectors of different kinds were joined, or one does not belong to the scene."""
+
+
+class UnconnectedError(ModelError):
+    """A connector that must be connected is not."""
+
+
+class GroundError(ModelError):
+    """The scene has no ground, or several that contradict each other."""
+
+
+class ParameterError(ModelError):
+    """A number given to a component is not physical."""
+
+
+class DuplicateError(ModelError):
+    """The same part stands in the scene twice, or a connection was made twice."""
+
+
+class MasslessError(ModelError):
+    """A motion has no inertia to resist it, so its acceleration is undefined."""
+
+
+class AssemblyError(ModelError):
+    """A loop cannot close, or start values cannot be met; the message gives the smallest gap reached."""
+
+
+class LockedError(ModelError):
+    """The constraints leave the mechanism no freedom."""
+
+
+class UnderdeterminedError(ModelError):
+    """Fewer equations than unknowns."""
+
+
+class OverdeterminedError(ModelError):
+    """More equations than unknowns, or equations that contradict each other."""
+
+
+class UnknownVariableError(AcausalError):
+    """A variable or expression does not belong to the model that was asked."""
+
+
+class StartValueError(AcausalError):
+    """A start value was given for something that cannot have one, or contradicts the others."""
+
+
+class ExportError(AcausalError):
+    """A file or library could not be written, compiled or loaded."""
+
+
+class SimulationError(AcausalError):
+    """Integration stopped before the end.
+
+    `trajectory` holds everything computed until then and its `status` says why it stopped.
+    """
+
+    def __init__(self, message: str, trajectory: Trajectory) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory
