@@ -1,0 +1,1 @@
+"""What a user writes: components, connectors, variables, equations; and the flattened scene."""

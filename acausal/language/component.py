@@ -1,0 +1,127 @@
+"""Components and systems: parts with connectors, and parts made of parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Self
+
+from acausal.errors import DuplicateError, IncompatibleError
+from acausal.language.connector import Connector, Point
+from acausal.language.equation import Equation
+from acausal.language.expression import Expression, Variable
+from acausal.language.origin import origin
+
+
+class Component:
+    """A part: connectors and variables declared in the class, and equations between them.
+
+    A subclass declares `flange_a = Rotational.port()`, `w = Variable("rad/s")`, takes its numbers in `__init__`, and
+    yields its `equations()`. Mechanical parts give bodies, joints or forces instead (see `acausal.mechanics`).
+    """
+
+    created_at: str
+    """Where in the user's code it was made, `file:line`."""
+
+    def __new__(cls, *_args: Any, **_kwargs: Any) -> Self:
+        self = super().__new__(cls)
+        self.__dict__["created_at"] = origin()
+        return self
+
+    def equations(self) -> Iterable[Equation]:
+        """Equations that hold at all times, between variables and scalar connectors; none by default."""
+        return ()
+
+    def stored_energy(self) -> Expression | float:
+        """Energy held by the part [J], from its variables; 0 by default."""
+        return 0.0
+
+    def dissipated_power(self) -> Expression | float:
+        """Power turned into heat by the part [W], from its variables; 0 by default."""
+        return 0.0
+
+    def supplied_power(self) -> Expression | float:
+        """Power brought in from outside by the part [W], from its variables; 0 by default."""
+        return 0.0
+
+    def variables(self) -> tuple[Variable, ...]:
+        """The declared variables, those of its connectors not included."""
+        return tuple(getattr(self, name) for name in declared(type(self), Variable))
+
+    def connectors(self) -> tuple[Connector, ...]:
+        """All connectors, declared ones first, then those made on request."""
+        ports = [getattr(self, name) for name in declared(type(self), Connector)]
+        known = set(ports)
+        ports += [v for v in self.__dict__.values() if isinstance(v, Connector) and v.owner is self and v not in known]
+        return tuple(ports)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__} (made at {self.created_at})" if self.created_at else type(self).__name__
+
+
+def declared(cls: type, kind: type) -> list[str]:
+    """Names of the class attributes of this kind, base classes first, in the order of declaration."""
+    names = [name for base in reversed(cls.__mro__) for name, value in vars(base).items() if isinstance(value, kind)]
+    return list(dict.fromkeys(names))
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Two connectors that touch, and where this was said."""
+
+    a: Connector
+    b: Connector
+    origin: str
+
+
+class System(Component):
+    """Parts and connections. A part's name is the attribute that it was assigned to; lists of parts are numbered.
+
+    As a class: assign parts and `connect` them in `__init__`. As a script: `scene = System()`, `scene.rod = ...`.
+    A system with connectors of its own is a component of a larger one.
+    """
+
+    def connect(self, a: Connector, b: Connector, *more: Connector) -> None:
+        """Join two or more connectors. Raises `IncompatibleError` for kinds that do not fit, `DuplicateError` when repeated."""
+        for other in (b, *more):
+            check_compatible(a, other)
+            if any({id(a), id(other)} == {id(old.a), id(old.b)} for old in self.connections()):
+                raise DuplicateError(f"{a!r} and {other!r} are already connected ({origin()}). Remove one of the two calls.")
+            self.__dict__.setdefault("_connections", []).append(Connection(a, other, origin()))
+
+    def connections(self) -> tuple[Connection, ...]:
+        """The connections made in this system, those of its parts not included."""
+        return tuple(self.__dict__.get("_connections", ()))
+
+    def parts(self) -> Iterator[tuple[str, Component]]:
+        """Name and part, in the order of assignment; `legs[0]`, `legs[1]` for a list."""
+        for name, value in self.__dict__.items():
+            if name.startswith("_"):
+                continue
+            if isinstance(value, Component):
+                yield name, value
+            elif isinstance(value, list | tuple):
+                yield from ((f"{name}[{i}]", part) for i, part in enumerate(value) if isinstance(part, Component))
+
+
+def check_compatible(a: object, b: object) -> None:
+    """Raise `IncompatibleError` unless a and b are connectors of one domain, and different."""
+    for end in (a, b):
+        if not isinstance(end, Connector):
+            hint = " Connect one of its connectors: " + ", ".join(c.name for c in end.connectors()) + "." if isinstance(end, Component) else ""
+            raise IncompatibleError(f"connect() takes connectors, not {end!r} ({origin()}).{hint}")
+        if end.owner is None:
+            raise IncompatibleError(f"{type(end).__name__} '{end.name}' belongs to a class, not to a part ({origin()}). Make an instance of the part first.")
+    assert isinstance(a, Connector) and isinstance(b, Connector)
+    if a is b:
+        raise IncompatibleError(f"{a!r} cannot be connected to itself ({origin()}).")
+    if a.domain != b.domain or (a.domain != "mechanical" and type(a) is not type(b)):
+        raise IncompatibleError(
+            f"{a!r} ({a.domain}) does not fit {b!r} ({b.domain}) ({origin()}). Connect frames and points with each other, and "
+            f"{'a ' + a.domain if a.domain != 'mechanical' else 'a ' + b.domain} connector with its own kind."
+        )
+
+
+def is_mechanical(connector: Connector) -> bool:
+    """Whether it is a `Frame` or a `Point`."""
+    return isinstance(connector, Point)

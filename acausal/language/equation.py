@@ -1,0 +1,53 @@
+"""Equations that a component writes: `equal(a, b)`, with time derivatives `der(a)`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.language.expression import Derivative, Expression, Input, Parameter, Scalar, Symbol, Time, leaves, sx
+from acausal.language.origin import origin
+
+_DERIVATIVE = "_derivative"
+
+
+@dataclass(frozen=True)
+class Equation:
+    """`residual` = 0, a column of one or more rows, and where it was written."""
+
+    residual: Expression
+    origin: str
+
+    def __repr__(self) -> str:
+        return f"0 = {self.residual!r}"
+
+
+def equal(left: Scalar, right: Scalar) -> Equation:
+    """The equation left = right."""
+    return Equation(Expression(sx(left) - sx(right), leaves(left, right)), origin())
+
+
+def der(value: Expression) -> Expression:
+    """Time derivative. Of a variable: a new symbol; of an expression: by the chain rule; of constants and parameters: 0."""
+    if isinstance(value, Symbol):
+        return _symbol_rate(value)
+    moving = [leaf for leaf in value.leaves if not isinstance(leaf, Parameter)]
+    rates = [_symbol_rate(leaf) for leaf in moving]
+    rate = ca.SX(*value.shape)
+    for leaf, leaf_rate in zip(moving, rates, strict=True):
+        rate += ca.jtimes(value.sx, leaf.sx, leaf_rate.sx)
+    return Expression(rate, value.leaves.union(*(r.leaves for r in rates)))
+
+
+def _symbol_rate(symbol: Symbol) -> Expression:
+    if isinstance(symbol, Time):
+        return Expression(ca.SX(1), frozenset())
+    if isinstance(symbol, Parameter):
+        return Expression(ca.SX(0), frozenset())
+    if isinstance(symbol, Input):
+        raise TypeError(f"der({symbol.name}): an input has no known rate. Declare a second input for it.")
+    found = symbol.__dict__.get(_DERIVATIVE)
+    if found is None:
+        found = symbol.__dict__[_DERIVATIVE] = Derivative(symbol)
+    return found

@@ -1,0 +1,294 @@
+"""Expressions: what a user computes with, a CasADi `SX` that remembers the declared symbols in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, ClassVar, Self, overload
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.origin import origin
+
+_UFUNCS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b, "power": lambda a, b: a**b, "negative": lambda a: -a, "matmul": lambda a, b: a @ b,
+    "sin": ca.sin, "cos": ca.cos, "tan": ca.tan, "arcsin": ca.asin, "arccos": ca.acos, "arctan": ca.atan,
+    "arctan2": ca.atan2, "sinh": ca.sinh, "cosh": ca.cosh, "tanh": ca.tanh, "exp": ca.exp, "log": ca.log,
+    "sqrt": ca.sqrt, "absolute": ca.fabs, "fabs": ca.fabs, "sign": ca.sign, "maximum": ca.fmax, "minimum": ca.fmin,
+    "square": lambda a: a * a, "hypot": ca.hypot, "floor": ca.floor, "ceil": ca.ceil,
+}  # fmt: skip
+
+
+class Expression:
+    """A scalar, vector or matrix of symbols and numbers; wraps a CasADi `SX` and the declared symbols it is made of.
+
+    Works with `+ - * / ** @ [] .T`, with numpy's elementary functions and, as `SX`, with every CasADi function.
+    """
+
+    __array_priority__ = 2000.0
+    __slots__ = ("_leaves", "_sx")
+
+    def __init__(self, sx: ca.SX, leaves: frozenset[Symbol]) -> None:
+        self._sx = sx
+        self._leaves = leaves
+
+    @property
+    def sx(self) -> ca.SX:
+        """The CasADi expression."""
+        return self._sx
+
+    @property
+    def leaves(self) -> frozenset[Symbol]:
+        """The declared symbols (variables, parameters, inputs, time) in it."""
+        return self._leaves
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns; a scalar is (1, 1), a vector (n, 1)."""
+        return self.sx.shape
+
+    @property
+    def T(self) -> Expression:
+        """The transpose."""
+        return Expression(self.sx.T, self.leaves)
+
+    def __SX__(self) -> ca.SX:
+        return self.sx
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **_: Any) -> Expression:
+        operation = _UFUNCS.get(ufunc.__name__)
+        if method != "__call__" or operation is None:
+            raise TypeError(f"numpy.{ufunc.__name__} is not defined for symbolic expressions; use CasADi's function on `.sx`")
+        return Expression(operation(*(sx(value) for value in inputs)), leaves(*inputs))
+
+    def __add__(self, other: Scalar) -> Expression: return Expression(self.sx + sx(other), leaves(self, other))
+    def __radd__(self, other: Scalar) -> Expression: return Expression(sx(other) + self.sx, leaves(self, other))
+    def __sub__(self, other: Scalar) -> Expression: return Expression(self.sx - sx(other), leaves(self, other))
+    def __rsub__(self, other: Scalar) -> Expression: return Expression(sx(other) - self.sx, leaves(self, other))
+    def __mul__(self, other: Scalar) -> Expression: return Expression(self.sx * sx(other), leaves(self, other))
+    def __rmul__(self, other: Scalar) -> Expression: return Expression(sx(other) * self.sx, leaves(self, other))
+    def __truediv__(self, other: Scalar) -> Expression: return Expression(self.sx / sx(other), leaves(self, other))
+    def __rtruediv__(self, other: Scalar) -> Expression: return Expression(sx(other) / self.sx, leaves(self, other))
+    def __pow__(self, other: Scalar) -> Expression: return Expression(self.sx ** sx(other), leaves(self, other))
+    def __rpow__(self, other: Scalar) -> Expression: return Expression(sx(other) ** self.sx, leaves(self, other))
+    def __matmul__(self, other: Scalar) -> Expression: return Expression(self.sx @ sx(other), leaves(self, other))
+    def __rmatmul__(self, other: Scalar) -> Expression: return Expression(sx(other) @ self.sx, leaves(self, other))
+    def __neg__(self) -> Expression: return Expression(-self.sx, self.leaves)
+    def __abs__(self) -> Expression: return Expression(ca.fabs(self.sx), self.leaves)
+
+    def __getitem__(self, index: Any) -> Expression:
+        return Expression(self.sx[index], self.leaves)
+
+    def __len__(self) -> int:
+        return self.sx.shape[0]
+
+    def __float__(self) -> float:
+        raise TypeError(f"{self!r} is symbolic and has no number before a simulation; read it from a trajectory: run[...]")
+
+    def __bool__(self) -> bool:
+        raise TypeError(f"{self!r} is symbolic and is neither true nor false; use casadi.if_else for a case distinction")
+
+    def __repr__(self) -> str:
+        return str(self.sx)
+
+
+Scalar = Expression | ca.SX | float | np.ndarray | Sequence[Any]
+"""Anything that can stand in an expression."""
+
+
+def sx(value: Scalar) -> ca.SX:
+    """`value` as CasADi `SX`; a sequence becomes a column."""
+    if isinstance(value, Expression):
+        return value.sx
+    if isinstance(value, ca.SX):
+        return value
+    if isinstance(value, np.ndarray):
+        return ca.SX(ca.DM(value))
+    if isinstance(value, list | tuple):
+        return ca.vertcat(*(sx(entry) for entry in value))
+    return ca.SX(value)
+
+
+def leaves(*values: Any) -> frozenset[Symbol]:
+    """The declared symbols in all of `values`, also inside lists and tuples."""
+    found: frozenset[Symbol] = frozenset()
+    for value in values:
+        if isinstance(value, Expression):
+            found |= value.leaves
+        elif isinstance(value, list | tuple):
+            found |= leaves(*value)
+    return found
+
+
+class Symbol(Expression):
+    """A declared quantity with a unit. Two symbols are the same only if they are the same object."""
+
+    kind: ClassVar[str] = "symbol"
+
+    def __init__(self, name: str, unit: str, description: str = "", shape: tuple[int, int] = (1, 1)) -> None:
+        super().__init__(ca.SX.sym(name, *shape), frozenset((self,)))
+        self.name = name
+        self.unit = unit
+        self.description = description
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__} {self.name}" + (f" [{self.unit}]" if self.unit else "")
+
+
+class Variable(Symbol):
+    """An unknown of the scene, declared in a component class: `w = ac.Variable("rad/s", "angular velocity")`.
+
+    `size` > 1 makes a column. `start` is where a search for initial values begins.
+    `if_undetermined` is said to the user when nothing determines the variable.
+    Each component instance has its own copy.
+    """
+
+    kind = "variable"
+
+    def __init__(self, unit: str = "", description: str = "", *, size: int = 1, start: float | Sequence[float] | None = None,
+                 if_undetermined: str = "", name: str = "variable") -> None:
+        super().__init__(name, unit, description, (size, 1))
+        self.size = size
+        self.start = start
+        self.if_undetermined = if_undetermined
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> Self: ...
+    def __get__(self, instance: object | None, owner: type) -> Self:
+        if instance is None:
+            return self
+        own = instance.__dict__.get(self.name)
+        if own is None:
+            own = type(self)(self.unit, self.description, size=self.size, start=self.start,
+                             if_undetermined=self.if_undetermined, name=self.name)
+            instance.__dict__[self.name] = own
+        return own
+
+
+class Derivative(Symbol):
+    """The time derivative of a symbol."""
+
+    kind = "derivative"
+
+    def __init__(self, of: Symbol) -> None:
+        super().__init__(f"der({of.name})", f"{of.unit}/s" if of.unit else "1/s", shape=of.shape)
+        self.of = of
+
+
+class Parameter(Symbol):
+    """A number that stays adjustable after the build, and differentiable: `ac.Parameter(1.0, "kg")`."""
+
+    kind = "parameter"
+
+    def __init__(self, value: float, unit: str = "", description: str = "") -> None:
+        super().__init__("parameter", unit, description)
+        self.value = number(value, "a Parameter's value")
+
+
+class Input(Symbol):
+    """A quantity given from outside at every instant: `ac.Input("N*m")`. `default` is used where none is given."""
+
+    kind = "input"
+
+    def __init__(self, unit: str = "", description: str = "", *, default: float = 0.0) -> None:
+        super().__init__("input", unit, description)
+        self.default = number(default, "an Input's default")
+
+
+class Time(Symbol):
+    """Time in seconds."""
+
+    kind = "time"
+
+    def __init__(self) -> None:
+        super().__init__("time", "s")
+
+
+time = Time()
+"""The one time of every scene [s]."""
+
+
+def number(value: Any, what: str) -> float:
+    """`value` as a finite float; raises `ParameterError` naming `what` and the user's line."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{what} must be a number, not {value!r} ({origin()}).") from None
+    if not math.isfinite(result):
+        raise ParameterError(f"{what} is {result} ({origin()}). Give a finite number.")
+    return result
+
+
+def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bool = False) -> float | Expression:
+    """A checked scalar: a finite float, or an expression whose parameters are checked by their values.
+
+    Raises `ParameterError` naming `what` and the user's line when not finite, or not of the sign asked for.
+    """
+    if isinstance(value, Expression | ca.SX):
+        expression = value if isinstance(value, Expression) else Expression(value, frozenset())
+        if expression.shape != (1, 1):
+            raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
+        current = evaluated(expression)
+        checked = None if current is None else float(current[0, 0])
+        result: float | Expression = expression
+    else:
+        result = checked = number(value, what)
+    if checked is not None and (not math.isfinite(checked) or (positive and checked <= 0) or (non_negative and checked < 0)):
+        needed = "positive" if positive else "zero or positive" if non_negative else "finite"
+        raise ParameterError(f"{what} is {checked:g} ({origin()}). It must be {needed}.")
+    return result
+
+
+def evaluated(expression: Expression) -> np.ndarray | None:
+    """The value with every parameter at its present value; None if something else than parameters is in it."""
+    parameters = [leaf for leaf in expression.leaves if isinstance(leaf, Parameter)]
+    if len(parameters) < len(expression.leaves) or len(ca.symvar(expression.sx)) > len(parameters):
+        return None
+    function = ca.Function("value", [leaf.sx for leaf in parameters], [ca.densify(expression.sx)])
+    return np.array(function.call([ca.DM(leaf.value) for leaf in parameters])[0])
+
+
+def vector(value: Scalar, what: str) -> np.ndarray | Expression:
+    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`."""
+    if isinstance(value, Expression | ca.SX) or (isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)):
+        expression = Expression(sx(value), leaves(value))
+        if expression.shape != (3, 1):
+            raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
+        current = evaluated(expression)
+        if current is not None and not np.all(np.isfinite(current)):
+            raise ParameterError(f"{what} is {current.ravel()} ({origin()}). Give finite numbers.")
+        return expression
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).") from None
+    if array.shape != (3,):
+        raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).")
+    if not np.all(np.isfinite(array)):
+        raise ParameterError(f"{what} is {array} ({origin()}). Give finite numbers.")
+    return array
+
+
+def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
+    """A function of time becomes an expression in `ac.time`; anything else stays."""
+    return value(time) if callable(value) and not isinstance(value, Expression) else value  # pyright: ignore[reportReturnType]
+
+
+def stacked(values: Iterable[ca.SX]) -> ca.SX:
+    """One column from many; an empty column (0, 1) from none."""
+    entries = list(values)
+    return ca.vertcat(*entries) if entries else ca.SX(0, 1)

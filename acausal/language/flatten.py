@@ -1,0 +1,161 @@
+"""Flatten: a tree of systems becomes a list of leaf parts, their variables and the sets of connectors that touch."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+
+import networkx as nx
+
+from acausal.errors import DuplicateError, IncompatibleError, UnconnectedError
+from acausal.language.component import Component, Connection, System
+from acausal.language.connector import Connector
+from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable
+
+
+@dataclass(frozen=True)
+class Part:
+    """A leaf component and its path in the scene."""
+
+    path: str
+    component: Component
+
+    @property
+    def where(self) -> str:
+        """Path and line, for messages."""
+        return f"{self.path} ({self.component.created_at})" if self.component.created_at else self.path
+
+
+@dataclass(frozen=True)
+class FlatSystem:
+    """The scene without hierarchy: parts, symbols with full names, and sets of connectors that touch one another."""
+
+    name: str
+    parts: tuple[Part, ...]
+    names: dict[Symbol, str]
+    connector_paths: dict[Connector, str]
+    connection_sets: tuple[tuple[Connector, ...], ...]
+    """Leaf connectors only; a connector that touches nothing is a set of its own."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All adjustable numbers, in the order in which they are met."""
+        return tuple(symbol for symbol in self.names if isinstance(symbol, Parameter))
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """All inputs, in the order in which they are met."""
+        return tuple(symbol for symbol in self.names if isinstance(symbol, Input))
+
+    def part_of(self, connector: Connector) -> Part:
+        """The leaf part that a connector belongs to."""
+        return next(part for part in self.parts if part.component is connector.owner)
+
+    def __str__(self) -> str:
+        rows = [f"{self.name}: {len(self.parts)} parts, {len(self.connection_sets)} connection sets"]
+        rows += [f"  {part.path:<24} {type(part.component).__name__:<20} {part.component.created_at}" for part in self.parts]
+        rows += ["  " + " = ".join(self.connector_paths[c] for c in group) for group in self.connection_sets if len(group) > 1]
+        rows += [f"  {name:<24} {symbol.kind} [{symbol.unit}]" for symbol, name in self.names.items()]
+        return "\n".join(rows)
+
+
+def flatten(scene: System) -> FlatSystem:
+    """The leaf parts of a scene. Raises `DuplicateError`, `IncompatibleError` or `UnconnectedError`. Linear in its size."""
+    parts: list[Part] = []
+    owners: dict[int, str] = {id(scene): ""}
+    names: dict[Symbol, str] = {}
+    connector_paths: dict[Connector, str] = {}
+    connections: list[Connection] = []
+    queue: deque[tuple[str, Component]] = deque([("", scene)])
+    while queue:
+        path, component = queue.popleft()
+        prefix = path + "." if path else ""
+        _name_symbols(component, prefix, names)
+        for connector in component.connectors():
+            connector_paths[connector] = prefix + connector.name
+        if not isinstance(component, System):
+            parts.append(Part(path, component))
+            continue
+        connections += component.connections()
+        for name, child in component.parts():
+            if id(child) in owners:
+                raise DuplicateError(
+                    f"The same {child!r} stands in the scene twice, as '{owners[id(child)]}' and '{prefix + name}'. Make two parts."
+                )
+            owners[id(child)] = prefix + name
+            queue.append((prefix + name, child))
+    _name_hidden_symbols(parts, names)
+    for connection in connections:
+        _check_member(connection, connector_paths)
+    sets = _connection_sets(connections, connector_paths)
+    _check_connected(sets, connector_paths)
+    return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets)
+
+
+def _name_symbols(component: Component, prefix: str, names: dict[Symbol, str]) -> None:
+    for variable in component.variables():
+        names.setdefault(variable, prefix + variable.name)
+    for name, value in component.__dict__.items():
+        if isinstance(value, Parameter | Input):
+            names.setdefault(value, prefix + name)
+            if value.name in ("parameter", "input"):
+                value.name = prefix + name
+    for connector in component.connectors():
+        for name, value in connector.__dict__.items():
+            if isinstance(value, Variable):
+                names.setdefault(value, f"{prefix}{connector.name}.{name}")
+
+
+def _name_hidden_symbols(parts: list[Part], names: dict[Symbol, str]) -> None:
+    """Parameters and inputs that stand only inside expressions get the name of the attribute that holds them."""
+    for part in parts:
+        for name, value in part.component.__dict__.items():
+            for leaf in _leaves_inside(value):
+                if isinstance(leaf, Parameter | Input) and leaf not in names:
+                    path = f"{part.path}.{name}"
+                    taken = sum(other == path or other.startswith(path + "#") for other in names.values())
+                    names[leaf] = path if not taken else f"{path}#{taken + 1}"
+                    leaf.name = names[leaf]
+
+
+def _leaves_inside(value: object) -> Iterator[Symbol]:
+    if isinstance(value, Expression):
+        yield from sorted(value.leaves, key=lambda leaf: leaf.name)
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _leaves_inside(entry)
+    elif is_dataclass(value) and not isinstance(value, type):
+        for field in fields(value):
+            yield from _leaves_inside(getattr(value, field.name))
+
+
+def _check_member(connection: Connection, paths: dict[Connector, str]) -> None:
+    for end, other in ((connection.a, connection.b), (connection.b, connection.a)):
+        if end not in paths:
+            raise IncompatibleError(
+                f"{paths.get(other, repr(other))} is connected ({connection.origin}) to '{end.name}' of {end.owner!r}, which is "
+                f"not a part of the scene. Assign the part to the scene first: scene.name = {type(end.owner).__name__}(...)."
+            )
+
+
+def _connection_sets(connections: list[Connection], paths: dict[Connector, str]) -> tuple[tuple[Connector, ...], ...]:
+    graph: nx.Graph[Connector] = nx.Graph()
+    graph.add_nodes_from(paths)
+    graph.add_edges_from((c.a, c.b) for c in connections)
+    order = {connector: i for i, connector in enumerate(paths)}
+    leaf_sets: list[tuple[Connector, ...]] = []
+    for group in nx.connected_components(graph):
+        members = sorted((c for c in group if not isinstance(c.owner, System)), key=order.__getitem__)
+        if members:
+            leaf_sets.append(tuple(members))
+    return tuple(sorted(leaf_sets, key=lambda members: order[members[0]]))
+
+
+def _check_connected(sets: tuple[tuple[Connector, ...], ...], paths: dict[Connector, str]) -> None:
+    for group in sets:
+        connector = group[0]
+        if len(group) == 1 and connector.must_connect:
+            owner = connector.owner
+            line = f" ({owner.created_at})" if owner is not None else ""
+            raise UnconnectedError(f"{paths[connector]}{line} is connected to nothing. {connector.if_unconnected}".rstrip())

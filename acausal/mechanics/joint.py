@@ -1,0 +1,95 @@
+"""Joints: one function `pose(q, t)`; everything else follows by differentiation, or from steps with closed forms."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, final
+
+import casadi as ca
+
+from acausal.language.component import Component
+from acausal.language.connector import Frame
+from acausal.language.expression import Variable
+from acausal.mechanics.motion import Motion, motion_from_pose
+from acausal.mechanics.pose import Pose
+from acausal.mechanics.steps import AbstractStep, chained_pose
+
+_LOOSE = "A joint holds two parts: connect both of its frames."
+
+
+class AbstractJoint(Component, ABC):
+    """Two frames and how one may move against the other.
+
+    Must declare the variables `q` (configuration, nq entries) and `v` (velocity, nv entries) and provide `pose`.
+    With nq = nv and q' = v nothing else is needed; otherwise `rates` gives q' = N(q) v.
+    """
+
+    frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+    frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+    q: Variable
+    v: Variable
+
+    @abstractmethod
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        """X_ab, the pose of frame_b in frame_a, from the configuration (nq, 1) and time [s]."""
+
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        """q' (nq, 1) from the velocity (nv, 1): N(q) v. The identity unless said otherwise."""
+        return v
+
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        """What stays zero along every motion because of how q' is made: a quaternion's norm, a gap. (n, 1), empty by default."""
+        return ca.SX(0, 1)
+
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
+        """Residuals that vanish when frame_b may have the pose X_ab, at least 6 - nq rows; None: use q as unknowns."""
+        return None
+
+    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+        """Further residuals in the velocities that are not rates of `closure` (rolling). (n, 1), empty by default.
+
+        w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
+        """
+        return ca.SX(0, 1)
+
+    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
+        """The joint as a chain of motions, outermost last; a single one by default, by differentiation of `pose`."""
+        return (motion_from_pose(self.pose, self.rates, q, v, t),)
+
+    def start_q(self) -> tuple[float, ...]:
+        """Configuration in which a search for initial values begins; zeros unless `q.start` says otherwise."""
+        start: Any = self.q.start
+        if start is None:
+            return (0.0,) * self.q.size
+        return tuple(float(s) for s in start) if isinstance(start, list | tuple) else (float(start),) * self.q.size
+
+    def shapes(self) -> tuple[Any, ...]:
+        """What to draw at frame_a; see `acausal.visual.shapes`."""
+        return ()
+
+
+class AbstractStepJoint(AbstractJoint, ABC):
+    """A joint made of elementary steps with closed forms: turn about an axis, slide along one, and so on.
+
+    Must provide `steps()`.
+    """
+
+    @abstractmethod
+    def steps(self) -> tuple[AbstractStep, ...]:
+        """The steps from frame_a to frame_b; each takes its share of q and v in turn."""
+
+    @final
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        return chained_pose(self.steps(), q)
+
+    @final
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        return ca.vertcat(*(step.rates(q[step.q], v[step.v]) for step in sorted(self.steps(), key=lambda s: s.q.start)))
+
+    @final
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        return ca.vertcat(*(step.invariants(q[step.q]) for step in self.steps()))
+
+    @final
+    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
+        return tuple(step.motion(q[step.q], v[step.v]) for step in self.steps())

@@ -1,0 +1,153 @@
+"""Poses: position and orientation of one frame in another, numeric (numpy) or symbolic (`SX`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.language.expression import Expression
+
+Matrix = np.ndarray | ca.SX
+
+
+@dataclass(frozen=True)
+class Pose:
+    """X_AB: `rotation` R_AB (3, 3) and `position` p_AB_A (3,) [m] of frame B in frame A.
+
+    Both entries are numpy arrays when the pose is a constant, else `SX`. `X_AB @ X_BC` is X_AC.
+    """
+
+    rotation: Matrix
+    position: Matrix
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """The pose of a frame in itself."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is made of numbers only."""
+        return isinstance(self.rotation, np.ndarray) and isinstance(self.position, np.ndarray)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        rotation = product(self.rotation, other.rotation)
+        return Pose(rotation, total(self.position, product(self.rotation, other.position)))
+
+    def inverse(self) -> Pose:
+        """X_BA."""
+        transposed = self.rotation.T
+        return Pose(transposed, -product(transposed, self.position))
+
+
+def pose(position: np.ndarray | Expression, rotation: np.ndarray | None = None) -> Pose:
+    """A pose from checked numbers or expressions; no rotation by default."""
+    return Pose(np.eye(3) if rotation is None else rotation, position.sx if isinstance(position, Expression) else position)
+
+
+def symbolic(matrix: Matrix) -> ca.SX:
+    """As `SX`; a vector becomes a column."""
+    return matrix if isinstance(matrix, ca.SX) else ca.SX(ca.DM(matrix))
+
+
+def product(a: Matrix, b: Matrix) -> Matrix:
+    """a @ b, numeric if both are."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a @ b
+    return symbolic(a) @ symbolic(b)
+
+
+def total(a: Matrix, b: Matrix) -> Matrix:
+    """a + b, numeric if both are."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a + b
+    return symbolic(a) + symbolic(b)
+
+
+def snapped(matrix: np.ndarray, tolerance: float = 4e-15) -> np.ndarray:
+    """Entries within `tolerance` of 0, 1 or -1 become exactly that, so that they fold away in symbolic code."""
+    result = matrix.copy()
+    for exact in (0.0, 1.0, -1.0):
+        result[np.abs(result - exact) < tolerance] = exact
+    return result
+
+
+_CYCLES = {
+    (0.0, 0.0, 1.0): np.eye(3),
+    (1.0, 0.0, 0.0): np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    (0.0, 1.0, 0.0): np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    (0.0, 0.0, -1.0): np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    (-1.0, 0.0, 0.0): np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    (0.0, -1.0, 0.0): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+
+
+def rotation_to_axis(axis: np.ndarray) -> np.ndarray:
+    """A rotation R (3, 3) whose third column is the unit vector `axis`; a permutation for coordinate axes."""
+    cycle = _CYCLES.get((float(axis[0]), float(axis[1]), float(axis[2])))
+    if cycle is not None:
+        return cycle
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def rotation_to_axis_symbolic(axis: ca.SX) -> ca.SX:
+    """The same for an axis that depends on parameters; singular only when the axis is exactly -z."""
+    x, y, z = axis[0], axis[1], axis[2]
+    k = 1 / (1 + z)
+    return ca.vertcat(ca.horzcat(1 - k * x * x, -k * x * y, x), ca.horzcat(-k * x * y, 1 - k * y * y, y), ca.horzcat(-x, -y, z))
+
+
+def rotation_from_quaternion(q: ca.SX) -> ca.SX:
+    """R(q) for a unit quaternion, scalar first, shape (4, 1) -> (3, 3)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    xx, yy, zz = 2 * x * x, 2 * y * y, 2 * z * z
+    xy, xz, yz, wx, wy, wz = 2 * x * y, 2 * x * z, 2 * y * z, 2 * w * x, 2 * w * y, 2 * w * z
+    return ca.vertcat(
+        ca.horzcat(1 - yy - zz, xy - wz, xz + wy),
+        ca.horzcat(xy + wz, 1 - xx - zz, yz - wx),
+        ca.horzcat(xz - wy, yz + wx, 1 - xx - yy),
+    )
+
+
+def quaternion_rate(q: ca.SX, w: ca.SX) -> ca.SX:
+    """q' = q * (0, w) / 2 for the angular velocity w in the turned frame."""
+    return 0.5 * ca.vertcat(
+        -q[1] * w[0] - q[2] * w[1] - q[3] * w[2],
+        q[0] * w[0] + q[2] * w[2] - q[3] * w[1],
+        q[0] * w[1] + q[3] * w[0] - q[1] * w[2],
+        q[0] * w[2] + q[1] * w[1] - q[2] * w[0],
+    )
+
+
+def rotation_about_z(angle: ca.SX) -> ca.SX:
+    """R_z(angle)."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
+
+
+def vee(matrix: ca.SX) -> ca.SX:
+    """The vector of the skew-symmetric part."""
+    return 0.5 * ca.vertcat(matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1])
+
+
+def quaternion_from_rotation(R: np.ndarray) -> np.ndarray:
+    """Unit quaternion, scalar first and not negative, of a rotation matrix (Shepperd's method)."""
+    trace = np.trace(R)
+    candidates = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
+    k = int(np.argmax(candidates))
+    if k == 0:
+        q = np.array([1 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    else:
+        i, j, m = k - 1, k % 3, (k + 1) % 3
+        q = np.empty(4)
+        q[0] = R[m, j] - R[j, m]
+        q[1 + i] = 1 + R[i, i] - R[j, j] - R[m, m]
+        q[1 + j] = R[j, i] + R[i, j]
+        q[1 + m] = R[m, i] + R[i, m]
+    q = q / np.linalg.norm(q)
+    return -q if q[0] < 0 else q

@@ -1,0 +1,192 @@
+"""The spanning tree as a list of links with symbolic motions: what every recursion runs over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.mechanics.inertia import Inertia
+from acausal.mechanics.motion import Motion, reversed_motion
+from acausal.mechanics.pose import Matrix, Pose, rotation_about_z, snapped, symbolic
+from acausal.topology.mechanism import Edge, Mechanism
+
+
+@dataclass(frozen=True)
+class Link:
+    """One moving frame. `offset`: X from the parent link's frame (or the world's) to the base of `motion`.
+
+    `v` are the columns of the velocity vector that move it. A joint of several steps gives several links, all but the
+    last without inertia.
+    """
+
+    name: str
+    parent: int
+    offset: Pose
+    motion: Motion
+    v: slice
+    inertia: Inertia
+
+
+@dataclass(frozen=True)
+class JointSymbols:
+    """Symbols of one joint of the tree and their places in q and v."""
+
+    edge: Edge
+    q: slice
+    v: slice
+    link: int
+    """Index of its last link."""
+    reversed: bool
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Links, parents first; q' = `rates`; where each group's frame sits: (link, pose in the link's frame), -1 for the world."""
+
+    mechanism: Mechanism
+    q: ca.SX
+    v: ca.SX
+    t: ca.SX
+    rates: ca.SX
+    links: tuple[Link, ...]
+    places: tuple[tuple[int, Pose], ...]
+    joints: tuple[JointSymbols, ...]
+    gravity: ca.SX
+
+
+def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
+    """Links of a mechanism with symbols for q and v; frames are turned so that constants become zeros and ones."""
+    symbols: list[JointSymbols] = []
+    links: list[Link] = []
+    places: dict[int, tuple[int, Pose]] = {0: (-1, Pose.identity())}
+    q_parts: list[ca.SX] = []
+    v_parts: list[ca.SX] = []
+    rates: list[ca.SX] = []
+    nq = nv = 0
+    for item in mechanism.tree:
+        joint = item.edge.joint
+        q, v = joint.q.sx, joint.v.sx
+        near, far, backwards = item.edge.seen_from(item.parent)
+        motions = joint.motions(q, v, t)
+        if backwards:
+            motions = tuple(reversed_motion(motion) for motion in reversed(motions))
+        parent, place = places[item.parent]
+        base = place @ near
+        for motion in motions:
+            mounting = Pose(motion.mounting, np.zeros(3))
+            columns = _columns(v, motion.v, nv)
+            links.append(Link(item.edge.name, parent, _clean(base @ mounting), motion, columns, Inertia.zero()))
+            parent, base = len(links) - 1, mounting.inverse()
+        group_pose = base @ far.inverse()
+        places[item.child] = (parent, _clean(group_pose))
+        inertia = mechanism.groups[item.child].inertia.seen_from(group_pose)
+        links[parent] = replace(links[parent], inertia=inertia)
+        symbols.append(JointSymbols(item.edge, slice(nq, nq + joint.q.size), slice(nv, nv + joint.v.size), parent, backwards))
+        q_parts.append(q)
+        v_parts.append(v)
+        rates.append(joint.rates(q, v, t))
+        nq, nv = nq + joint.q.size, nv + joint.v.size
+    gravity = mechanism.gravity if mechanism.gravity is not None else np.zeros(3)
+    tree = Tree(mechanism, _stack(q_parts), _stack(v_parts), t, _stack(rates), tuple(links),
+                tuple(places[i] for i in range(len(mechanism.groups))), tuple(symbols), symbolic(gravity))
+    return _aligned(tree)
+
+
+def _stack(parts: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*parts) if parts else ca.SX(0, 1)
+
+
+def _columns(v: ca.SX, own: ca.SX, first: int) -> slice:
+    """Where a step's velocities stand among all; a joint's steps each take a run of its v."""
+    if own.numel() == 0:
+        return slice(first, first)
+    hashes = [v[i].element_hash() for i in range(v.numel())]
+    start = first + hashes.index(own[0].element_hash())
+    return slice(start, start + own.numel())
+
+
+def _clean(pose: Pose) -> Pose:
+    if not pose.is_constant:
+        return pose
+    size = float(np.max(np.abs(np.asarray(pose.position)), initial=0.0))
+    position = np.where(np.abs(np.asarray(pose.position)) < 1e-15 * size, 0.0, np.asarray(pose.position))
+    return Pose(snapped(np.asarray(pose.rotation)), position)
+
+
+def _aligned(tree: Tree) -> Tree:
+    """Turn the frames behind hinges about their axes so that what lies between two hinges is one turn about x.
+
+    A constant rotation between hinges is R_z(a) R_x(b) R_z(c) (Denavit and Hartenberg): a turns the nearer link's frame, c
+    is added to the farther joint's angle. Only rotations that are neither sparse nor symbolic are treated.
+    """
+    links = list(tree.links)
+    places = list(tree.places)
+    turned: set[int] = set()
+    for i, link in enumerate(links):
+        rotation = link.offset.rotation
+        if not isinstance(rotation, np.ndarray) or link.motion.angle is None or np.count_nonzero(rotation) <= 5:
+            continue
+        a, b, c = _zxz(rotation)
+        parent = link.parent
+        if parent >= 0 and links[parent].motion.angle is not None and parent not in turned:
+            _turn_link(links, places, parent, a)
+            turned.add(parent)
+            rest = _about_x(b)
+        elif parent < 0:
+            rest = np.asarray(_about_z(a)) @ _about_x(b)
+        else:
+            rest = np.asarray(links[i].offset.rotation) @ _about_z(-c)
+        current = links[i]
+        angle = current.motion.angle
+        assert angle is not None
+        offset = Pose(snapped(rest), current.offset.position)
+        motion = replace(current.motion, angle=angle + c, pose=Pose(rotation_about_z(angle + c), np.zeros(3)))
+        links[i] = replace(current, offset=offset, motion=motion)
+    return replace(tree, links=tuple(links), places=tuple(places))
+
+
+def _turn_link(links: list[Link], places: list[tuple[int, Pose]], index: int, a: float) -> None:
+    """Turn one link's frame by `a` about its hinge axis; everything fixed in it is seen from the turned frame."""
+    back = Pose(_about_z(-a), np.zeros(3))
+    link = links[index]
+    angle = link.motion.angle
+    assert angle is not None
+    motion = replace(link.motion, angle=angle + a, pose=Pose(rotation_about_z(angle + a), np.zeros(3)))
+    links[index] = replace(link, motion=motion, inertia=link.inertia.seen_from(back))
+    for k, other in enumerate(links):
+        if other.parent == index:
+            links[k] = replace(other, offset=_clean(back @ other.offset))
+    for g, (place, pose) in enumerate(places):
+        if place == index:
+            places[g] = (index, back @ pose)
+
+
+def _about_z(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _about_x(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def _zxz(R: np.ndarray) -> tuple[float, float, float]:
+    """Angles with R = R_z(a) R_x(b) R_z(c)."""
+    b = float(np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]))
+    if np.hypot(R[0, 2], R[1, 2]) < 1e-14:
+        return 0.0, b, float(np.arctan2(R[1, 0], R[0, 0]) if R[2, 2] > 0 else np.arctan2(-R[1, 0], R[0, 0]))
+    return float(np.arctan2(R[0, 2], -R[1, 2])), b, float(np.arctan2(R[2, 0], R[2, 1]))
+
+
+def place_of(tree: Tree, group: int, pose: Pose) -> tuple[int, Pose]:
+    """Link and pose in its frame of something placed in a group's frame."""
+    link, place = tree.places[group]
+    return link, place @ pose
+
+
+def entries(matrix: Matrix) -> ca.SX:
+    """As dense `SX`."""
+    return ca.densify(symbolic(matrix))

@@ -1,0 +1,105 @@
+"""Rigid groups: parts and connection sets that cannot move against one another, with the place of every connector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import networkx as nx
+import numpy as np
+
+from acausal.errors import AssemblyError, GroundError
+from acausal.language.connector import Frame, Point
+from acausal.language.flatten import FlatSystem, Part
+from acausal.mechanics.inertia import Inertia
+from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.pose import Pose, snapped
+from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart, Attachment
+from acausal.topology.mechanism import Group
+
+_TOLERANCE = 1e-9
+_GROUND = "ground"
+
+
+def rigid_groups(flat: FlatSystem) -> tuple[Group, ...]:
+    """All groups, the ground first. A loop of rigid parts must fit: else `AssemblyError` or, at the ground, `GroundError`."""
+    sets = [tuple(c for c in members if isinstance(c, Point)) for members in flat.connection_sets]
+    sets = [members for members in sets if members]
+    set_of = {connector: i for i, members in enumerate(sets) for connector in members}
+    parts = {part.path: part for part in flat.parts if isinstance(part.component, AbstractRigidPart)}
+    graph: nx.MultiGraph[str | int] = nx.MultiGraph()
+    graph.add_node(_GROUND)
+    graph.add_nodes_from(parts)
+    graph.add_nodes_from(range(len(sets)))
+    for path, part in parts.items():
+        if isinstance(part.component, AbstractGround):
+            graph.add_edge(_GROUND, path, pose=Pose.identity(), start=_GROUND)
+        for attachment in _attachments(part):
+            graph.add_edge(path, set_of[attachment.connector], pose=attachment.pose, start=path)
+    islands = sorted(nx.connected_components(graph), key=lambda nodes: _GROUND not in nodes)
+    return tuple(_group(flat, graph, nodes, parts, sets) for nodes in islands)
+
+
+def _attachments(part: Part) -> tuple[Attachment, ...]:
+    assert isinstance(part.component, AbstractRigidPart)
+    return part.component.attachments()
+
+
+def _group(flat: FlatSystem, graph: nx.MultiGraph[str | int], nodes: set[str | int], parts: dict[str, Part],
+           sets: Sequence[tuple[Point, ...]]) -> Group:
+    members = tuple(part for path, part in parts.items() if path in nodes)
+    root = _GROUND if _GROUND in nodes else next((part.path for part in members), min(n for n in nodes if isinstance(n, int))
+                                                 if not members else members[0].path)
+    placed: dict[str | int, Pose] = {root: Pose.identity()}
+    for near, far in nx.bfs_edges(graph, root):
+        placed[far] = placed[near] @ _pose_along(graph, near, far, 0)
+    _check_loops(graph, nodes, placed, parts)
+    poses = {connector: placed[node] for node in nodes if isinstance(node, int) for connector in sets[node]}
+    inertia = Inertia.zero()
+    for part in members:
+        assert isinstance(part.component, AbstractRigidPart)
+        inertia = inertia + part.component.inertia().seen_from(placed[part.path])
+    kind = _kind(root, members, inertia)
+    name = "ground" if kind == "ground" else next((p.path for p in members), flat.connector_paths[next(iter(poses))] if poses else "nothing")
+    return Group(name, kind, members, tuple(placed[part.path] for part in members), poses, inertia, _sketch(members, placed))
+
+
+def _kind(root: str | int, members: Sequence[Part], inertia: Inertia) -> str:
+    if root == _GROUND:
+        return "ground"
+    if members and all(not isinstance(a.connector, Frame) for part in members for a in _attachments(part)):
+        return "point"
+    return "massless" if inertia.is_zero else "body"
+
+
+def _sketch(members: Sequence[Part], placed: dict[str | int, Pose]) -> Pose | None:
+    for part in members:
+        assert isinstance(part.component, AbstractRigidPart)
+        rough = part.component.sketch_pose()
+        if rough is not None:
+            return rough @ placed[part.path].inverse()
+    return None
+
+
+def _pose_along(graph: nx.MultiGraph[str | int], near: str | int, far: str | int, key: int) -> Pose:
+    data = graph[near][far][key]
+    pose = data["pose"] if data["start"] == near else data["pose"].inverse()
+    return Pose(snapped(pose.rotation), pose.position) if isinstance(pose.rotation, np.ndarray) else pose
+
+
+def _check_loops(graph: nx.MultiGraph[str | int], nodes: set[str | int], placed: dict[str | int, Pose], parts: dict[str, Part]) -> None:
+    for near, far, key in graph.edges(nodes, keys=True):
+        gap = (placed[near] @ _pose_along(graph, near, far, key)).inverse() @ placed[far]
+        if not (isinstance(gap.rotation, np.ndarray) and isinstance(gap.position, np.ndarray)):
+            continue
+        distance, turn = float(np.linalg.norm(gap.position)), float(np.linalg.norm(gap.rotation - np.eye(3)))
+        is_point = isinstance(far, int) and near in parts and not any(isinstance(a.connector, Frame) for a in _attachments(parts[str(near)]))
+        if distance > _TOLERANCE * (1 + float(np.linalg.norm(np.asarray(placed[far].position)))) or (turn > _TOLERANCE and not is_point):
+            who = ", ".join(parts[str(n)].where for n in nodes if n in parts)
+            message = (f"Rigid parts are connected in a loop that does not fit: a gap of {distance:.3g} m and a turn of {turn:.3g} rad "
+                       f"remain. Parts: {who}. Change the offsets so that they agree, or remove one connection.")
+            raise GroundError("Grounds in conflict. " + message) if _GROUND in nodes else AssemblyError(message)
+
+
+def joints_of(flat: FlatSystem) -> list[Part]:
+    """The joints of a flat system."""
+    return [part for part in flat.parts if isinstance(part.component, AbstractJoint)]
