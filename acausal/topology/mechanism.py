@@ -9,7 +9,6 @@ import numpy as np
 
 from acausal.language.connector import Point
 from acausal.language.flatten import FlatSystem, Part
-from acausal.mechanics.force import AbstractForce
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import Pose
@@ -85,7 +84,6 @@ class Mechanism:
         for cut in self.cuts:
             graph.add_edge(cut.a, cut.b, label=cut.name, kind="cut")
         for part in self.forces:
-            assert isinstance(part.component, AbstractForce)
             ends = [self.group_of(c) for c in part.component.connectors() if isinstance(c, Point)]
             if len(ends) == 2:
                 graph.add_edge(ends[0], ends[1], label=part.path, kind="force")

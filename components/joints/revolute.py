@@ -1,0 +1,38 @@
+"""A hinge."""
+
+from __future__ import annotations
+
+from typing import final
+
+import casadi as ca
+
+from acausal.language.expression import Variable
+from acausal.mechanics.joint import AbstractStepJoint
+from acausal.mechanics.pose import Pose, symbolic
+from acausal.mechanics.steps import AbstractStep, Turn
+from components.orientation import Axis, axis_vector, mounting
+
+
+@final
+class Revolute(AbstractStepJoint):
+    """Hinge: frame_b turns by the angle q [rad] about `axis`, a direction fixed in both frames. One freedom.
+
+    v = q' [rad/s]. Positive by the right hand about `axis` (default z). R_ab = exp([axis]x q), p_ab = 0.
+    Raises `ParameterError` for an axis of length zero.
+
+        scene.hinge = Revolute(axis="y")
+    """
+
+    q = Variable("rad", "angle")
+    v = Variable("rad/s", "angular velocity")
+
+    def __init__(self, axis: Axis = "z") -> None:
+        self.axis = axis_vector(axis, "Revolute's axis")
+
+    def steps(self) -> tuple[AbstractStep, ...]:
+        return (Turn(slice(0, 1), slice(0, 1), mounting(self.axis)),)
+
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        M = symbolic(mounting(self.axis))
+        R = M.T @ symbolic(X_ab.rotation) @ M
+        return ca.vertcat(M.T @ symbolic(X_ab.position), R[0, 2], R[1, 2])
