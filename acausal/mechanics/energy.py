@@ -25,7 +25,7 @@ def gravity_potential(kinematics: Kinematics) -> ca.SX:
     """Minus the work of uniform gravity [J]; zero at the world's origin."""
     energy = ca.SX(0)
     for i, link in enumerate(kinematics.tree.links):
-        X = kinematics.pose(i)
+        X = kinematics.relative_pose(-1, i)
         first_moment = ca.SX(link.inertia.mass) * symbolic(X.position) + symbolic(X.rotation) @ symbolic(link.inertia.moment)
         energy -= ca.dot(kinematics.tree.gravity, first_moment)
     return energy

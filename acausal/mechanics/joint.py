@@ -6,12 +6,13 @@ from abc import ABC, abstractmethod
 from typing import Any, final
 
 import casadi as ca
+import numpy as np
 
 from acausal.language.component import Component
 from acausal.language.connector import Frame
 from acausal.language.expression import Variable
 from acausal.mechanics.motion import Motion, motion_from_pose
-from acausal.mechanics.pose import Pose
+from acausal.mechanics.pose import Matrix, Pose
 from acausal.mechanics.steps import AbstractStep, chained_pose
 
 _LOOSE = "A joint holds two parts: connect both of its frames."
@@ -41,8 +42,20 @@ class AbstractJoint(Component, ABC):
         """What stays zero along every motion because of how q' is made: a quaternion's norm, a gap. (n, 1), empty by default."""
         return ca.SX(0, 1)
 
+    def mounting(self) -> Matrix:
+        """R (3, 3): `closure` and `coordinates` see the poses of frames turned by R in frame_a and frame_b (an axis becomes z)."""
+        return np.eye(3)
+
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
-        """Residuals that vanish when frame_b may have the pose X_ab, at least 6 - nq rows; None: use q as unknowns."""
+        """Residuals (at least 6 - nq rows) that vanish when frame_b may have the pose X_ab; None if there is no closed form."""
+        return None
+
+    def closure_sign(self, X_ab: Pose) -> ca.SX | None:
+        """Positive on the branch of `closure` that is meant (a hinge's axes point the same way, not opposite); None: one branch."""
+        return None
+
+    def coordinates(self, X_ab: Pose) -> ca.SX | None:
+        """The configuration (nq, 1) that gives the pose X_ab, angles in (-pi, pi]; None if there is no closed form."""
         return None
 
     def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:

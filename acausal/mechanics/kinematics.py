@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 
 from acausal.mechanics import kernels
 from acausal.mechanics.pose import Pose, symbolic
@@ -10,11 +11,11 @@ from acausal.mechanics.tree import Tree
 
 
 class Kinematics:
-    """Symbolic kinematics of `tree`. Link -1 is the world. Results are kept; asking twice costs nothing."""
+    """Symbolic kinematics of `tree`. Link -1 is the ground, whose frame may be turned (`tree.world`). Results are kept; asking twice costs nothing."""
 
     def __init__(self, tree: Tree) -> None:
         self.tree = tree
-        self._poses: dict[int, Pose] = {-1: Pose.identity()}
+        self._poses: dict[int, Pose] = {-1: Pose(tree.world, np.zeros(3))}
         self._velocities: dict[int, tuple[ca.SX, ca.SX]] = {}
         self._linear: dict[int, ca.SX] = {-1: ca.SX.zeros(3)}
         self._relative: dict[tuple[int, int], Pose] = {}
@@ -23,7 +24,7 @@ class Kinematics:
         """X_WB of a link's frame."""
         for i in reversed(self._missing(link, self._poses)):
             item = self.tree.links[i]
-            self._poses[i] = _folded(_folded(self._poses[item.parent] @ item.offset) @ item.motion.pose)
+            self._poses[i] = self._poses[item.parent] @ item.offset @ item.motion.pose
         return self._poses[link]
 
     def relative_pose(self, a: int, b: int) -> Pose:
@@ -99,9 +100,5 @@ class Kinematics:
         X = Pose.identity()
         for i in reversed(chain):
             item = self.tree.links[i]
-            X = _folded(_folded(X @ item.offset) @ item.motion.pose)
+            X = X @ item.offset @ item.motion.pose
         return X
-
-
-def _folded(pose: Pose) -> Pose:
-    return pose

@@ -10,12 +10,16 @@ from acausal.mechanics.pose import Pose, symbolic
 from acausal.mechanics.tree import Tree
 
 
+Place = tuple[int, Pose]
+"""A link (-1: the ground) and a pose in its frame."""
+
+
 class Placement:
     """Poses and velocities of connectors over a `Kinematics`; 3-vectors are (3, 1), rotations (3, 3), SI units."""
 
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics = kinematics
-        self._places: dict[Point, tuple[int, Pose]] = {}
+        self._places: dict[Point, Place] = {}
         tree: Tree = kinematics.tree
         for (link, place), group in zip(tree.places, tree.mechanism.groups, strict=True):
             for connector, pose in group.poses.items():
@@ -26,7 +30,7 @@ class Placement:
         """Time [s]."""
         return self.kinematics.tree.t
 
-    def place(self, connector: Point) -> tuple[int, Pose]:
+    def place(self, connector: Point) -> Place:
         """Index of the link (-1: world) and the connector's pose in that link's frame."""
         return self._places[connector]
 
@@ -37,19 +41,26 @@ class Placement:
 
     def relative_pose(self, a: Point, b: Point) -> Pose:
         """X_ab: the frame of b in the frame of a, by the shortest way through the tree."""
-        (link_a, place_a), (link_b, place_b) = self._places[a], self._places[b]
-        return place_a.inverse() @ self.kinematics.relative_pose(link_a, link_b) @ place_b
+        return self.between(self._places[a], self._places[b])
+
+    def between(self, a: Place, b: Place) -> Pose:
+        """The same for two places."""
+        return a[1].inverse() @ self.kinematics.relative_pose(a[0], b[0]) @ b[1]
 
     def velocity(self, connector: Point) -> ca.SX:
         """Of the connector's origin against the world, in the connector's own axes [m/s]."""
-        link, place = self._places[connector]
-        R, p = symbolic(place.rotation), symbolic(place.position)
-        return R.T @ (self.kinematics.linear_velocity(link) + ca.cross(self.kinematics.angular_velocity(link), p))
+        return self.twist(self._places[connector])[1]
 
     def angular_velocity(self, connector: Point) -> ca.SX:
         """Against the world, in the connector's own axes [rad/s]."""
-        link, place = self._places[connector]
-        return symbolic(place.rotation).T @ self.kinematics.angular_velocity(link)
+        return self.twist(self._places[connector])[0]
+
+    def twist(self, place: Place) -> tuple[ca.SX, ca.SX]:
+        """Angular velocity and velocity of a place against the world, in its own axes."""
+        link, pose = place
+        R, p = symbolic(pose.rotation), symbolic(pose.position)
+        w = self.kinematics.angular_velocity(link)
+        return R.T @ w, R.T @ (self.kinematics.linear_velocity(link) + ca.cross(w, p))
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """Time derivative of an expression in poses and time."""

@@ -74,6 +74,21 @@ def snapped(matrix: np.ndarray, tolerance: float = 4e-15) -> np.ndarray:
     return result
 
 
+def cleaned_vector(vector: Matrix) -> Matrix:
+    """Entries that are only rounding errors of the others become zero; symbolic ones stay."""
+    if not isinstance(vector, np.ndarray):
+        return vector
+    size = float(np.max(np.abs(vector), initial=0.0))
+    return np.where(np.abs(vector) < 1e-15 * size, 0.0, vector)
+
+
+def cleaned(pose: Pose) -> Pose:
+    """A constant pose without rounding errors where zeros and ones are meant."""
+    if not isinstance(pose.rotation, np.ndarray):
+        return pose
+    return Pose(snapped(pose.rotation), cleaned_vector(pose.position))
+
+
 _CYCLES = {
     (0.0, 0.0, 1.0): np.eye(3),
     (1.0, 0.0, 0.0): np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),

@@ -9,7 +9,8 @@ import numpy as np
 
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.motion import Motion, reversed_motion
-from acausal.mechanics.pose import Matrix, Pose, rotation_about_z, snapped, symbolic
+from acausal.language.expression import Expression
+from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
 from acausal.topology.mechanism import Edge, Mechanism
 
 
@@ -43,7 +44,7 @@ class JointSymbols:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links, parents first; q' = `rates`; where each group's frame sits: (link, pose in the link's frame), -1 for the world."""
+    """Links, parents first; q' = `rates`; where each group's frame sits: (link, pose in the link's frame), -1 for the ground."""
 
     mechanism: Mechanism
     q: ca.SX
@@ -54,13 +55,17 @@ class Tree:
     places: tuple[tuple[int, Pose], ...]
     joints: tuple[JointSymbols, ...]
     gravity: ca.SX
+    """In the frame of link -1."""
+    world: np.ndarray
+    """Rotation (3, 3) of the frame of link -1, which rests at the world's origin, in the world frame."""
 
 
 def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
     """Links of a mechanism with symbols for q and v; frames are turned so that constants become zeros and ones."""
     symbols: list[JointSymbols] = []
     links: list[Link] = []
-    places: dict[int, tuple[int, Pose]] = {0: (-1, Pose.identity())}
+    world = _ground_rotation(mechanism)
+    places: dict[int, tuple[int, Pose]] = {0: (-1, Pose(world.T, np.zeros(3)))}
     q_parts: list[ca.SX] = []
     v_parts: list[ca.SX] = []
     rates: list[ca.SX] = []
@@ -77,21 +82,45 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         for motion in motions:
             mounting = Pose(motion.mounting, np.zeros(3))
             columns = _columns(v, motion.v, nv)
-            links.append(Link(item.edge.name, parent, _clean(base @ mounting), motion, columns, Inertia.zero()))
+            links.append(Link(item.edge.name, parent, cleaned(base @ mounting), motion, columns, Inertia.zero()))
             parent, base = len(links) - 1, mounting.inverse()
         group_pose = base @ far.inverse()
-        places[item.child] = (parent, _clean(group_pose))
-        inertia = mechanism.groups[item.child].inertia.seen_from(group_pose)
+        places[item.child] = (parent, cleaned(group_pose))
+        inertia = _clean_inertia(mechanism.groups[item.child].inertia.seen_from(group_pose))
         links[parent] = replace(links[parent], inertia=inertia)
         symbols.append(JointSymbols(item.edge, slice(nq, nq + joint.q.size), slice(nv, nv + joint.v.size), parent, backwards))
         q_parts.append(q)
         v_parts.append(v)
         rates.append(joint.rates(q, v, t))
         nq, nv = nq + joint.q.size, nv + joint.v.size
-    gravity = mechanism.gravity if mechanism.gravity is not None else np.zeros(3)
+    gravity = np.zeros(3) if mechanism.gravity is None else mechanism.gravity
+    gravity = product(world.T, gravity.sx if isinstance(gravity, Expression) else gravity)
     tree = Tree(mechanism, _stack(q_parts), _stack(v_parts), t, _stack(rates), tuple(links),
-                tuple(places[i] for i in range(len(mechanism.groups))), tuple(symbols), symbolic(gravity))
+                tuple(places[i] for i in range(len(mechanism.groups))), tuple(symbols), symbolic(cleaned_vector(gravity)), world)
     return _aligned(tree)
+
+
+def _ground_rotation(mechanism: Mechanism) -> np.ndarray:
+    """Turns the ground's frame to the first joint on it whose axes are askew; the identity when all are aligned."""
+    for item in mechanism.tree:
+        if item.parent != 0:
+            continue
+        near, _, backwards = item.edge.seen_from(0)
+        joint = item.edge.joint
+        motions = joint.motions(joint.q.sx, joint.v.sx, ca.SX.sym("t"))
+        rotation = product(near.rotation, motions[-1 if backwards else 0].mounting)
+        if isinstance(rotation, np.ndarray) and np.count_nonzero(snapped(rotation)) > 3:
+            return rotation
+    return np.eye(3)
+
+
+def _clean_inertia(inertia: Inertia) -> Inertia:
+    second = inertia.second_moment
+    if not isinstance(second, np.ndarray):
+        return inertia
+    size = float(np.max(np.abs(second), initial=0.0))
+    second = np.where(np.abs(second) < 1e-15 * size, 0.0, 0.5 * (second + second.T))
+    return Inertia(inertia.mass, cleaned_vector(inertia.moment), second)
 
 
 def _stack(parts: list[ca.SX]) -> ca.SX:
@@ -105,14 +134,6 @@ def _columns(v: ca.SX, own: ca.SX, first: int) -> slice:
     hashes = [v[i].element_hash() for i in range(v.numel())]
     start = first + hashes.index(own[0].element_hash())
     return slice(start, start + own.numel())
-
-
-def _clean(pose: Pose) -> Pose:
-    if not pose.is_constant:
-        return pose
-    size = float(np.max(np.abs(np.asarray(pose.position)), initial=0.0))
-    position = np.where(np.abs(np.asarray(pose.position)) < 1e-15 * size, 0.0, np.asarray(pose.position))
-    return Pose(snapped(np.asarray(pose.rotation)), position)
 
 
 def _aligned(tree: Tree) -> Tree:
@@ -154,13 +175,13 @@ def _turn_link(links: list[Link], places: list[tuple[int, Pose]], index: int, a:
     angle = link.motion.angle
     assert angle is not None
     motion = replace(link.motion, angle=angle + a, pose=Pose(rotation_about_z(angle + a), np.zeros(3)))
-    links[index] = replace(link, motion=motion, inertia=link.inertia.seen_from(back))
+    links[index] = replace(link, motion=motion, inertia=_clean_inertia(link.inertia.seen_from(back)))
     for k, other in enumerate(links):
         if other.parent == index:
-            links[k] = replace(other, offset=_clean(back @ other.offset))
+            links[k] = replace(other, offset=cleaned(back @ other.offset))
     for g, (place, pose) in enumerate(places):
         if place == index:
-            places[g] = (index, back @ pose)
+            places[g] = (index, cleaned(back @ pose))
 
 
 def _about_z(angle: float) -> np.ndarray:

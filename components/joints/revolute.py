@@ -8,7 +8,7 @@ import casadi as ca
 
 from acausal.language.expression import Variable
 from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Pose, symbolic
+from acausal.mechanics.pose import Matrix, Pose, symbolic
 from acausal.mechanics.steps import AbstractStep, Turn
 from components.orientation import Axis, axis_vector, mounting
 
@@ -30,9 +30,18 @@ class Revolute(AbstractStepJoint):
         self.axis = axis_vector(axis, "Revolute's axis")
 
     def steps(self) -> tuple[AbstractStep, ...]:
-        return (Turn(slice(0, 1), slice(0, 1), mounting(self.axis)),)
+        return (Turn(slice(0, 1), slice(0, 1), self.mounting()),)
+
+    def mounting(self) -> Matrix:
+        return mounting(self.axis)
 
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
-        M = symbolic(mounting(self.axis))
-        R = M.T @ symbolic(X_ab.rotation) @ M
-        return ca.vertcat(M.T @ symbolic(X_ab.position), R[0, 2], R[1, 2])
+        R = symbolic(X_ab.rotation)
+        return ca.vertcat(symbolic(X_ab.position), R[0, 2], R[1, 2])
+
+    def closure_sign(self, X_ab: Pose) -> ca.SX:
+        return symbolic(X_ab.rotation)[2, 2]
+
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        R = symbolic(X_ab.rotation)
+        return ca.atan2(R[1, 0], R[0, 0])

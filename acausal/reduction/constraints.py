@@ -1,0 +1,178 @@
+"""Constraints of all loops together, which of their rows are independent, and what freedom is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import AssemblyError, LockedError
+from acausal.mechanics.system import MechanicalSystem
+from acausal.reduction.assembly import assemble
+from acausal.reduction.loops import LoopRows, loop_rows
+from acausal.reduction.redundancy import RankReport, independent_rows
+
+_SAMPLES = 5
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Independent rows of all cut joints, and the freedom that they leave.
+
+    `position` (np, 1) and `velocity` (m, 1) residuals of the kept rows; `jacobian` A (m, nv) of `velocity` in v; `bias` (m, 1) so
+    that A v' + bias = 0. `joint_invariants`: of the tree's joints (quaternion norms, gaps). `kept` and `redundant` are names.
+    """
+
+    loops: tuple[LoopRows, ...]
+    position: ca.SX
+    velocity: ca.SX
+    jacobian: ca.SX
+    bias: ca.SX
+    joint_invariants: ca.SX
+    kept: tuple[str, ...]
+    kept_index: tuple[int, ...]
+    redundant: tuple[str, ...]
+    vanishing: tuple[str, ...]
+    rank: RankReport
+    q_start: np.ndarray
+    """An assembled configuration (nq,), where searches begin."""
+
+
+def joint_invariants(system: MechanicalSystem) -> ca.SX:
+    """Invariants of the joints in the tree, (n, 1)."""
+    tree = system.tree
+    rows = [j.edge.joint.invariants(tree.q[j.q], tree.t) for j in tree.joints]
+    return ca.vertcat(*rows) if rows else ca.SX(0, 1)
+
+
+def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.ndarray) -> Constraints:
+    """Close the loops numerically, find the redundant rows, keep the others.
+
+    Raises `AssemblyError` when a loop cannot close, `LockedError` when no freedom is left.
+    """
+    tree = system.tree
+    loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
+    invariants = joint_invariants(system)
+    position = ca.vertcat(*(rows.position for rows in loops)) if loops else ca.SX(0, 1)
+    velocity = ca.vertcat(*(rows.velocity for rows in loops)) if loops else ca.SX(0, 1)
+    names = tuple(name for rows in loops for name in rows.names)
+    is_position = [k < rows.position.numel() for rows in loops for k in range(rows.velocity.numel())]
+    closing = ca.Function("closing", [tree.q, tree.t, parameters], [ca.vertcat(invariants, position)])
+    start = close_loops(system, loops, closing, sketch_configuration(system), values)
+    if not loops:
+        none = ca.SX(0, 1)
+        return Constraints((), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), start)
+    A_all = ca.Function("A", [tree.q, tree.t, parameters], [ca.densify(ca.jacobian(velocity, tree.v))])
+    samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values)
+    jacobians = [np.array(A_all(q, 0.0, values)) for q in samples]
+    rank = independent_rows(jacobians)
+    kept = rank.kept
+    if rank.rank >= tree.v.numel() and not ca.depends_on(velocity, tree.t):
+        raise LockedError(
+            f"The mechanism is locked: {tree.v.numel()} freedoms of its joints meet {rank.rank} independent constraints from closing "
+            f"{', '.join(repr(r.edge.name) for r in loops)}. Remove a joint or give one of them more freedom."
+        )
+    chosen = list(kept)
+    velocity_kept = velocity[chosen]
+    position_index = np.cumsum(is_position) - 1
+    position_kept = position[[int(position_index[i]) for i in chosen if is_position[i]]]
+    return Constraints(
+        loops, position_kept, velocity_kept, ca.densify(ca.jacobian(velocity_kept, tree.v)), system.kinematics.rate(velocity_kept),
+        invariants, tuple(names[i] for i in chosen), kept, tuple(names[i] for i in range(len(names)) if i not in kept),
+        tuple(name for rows in loops for name in rows.dropped), rank, start,
+    )  # fmt: skip
+
+
+def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
+    """First guess for q: from the rough poses of bodies where both ends of a joint have one, else the joint's own start."""
+    guess: list[float] = []
+    groups = system.mechanism.groups
+    for item in system.tree.joints:
+        edge = item.edge
+        a, b = groups[edge.a].sketch, groups[edge.b].sketch
+        if edge.a == 0 or edge.b == 0:
+            from acausal.mechanics.pose import Pose
+
+            a = Pose.identity() if edge.a == 0 else a
+            b = Pose.identity() if edge.b == 0 else b
+        entries = edge.joint.start_q()
+        if a is not None and b is not None and edge.joint.q.start is None or (a is not None and b is not None and edge.implicit):
+            X = (a @ edge.pose_a).inverse() @ (b @ edge.pose_b)
+            found = edge.joint.coordinates(X)
+            if found is not None and ca.densify(found).is_constant():
+                entries = tuple(float(f) for f in np.array(ca.DM(ca.evalf(found))).ravel())
+        guess += entries
+    return np.array(guess)
+
+
+def close_loops(system: MechanicalSystem, loops: tuple[LoopRows, ...], closing: ca.Function, guess: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A configuration near `guess` with all loops closed on the branch meant. Raises `AssemblyError` with the smallest gap."""
+    tree = system.tree
+    jacobian = closing.jacobian()
+    signs = [(rows.edge.name, ca.Function("sign", [tree.q, tree.t], [rows.sign])) for rows in loops
+             if rows.sign is not None and not ca.symvar(rows.sign - rows.sign)]
+    signs = [(name, f) for name, f in signs if f.size1_out(0)]
+
+    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c = np.array(closing(q, 0.0, values)).ravel()
+        J = np.array(ca.DM(jacobian(q, 0.0, values, c)[0]))
+        return c, J
+
+    rng = np.random.default_rng(0)
+    smallest, where = np.inf, guess
+    for attempt in range(12):
+        first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+        found = assemble(residual, first)
+        right_branch = all(_positive(rows, tree.q, tree.t, found.y) for rows in loops)
+        if found.converged and right_branch:
+            return found.y
+        if found.gap < smallest and right_branch:
+            smallest, where = found.gap, found.y
+    worst = _worst_loop(system, loops, where)
+    raise AssemblyError(
+        f"The loop closed by joint '{worst}' cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle). "
+        "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
+    )
+
+
+def _positive(rows: LoopRows, q: ca.SX, t: ca.SX, value: np.ndarray) -> bool:
+    if rows.sign is None:
+        return True
+    free = {s.element_hash() for s in ca.symvar(rows.sign)}
+    if not free <= {q[i].element_hash() for i in range(q.numel())} | {t.element_hash()}:
+        return True
+    return float(ca.Function("sign", [q, t], [rows.sign])(value, 0.0)) > 0
+
+
+def _worst_loop(system: MechanicalSystem, loops: tuple[LoopRows, ...], q: np.ndarray) -> str:
+    del system, q
+    return loops[-1].edge.name if loops else "?"
+
+
+def _neighbours(closing: ca.Function, A_all: ca.Function, rates: ca.SX, q: ca.SX, v: ca.SX, t: ca.SX, parameters: ca.SX,
+                start: np.ndarray, values: np.ndarray) -> list[np.ndarray]:
+    """The start and further assembled configurations, reached by drifting along the freedom that is left."""
+    N = ca.Function("N", [q, t], [ca.densify(ca.jacobian(rates, v))])
+    jacobian = closing.jacobian()
+
+    def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c = np.array(closing(y, 0.0, values)).ravel()
+        return c, np.array(ca.DM(jacobian(y, 0.0, values, c)[0]))
+
+    rng = np.random.default_rng(1)
+    samples = [start]
+    here = start
+    for k in range(_SAMPLES):
+        _, s, Vt = np.linalg.svd(np.array(A_all(here, 0.0, values)))
+        rank = int(np.sum(s > 1e-7 * max(1.0, s[0] if s.size else 1.0)))
+        free = Vt[rank:].T
+        if free.shape[1] == 0:
+            break
+        direction = free @ rng.normal(size=free.shape[1])
+        direction *= 0.15 / np.max(np.abs(direction)) * (1 + 0.3 * k)
+        found = assemble(residual, here + np.array(N(here, 0.0)) @ direction)
+        if found.converged:
+            here = found.y
+            samples.append(here)
+    return samples

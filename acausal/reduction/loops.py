@@ -1,0 +1,95 @@
+"""Loops: what the cut joints ask of the tree's coordinates and velocities, row by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ModelError
+from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.placement import Place, Placement
+from acausal.mechanics.pose import Pose, cleaned, symbolic
+from acausal.topology.mechanism import Edge
+
+
+@dataclass(frozen=True)
+class LoopRows:
+    """Rows of one cut joint that do not vanish by structure.
+
+    `position` (n, 1): residuals in q and t. `wrench_basis` (6, n + m): unit constraint wrenches on frame_b, in
+    frame_b turned by the joint's mounting, torque first. `velocity` (n + m, 1): their rates, then the rolling rows; linear in v. `sign`: positive on the
+    branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure.
+    """
+
+    edge: Edge
+    pose: Pose
+    position: ca.SX
+    velocity: ca.SX
+    wrench_basis: ca.SX
+    sign: ca.SX | None
+    names: tuple[str, ...]
+    dropped: tuple[str, ...]
+
+
+def loop_rows(edge: Edge, placement: Placement) -> LoopRows:
+    """The rows of a cut joint. Cost: linear in the length of the loop."""
+    joint, t = edge.joint, placement.t
+    mounting = Pose(joint.mounting(), np.zeros(3))
+    a, b = (turned_place(placement.place(c), mounting) for c in (joint.frame_a, joint.frame_b))
+    X = placement.between(a, b)
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    w, v = _relative_twist(placement, a, b, X)
+    closure = joint.closure(X, t)
+    if closure is None:
+        raise ModelError(
+            f"Joint '{edge.name}' closes a loop, but {type(joint).__name__} does not say what it asks of a relative pose. "
+            "Give it a method closure(X_ab, t)."
+        )
+    turn, shift = ca.SX.sym("turn", 3), ca.SX.sym("shift", 3)
+    moved = joint.closure(Pose(R @ (ca.SX.eye(3) + ca.skew(turn)), p + R @ shift), t)
+    assert moved is not None
+    at_rest = ca.SX.zeros(6)
+    basis = ca.substitute(ca.jacobian(moved, ca.vertcat(turn, shift)), ca.vertcat(turn, shift), at_rest)
+    explicit = _explicit_rate(joint, X, t)
+    rows, names, dropped = [], [], []
+    twist = ca.vertcat(w, v)
+    for i in range(closure.numel()):
+        name = f"{edge.name}[{i}]"
+        residual = closure[i]
+        if residual.is_constant() and abs(float(residual)) < 1e-14:
+            dropped.append(name)
+            continue
+        rows.append((residual, basis[i, :] @ twist + explicit[i], basis[i, :].T))
+        names.append(name)
+    w_s, v_s = ca.SX.sym("w", 3), ca.SX.sym("v", 3)
+    rolling = joint.closure_rates(X, w_s, v_s, t)
+    rolling_basis = ca.jacobian(rolling, ca.vertcat(w_s, v_s))
+    rolling_value = ca.substitute(rolling, ca.vertcat(w_s, v_s), twist)
+    position = ca.vertcat(*(row[0] for row in rows)) if rows else ca.SX(0, 1)
+    velocity = ca.vertcat(*(row[1] for row in rows), rolling_value)
+    wrench_basis = ca.horzcat(*(row[2] for row in rows), rolling_basis.T)
+    names += [f"{edge.name}.rolling[{i}]" for i in range(rolling.numel())]
+    return LoopRows(edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped))
+
+
+def _explicit_rate(joint: AbstractJoint, X: Pose, t: ca.SX) -> ca.SX:
+    """Rate of the closure at a pose held fixed, for joints whose closure depends on time."""
+    R, p = ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
+    closure = joint.closure(Pose(R, p), t)
+    assert closure is not None
+    rate = ca.jtimes(closure, t, ca.SX(1))
+    return ca.densify(ca.substitute(ca.substitute(rate, R, symbolic(X.rotation)), p, symbolic(X.position)))
+
+
+def turned_place(place: Place, mounting: Pose) -> Place:
+    """The place with its frame turned by a joint's mounting; rounding errors of constants removed, so that they fold."""
+    return place[0], cleaned(place[1] @ mounting)
+
+
+def _relative_twist(placement: Placement, a: Place, b: Place, X: Pose) -> tuple[ca.SX, ca.SX]:
+    """Angular velocity and velocity of place b against place a, in b."""
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    (w_a, v_a), (w_b, v_b) = placement.twist(a), placement.twist(b)
+    return w_b - R.T @ w_a, v_b - R.T @ (v_a + ca.cross(w_a, p))

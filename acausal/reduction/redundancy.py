@@ -1,0 +1,64 @@
+"""Redundant constraints, found numerically at several assembled configurations.
+
+A row that follows from the others only on the constraint manifold (a planar loop in a skewed plane, Bennett's linkage)
+cannot be seen symbolically. QR with column pivoting of the transposed, row-scaled Jacobians, stacked over configurations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True)
+class RankReport:
+    """Rows to keep; rank at the first configuration and everywhere else; whether the first one is singular."""
+
+    kept: tuple[int, ...]
+    rank: int
+    rank_at_start: int
+
+    @property
+    def singular_at_start(self) -> bool:
+        """Whether the first configuration has fewer independent rows than its neighbours."""
+        return self.rank_at_start < self.rank
+
+
+def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
+    """Independent rows of velocity constraints from their Jacobians (m, n) at several configurations."""
+    m = jacobians[0].shape[0]
+    if m == 0:
+        return RankReport((), 0, 0)
+    scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
+    scale[scale < 1e-12 * np.max(scale, initial=0.0)] = np.inf  # only rounding errors: no constraint
+    scale[scale == 0] = 1.0
+    scaled = [J / scale[:, None] for J in jacobians]
+    ranks = [_rank(J) for J in scaled]
+    rank = max(ranks)
+    generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
+    kept = _pivots(np.hstack(generic), rank)
+    if min(_rank(J[list(kept)]) for J in generic) < rank:
+        kept = _pivots(generic[0], rank)
+    return RankReport(tuple(sorted(kept)), rank, ranks[0])
+
+
+def _rank(J: np.ndarray) -> int:
+    return int(np.sum(np.linalg.svd(J, compute_uv=False) > _TOLERANCE)) if J.size else 0
+
+
+def _pivots(J: np.ndarray, rank: int) -> tuple[int, ...]:
+    """Greedy choice of rows with the largest remaining part (Gram-Schmidt with pivoting); earlier rows win ties."""
+    rest = J.copy()
+    chosen: list[int] = []
+    for _ in range(rank):
+        norms = np.linalg.norm(rest, axis=1)
+        best = int(np.argmax(norms > 0.999 * np.max(norms)))
+        chosen.append(best)
+        direction = rest[best] / norms[best]
+        for _twice in range(2):
+            rest = rest - np.outer(rest @ direction, direction)
+        rest[chosen] = 0.0
+    return tuple(chosen)
