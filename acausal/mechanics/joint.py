@@ -58,6 +58,16 @@ class AbstractJoint(Component, ABC):
         """The configuration (nq, 1) that gives the pose X_ab, angles in (-pi, pi]; None if there is no closed form."""
         return None
 
+    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        """The velocity v (nv, 1) that gives this twist (in frame_b); only asked where nv differs from nq. Least squares by default."""
+        q, v, t = ca.SX.sym("q", self.q.size), ca.SX.sym("v", self.v.size), ca.SX.sym("t")
+        found = self.coordinates(X_ab)
+        if found is None:
+            raise NotImplementedError(f"{type(self).__name__}.coordinates")
+        motion = motion_from_pose(self.pose, self.rates, q, v, t)
+        S = ca.substitute(motion.subspace, q, found)
+        return ca.solve(S.T @ S, S.T @ ca.vertcat(w_ab_b, v_ab_b))
+
     def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
         """Further residuals in the velocities that are not rates of `closure` (rolling). (n, 1), empty by default.
 

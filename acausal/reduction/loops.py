@@ -36,11 +36,10 @@ class LoopRows:
 def loop_rows(edge: Edge, placement: Placement) -> LoopRows:
     """The rows of a cut joint. Cost: linear in the length of the loop."""
     joint, t = edge.joint, placement.t
-    mounting = Pose(joint.mounting(), np.zeros(3))
-    a, b = (turned_place(placement.place(c), mounting) for c in (joint.frame_a, joint.frame_b))
+    a, b = mounted_places(joint, placement)
     X = placement.between(a, b)
     R, p = symbolic(X.rotation), symbolic(X.position)
-    w, v = _relative_twist(placement, a, b, X)
+    w, v = relative_twist(placement, a, b, X)
     closure = joint.closure(X, t)
     if closure is None:
         raise ModelError(
@@ -83,12 +82,14 @@ def _explicit_rate(joint: AbstractJoint, X: Pose, t: ca.SX) -> ca.SX:
     return ca.densify(ca.substitute(ca.substitute(rate, R, symbolic(X.rotation)), p, symbolic(X.position)))
 
 
-def turned_place(place: Place, mounting: Pose) -> Place:
-    """The place with its frame turned by a joint's mounting; rounding errors of constants removed, so that they fold."""
-    return place[0], cleaned(place[1] @ mounting)
+def mounted_places(joint: AbstractJoint, placement: Placement) -> tuple[Place, Place]:
+    """Places of frame_a and frame_b turned by the joint's mounting; constants without rounding errors, so that they fold."""
+    mounting = Pose(joint.mounting(), np.zeros(3))
+    (link_a, pose_a), (link_b, pose_b) = placement.place(joint.frame_a), placement.place(joint.frame_b)
+    return (link_a, cleaned(pose_a @ mounting)), (link_b, cleaned(pose_b @ mounting))
 
 
-def _relative_twist(placement: Placement, a: Place, b: Place, X: Pose) -> tuple[ca.SX, ca.SX]:
+def relative_twist(placement: Placement, a: Place, b: Place, X: Pose) -> tuple[ca.SX, ca.SX]:
     """Angular velocity and velocity of place b against place a, in b."""
     R, p = symbolic(X.rotation), symbolic(X.position)
     (w_a, v_a), (w_b, v_b) = placement.twist(a), placement.twist(b)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import time
+from acausal.language.expression import Symbol, time
 from acausal.language.flatten import FlatSystem
 from acausal.mechanics.forward_dynamics import forward_dynamics, zero_wrenches
 from acausal.mechanics.kernels import solve_positive
@@ -38,7 +39,43 @@ class ReducedSystem:
     position_invariants: ca.SX
     velocity_invariants: ca.SX
     projection: ca.SX | None
-    notes: tuple[str, ...] = field(default=())
+    solved: dict[Symbol, ca.SX] = field(default_factory=dict)
+    """Variables of scalar domains, by t, x, u and p."""
+
+    @functools.cached_property
+    def kinetic_energy(self) -> ca.SX:
+        """[J]."""
+        return self.mechanics.kinetic_energy()
+
+    @functools.cached_property
+    def potential_energy(self) -> ca.SX:
+        """Of gravity and of all components that store energy [J]."""
+        return self.mechanics.potential_energy()
+
+    @functools.cached_property
+    def power_loss(self) -> ca.SX:
+        """Dissipated less supplied power [W]."""
+        return self.mechanics.power_loss()
+
+    @property
+    def nq(self) -> int:
+        """Number of configuration variables; they come first in x."""
+        return self.mechanics.tree.q.numel()
+
+    @property
+    def q_start(self) -> np.ndarray:
+        """An assembled configuration (nq,), where the search for initial values begins."""
+        return self.constraints.q_start
+
+    @property
+    def closing(self) -> ca.SX:
+        """All position constraints and joint invariants, redundant ones too, for assembly."""
+        return ca.vertcat(self.constraints.joint_invariants, *(rows.position for rows in self.constraints.loops))
+
+    @property
+    def velocity_closing(self) -> ca.SX:
+        """All velocity constraints, redundant ones too."""
+        return ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops))
 
     @property
     def degrees_of_freedom(self) -> int:

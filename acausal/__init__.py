@@ -1,0 +1,13 @@
+"""Acausal 3-D mechanics: compose a mechanism from parts, get reduced equations, simulations and CasADi functions."""
+
+from acausal.language.component import Component, System
+from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
+from acausal.language.equation import Equation, der, equal
+from acausal.language.expression import Expression, Input, Parameter, Variable, time
+from acausal.model import Model, build
+from acausal.reduction.initial import exactly, near
+
+__all__ = [
+    "Component", "Electrical", "Equation", "Expression", "Frame", "Input", "Model", "Parameter", "Point", "Rotational", "Signal",
+    "System", "Translational", "Variable", "build", "der", "equal", "exactly", "near", "time",
+]  # fmt: skip

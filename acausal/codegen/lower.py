@@ -1,0 +1,144 @@
+"""Lower: named CasADi functions of a reduced system. Each is made when first asked for."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.language.connector import Frame, Point
+from acausal.language.expression import Expression
+from acausal.mechanics.newton_euler import newton_euler
+from acausal.reduction.outputs import Outputs
+
+_FOLD = {"cse": True}
+
+
+@dataclass(frozen=True)
+class Functions:
+    """CasADi `Function`s of a model. Arguments: t [s], x = (q, v), u (inputs), p (parameters), in the order of the model's names.
+
+    All are `SX` functions, so they can be differentiated, mapped, used in `ca.Opti` and turned into C.
+    """
+
+    outputs: Outputs
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states in x, e.g. `hinge.q`, `ball.q[2]`."""
+        names: list[str] = []
+        for kind in ("q", "v"):
+            for item in self.outputs.system.mechanics.tree.joints:
+                size = (item.edge.joint.q if kind == "q" else item.edge.joint.v).size
+                names += [f"{item.edge.name}.{kind}" + (f"[{i}]" if size > 1 else "") for i in range(size)]
+        return tuple(names)
+
+    @functools.cached_property
+    def explicit_dynamics(self) -> ca.Function:
+        """(t, x, u, p) -> x'."""
+        return self._function("explicit_dynamics", [self.outputs.system.x_dot], ["x_dot"])
+
+    @functools.cached_property
+    def residual_dynamics(self) -> ca.Function:
+        """(t, x, x_dot, multipliers, u, p) -> residual, zero along motions: q' - N v, Newton-Euler, A v' + bias.
+
+        Recursive Newton-Euler; its Jacobians are cheaper than those of `explicit_dynamics`.
+        """
+        s = self.outputs.system
+        rate = ca.SX.sym("x_dot", s.x.numel())
+        force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
+        tree = s.mechanics.tree
+        q_dot, v_dot = rate[: s.nq], rate[s.nq : s.nq + tree.v.numel()]
+        motion = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches))
+        A = s.constraints.jacobian
+        balance = motion.tau - s.tau
+        if A.shape[0]:
+            balance -= A.T @ force
+        rest = rate[s.nq + tree.v.numel() :] - s.x_dot[s.nq + tree.v.numel() :]
+        rows = [q_dot - tree.rates, balance, rest]
+        if A.shape[0]:
+            rows.append(A @ v_dot + s.constraints.bias)
+        names = ["t", "x", "x_dot", "multipliers", "u", "p"]
+        return ca.Function("residual_dynamics", [s.t, s.x, rate, force, s.u, s.p], [ca.vertcat(*rows)], names, ["residual"], _FOLD)
+
+    @functools.cached_property
+    def multipliers(self) -> ca.Function:
+        """(t, x, u, p) -> multipliers of the kept constraint rows."""
+        return self._function("multipliers", [self.outputs.system.multipliers], ["multipliers"])
+
+    @functools.cached_property
+    def mass_matrix(self) -> ca.Function:
+        """(t, x, u, p) -> M(q), symmetric (nv, nv), of the tree's velocities."""
+        s = self.outputs.system
+        v_dot = ca.SX.sym("v_dot", s.mechanics.tree.v.numel())
+        tau = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches)).tau
+        return self._function("mass_matrix", [ca.densify(ca.jacobian(tau, v_dot))], ["M"])
+
+    @functools.cached_property
+    def kinetic_energy(self) -> ca.Function:
+        """(t, x, u, p) -> [J]."""
+        return self._function("kinetic_energy", [self.outputs.system.kinetic_energy], ["T"])
+
+    @functools.cached_property
+    def potential_energy(self) -> ca.Function:
+        """(t, x, u, p) -> [J]."""
+        return self._function("potential_energy", [self.outputs.system.potential_energy], ["V"])
+
+    @functools.cached_property
+    def power_loss(self) -> ca.Function:
+        """(t, x, u, p) -> power that leaves the mechanical energy: dissipated less supplied [W]."""
+        return self._function("power_loss", [self.outputs.system.power_loss], ["P"])
+
+    @functools.cached_property
+    def constraint_position(self) -> ca.Function:
+        """(t, x, u, p) -> residuals of joint invariants and kept loop rows; zero when assembled."""
+        return self._function("constraint_position", [self.outputs.system.position_invariants], ["g"])
+
+    @functools.cached_property
+    def constraint_velocity(self) -> ca.Function:
+        """(t, x, u, p) -> residuals of the kept velocity rows."""
+        return self._function("constraint_velocity", [self.outputs.system.velocity_invariants], ["g_dot"])
+
+    @functools.cached_property
+    def constraint_jacobian(self) -> ca.Function:
+        """(t, x, u, p) -> A (m, nv): the velocity rows are A v + drift."""
+        return self._function("constraint_jacobian", [self.outputs.system.constraints.jacobian], ["A"])
+
+    @functools.cached_property
+    def invariants(self) -> ca.Function | None:
+        """(t, x, p) -> everything that stays zero along a motion; None if there is nothing."""
+        s = self.outputs.system
+        rows = ca.vertcat(s.position_invariants, s.velocity_invariants)
+        return ca.Function("invariants", [s.t, s.x, s.p], [ca.densify(rows)], _FOLD) if rows.numel() else None
+
+    @functools.cached_property
+    def projection(self) -> ca.Function | None:
+        """(t, x, p) -> x, one Newton step towards zero invariants in the mass metric; None if there is nothing to project."""
+        s = self.outputs.system
+        return None if s.projection is None else ca.Function("projection", [s.t, s.x, s.p], [s.projection], _FOLD)
+
+    def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:
+        """(t, x, u, p) -> the values of any expressions of the scene's variables. Raises `UnknownVariableError`."""
+        return self._function(name, [self.outputs.resolve(e) for e in expressions], [f"y{i}" for i in range(len(expressions))])
+
+    def frame_kinematics(self, connector: Point) -> ca.Function:
+        """(t, x, u, p) -> position (3), velocity (3), and for a frame rotation (3, 3) and angular velocity (3), all in the world frame."""
+        wanted: list[Expression] = [connector.position, connector.velocity]
+        names = ["position", "velocity"]
+        if isinstance(connector, Frame):
+            wanted += [connector.rotation, connector.angular_velocity]
+            names += ["rotation", "angular_velocity"]
+        return self._function("frame_kinematics", [self.outputs.resolve(e) for e in wanted], names)
+
+    def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
+        s = self.outputs.system
+        return ca.Function(name, [s.t, s.x, s.u, s.p], [ca.densify(r) for r in results], ["t", "x", "u", "p"], names, _FOLD)
+
+
+_NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}
+
+
+def operations(function: ca.Function) -> int:
+    """Arithmetic operations of an `SX` function: its instructions less loads, stores and constants."""
+    return sum(function.instruction_id(i) not in _NOT_WORK for i in range(function.n_instructions()))

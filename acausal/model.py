@@ -1,0 +1,146 @@
+"""The model: one object that answers everything about a scene, and `build`, which makes it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from acausal.codegen.lower import Functions, operations
+from acausal.errors import ModelError
+from acausal.language.component import System
+from acausal.language.expression import Input, Parameter, time
+from acausal.language.flatten import flatten
+from acausal.mechanics.system import mechanical_system
+from acausal.reduction.initial import InitialState, Start, initial_state
+from acausal.reduction.outputs import Outputs
+from acausal.reduction.reduce import ReducedSystem, reduce_mechanics
+from acausal.topology.build_mechanism import build_mechanism
+
+if TYPE_CHECKING:
+    from acausal.simulation import InputValue, Progress
+    from acausal.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Model:
+    """A reduced scene with its CasADi functions. Made by `build`; never changes."""
+
+    system: ReducedSystem
+
+    @functools.cached_property
+    def functions(self) -> Functions:
+        """Named CasADi functions: dynamics, energies, constraints, outputs."""
+        return Functions(Outputs(self.system))
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states x, e.g. `hinge.q`, `hinge.v`."""
+        return self.functions.state_names
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs u, in order."""
+        return tuple(self.functions.outputs.name(entry) for entry in self.system.flat.inputs)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters p, in order."""
+        return tuple(self.functions.outputs.name(entry) for entry in self.system.flat.parameters)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Independent velocities."""
+        return self.system.degrees_of_freedom
+
+    @property
+    def operations(self) -> int:
+        """Arithmetic operations of the explicit dynamics x' = f(t, x, u, p)."""
+        return operations(self.functions.explicit_dynamics)
+
+    def initial_state(self, start: Start | None = None, *, t0: float = 0.0, inputs: Mapping[Input, InputValue] | None = None,
+                      parameters: Mapping[Parameter, float] | None = None) -> InitialState:
+        """Consistent states from start values; see `simulate` for the arguments and errors."""
+        import numpy as np
+
+        from acausal.simulation import input_signal, parameter_values
+
+        u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
+        return initial_state(self.functions.outputs, start or {}, t0, parameter_values(self.functions, parameters or {}), u)
+
+    def simulate(self, end: float, start: Start | None = None, *, rtol: float = 1e-8, atol: float | None = None,
+                 inputs: Mapping[Input, InputValue] | None = None, parameters: Mapping[Parameter, float] | None = None,
+                 t0: float = 0.0, method: str = "auto", order: int | None = None, step: float | None = None, samples: int = 501,
+                 progress: bool | Progress = True, max_steps: int = 1_000_000, raise_on_failure: bool = True) -> Trajectory:
+        """The motion from `t0` to `end` [s].
+
+        `start`: values of any variables or expressions, exactly or `ac.near(...)`. `rtol`, `atol`: local error tolerances
+        (atol = rtol in SI units by default). `inputs`: numbers or functions of time. `parameters`: other values than at build.
+        `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
+        method has them. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
+        Raises `StartValueError`, `UnknownVariableError`, `ParameterError`, and `SimulationError` (with what was computed) unless
+        `raise_on_failure` is off. Ctrl-C stops the run and keeps what was computed.
+        """
+        from acausal.simulation import Options, simulate
+
+        options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure)
+        return simulate(self.functions, t0, float(end), start or {}, inputs or {}, parameters or {}, options)
+
+    def step(self, method: str = "gauss", order: int = 4) -> ca.Function:
+        """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).
+
+        `method`: "gauss" (even order) or "radau" (odd order). `residual`: what is left of the stage equations, to be checked.
+        """
+        from acausal.integrators.step import step_function
+
+        return step_function(self.functions.explicit_dynamics, method=method, order=order)
+
+    def graph(self) -> Any:
+        """The mechanism as a networkx multigraph: nodes are rigid groups, edges joints, cut joints and forces."""
+        return self.system.mechanics.mechanism.graph
+
+    def draw_graph(self, path: str | Path | None = None) -> Any:
+        """A picture of `graph()`; returns the matplotlib figure, and writes it to `path` if given."""
+        from acausal.visual.graph import draw_graph
+
+        return draw_graph(self.graph(), path)
+
+    def report(self) -> str:
+        """In words: freedoms by component, states, operations, what was merged, cut and dropped, and why."""
+        from acausal.report import report
+
+        return report(self)
+
+    def equations(self) -> Any:
+        """The equations of motion as sympy equations, for small scenes; see `acausal.export.sympy_equations`."""
+        from acausal.export.sympy_equations import equations
+
+        return equations(self.system)
+
+    def export_c(self, folder: str | Path) -> Path:
+        """Write C source, header and a build line for the model's functions; returns the folder."""
+        from acausal.export.c_source import export_c
+
+        return export_c(self, folder)
+
+    def __str__(self) -> str:
+        s = self.system
+        m = s.constraints.jacobian.shape[0]
+        constraints = f"{m} constraints" if m else "no constraints"
+        if s.constraints.redundant or s.constraints.vanishing:
+            constraints += f" ({len(s.constraints.redundant) + len(s.constraints.vanishing)} redundant rows dropped)"
+        return (f"{s.flat.name}: {self.degrees_of_freedom} degrees of freedom, {s.x.numel()} states, {constraints}, "
+                f"{self.operations} operations, {s.u.numel()} inputs, {s.p.numel()} parameters")
+
+
+def build(scene: System) -> Model:
+    """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
+    flat = flatten(scene)
+    mechanism = build_mechanism(flat)
+    if mechanism is None:
+        raise ModelError(f"The scene '{flat.name}' has no mechanical parts.")
+    return Model(reduce_mechanics(mechanical_system(mechanism, time.sx)))

@@ -1,0 +1,199 @@
+"""Wrenches at connectors: what joints, forces and bodies exert on one another, found only when asked for."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import casadi as ca
+import networkx as nx
+
+from acausal.errors import UnknownVariableError
+from acausal.language.connector import Point
+from acausal.language.flatten import Part
+from acausal.mechanics import kernels
+from acausal.mechanics.force import AbstractForce
+from acausal.mechanics.inertia import Inertia, skew
+from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.newton_euler import NewtonEuler, newton_euler
+from acausal.mechanics.placement import Place
+from acausal.mechanics.pose import Pose, symbolic
+from acausal.mechanics.rigid import AbstractRigidPart
+from acausal.mechanics.system import MechanicalSystem
+from acausal.reduction.constraints import Constraints
+from acausal.reduction.loops import mounted_places
+
+Wrench = tuple[ca.SX, ca.SX]
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Flows at connectors for accelerations `v_dot` and constraint `multipliers`, as `SX`.
+
+    Multipliers of redundant rows are taken as zero: where rows are redundant, reactions are one of many possible sets.
+    """
+
+    system: MechanicalSystem
+    constraints: Constraints
+    v_dot: ca.SX
+    multipliers: ca.SX
+
+    @functools.cached_property
+    def motion(self) -> NewtonEuler:
+        """Accelerations of links and the wrenches across the joints of the tree."""
+        wrenches = list(self.system.wrenches)
+        for edge_wrenches in self.cut_wrenches.values():
+            for place, (torque, force) in edge_wrenches:
+                link, pose = place
+                if link >= 0:
+                    moved = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+                    wrenches[link] = (wrenches[link][0] + moved[0], wrenches[link][1] + moved[1])
+        return newton_euler(self.system.kinematics, self.v_dot, wrenches)
+
+    @functools.cached_property
+    def cut_wrenches(self) -> dict[str, tuple[tuple[Place, Wrench], tuple[Place, Wrench]]]:
+        """For each cut joint: the places of frame_a and frame_b and the wrench that the joint exerts there, in those axes."""
+        result: dict[str, tuple[tuple[Place, Wrench], tuple[Place, Wrench]]] = {}
+        kept = {row: k for k, row in enumerate(self.constraints.kept_index)}
+        first = 0
+        for rows in self.constraints.loops:
+            on_b = ca.SX.zeros(6)
+            for i in range(len(rows.names)):
+                if first + i in kept:
+                    on_b += rows.wrench_basis[:, i] * self.multipliers[kept[first + i]]
+            first += len(rows.names)
+            joint = rows.edge.joint
+            a, b = mounted_places(joint, self.system.placement)
+            R, p = symbolic(rows.pose.rotation), symbolic(rows.pose.position)
+            torque, force = kernels.move_wrench(R, p, on_b[:3], on_b[3:])
+            result[rows.edge.name] = ((a, (-torque, -force)), (b, (on_b[:3], on_b[3:])))
+        return result
+
+    def flow(self, connector: Point) -> Wrench:
+        """Torque about the connector's origin and force into its component, in the world frame, (3, 1) each.
+
+        Raises `UnknownVariableError` where rigid parts form a loop, so that the reaction is not determined.
+        """
+        part = self.system.flat.part_of(connector)
+        link, _ = place = self.system.placement.place(connector)
+        torque, force = self._into(part, connector)
+        R = symbolic(self.system.kinematics.pose(link).rotation) @ symbolic(place[1].rotation)
+        return R @ torque, R @ force
+
+    def _into(self, part: Part, connector: Point) -> Wrench:
+        """The flow in the connector's own axes."""
+        if isinstance(part.component, AbstractForce):
+            return _negated(self._force_on(part.component, connector))
+        if isinstance(part.component, AbstractJoint):
+            return self._into_joint(part.component, connector)
+        return self._into_rigid(part, connector)
+
+    def _force_on(self, force: AbstractForce, connector: Point) -> Wrench:
+        torque, push = ca.SX.zeros(3), ca.SX.zeros(3)
+        for action in force.actions(self.system.placement):
+            if action.connector is connector:
+                torque, push = torque + action.torque, push + action.force
+        return torque, push
+
+    def _into_joint(self, joint: AbstractJoint, connector: Point) -> Wrench:
+        own = self.system.placement.place(connector)
+        for item in self.system.tree.joints:
+            if item.edge.joint is joint:
+                links = self.system.tree.links
+                torque, force = self.motion.transmitted[item.link]
+                near_side = (connector is joint.frame_a) != item.reversed
+                last = item.link
+                if not near_side:
+                    return _negated(_seen_from(own[1], torque, force))
+                first = next(i for i, link in enumerate(links) if link.name == item.edge.name)
+                while True:  # back through the joint's steps, which have no inertia
+                    link = links[last]
+                    for pose in (link.motion.pose, link.offset):
+                        torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+                    if last == first:
+                        break
+                    last = link.parent
+                return _seen_from(own[1], torque, force)
+        on_a, on_b = self.cut_wrenches[self._name(joint)]
+        (_, pose), wrench = on_a if connector is joint.frame_a else on_b
+        turn = own[1].inverse() @ pose
+        torque, force = kernels.move_wrench(symbolic(turn.rotation), symbolic(turn.position), *wrench)
+        return -torque, -force
+
+    def _name(self, joint: AbstractJoint) -> str:
+        return next(part.path for part in self.system.flat.parts if part.component is joint)
+
+    def _into_rigid(self, part: Part, connector: Point) -> Wrench:
+        """Cut the rigid group at the connector: what its side needs to move as it does, less what acts on that side."""
+        graph = self._rigid_graph(connector)
+        own_set = next(n for n in graph if isinstance(n, frozenset) and connector in n)
+        graph.remove_edge(part.path, own_set)
+        side = nx.node_connected_component(graph, part.path)
+        if own_set in side:
+            raise UnknownVariableError(
+                f"The wrench at {self.system.flat.connector_paths[connector]} is not determined: the rigid parts around it form a loop. "
+                "Ask for it at a joint, or remove one rigid connection."
+            )
+        own = self.system.placement.place(connector)
+        if self._is_ground(side):
+            return _negated(self._needed(nx.node_connected_component(graph, own_set), own))
+        return self._needed(side, own)
+
+    def _rigid_graph(self, connector: Point) -> nx.Graph[str | frozenset[Point]]:
+        group = self.system.mechanism.groups[self.system.mechanism.group_of(connector)]
+        graph: nx.Graph[str | frozenset[Point]] = nx.Graph()
+        for members in self.system.flat.connection_sets:
+            if members[0] in group.poses:
+                node = frozenset(c for c in members if isinstance(c, Point))
+                graph.add_node(node)
+                graph.add_edges_from((p.path, node) for p in group.parts for c in members if c.owner is p.component)
+        return graph
+
+    def _is_ground(self, side: set[str | frozenset[Point]]) -> bool:
+        ground = self.system.mechanism.groups[0]
+        return any(part.path in side and not part.component.inertia().mass and hasattr(part.component, "gravity")
+                   for part in ground.parts if isinstance(part.component, AbstractRigidPart))
+
+    def _needed(self, side: set[str | frozenset[Point]], own: Place) -> Wrench:
+        """Torque and force in the axes of `own` and about its origin."""
+        link, place = own
+        torque, force = ca.SX.zeros(3), ca.SX.zeros(3)
+        group = next(g for g in self.system.mechanism.groups if any(p.path in side for p in g.parts) or any(
+            isinstance(n, frozenset) and n & set(g.poses) for n in side))
+        index = self.system.mechanism.groups.index(group)
+        group_pose = self.system.tree.places[index][1]
+        for part, pose in zip(group.parts, group.part_poses, strict=True):
+            if part.path in side and isinstance(part.component, AbstractRigidPart):
+                inertia = part.component.inertia().seen_from(group_pose @ pose)
+                if not inertia.is_zero and link >= 0:
+                    moved = self._inertial(link, inertia)
+                    torque, force = torque + moved[0], force + moved[1]
+        for node in side:
+            if isinstance(node, frozenset):
+                for other in node:
+                    part = self.system.flat.part_of(other)
+                    if not isinstance(part.component, AbstractRigidPart):
+                        flow = self._into(part, other)
+                        pose = self.system.placement.place(other)[1]
+                        moved = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), *flow)
+                        torque, force = torque + moved[0], force + moved[1]
+        return _seen_from(place, torque, force)
+
+    def _inertial(self, link: int, inertia: Inertia) -> Wrench:
+        """What an inertia given in a link's frame needs to move with the link, gravity included."""
+        w_dot, a = self.motion.accelerations[link]
+        second, moment = ca.densify(symbolic(inertia.second_moment)), symbolic(inertia.moment)
+        torque, force = kernels.bias_wrench(second, moment, self.system.kinematics.angular_velocity(link))
+        H = symbolic(skew(inertia.moment))
+        return torque + second @ w_dot + H @ a, force + H.T @ w_dot + ca.SX(inertia.mass) * a
+
+
+def _negated(wrench: Wrench) -> Wrench:
+    return -wrench[0], -wrench[1]
+
+
+def _seen_from(place: Pose, torque: ca.SX, force: ca.SX) -> Wrench:
+    """A wrench in and about a link's frame, in and about a place in it."""
+    back = place.inverse()
+    moved = kernels.move_wrench(symbolic(back.rotation), symbolic(back.position), torque, force)
+    return moved[0], moved[1]

@@ -1,0 +1,109 @@
+"""Simulation: from start values to a trajectory."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from acausal.codegen.lower import Functions
+from acausal.errors import SimulationError, UnknownVariableError
+from acausal.integrators import integrate
+from acausal.integrators.problem import Problem, StatusKind
+from acausal.language.expression import Input, Parameter, number
+from acausal.reduction.initial import Start, initial_state
+from acausal.trajectory import Trajectory
+
+InputValue = float | Callable[[float], float]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to integrate; see `Model.simulate`."""
+
+    rtol: float
+    atol: float | None
+    method: str
+    order: int | None
+    step: float | None
+    samples: int
+    progress: bool | Progress
+    max_steps: int
+    raise_on_failure: bool
+
+
+def simulate(functions: Functions, t0: float, t1: float, start: Start, inputs: Mapping[Input, InputValue],
+             parameters: Mapping[Parameter, float], options: Options) -> Trajectory:
+    """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
+    system = functions.outputs.system
+    p = parameter_values(functions, parameters)
+    signal = input_signal(functions, inputs)
+    initial = initial_state(functions.outputs, start, t0, p, signal(np.array([t0]))[:, 0])
+    problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p)
+    atol = options.rtol if options.atol is None else options.atol
+    solution = integrate(problem, initial.x, t0, t1, options.rtol, atol, method=options.method, order=options.order,
+                         step=options.step, max_steps=options.max_steps, progress=_progress(options.progress))
+    times = np.linspace(t0, solution.t[-1], max(2, options.samples))
+    run = Trajectory(functions, problem, solution, initial, times)
+    if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
+        raise SimulationError(_failure(functions, run, t1), run)
+    return run
+
+
+def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
+    """All parameters (np,), with the given ones replaced. Raises `UnknownVariableError`, `ParameterError`."""
+    known = functions.outputs.system.flat.parameters
+    values = functions.outputs.system.p_values.copy()
+    for parameter, value in parameters.items():
+        if parameter not in known:
+            raise UnknownVariableError(_unknown(parameter, "parameter", [functions.outputs.name(k) for k in known]))
+        values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
+    return values
+
+
+def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Callable[[np.ndarray], np.ndarray]:
+    """times (n,) -> inputs (nu, n). A callable is asked for one time at a time."""
+    known = functions.outputs.system.flat.inputs
+    given: list[InputValue] = [entry.default for entry in known]
+    for entry, value in inputs.items():
+        if entry not in known:
+            raise UnknownVariableError(_unknown(entry, "input", [functions.outputs.name(k) for k in known]))
+        given[known.index(entry)] = value if callable(value) else number(value, functions.outputs.name(entry))
+
+    def signal(times: np.ndarray) -> np.ndarray:
+        result = np.empty((len(given), times.size))
+        for i, value in enumerate(given):
+            result[i] = [float(value(float(t))) for t in times] if callable(value) else value
+        return result
+
+    return signal
+
+
+def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
+    return f"{symbol!r} is not a {kind} of this scene. It has: {', '.join(known) or 'none'}."
+
+
+def _failure(functions: Functions, run: Trajectory, t1: float) -> str:
+    status = run.status
+    worst = ""
+    if status.worst is not None:
+        worst = f" The state that failed first: {functions.state_names[status.worst]}."
+    return (f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
+            "The motion until then is in this error's `trajectory`.")
+
+
+def _progress(wanted: bool | Progress) -> Progress | None:
+    if callable(wanted):
+        return wanted
+    if not wanted or not sys.stderr.isatty():
+        return None
+
+    def show(fraction: float) -> None:
+        sys.stderr.write(f"\r{100 * fraction:5.1f} %" + ("\n" if fraction >= 1 else ""))
+        sys.stderr.flush()
+
+    return show
