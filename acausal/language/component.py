@@ -13,6 +13,15 @@ from acausal.language.expression import Expression, Variable
 from acausal.language.origin import origin
 
 
+@dataclass(frozen=True)
+class Connection:
+    """Two connectors that touch, and where this was said."""
+
+    a: Connector
+    b: Connector
+    origin: str
+
+
 class Component:
     """A part: connectors and variables declared in the class, and equations between them.
 
@@ -44,6 +53,10 @@ class Component:
         """Power brought in from outside by the part [W], from its variables; 0 by default."""
         return 0.0
 
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections made in this part: by `connect` in a system, or by the way a joint was placed."""
+        return tuple(self.__dict__.get("_connections", ()))
+
     def variables(self) -> tuple[Variable, ...]:
         """The declared variables, those of its connectors not included."""
         return tuple(getattr(self, name) for name in declared(type(self), Variable))
@@ -65,15 +78,6 @@ def declared(cls: type, kind: type) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-@dataclass(frozen=True)
-class Connection:
-    """Two connectors that touch, and where this was said."""
-
-    a: Connector
-    b: Connector
-    origin: str
-
-
 class System(Component):
     """Parts and connections. A part's name is the attribute that it was assigned to; lists of parts are numbered.
 
@@ -87,11 +91,7 @@ class System(Component):
             check_compatible(a, other)
             if any({id(a), id(other)} == {id(old.a), id(old.b)} for old in self.connections()):
                 raise DuplicateError(f"{a!r} and {other!r} are already connected ({origin()}). Remove one of the two calls.")
-            self.__dict__.setdefault("_connections", []).append(Connection(a, other, origin()))
-
-    def connections(self) -> tuple[Connection, ...]:
-        """The connections made in this system, those of its parts not included."""
-        return tuple(self.__dict__.get("_connections", ()))
+            add_connection(self, a, other)
 
     def parts(self) -> Iterator[tuple[str, Component]]:
         """Name and part, in the order of assignment; `legs[0]`, `legs[1]` for a list."""
@@ -102,6 +102,11 @@ class System(Component):
                 yield name, value
             elif isinstance(value, list | tuple):
                 yield from ((f"{name}[{i}]", part) for i, part in enumerate(value) if isinstance(part, Component))
+
+
+def add_connection(part: Component, a: Connector, b: Connector) -> None:
+    """Note in `part` that two connectors touch."""
+    part.__dict__.setdefault("_connections", []).append(Connection(a, b, origin()))
 
 
 def check_compatible(a: object, b: object) -> None:

@@ -74,10 +74,10 @@ def flatten(scene: System) -> FlatSystem:
         _name_symbols(component, prefix, names)
         for connector in component.connectors():
             connector_paths[connector] = prefix + connector.name
+        connections += component.connections()
         if not isinstance(component, System):
             parts.append(Part(path, component))
             continue
-        connections += component.connections()
         for name, child in component.parts():
             if id(child) in owners:
                 raise DuplicateError(

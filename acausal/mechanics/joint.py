@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, final
+from typing import Any, Self, final
 
 import casadi as ca
 import numpy as np
 
-from acausal.language.component import Component
+from acausal.language.component import Component, add_connection
 from acausal.language.connector import Frame
-from acausal.language.expression import Variable
+from acausal.language.expression import Scalar, Variable
 from acausal.mechanics.motion import Motion, motion_from_pose
 from acausal.mechanics.pose import Matrix, Pose
+from acausal.mechanics.rigid import AbstractRigidPart
+from acausal.mechanics.sketch import sketched_frame
 from acausal.mechanics.steps import AbstractStep, chained_pose
 
 _LOOSE = "A joint holds two parts: connect both of its frames."
@@ -29,6 +31,19 @@ class AbstractJoint(Component, ABC):
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     q: Variable
     v: Variable
+
+    @classmethod
+    def between(cls, a: AbstractRigidPart | Frame, b: AbstractRigidPart | Frame, *, at: Scalar | None = None, **options: Any) -> Self:
+        """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
+
+        `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch
+        where their `position` and `rotation` say, else at the world's origin. `options` go to the joint: axes are then world axes.
+        Raises `ParameterError` when no place is given.
+        """
+        joint = cls(**options)
+        for own, other in ((joint.frame_a, a), (joint.frame_b, b)):
+            add_connection(joint, own, sketched_frame(other, at))
+        return joint
 
     @abstractmethod
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:

@@ -150,19 +150,15 @@ def vee(matrix: ca.SX) -> ca.SX:
     return 0.5 * ca.vertcat(matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1])
 
 
-def quaternion_from_rotation(R: np.ndarray) -> np.ndarray:
-    """Unit quaternion, scalar first and not negative, of a rotation matrix (Shepperd's method)."""
-    trace = np.trace(R)
-    candidates = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
-    k = int(np.argmax(candidates))
-    if k == 0:
-        q = np.array([1 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    else:
-        i, j, m = k - 1, k % 3, (k + 1) % 3
-        q = np.empty(4)
-        q[0] = R[m, j] - R[j, m]
-        q[1 + i] = 1 + R[i, i] - R[j, j] - R[m, m]
-        q[1 + j] = R[j, i] + R[i, j]
-        q[1 + m] = R[m, i] + R[i, m]
-    q = q / np.linalg.norm(q)
-    return -q if q[0] < 0 else q
+def quaternion_from_matrix(R: ca.SX) -> ca.SX:
+    """Unit quaternion (4, 1), scalar first, of a symbolic rotation matrix: Shepperd's four cases, the best conditioned one taken."""
+    w4, x4 = 1 + R[0, 0] + R[1, 1] + R[2, 2], 1 + R[0, 0] - R[1, 1] - R[2, 2]
+    y4, z4 = 1 - R[0, 0] + R[1, 1] - R[2, 2], 1 - R[0, 0] - R[1, 1] + R[2, 2]
+    wx, wy, wz = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    xy, xz, yz = R[1, 0] + R[0, 1], R[0, 2] + R[2, 0], R[2, 1] + R[1, 2]
+    cases = [ca.vertcat(w4, wx, wy, wz), ca.vertcat(wx, x4, xy, xz), ca.vertcat(wy, xy, y4, yz), ca.vertcat(wz, xz, yz, z4)]
+    best, chosen = w4, cases[0]
+    for square, case in zip((x4, y4, z4), cases[1:], strict=True):
+        chosen = ca.if_else(square > best, case, chosen)
+        best = ca.fmax(square, best)
+    return chosen / ca.norm_2(chosen)

@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from acausal.errors import IncompatibleError
 from acausal.language.component import Component
-from acausal.language.connector import Point
+from acausal.language.connector import Frame, Point
+from acausal.language.expression import Scalar
+from acausal.language.origin import origin
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.pose import Pose
 
@@ -35,6 +38,10 @@ class AbstractRigidPart(Component, ABC):
     @abstractmethod
     def inertia(self) -> Inertia:
         """About and in the part's own frame."""
+
+    def at(self, position: Scalar, rotation: Any = None) -> Frame:
+        """A new frame fixed in the part, at `position` (3,) [m] and turned by `rotation`; not every part can have one."""
+        raise IncompatibleError(f"{self!r} has no frames to connect to at a point; use its connectors ({origin()}).")
 
     def shapes(self) -> tuple[Any, ...]:
         """What to draw, in the part's own frame; see `acausal.visual.shapes`."""

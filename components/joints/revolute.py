@@ -6,6 +6,7 @@ from typing import final
 
 import casadi as ca
 
+from acausal.language.connector import Rotational
 from acausal.language.expression import Variable
 from acausal.mechanics.joint import AbstractStepJoint
 from acausal.mechanics.pose import Matrix, Pose, symbolic
@@ -18,11 +19,13 @@ class Revolute(AbstractStepJoint):
     """Hinge: frame_b turns by the angle q [rad] about `axis`, a direction fixed in both frames. One freedom.
 
     v = q' [rad/s]. Positive by the right hand about `axis` (default z). R_ab = exp([axis]x q), p_ab = 0.
+    `flange` (rotational) carries a torque about the axis: phi = q.
     Raises `ParameterError` for an axis of length zero.
 
         scene.hinge = Revolute(axis="y")
     """
 
+    flange = Rotational.port()
     q = Variable("rad", "angle")
     v = Variable("rad/s", "angular velocity")
 

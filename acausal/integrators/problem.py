@@ -1,0 +1,83 @@
+"""What an integrator gets and what it gives back."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
+
+    `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
+    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,).
+    """
+
+    rhs: ca.Function
+    invariants: ca.Function | None
+    project: ca.Function | None
+    inputs: Callable[[np.ndarray], np.ndarray]
+    parameters: np.ndarray
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Error control: `rtol` and `atol` per step, or a fixed `step` [s]."""
+
+    rtol: float
+    atol: float
+    step: float | None = None
+    max_steps: int = 1_000_000
+
+
+class StatusKind(enum.Enum):
+    """How an integration ended."""
+
+    SUCCESS = "reached the end"
+    STEP_UNDERFLOW = "the step size became too small"
+    NON_FINITE = "a rate became infinite or not a number"
+    NOT_CONVERGED = "the implicit equations of a step could not be solved"
+    INTERRUPTED = "interrupted by the user"
+    MAX_STEPS = "the largest number of steps was reached"
+    BUILTIN_FAILED = "CasADi's integrator gave up"
+
+
+@dataclass(frozen=True)
+class Status:
+    """Kind, the time reached [s], a sentence, and the index of the state that failed first if known."""
+
+    kind: StatusKind
+    time: float
+    message: str = ""
+    worst: int | None = None
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Counts and cost of an integration. `evaluations` of the rates at one point; `seconds` of wall time."""
+
+    method: str
+    order: int
+    steps: int
+    rejected: int
+    evaluations: int
+    iterations: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Step points `t` (n,), states there `x` (nx, n), and `dense`: times (m,) -> states (nx, m)."""
+
+    t: np.ndarray
+    x: np.ndarray
+    dense: Callable[[np.ndarray], np.ndarray]
+    statistics: Statistics
+    status: Status

@@ -1,0 +1,40 @@
+"""One implicit step as a differentiable CasADi function, for shooting, sensitivities and export."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from acausal.integrators.tableau import gauss_legendre, radau_iia
+
+
+def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) -> ca.Function:
+    """(t, x, u, p, h) -> (x_next, residual): one step of Gauss (even order) or Radau IIA (odd order) collocation.
+
+    The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
+    success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
+    The inputs u are held over the step. Raises `ValueError` for an order that the method does not have.
+    """
+    if method == "gauss" and order >= 2 and order % 2 == 0:
+        tableau = gauss_legendre(order // 2)
+    elif method == "radau" and order >= 1 and order % 2 == 1:
+        tableau = radau_iia((order + 1) // 2)
+    else:
+        raise ValueError(f"step: there is no method '{method}' of order {order}; gauss has even orders from 2, radau odd ones from 1.")
+    nx, s = rhs.size1_in(1), tableau.stages
+    K, t, x, u, p, h = (ca.SX.sym(n, k) for n, k in (("K", nx * s), ("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1)))
+    stages = ca.reshape(K, nx, s)
+    residual: list[ca.SX] = []
+    for i in range(s):
+        state = x + h * (stages @ ca.DM(tableau.A[i]))
+        residual.append(stages[:, i] - rhs(t + float(tableau.c[i]) * h, state, u, p))
+    system = ca.Function("stages", [K, t, x, u, p, h], [ca.vertcat(*residual)], {"cse": True})
+    options = {"abstol": 1e-13, "abstolStep": 1e-13, "max_iter": 30, "error_on_fail": False}
+    solver = ca.rootfinder("solve", "fast_newton", system, options)
+    tm, xm, um, pm, hm = (ca.MX.sym(n, k) for n, k in (("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1)))
+    guess = ca.repmat(rhs(tm, xm, um, pm), s, 1)
+    found = solver(guess, tm, xm, um, pm, hm)
+    after = xm + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
+    left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
+    nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
+    return ca.Function(f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe], ["t", "x", "u", "p", "h"], ["x_next", "residual"])
