@@ -1,0 +1,1 @@
+"""Forces: springs and dampers between points, forces and torques from outside."""

@@ -1,0 +1,91 @@
+"""Forces and torques applied from outside: constants, functions of time, or inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.connector import Frame, Point
+from acausal.language.expression import Expression, Scalar, leaves, of_time, sx, vector
+from acausal.language.origin import origin
+from acausal.mechanics.force import AbstractForce, Action
+from acausal.mechanics.placement import Placement
+from acausal.mechanics.pose import symbolic
+
+_UNCONNECTED = "It acts on nothing: connect it to a body."
+
+
+@final
+class Force(AbstractForce):
+    """A force on a point: `force` (3,) [N], constants, expressions with `ac.Input` and `ac.time`, or a function of time.
+
+    `resolved_in`: "world", or "body" for the axes of the body's frame that it is connected to.
+
+        scene.push = Force((1.0, 0, 0))
+        scene.shake = Force(lambda t: (ca.sin(t), 0, 0))
+    """
+
+    point = Point.port(must_connect=True, if_unconnected=_UNCONNECTED)
+
+    def __init__(self, force: Scalar | Callable[[Any], Any], *, resolved_in: str = "world") -> None:
+        self.value = _vector(force, "Force")
+        self.resolved_in = _checked_axes(resolved_in)
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        return (Action(self.point, _resolved(self.value, self.resolved_in, self.point, placement), ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return -ca.dot(self.actions(placement)[0].force, placement.velocity(self.point))
+
+
+@final
+class Torque(AbstractForce):
+    """A torque on a body: `torque` (3,) [N*m]; the value and `resolved_in` as in `Force`.
+
+        scene.motor = Torque((0, 0, 0.1), resolved_in="body")
+    """
+
+    frame = Frame.port(must_connect=True, if_unconnected=_UNCONNECTED)
+
+    def __init__(self, torque: Scalar | Callable[[Any], Any], *, resolved_in: str = "world") -> None:
+        self.value = _vector(torque, "Torque")
+        self.resolved_in = _checked_axes(resolved_in)
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        return (Action(self.frame, ca.SX.zeros(3), _resolved(self.value, self.resolved_in, self.frame, placement)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return -ca.dot(self.actions(placement)[0].torque, placement.angular_velocity(self.frame))
+
+
+def _vector(value: Scalar | Callable[[Any], Any], what: str) -> np.ndarray | Expression:
+    of_t = of_time(value)
+    found = leaves(of_t)
+    if isinstance(of_t, list | tuple) and any(isinstance(entry, ca.SX) for entry in of_t):  # CasADi's functions drop what they know
+        from acausal.language.expression import time
+
+        found |= {time}
+        of_t = Expression(sx(of_t), found)
+    return vector(of_t, f"{what}'s value")
+
+
+def _checked_axes(resolved_in: str) -> str:
+    if resolved_in not in ("world", "body"):
+        raise ParameterError(f"resolved_in is '{resolved_in}' ({origin()}). Use 'world' or 'body'.")
+    return resolved_in
+
+
+def _resolved(value: np.ndarray | Expression, axes: str, connector: Point, placement: Placement) -> ca.SX:
+    """In the connector's own axes."""
+    given = sx(value)
+    return given if axes == "body" else symbolic(placement.pose(connector).rotation).T @ given
