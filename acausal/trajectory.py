@@ -149,12 +149,15 @@ class Trajectory:
             return f"{self.outputs.name(expression)} [{expression.unit}]" if expression.unit else self.outputs.name(expression)
         return repr(expression)
 
-    def animate(self, path: str | Path, *, speed: float = 1.0) -> Path:
-        """Write the motion as one self-contained HTML file, shown at `speed` times real time; returns its path."""
+    def animate(self, path: str | Path, *, speed: float | None = None) -> Path:
+        """Write the motion as one self-contained HTML file; returns its path.
+
+        `speed`: shown against real time; by default 1, slower for motions of less than two seconds.
+        """
         from acausal.visual.animation import write_html
         from acausal.visual.scene import animation_of
 
-        return Path(write_html(animation_of(self, frames_per_second=60.0 / speed), path))
+        return Path(write_html(animation_of(self, speed=speed), path))
 
     def picture(self, path: str | Path, *, times: Sequence[float] = ()) -> Path:
         """Write a still picture (PNG) of the mechanism at `times` [s], by default at the start; returns its path."""

@@ -1,0 +1,25 @@
+"""matplotlib, imported when first needed and drawn without a screen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+
+def new_figure(width: float, height: float) -> tuple[Any, Any]:
+    """A figure and its axes [inches], not tied to any window. Raises `ImportError` with what to install."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ImportError("Plots and pictures need matplotlib: pip install 'acausal[plot]'") from None
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def saved(figure: Any, path: str | Path | None) -> Any:
+    """The figure, written to `path` if given."""
+    if path is not None:
+        target = Path(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(target, dpi=150)
+    return figure

@@ -1,0 +1,145 @@
+"""From a trajectory to drawable data: where every body, joint and spring is at every frame."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from acausal.mechanics.force import AbstractLineForce
+from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
+from acausal.mechanics.pose import Pose, symbolic
+from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
+from acausal.mechanics.steps import Ball, Shift, Slide, Turn
+from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
+from acausal.visual.shapes import Polygon, Rod, Shape
+
+if TYPE_CHECKING:
+    from acausal.reduction.outputs import Outputs
+    from acausal.trajectory import Trajectory
+
+_MOST_FRAMES = 3000
+
+
+def animation_of(run: Trajectory, *, speed: float | None = None) -> Animation:
+    """Bodies by their shapes, joints, line forces and the longest trails of a motion.
+
+    `speed`: shown against real time; by default 1, slower for motions of less than two seconds. 60 frames a shown second.
+    """
+    span = float(run.solution.t[-1] - run.solution.t[0])
+    pace = speed if speed is not None else 1.0 if span >= 2 else max(span, 1e-9) / 8
+    frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
+    moving = run.at(np.linspace(run.solution.t[0], run.solution.t[-1], frames))
+    bodies = _bodies(moving)
+    links = tuple(_link(moving, part.path, part.component) for part in run.outputs.system.mechanics.mechanism.forces
+                  if isinstance(part.component, AbstractLineForce))
+    gravity = np.array(ca.DM(ca.evalf(symbolic(run.outputs.system.mechanics.tree.world) @ run.outputs.system.mechanics.tree.gravity))).ravel() \
+        if run.outputs.system.mechanics.tree.gravity.is_constant() else np.zeros(3)
+    size = float(np.linalg.norm(gravity))
+    up = (0.0, 0.0, 1.0) if size == 0 else tuple(float(-g / size) for g in gravity)
+    return Animation(run.outputs.system.flat.name, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
+
+
+def _poses(run: Trajectory, poses: list[Pose]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (k, n, 3) and rotations (k, n, 3, 3) of symbolic poses along a motion, in one evaluation."""
+    columns = [ca.vertcat(symbolic(X.position), ca.vec(symbolic(X.rotation))) for X in poses]
+    values = run[ca.vertcat(*columns)] if columns else np.zeros((run.t.size, 0))
+    stacked = values.reshape(run.t.size, len(poses), 12).transpose(1, 0, 2)
+    return stacked[..., :3], stacked[..., 3:].reshape(len(poses), run.t.size, 3, 3).transpose(0, 1, 3, 2)
+
+
+def _quaternions(R: np.ndarray) -> np.ndarray:
+    """(n, 4), scalar first, continuous in time, of rotations (n, 3, 3)."""
+    squares = np.stack([
+        1 + R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2], 1 + R[:, 0, 0] - R[:, 1, 1] - R[:, 2, 2],
+        1 - R[:, 0, 0] + R[:, 1, 1] - R[:, 2, 2], 1 - R[:, 0, 0] - R[:, 1, 1] + R[:, 2, 2],
+    ], axis=1)  # fmt: skip
+    wx, wy, wz = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
+    xy, xz, yz = R[:, 1, 0] + R[:, 0, 1], R[:, 0, 2] + R[:, 2, 0], R[:, 2, 1] + R[:, 1, 2]
+    w4, x4, y4, z4 = squares.T
+    cases = np.stack([np.stack(c, axis=1) for c in ((w4, wx, wy, wz), (wx, x4, xy, xz), (wy, xy, y4, yz), (wz, xz, yz, z4))], axis=1)
+    q = cases[np.arange(len(R)), np.argmax(squares, axis=1)]
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    flips = np.concatenate([[1.0], np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)])
+    return q * np.cumprod(flips)[:, None]
+
+
+def _bodies(run: Trajectory) -> tuple[MovingBody, ...]:
+    mechanics = run.outputs.system.mechanics
+    names: list[str] = []
+    shapes: list[tuple[Shape, ...]] = []
+    poses: list[Pose] = []
+    for group, (link, place) in zip(mechanics.mechanism.groups, mechanics.tree.places, strict=True):
+        for part, pose in zip(group.parts, group.part_poses, strict=True):
+            component = part.component
+            if isinstance(component, AbstractGround) or not isinstance(component, AbstractRigidPart):
+                continue
+            names.append(part.path)
+            shapes.append(component.shapes() or _skeleton(component, run.outputs))
+            poses.append(mechanics.kinematics.pose(link) @ place @ pose)
+    positions, rotations = _poses(run, poses)
+    return tuple(MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
+
+
+def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:
+    """Lines between the places where a part without a shape is connected."""
+    used = {c for group in outputs.system.flat.connection_sets if len(group) > 1 for c in group}
+    points = [np.asarray(a.pose.position, dtype=float) for a in part.attachments() if a.connector in used and a.pose.is_constant]
+    unique: list[tuple[float, float, float]] = []
+    for p in points:
+        if not any(np.allclose(p, u, atol=1e-12) for u in unique):
+            unique.append((float(p[0]), float(p[1]), float(p[2])))
+    if len(unique) == 1 and any(unique[0]):
+        unique.insert(0, (0.0, 0.0, 0.0))
+    return (Polygon(tuple(unique)),) if unique else ()
+
+
+def _link(run: Trajectory, name: str, force: AbstractLineForce) -> MovingLink:
+    kind = "damper" if force.potential(ca.SX.sym("length")).is_zero() else "spring"
+    return MovingLink(name, kind, run[force.point_a.position], run[force.point_b.position])
+
+
+def _joints(run: Trajectory) -> tuple[JointMarker, ...]:
+    mechanics = run.outputs.system.mechanics
+    joints = [(item.edge.name, item.edge.joint) for item in mechanics.tree.joints if not item.edge.implicit]
+    joints += [(cut.name, cut.joint) for cut in mechanics.mechanism.cuts]
+    shown = [(name, joint, kind) for name, joint in joints if (kind := _joint_kind(joint)) is not None]
+    poses: list[Pose] = []
+    for _, joint, _ in shown:
+        link, place = mechanics.placement.place(joint.frame_b)
+        X = mechanics.kinematics.pose(link) @ place
+        poses.append(Pose(symbolic(X.rotation) @ symbolic(joint.mounting()), X.position))
+    positions, rotations = _poses(run, poses)
+    return tuple(JointMarker(name, kind, p, R[:, :, 2]) for (name, _, kind), p, R in zip(shown, positions, rotations, strict=True))
+
+
+def _joint_kind(joint: AbstractJoint) -> str | None:
+    if not isinstance(joint, AbstractStepJoint):
+        return None
+    steps = joint.steps()
+    if any(isinstance(step, Shift) for step in steps):
+        return None
+    if len(steps) == 1:
+        return "hinge" if isinstance(steps[0], Turn) else "slider" if isinstance(steps[0], Slide) else "ball" if isinstance(steps[0], Ball) else "hinge"
+    return "other"
+
+
+def _trails(bodies: tuple[MovingBody, ...]) -> tuple[Trail, ...]:
+    """Paths of the three points that travel furthest: ends of rods, corners of skeletons, else origins."""
+    found: list[tuple[float, Trail]] = []
+    for body in bodies:
+        ends = [np.array(s.end) for s in body.shapes if isinstance(s, Rod)]
+        ends += [np.array(p) for s in body.shapes if isinstance(s, Polygon) for p in s.points]
+        best: tuple[float, Trail] | None = None
+        for end in ends or [np.zeros(3)]:
+            points = body.positions + rotated(body.quaternions, end)
+            length = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+            if best is None or length > best[0]:
+                best = (length, Trail(body.name, points))
+        if best is not None:
+            found.append(best)
+    found.sort(key=lambda item: -item[0])
+    return tuple(trail for length, trail in found[:3] if length > 0)
+
+
