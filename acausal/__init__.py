@@ -1,5 +1,6 @@
 """Acausal 3-D mechanics: compose a mechanism from parts, get reduced equations, simulations and CasADi functions."""
 
+from acausal.export.c_source import LoadedModel, load_c
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
@@ -8,6 +9,6 @@ from acausal.model import Model, build
 from acausal.reduction.initial import exactly, near
 
 __all__ = [
-    "Component", "Electrical", "Equation", "Expression", "Frame", "Input", "Model", "Parameter", "Point", "Rotational", "Signal",
-    "System", "Translational", "Variable", "build", "der", "equal", "exactly", "near", "time",
+    "Component", "Electrical", "Equation", "Expression", "Frame", "Input", "LoadedModel", "Model", "Parameter", "Point", "Rotational", "Signal",
+    "System", "Translational", "Variable", "build", "der", "equal", "load_c", "exactly", "near", "time",
 ]  # fmt: skip

@@ -62,8 +62,14 @@ class Model:
         """Arithmetic operations of the explicit dynamics x' = f(t, x, u, p)."""
         return operations(self.functions.explicit_dynamics)
 
-    def initial_state(self, start: Start | None = None, *, t0: float = 0.0, inputs: Mapping[Input, InputValue] | None = None,
-                      parameters: Mapping[Parameter, float] | None = None) -> InitialState:
+    def initial_state(
+        self,
+        start: Start | None = None,
+        *,
+        t0: float = 0.0,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+    ) -> InitialState:
         """Consistent states from start values; see `simulate` for the arguments and errors."""
         import numpy as np
 
@@ -72,10 +78,24 @@ class Model:
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
         return initial_state(self.functions.outputs, start or {}, t0, parameter_values(self.functions, parameters or {}), u)
 
-    def simulate(self, end: float, start: Start | None = None, *, rtol: float = 1e-8, atol: float | None = None,
-                 inputs: Mapping[Input, InputValue] | None = None, parameters: Mapping[Parameter, float] | None = None,
-                 t0: float = 0.0, method: str = "auto", order: int | None = None, step: float | None = None, samples: int = 501,
-                 progress: bool | Progress = True, max_steps: int = 1_000_000, raise_on_failure: bool = True) -> Trajectory:
+    def simulate(
+        self,
+        end: float,
+        start: Start | None = None,
+        *,
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+        t0: float = 0.0,
+        method: str = "auto",
+        order: int | None = None,
+        step: float | None = None,
+        samples: int = 501,
+        progress: bool | Progress = True,
+        max_steps: int = 1_000_000,
+        raise_on_failure: bool = True,
+    ) -> Trajectory:
         """The motion from `t0` to `end` [s].
 
         `start`: values of any variables or expressions, exactly or `ac.near(...)`. `rtol`, `atol`: local error tolerances
@@ -133,8 +153,10 @@ class Model:
         constraints = f"{m} constraints" if m else "no constraints"
         if s.constraints.redundant or s.constraints.vanishing:
             constraints += f" ({len(s.constraints.redundant) + len(s.constraints.vanishing)} redundant rows dropped)"
-        return (f"{s.flat.name}: {self.degrees_of_freedom} degrees of freedom, {s.x.numel()} states, {constraints}, "
-                f"{self.operations} operations, {s.u.numel()} inputs, {s.p.numel()} parameters")
+        return (
+            f"{s.flat.name}: {self.degrees_of_freedom} degrees of freedom, {s.x.numel()} states, {constraints}, "
+            f"{self.operations} operations, {s.u.numel()} inputs, {s.p.numel()} parameters"
+        )
 
 
 def build(scene: System) -> Model:

@@ -36,17 +36,34 @@ class Options:
     raise_on_failure: bool
 
 
-def simulate(functions: Functions, t0: float, t1: float, start: Start, inputs: Mapping[Input, InputValue],
-             parameters: Mapping[Parameter, float], options: Options) -> Trajectory:
+def simulate(
+    functions: Functions,
+    t0: float,
+    t1: float,
+    start: Start,
+    inputs: Mapping[Input, InputValue],
+    parameters: Mapping[Parameter, float],
+    options: Options,
+) -> Trajectory:
     """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
-    system = functions.outputs.system
     p = parameter_values(functions, parameters)
     signal = input_signal(functions, inputs)
     initial = initial_state(functions.outputs, start, t0, p, signal(np.array([t0]))[:, 0])
     problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p)
     atol = options.rtol if options.atol is None else options.atol
-    solution = integrate(problem, initial.x, t0, t1, options.rtol, atol, method=options.method, order=options.order,
-                         step=options.step, max_steps=options.max_steps, progress=_progress(options.progress))
+    solution = integrate(
+        problem,
+        initial.x,
+        t0,
+        t1,
+        options.rtol,
+        atol,
+        method=options.method,
+        order=options.order,
+        step=options.step,
+        max_steps=options.max_steps,
+        progress=_progress(options.progress),
+    )
     times = np.linspace(t0, solution.t[-1], max(2, options.samples))
     run = Trajectory(functions, problem, solution, initial, times)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
@@ -92,8 +109,10 @@ def _failure(functions: Functions, run: Trajectory, t1: float) -> str:
     worst = ""
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
-    return (f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
-            "The motion until then is in this error's `trajectory`.")
+    return (
+        f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
+        "The motion until then is in this error's `trajectory`."
+    )
 
 
 def _progress(wanted: bool | Progress) -> Progress | None:

@@ -171,5 +171,7 @@ class Trajectory:
 
     def __str__(self) -> str:
         s = self.statistics
-        return (f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
-                f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms")
+        return (
+            f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
+            f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms"
+        )

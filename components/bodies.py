@@ -29,7 +29,7 @@ def _symbol(value: Number) -> float | ca.SX:
 class Particle(AbstractRigidPart):
     """A point with mass [kg] > 0: three freedoms, six states, no orientation.
 
-        scene.bob = Particle(mass=1.0)
+    scene.bob = Particle(mass=1.0)
     """
 
     point = Point.port()
@@ -51,7 +51,7 @@ class Particle(AbstractRigidPart):
 class Fixed(AbstractRigidPart):
     """A rigid connection without mass: frame_b at `position` (3,) [m] in frame_a and turned by `rotation`.
 
-        scene.offset = Fixed((0, 0, -1.0))
+    scene.offset = Fixed((0, 0, -1.0))
     """
 
     frame_a = Frame.port()
@@ -82,14 +82,27 @@ class RigidBody(AbstractRigidPart):
 
     frame = Frame.port()
 
-    def __init__(self, mass: Scalar, inertia: Scalar, centre_of_mass: Scalar = (0.0, 0.0, 0.0), *, position: Scalar | None = None,
-                 rotation: Rotation = None, shapes: tuple[Any, ...] = ()) -> None:
+    def __init__(
+        self,
+        mass: Scalar,
+        inertia: Scalar,
+        centre_of_mass: Scalar = (0.0, 0.0, 0.0),
+        *,
+        position: Scalar | None = None,
+        rotation: Rotation = None,
+        shapes: tuple[Any, ...] = (),
+    ) -> None:
         self.mass = scalar(mass, "RigidBody's mass", positive=True)
         self.centre_of_mass = vector(centre_of_mass, "RigidBody's centre_of_mass")
         self.central_inertia = _inertia_matrix(inertia)
-        self._sketch = None if position is None and rotation is None else pose(
-            vector((0, 0, 0) if position is None else position, "RigidBody's position"), rotation_matrix(rotation))
+        self._sketch = (
+            None
+            if position is None and rotation is None
+            else pose(vector((0, 0, 0) if position is None else position, "RigidBody's position"), rotation_matrix(rotation))
+        )
         self._frames: list[tuple[Frame, Pose]] = []
+        self._tip: Frame | None = None
+        self._centre: Frame | None = None
         self._shapes = shapes
 
     def at(self, position: Scalar, rotation: Rotation = None) -> Frame:
@@ -101,24 +114,22 @@ class RigidBody(AbstractRigidPart):
     def _add_frame(self, name: str, position: np.ndarray | Expression, rotation: np.ndarray | None) -> Frame:
         frame = Frame(self, name)
         self._frames.append((frame, pose(position, rotation)))
-        self.__dict__[f"_frame{len(self._frames)}"] = frame
+        setattr(self, f"_frame{len(self._frames)}", frame)
         return frame
 
     @property
     def tip(self) -> Frame:
         """The far end of a rod; only rods have one."""
-        found = self.__dict__.get("_tip")
-        if found is None:
+        if self._tip is None:
             raise AttributeError("only a RigidBody.rod(...) has a tip; make other frames with body.at((x, y, z))")
-        return found
+        return self._tip
 
     @property
     def centre(self) -> Frame:
         """A frame at the centre of mass, with the axes of `frame`."""
-        found = self.__dict__.get("_centre")
-        if found is None:
-            found = self.__dict__["_centre"] = self._add_frame("centre", self.centre_of_mass, None)
-        return found
+        if self._centre is None:
+            self._centre = self._add_frame("centre", self.centre_of_mass, None)
+        return self._centre
 
     def attachments(self) -> tuple[Attachment, ...]:
         return (Attachment(self.frame, Pose.identity()), *(Attachment(f, X) for f, X in self._frames))
@@ -147,7 +158,7 @@ class RigidBody(AbstractRigidPart):
         inertia = _rod_inertia(m, end, r)
         shape = drawn.Rod((0.0, 0.0, 0.0), _numbers(end), None if radius is None else _number(r))
         body = cls(mass, inertia, end * 0.5, shapes=(shape,), **sketch)  # pyright: ignore[reportArgumentType]
-        body.__dict__["_tip"] = body._add_frame("tip", end, None)
+        body._tip = body._add_frame("tip", end, None)
         return body
 
     @classmethod

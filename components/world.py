@@ -34,7 +34,7 @@ class World(AbstractGround):
     def at(self, position: Scalar, rotation: Rotation = None) -> Frame:
         """A frame at `position` (3,) [m] and turned by `rotation`, fixed in the world."""
         frame = Frame(self, f"at({_short(position)})")
-        self.__dict__[f"_frame{len(self._frames)}"] = frame
+        setattr(self, f"_frame{len(self._frames)}", frame)
         self._frames.append((frame, pose(vector(position, "World.at: position"), rotation_matrix(rotation))))
         return frame
 
@@ -49,4 +49,8 @@ class World(AbstractGround):
 
 
 def _short(position: object) -> str:
-    return ", ".join(f"{p:g}" if isinstance(p, int | float) else str(p) for p in position) if isinstance(position, list | tuple) else str(position)
+    return (
+        ", ".join(f"{p:g}" if isinstance(p, int | float) else str(p) for p in position)
+        if isinstance(position, list | tuple)
+        else str(position)
+    )

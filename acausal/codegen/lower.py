@@ -60,7 +60,9 @@ class Functions:
         if A.shape[0]:
             rows.append(A @ v_dot + s.constraints.bias)
         names = ["t", "x", "x_dot", "multipliers", "u", "p"]
-        return ca.Function("residual_dynamics", [s.t, s.x, rate, force, s.u, s.p], [ca.vertcat(*rows)], names, ["residual"], _FOLD)
+        return ca.Function(
+            "residual_dynamics", [s.t, s.x, rate, force, s.u, s.p], [ca.vertcat(*rows)], names, ["residual"], _FOLD
+        )
 
     @functools.cached_property
     def multipliers(self) -> ca.Function:

@@ -9,8 +9,20 @@ import numpy as np
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 
 
-def integrate(problem: Problem, x0: np.ndarray, t0: float, t1: float, rtol: float, atol: float, *, method: str = "auto",
-              order: int | None = None, step: float | None = None, max_steps: int = 1_000_000, progress: Progress | None = None) -> Solution:
+def integrate(
+    problem: Problem,
+    x0: np.ndarray,
+    t0: float,
+    t1: float,
+    rtol: float,
+    atol: float,
+    *,
+    method: str = "auto",
+    order: int | None = None,
+    step: float | None = None,
+    max_steps: int = 1_000_000,
+    progress: Progress | None = None,
+) -> Solution:
     """Integrate from t0 to t1 > t0. Numerical trouble is a `Status` in the result; a wrong call raises `ValueError`.
 
     "auto": Gauss with fixed-point iteration, and Radau IIA from where that no longer converges (stiff scenes).
@@ -38,7 +50,9 @@ def integrate(problem: Problem, x0: np.ndarray, t0: float, t1: float, rtol: floa
     solution, stiff = collocate(problem, tableau, x0, t0, t1, tolerances, newton=False, leave_when_stiff=True, progress=progress)
     if not stiff:
         return solution
-    rest = integrate(problem, solution.x[:, -1], float(solution.t[-1]), t1, rtol, atol, method="radau", max_steps=max_steps, progress=progress)
+    rest = integrate(
+        problem, solution.x[:, -1], float(solution.t[-1]), t1, rtol, atol, method="radau", max_steps=max_steps, progress=progress
+    )
     return _joined(solution, rest)
 
 
@@ -61,6 +75,15 @@ def _joined(first: Solution, second: Solution) -> Solution:
         return result
 
     a, b = first.statistics, second.statistics
-    statistics = replace(b, method=f"{a.method}, then {b.method}", steps=a.steps + b.steps, rejected=a.rejected + b.rejected,
-                         evaluations=a.evaluations + b.evaluations, iterations=a.iterations + b.iterations, seconds=a.seconds + b.seconds)
-    return Solution(np.concatenate([first.t, second.t[1:]]), np.hstack([first.x, second.x[:, 1:]]), dense, statistics, second.status)
+    statistics = replace(
+        b,
+        method=f"{a.method}, then {b.method}",
+        steps=a.steps + b.steps,
+        rejected=a.rejected + b.rejected,
+        evaluations=a.evaluations + b.evaluations,
+        iterations=a.iterations + b.iterations,
+        seconds=a.seconds + b.seconds,
+    )
+    return Solution(
+        np.concatenate([first.t, second.t[1:]]), np.hstack([first.x, second.x[:, 1:]]), dense, statistics, second.status
+    )

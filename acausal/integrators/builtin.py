@@ -13,14 +13,19 @@ METHODS = ("cvodes", "idas", "rosenbrock")
 _GRID = 100
 
 
-def integrate_builtin(name: str, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None) -> Solution:
+def integrate_builtin(
+    name: str, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None
+) -> Solution:
     """Integrate on a grid of 100 intervals, projecting onto the invariants after each.
 
     Inputs are held over each interval. Dense output integrates again from the nearest grid point, so it has the method's accuracy.
     """
     started = time.perf_counter()
     f = problem.rhs
-    t, x, u, p, span, begin = (ca.MX.sym(n, k) for n, k in (("t", 1), ("x", f.size1_in(1)), ("u", f.size1_in(2)), ("p", f.size1_in(3)), ("span", 1), ("begin", 1)))
+    t, x, u, p, span, begin = (
+        ca.MX.sym(n, k)
+        for n, k in (("t", 1), ("x", f.size1_in(1)), ("u", f.size1_in(2)), ("p", f.size1_in(3)), ("span", 1), ("begin", 1))
+    )
     parameters = ca.vertcat(begin, span, u, p)
     dae = {"t": t, "x": x, "p": parameters, "ode": span * f(begin + span * t, x, u, p)}
     options = {"abstol": tolerances.atol, "reltol": tolerances.rtol}
@@ -39,13 +44,20 @@ def integrate_builtin(name: str, problem: Problem, x0: np.ndarray, t0: float, t1
         try:
             new = advance(times[k], times[k + 1] - times[k], states[-1])
         except RuntimeError as error:
-            status = Status(StatusKind.BUILTIN_FAILED, float(times[k]), f"CasADi's {name} gave up: {str(error).strip().splitlines()[-1]}")
+            status = Status(
+                StatusKind.BUILTIN_FAILED, float(times[k]), f"CasADi's {name} gave up: {str(error).strip().splitlines()[-1]}"
+            )
             break
         except KeyboardInterrupt:
             status = Status(StatusKind.INTERRUPTED, float(times[k]), "Interrupted.")
             break
         if not np.all(np.isfinite(new)):
-            status = Status(StatusKind.NON_FINITE, float(times[k]), f"CasADi's {name} returned a number that is not finite.", int(np.flatnonzero(~np.isfinite(new))[0]))
+            status = Status(
+                StatusKind.NON_FINITE,
+                float(times[k]),
+                f"CasADi's {name} returned a number that is not finite.",
+                int(np.flatnonzero(~np.isfinite(new))[0]),
+            )
             break
         if problem.project is not None:
             for _ in range(2):

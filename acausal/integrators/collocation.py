@@ -60,8 +60,15 @@ class Run:
                 return CollocationPolynomial(t, x, coefficients)
             return refined(self.problem, t, x, coefficients)
 
-        statistics = Statistics(self.tableau.name, self.tableau.order, len(t) - 1, self.rejected, self.solver.rates.evaluations,
-                                self.solver.iterations, time.perf_counter() - self.started)
+        statistics = Statistics(
+            self.tableau.name,
+            self.tableau.order,
+            len(t) - 1,
+            self.rejected,
+            self.solver.rates.evaluations,
+            self.solver.iterations,
+            time.perf_counter() - self.started,
+        )
         return Solution(t, x.T, lambda times: polynomial()(times), statistics, status)
 
     def guess(self, h: float) -> np.ndarray:
@@ -106,8 +113,18 @@ class Run:
         return x
 
 
-def collocate(problem: Problem, tableau: Tableau, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, *,
-              newton: bool, leave_when_stiff: bool = False, progress: Progress | None = None) -> tuple[Solution, bool]:
+def collocate(
+    problem: Problem,
+    tableau: Tableau,
+    x0: np.ndarray,
+    t0: float,
+    t1: float,
+    tolerances: Tolerances,
+    *,
+    newton: bool,
+    leave_when_stiff: bool = False,
+    progress: Progress | None = None,
+) -> tuple[Solution, bool]:
     """Integrate by collocation; the solution, and whether it was left early because fixed-point iteration is hopeless."""
     run = Run(problem, tableau, newton, tolerances, t0, np.array(x0, dtype=float), t1)
     if not np.all(np.isfinite(run.x)):
@@ -147,7 +164,9 @@ def _advance(run: Run) -> Status | None:
         solved = run.solver.solve(run.t, h, run.x, run.guess(h), scale, 1e-3 if not fixed else 0.0)
         if solved is None:
             if fixed:
-                return Status(StatusKind.NOT_CONVERGED, run.t, "The stage equations did not converge; use a smaller step.", _worst(run))
+                return Status(
+                    StatusKind.NOT_CONVERGED, run.t, "The stage equations did not converge; use a smaller step.", _worst(run)
+                )
             run.h, run.rejected, limited = 0.4 * h, run.rejected + 1, True
             continue
         K, contraction = solved
@@ -155,7 +174,9 @@ def _advance(run: Run) -> Status | None:
         if fixed:
             run.accept(h, K, a)
             return None
-        error = _radau_error(run, h, K, scale) if run.newton and run.tableau.name == "radau" else _gauss_error(run, h, a, K, scale)
+        error = (
+            _radau_error(run, h, K, scale) if run.newton and run.tableau.name == "radau" else _gauss_error(run, h, a, K, scale)
+        )
         order = run.tableau.stages if run.newton and run.tableau.name == "radau" else run.tableau.order
         growth = 0.9 * (1 / max(error, 1e-30)) ** (1 / (order + 1))
         if not error <= 1:
@@ -237,7 +258,9 @@ def _underflow(run: Run) -> Status:
     rate = run.guess(run.h)
     if not np.all(np.isfinite(rate)) or not np.all(np.isfinite(run.x)):
         return Status(StatusKind.NON_FINITE, run.t, "A rate became infinite or not a number.", _worst(run))
-    return Status(StatusKind.STEP_UNDERFLOW, run.t, "The step size fell to rounding: the motion may be singular here.", _worst(run))
+    return Status(
+        StatusKind.STEP_UNDERFLOW, run.t, "The step size fell to rounding: the motion may be singular here.", _worst(run)
+    )
 
 
 def _worst(run: Run) -> int | None:

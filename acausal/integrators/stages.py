@@ -63,14 +63,18 @@ class StageSolver:
             self._eigenvalues = values
             self._vectors_inverse = np.linalg.inv(self._vectors)
 
-    def solve(self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float) -> tuple[np.ndarray, float] | None:
+    def solve(
+        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
+    ) -> tuple[np.ndarray, float] | None:
         """Stage rates (s, nx) from a guess K; and the contraction rate seen. None when it does not converge.
 
         `scale` (nx,): sizes of the states for norms; converged when changes of h K are below `tolerance` in units of scale.
         """
         return self._newton(t, h, x, K, scale, tolerance) if self.newton else self._fixed_point(t, h, x, K, scale, tolerance)
 
-    def _fixed_point(self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float) -> tuple[np.ndarray, float] | None:
+    def _fixed_point(
+        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
+    ) -> tuple[np.ndarray, float] | None:
         rates, hA = self.rates, h * self.tableau.A
         rates.at(t + h * self.tableau.c)
         previous, contraction = np.inf, 0.0
@@ -97,7 +101,9 @@ class StageSolver:
             previous = change
         return None
 
-    def _newton(self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float) -> tuple[np.ndarray, float] | None:
+    def _newton(
+        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
+    ) -> tuple[np.ndarray, float] | None:
         rates, hA = self.rates, h * self.tableau.A
         rates.at(t + h * self.tableau.c)
         inverse = self._factor(t, h, x)
@@ -131,7 +137,9 @@ class StageSolver:
         if self._jacobian is None:
             f = self.problem.rhs
             arguments = [ca.SX.sym(f"a{i}", f.size1_in(i)) for i in range(4)]
-            self._jacobian = ca.Function("jacobian", arguments, [ca.densify(ca.jacobian(f.call(arguments)[0], arguments[1]))], {"cse": True})
+            self._jacobian = ca.Function(
+                "jacobian", arguments, [ca.densify(ca.jacobian(f.call(arguments)[0], arguments[1]))], {"cse": True}
+            )
         u = self.problem.inputs(np.array([t]))[:, 0]
         return np.array(self._jacobian(t, x, u, self.problem.parameters))
 

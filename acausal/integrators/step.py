@@ -20,9 +20,13 @@ def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) ->
     elif method == "radau" and order >= 1 and order % 2 == 1:
         tableau = radau_iia((order + 1) // 2)
     else:
-        raise ValueError(f"step: there is no method '{method}' of order {order}; gauss has even orders from 2, radau odd ones from 1.")
+        raise ValueError(
+            f"step: there is no method '{method}' of order {order}; gauss has even orders from 2, radau odd ones from 1."
+        )
     nx, s = rhs.size1_in(1), tableau.stages
-    K, t, x, u, p, h = (ca.SX.sym(n, k) for n, k in (("K", nx * s), ("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1)))
+    K, t, x, u, p, h = (
+        ca.SX.sym(n, k) for n, k in (("K", nx * s), ("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1))
+    )
     stages = ca.reshape(K, nx, s)
     residual: list[ca.SX] = []
     for i in range(s):
@@ -31,10 +35,14 @@ def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) ->
     system = ca.Function("stages", [K, t, x, u, p, h], [ca.vertcat(*residual)], {"cse": True})
     options = {"abstol": 1e-13, "abstolStep": 1e-13, "max_iter": 30, "error_on_fail": False}
     solver = ca.rootfinder("solve", "fast_newton", system, options)
-    tm, xm, um, pm, hm = (ca.MX.sym(n, k) for n, k in (("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1)))
+    tm, xm, um, pm, hm = (
+        ca.MX.sym(n, k) for n, k in (("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1))
+    )
     guess = ca.repmat(rhs(tm, xm, um, pm), s, 1)
     found = solver(guess, tm, xm, um, pm, hm)
     after = xm + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
     left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
-    return ca.Function(f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe], ["t", "x", "u", "p", "h"], ["x_next", "residual"])
+    return ca.Function(
+        f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe], ["t", "x", "u", "p", "h"], ["x_next", "residual"]
+    )

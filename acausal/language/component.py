@@ -113,10 +113,16 @@ def check_compatible(a: object, b: object) -> None:
     """Raise `IncompatibleError` unless a and b are connectors of one domain, and different."""
     for end in (a, b):
         if not isinstance(end, Connector):
-            hint = " Connect one of its connectors: " + ", ".join(c.name for c in end.connectors()) + "." if isinstance(end, Component) else ""
+            hint = (
+                " Connect one of its connectors: " + ", ".join(c.name for c in end.connectors()) + "."
+                if isinstance(end, Component)
+                else ""
+            )
             raise IncompatibleError(f"connect() takes connectors, not {end!r} ({origin()}).{hint}")
         if end.owner is None:
-            raise IncompatibleError(f"{type(end).__name__} '{end.name}' belongs to a class, not to a part ({origin()}). Make an instance of the part first.")
+            raise IncompatibleError(
+                f"{type(end).__name__} '{end.name}' belongs to a class, not to a part ({origin()}). Make an instance of the part first."
+            )
     assert isinstance(a, Connector) and isinstance(b, Connector)
     if a is b:
         raise IncompatibleError(f"{a!r} cannot be connected to itself ({origin()}).")

@@ -6,7 +6,7 @@ domains are pairs of one potential and one flow.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Self, overload
+from typing import TYPE_CHECKING, ClassVar, Self, cast, overload
 
 from acausal.language.expression import Symbol, Variable
 
@@ -33,7 +33,9 @@ class Connector:
 
     domain: ClassVar[str] = "abstract"
 
-    def __init__(self, owner: Component | None = None, name: str = "", *, must_connect: bool = False, if_unconnected: str = "") -> None:
+    def __init__(
+        self, owner: Component | None = None, name: str = "", *, must_connect: bool = False, if_unconnected: str = ""
+    ) -> None:
         self.owner = owner
         self.name = name
         self.must_connect = must_connect
@@ -50,13 +52,15 @@ class Connector:
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Component, owner: type) -> Self: ...
-    def __get__(self, instance: Component | None, owner: type) -> Self:
+    def __get__(self, instance: object, owner: type) -> Self: ...
+    def __get__(self, instance: object | None, owner: type) -> Self:
         if instance is None:
             return self
         own = instance.__dict__.get(self.name)
         if own is None:
-            own = type(self)(instance, self.name, must_connect=self.must_connect, if_unconnected=self.if_unconnected)
+            own = type(self)(
+                cast("Component", instance), self.name, must_connect=self.must_connect, if_unconnected=self.if_unconnected
+            )
             instance.__dict__[self.name] = own
         return own
 

@@ -64,20 +64,47 @@ class Expression:
             raise TypeError(f"numpy.{ufunc.__name__} is not defined for symbolic expressions; use CasADi's function on `.sx`")
         return Expression(operation(*(sx(value) for value in inputs)), leaves(*inputs))
 
-    def __add__(self, other: Scalar) -> Expression: return Expression(self.sx + sx(other), leaves(self, other))
-    def __radd__(self, other: Scalar) -> Expression: return Expression(sx(other) + self.sx, leaves(self, other))
-    def __sub__(self, other: Scalar) -> Expression: return Expression(self.sx - sx(other), leaves(self, other))
-    def __rsub__(self, other: Scalar) -> Expression: return Expression(sx(other) - self.sx, leaves(self, other))
-    def __mul__(self, other: Scalar) -> Expression: return Expression(self.sx * sx(other), leaves(self, other))
-    def __rmul__(self, other: Scalar) -> Expression: return Expression(sx(other) * self.sx, leaves(self, other))
-    def __truediv__(self, other: Scalar) -> Expression: return Expression(self.sx / sx(other), leaves(self, other))
-    def __rtruediv__(self, other: Scalar) -> Expression: return Expression(sx(other) / self.sx, leaves(self, other))
-    def __pow__(self, other: Scalar) -> Expression: return Expression(self.sx ** sx(other), leaves(self, other))
-    def __rpow__(self, other: Scalar) -> Expression: return Expression(sx(other) ** self.sx, leaves(self, other))
-    def __matmul__(self, other: Scalar) -> Expression: return Expression(self.sx @ sx(other), leaves(self, other))
-    def __rmatmul__(self, other: Scalar) -> Expression: return Expression(sx(other) @ self.sx, leaves(self, other))
-    def __neg__(self) -> Expression: return Expression(-self.sx, self.leaves)
-    def __abs__(self) -> Expression: return Expression(ca.fabs(self.sx), self.leaves)
+    def __add__(self, other: Scalar) -> Expression:
+        return Expression(self.sx + sx(other), leaves(self, other))
+
+    def __radd__(self, other: Scalar) -> Expression:
+        return Expression(sx(other) + self.sx, leaves(self, other))
+
+    def __sub__(self, other: Scalar) -> Expression:
+        return Expression(self.sx - sx(other), leaves(self, other))
+
+    def __rsub__(self, other: Scalar) -> Expression:
+        return Expression(sx(other) - self.sx, leaves(self, other))
+
+    def __mul__(self, other: Scalar) -> Expression:
+        return Expression(self.sx * sx(other), leaves(self, other))
+
+    def __rmul__(self, other: Scalar) -> Expression:
+        return Expression(sx(other) * self.sx, leaves(self, other))
+
+    def __truediv__(self, other: Scalar) -> Expression:
+        return Expression(self.sx / sx(other), leaves(self, other))
+
+    def __rtruediv__(self, other: Scalar) -> Expression:
+        return Expression(sx(other) / self.sx, leaves(self, other))
+
+    def __pow__(self, other: Scalar) -> Expression:
+        return Expression(self.sx ** sx(other), leaves(self, other))
+
+    def __rpow__(self, other: Scalar) -> Expression:
+        return Expression(sx(other) ** self.sx, leaves(self, other))
+
+    def __matmul__(self, other: Scalar) -> Expression:
+        return Expression(self.sx @ sx(other), leaves(self, other))
+
+    def __rmatmul__(self, other: Scalar) -> Expression:
+        return Expression(sx(other) @ self.sx, leaves(self, other))
+
+    def __neg__(self) -> Expression:
+        return Expression(-self.sx, self.leaves)
+
+    def __abs__(self) -> Expression:
+        return Expression(ca.fabs(self.sx), self.leaves)
 
     def __getitem__(self, index: Any) -> Expression:
         return Expression(self.sx[index], self.leaves)
@@ -154,8 +181,16 @@ class Variable(Symbol):
 
     kind = "variable"
 
-    def __init__(self, unit: str = "", description: str = "", *, size: int = 1, start: float | Sequence[float] | None = None,
-                 if_undetermined: str = "", name: str = "variable") -> None:
+    def __init__(
+        self,
+        unit: str = "",
+        description: str = "",
+        *,
+        size: int = 1,
+        start: float | Sequence[float] | None = None,
+        if_undetermined: str = "",
+        name: str = "variable",
+    ) -> None:
         super().__init__(name, unit, description, (size, 1))
         self.size = size
         self.start = start
@@ -173,8 +208,14 @@ class Variable(Symbol):
             return self
         own = instance.__dict__.get(self.name)
         if own is None:
-            own = type(self)(self.unit, self.description, size=self.size, start=self.start,
-                             if_undetermined=self.if_undetermined, name=self.name)
+            own = type(self)(
+                self.unit,
+                self.description,
+                size=self.size,
+                start=self.start,
+                if_undetermined=self.if_undetermined,
+                name=self.name,
+            )
             instance.__dict__[self.name] = own
         return own
 
@@ -264,7 +305,9 @@ def evaluated(expression: Expression) -> np.ndarray | None:
 
 def vector(value: Scalar, what: str) -> np.ndarray | Expression:
     """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`."""
-    if isinstance(value, Expression | ca.SX) or (isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)):
+    if isinstance(value, Expression | ca.SX) or (
+        isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)
+    ):
         expression = Expression(sx(value), leaves(value))
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")

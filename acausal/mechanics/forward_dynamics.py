@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import MasslessError
 from acausal.mechanics import kernels
 from acausal.mechanics.inertia import skew
 from acausal.mechanics.kinematics import Kinematics
-from acausal.mechanics.pose import symbolic
+from acausal.mechanics.pose import Matrix, symbolic
 from acausal.mechanics.tree import Link, Tree
 
 Wrench = tuple[ca.SX, ca.SX]
@@ -35,7 +36,9 @@ def zero_wrenches(tree: Tree) -> list[Wrench]:
     return [(ca.SX.zeros(3), ca.SX.zeros(3)) for _ in tree.links]
 
 
-def forward_dynamics(kinematics: Kinematics, tau: ca.SX, wrenches: list[Wrench], *, at_rest: bool = False, gravity: bool = True) -> ca.SX:
+def forward_dynamics(
+    kinematics: Kinematics, tau: ca.SX, wrenches: list[Wrench], *, at_rest: bool = False, gravity: bool = True
+) -> ca.SX:
     """v' (nv, 1) from joint forces tau (nv, 1) and external wrenches on each link, in and about its frame.
 
     `at_rest`: leave out all terms in the velocities. `gravity`: whether uniform gravity acts. With both off it is
@@ -46,7 +49,11 @@ def forward_dynamics(kinematics: Kinematics, tau: ca.SX, wrenches: list[Wrench],
     blocks: list[tuple[ca.SX, ca.SX, ca.SX]] = [_blocks(link) for link in tree.links]
     bias: list[Wrench] = []
     for i, link in enumerate(tree.links):
-        torque, force = (ca.SX.zeros(3), ca.SX.zeros(3)) if at_rest or link.inertia.is_zero else kernels.bias_wrench(blocks[i][0], _moment(link), kinematics.angular_velocity(i))
+        torque, force = (
+            (ca.SX.zeros(3), ca.SX.zeros(3))
+            if at_rest or link.inertia.is_zero
+            else kernels.bias_wrench(blocks[i][0], _moment(link), kinematics.angular_velocity(i))
+        )
         bias.append((torque - wrenches[i][0], force - wrenches[i][1]))
     U: list[ca.SX] = [ca.SX()] * n
     D_inverse: list[ca.SX] = [ca.SX()] * n
@@ -65,7 +72,9 @@ def forward_dynamics(kinematics: Kinematics, tau: ca.SX, wrenches: list[Wrench],
     return _accelerations(kinematics, U, D_inverse, u, a_world, at_rest)
 
 
-def _accelerations(kinematics: Kinematics, U: list[ca.SX], D_inverse: list[ca.SX], u: list[ca.SX], a_world: ca.SX, at_rest: bool) -> ca.SX:
+def _accelerations(
+    kinematics: Kinematics, U: list[ca.SX], D_inverse: list[ca.SX], u: list[ca.SX], a_world: ca.SX, at_rest: bool
+) -> ca.SX:
     tree = kinematics.tree
     nv = tree.v.numel()
     result = ca.SX.zeros(nv)
@@ -135,7 +144,7 @@ def _add_to_parent(
 ) -> tuple[tuple[ca.SX, ca.SX, ca.SX], Wrench]:
     for pose in (link.motion.pose, link.offset):
         R, p = symbolic(pose.rotation), symbolic(pose.position)
-        if not pose.is_constant or not _is_identity(pose.rotation):
+        if not _is_identity(pose.rotation):
             blocks = _rotated(R, blocks)
         if not p.is_zero():
             moved = kernels.shift_inertia(p, *blocks)
@@ -146,11 +155,8 @@ def _add_to_parent(
     return added, (parent_bias[0] + felt[0], parent_bias[1] + felt[1])
 
 
-def _is_identity(rotation: object) -> bool:
-    return symbolic(rotation).is_eye() if isinstance(rotation, ca.SX) else bool((rotation == _EYE).all())  # pyright: ignore
-
-
-_EYE = __import__("numpy").eye(3)
+def _is_identity(rotation: Matrix) -> bool:
+    return isinstance(rotation, np.ndarray) and np.array_equal(rotation, np.eye(3))
 
 
 def _rotated(R: ca.SX, blocks: tuple[ca.SX, ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -33,7 +33,9 @@ class AbstractJoint(Component, ABC):
     v: Variable
 
     @classmethod
-    def between(cls, a: AbstractRigidPart | Frame, b: AbstractRigidPart | Frame, *, at: Scalar | None = None, **options: Any) -> Self:
+    def between(
+        cls, a: AbstractRigidPart | Frame, b: AbstractRigidPart | Frame, *, at: Scalar | None = None, **options: Any
+    ) -> Self:
         """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
 
         `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch

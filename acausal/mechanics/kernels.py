@@ -44,7 +44,9 @@ def symmetric(lower: ca.SX) -> ca.SX:
 
 
 @inlined(M33, V, M33, V, V, V, V, V, V)
-def velocity(K: ca.SX, r: ca.SX, R: ca.SX, p: ca.SX, w_A: ca.SX, w_J: ca.SX, v_J: ca.SX, alpha: ca.SX, beta: ca.SX) -> tuple[ca.SX, ...]:
+def velocity(
+    K: ca.SX, r: ca.SX, R: ca.SX, p: ca.SX, w_A: ca.SX, w_J: ca.SX, v_J: ca.SX, alpha: ca.SX, beta: ca.SX
+) -> tuple[ca.SX, ...]:
     """Angular velocity of B in B, and the acceleration of B that is left when w_A', a_A and v' are zero (angular, linear)."""
     w_F = K.T @ w_A
     w_AB = R.T @ w_F
@@ -139,7 +141,9 @@ def eliminate(n: int) -> Kernel:
     """The same for a general motion subspace S (6, n), which comes after gamma."""
 
     @inlined(M33, M33, M33, V, V, (6, 1), (6, n), (n, 1))
-    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX) -> tuple[ca.SX, ...]:
+    def kernel(
+        I3: ca.SX, H: ca.SX, M: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX
+    ) -> tuple[ca.SX, ...]:
         full = ca.blockcat([[I3, H], [H.T, M]])
         bias = ca.vertcat(torque, force)
         U = full @ S

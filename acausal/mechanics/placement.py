@@ -9,7 +9,6 @@ from acausal.mechanics.kinematics import Kinematics
 from acausal.mechanics.pose import Pose, symbolic
 from acausal.mechanics.tree import Tree
 
-
 Place = tuple[int, Pose]
 """A link (-1: the ground) and a pose in its frame."""
 

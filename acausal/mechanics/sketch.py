@@ -24,13 +24,17 @@ def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:
     if isinstance(end, Frame):
         position = next(a.pose.position for a in part.attachments() if a.connector is end)
         if not isinstance(position, np.ndarray):
-            raise ParameterError(f"between(): the place of {end!r} depends on a parameter; connect its frames with connect() ({origin()}).")
+            raise ParameterError(
+                f"between(): the place of {end!r} depends on a parameter; connect its frames with connect() ({origin()})."
+            )
     elif at is None:
         raise ParameterError(f"between() needs at=(x, y, z), or frames instead of bodies ({origin()}).")
     else:
         where = vector(at, "between: at")
         if not isinstance(where, np.ndarray):
-            raise ParameterError(f"between(): `at` must be numbers ({origin()}); connect frames with connect() where parameters are needed.")
+            raise ParameterError(
+                f"between(): `at` must be numbers ({origin()}); connect frames with connect() where parameters are needed."
+            )
         position = np.asarray(sketch.rotation).T @ (where - np.asarray(sketch.position))
     rotation = np.asarray(sketch.rotation).T
     return part.at(tuple(position), None if np.array_equal(rotation, np.eye(3)) else rotation)

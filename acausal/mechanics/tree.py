@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from acausal.language.expression import Expression
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.motion import Motion, reversed_motion
-from acausal.language.expression import Expression
 from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
 from acausal.topology.mechanism import Edge, Mechanism
 
@@ -95,8 +95,18 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         nq, nv = nq + joint.q.size, nv + joint.v.size
     gravity = np.zeros(3) if mechanism.gravity is None else mechanism.gravity
     gravity = product(world.T, gravity.sx if isinstance(gravity, Expression) else gravity)
-    tree = Tree(mechanism, _stack(q_parts), _stack(v_parts), t, _stack(rates), tuple(links),
-                tuple(places[i] for i in range(len(mechanism.groups))), tuple(symbols), symbolic(cleaned_vector(gravity)), world)
+    tree = Tree(
+        mechanism,
+        _stack(q_parts),
+        _stack(v_parts),
+        t,
+        _stack(rates),
+        tuple(links),
+        tuple(places[i] for i in range(len(mechanism.groups))),
+        tuple(symbols),
+        symbolic(cleaned_vector(gravity)),
+        world,
+    )
     return _aligned(tree)
 
 

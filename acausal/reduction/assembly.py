@@ -27,7 +27,9 @@ class Assembled:
     iterations: int
 
 
-def assemble(constraints: Residual, guess: np.ndarray, wishes: Residual | None = None, *, tolerance: float = 1e-12, limit: int = 100) -> Assembled:
+def assemble(
+    constraints: Residual, guess: np.ndarray, wishes: Residual | None = None, *, tolerance: float = 1e-12, limit: int = 100
+) -> Assembled:
     """Nearest y to `guess` with `constraints(y)` = 0, and with `wishes(y)` as small as then possible.
 
     Converges quadratically near a solution. Not converged when the residual stops shrinking above `tolerance`.

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import AssemblyError, LockedError
+from acausal.mechanics.pose import Pose
 from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.assembly import assemble
 from acausal.reduction.loops import LoopRows, loop_rows
@@ -62,7 +63,9 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     start = close_loops(system, loops, closing, sketch_configuration(system), values)
     if not loops:
         none = ca.SX(0, 1)
-        return Constraints((), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), start)
+        return Constraints(
+            (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), start
+        )
     A_all = ca.Function("A", [tree.q, tree.t, parameters], [ca.densify(ca.jacobian(velocity, tree.v))])
     samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values)
     jacobians = [np.array(A_all(q, 0.0, values)) for q in samples]
@@ -92,12 +95,12 @@ def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
         edge = item.edge
         a, b = groups[edge.a].sketch, groups[edge.b].sketch
         if edge.a == 0 or edge.b == 0:
-            from acausal.mechanics.pose import Pose
-
             a = Pose.identity() if edge.a == 0 else a
             b = Pose.identity() if edge.b == 0 else b
         entries = edge.joint.start_q()
-        if a is not None and b is not None and edge.joint.q.start is None or (a is not None and b is not None and edge.implicit):
+        if (a is not None and b is not None and edge.joint.q.start is None) or (
+            a is not None and b is not None and edge.implicit
+        ):
             X = (a @ edge.pose_a).inverse() @ (b @ edge.pose_b)
             found = edge.joint.coordinates(X)
             if found is not None and ca.densify(found).is_constant():
@@ -106,13 +109,12 @@ def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
     return np.array(guess)
 
 
-def close_loops(system: MechanicalSystem, loops: tuple[LoopRows, ...], closing: ca.Function, guess: np.ndarray, values: np.ndarray) -> np.ndarray:
+def close_loops(
+    system: MechanicalSystem, loops: tuple[LoopRows, ...], closing: ca.Function, guess: np.ndarray, values: np.ndarray
+) -> np.ndarray:
     """A configuration near `guess` with all loops closed on the branch meant. Raises `AssemblyError` with the smallest gap."""
     tree = system.tree
     jacobian = closing.jacobian()
-    signs = [(rows.edge.name, ca.Function("sign", [tree.q, tree.t], [rows.sign])) for rows in loops
-             if rows.sign is not None and not ca.symvar(rows.sign - rows.sign)]
-    signs = [(name, f) for name, f in signs if f.size1_out(0)]
 
     def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         c = np.array(closing(q, 0.0, values)).ravel()
@@ -150,8 +152,17 @@ def _worst_loop(system: MechanicalSystem, loops: tuple[LoopRows, ...], q: np.nda
     return loops[-1].edge.name if loops else "?"
 
 
-def _neighbours(closing: ca.Function, A_all: ca.Function, rates: ca.SX, q: ca.SX, v: ca.SX, t: ca.SX, parameters: ca.SX,
-                start: np.ndarray, values: np.ndarray) -> list[np.ndarray]:
+def _neighbours(
+    closing: ca.Function,
+    A_all: ca.Function,
+    rates: ca.SX,
+    q: ca.SX,
+    v: ca.SX,
+    t: ca.SX,
+    parameters: ca.SX,
+    start: np.ndarray,
+    values: np.ndarray,
+) -> list[np.ndarray]:
     """The start and further assembled configurations, reached by drifting along the freedom that is left."""
     N = ca.Function("N", [q, t], [ca.densify(ca.jacobian(rates, v))])
     jacobian = closing.jacobian()

@@ -11,21 +11,21 @@ import numpy as np
 from acausal.errors import StartValueError
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
-from acausal.reduction.assembly import assemble
+from acausal.reduction.assembly import Residual, assemble
 from acausal.reduction.outputs import Outputs
 
 Value = float | Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
-class exactly:  # noqa: N801 - reads as an adverb: start={hinge.q: exactly(0.3)}
+class exactly:
     """A start value that must be met; a plain number means the same."""
 
     value: Value
 
 
 @dataclass(frozen=True)
-class near:  # noqa: N801
+class near:
     """A start value that is met as well as the constraints and the exact values allow."""
 
     value: Value
@@ -83,14 +83,18 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     fixed = ca.vertcat(r.t, r.u, r.p)
     values = np.concatenate([[t0], u, p])
     q0 = _solve(q, fixed, values, r.closing, positions, r.q_start, "position")
-    v0 = _solve(v, ca.vertcat(fixed, q), np.concatenate([values, q0]), r.velocity_closing, velocities, np.zeros(v.numel()), "velocity")
+    v0 = _solve(
+        v, ca.vertcat(fixed, q), np.concatenate([values, q0]), r.velocity_closing, velocities, np.zeros(v.numel()), "velocity"
+    )
     x = np.concatenate([q0, v0])
     return InitialState(x, tuple(_met(t, r.t, r.x, r.u, r.p, t0, x, u, p) for t in targets))
 
 
 def _target(outputs: Outputs, key: Expression, value: Value | exactly | near) -> _Target:
-    if not isinstance(key, Expression):
-        raise StartValueError(f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}.")
+    if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
+        raise StartValueError(
+            f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
+        )
     for leaf in key.leaves:
         _check_settable(leaf)
     exact = not isinstance(value, near)
@@ -116,7 +120,9 @@ def _check_settable(leaf: Symbol) -> None:
         raise StartValueError(f"{leaf.name} is an input, not a state: give it by inputs={{...}}.")
     if isinstance(leaf, Time):
         raise StartValueError("time cannot have a start value; give t0.")
-    if isinstance(leaf, Derivative) or (isinstance(leaf, Quantity) and leaf.name in ("force", "torque", "acceleration", "angular_acceleration")):
+    if isinstance(leaf, Derivative) or (
+        isinstance(leaf, Quantity) and leaf.name in ("force", "torque", "acceleration", "angular_acceleration")
+    ):
         raise StartValueError(f"{leaf.name} follows from the equations of motion and is not free: it cannot have a start value.")
 
 
@@ -124,7 +130,9 @@ def _name(outputs: Outputs, key: Expression) -> str:
     return outputs.name(key) if isinstance(key, Symbol) else repr(key)
 
 
-def _solve(y: ca.SX, fixed: ca.SX, values: np.ndarray, closing: ca.SX, targets: list[_Target], guess: np.ndarray, what: str) -> np.ndarray:
+def _solve(
+    y: ca.SX, fixed: ca.SX, values: np.ndarray, closing: ca.SX, targets: list[_Target], guess: np.ndarray, what: str
+) -> np.ndarray:
     exact = [t for t in targets if t.exact]
     wished = [t for t in targets if not t.exact]
     if y.numel() == 0:
@@ -157,7 +165,7 @@ def _difference(target: _Target) -> ca.SX:
     return ca.atan2(ca.sin(difference), ca.cos(difference)) if target.periodic else difference
 
 
-def _residual(y: ca.SX, fixed: ca.SX, values: np.ndarray, residual: ca.SX):  # noqa: ANN202
+def _residual(y: ca.SX, fixed: ca.SX, values: np.ndarray, residual: ca.SX) -> Residual:
     function = ca.Function("residual", [y, fixed], [ca.densify(residual), ca.densify(ca.jacobian(residual, y))])
 
     def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -179,6 +187,8 @@ def _with_plain_values(y: ca.SX, targets: list[_Target], guess: np.ndarray) -> n
     return first
 
 
-def _met(target: _Target, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX, t0: float, x0: np.ndarray, u0: np.ndarray, p0: np.ndarray) -> Met:
+def _met(
+    target: _Target, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX, t0: float, x0: np.ndarray, u0: np.ndarray, p0: np.ndarray
+) -> Met:
     got = ca.Function("got", [t, x, u, p], [ca.densify(target.expression)])(t0, x0, u0, p0)
     return Met(target.name, target.wanted, np.array(got).ravel(), target.exact)

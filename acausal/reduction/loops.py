@@ -70,7 +70,9 @@ def loop_rows(edge: Edge, placement: Placement) -> LoopRows:
     velocity = ca.vertcat(*(row[1] for row in rows), rolling_value)
     wrench_basis = ca.horzcat(*(row[2] for row in rows), rolling_basis.T)
     names += [f"{edge.name}.rolling[{i}]" for i in range(rolling.numel())]
-    return LoopRows(edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped))
+    return LoopRows(
+        edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped)
+    )
 
 
 def _explicit_rate(joint: AbstractJoint, X: Pose, t: ca.SX) -> ca.SX:

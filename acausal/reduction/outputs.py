@@ -27,15 +27,12 @@ class Outputs:
     def reactions(self) -> Reactions:
         """Flows at connectors."""
         r = self.system
-        assert r.mechanics is not None
         return Reactions(r.mechanics, r.constraints, r.v_dot, r.multipliers)
 
     @functools.cached_property
     def _joint_symbols(self) -> dict[Symbol, tuple[AbstractJoint, str]]:
         """q and v of every joint, those of implicit joints included."""
         mechanics = self.system.mechanics
-        if mechanics is None:
-            return {}
         joints = [item.edge.joint for item in mechanics.tree.joints] + [cut.joint for cut in mechanics.mechanism.cuts]
         return {s: (j, kind) for j in joints for s, kind in ((j.q, "q"), (j.v, "v"))}
 
@@ -61,8 +58,9 @@ class Outputs:
 
     def is_angle(self, value: Expression) -> bool:
         """Whether it is the angle of a cut joint, which a relative pose gives only up to full turns."""
-        joint = self._joint_symbols.get(value) if isinstance(value, Symbol) else None
-        return joint is not None and joint[1] == "q" and value.unit == "rad" and self.symbol(value) is not value.sx
+        if not isinstance(value, Symbol) or value not in self._joint_symbols:
+            return False
+        return self._joint_symbols[value][1] == "q" and value.unit == "rad" and self.symbol(value) is not value.sx
 
     def _resolve_raw(self, value: ca.SX) -> ca.SX:
         """For plain `SX`: look its symbols up among those of the scene."""
@@ -106,20 +104,23 @@ class Outputs:
     def _foreign(self, symbol: Symbol) -> str:
         names = [name for name in self.system.flat.names.values() if name.split(".")[-1] == symbol.name.split(".")[-1]]
         hint = f" It has: {', '.join(names[:5])}." if names else ""
-        return (f"'{symbol.name}' [{symbol.unit}] is not a variable of the scene '{self.system.flat.name}'; "
-                f"it may belong to another scene, or to a part that was never assigned.{hint}")
+        return (
+            f"'{symbol.name}' [{symbol.unit}] is not a variable of the scene '{self.system.flat.name}'; "
+            f"it may belong to another scene, or to a part that was never assigned.{hint}"
+        )
 
     def _joint_symbol(self, symbol: Symbol) -> ca.SX:
         joint, kind = self._joint_symbols[symbol]
         mechanics = self.system.mechanics
-        assert mechanics is not None
         if any(item.edge.joint is joint for item in mechanics.tree.joints):
             return symbol.sx
         placement = mechanics.placement
         rows = next(rows for rows in self.system.constraints.loops if rows.edge.joint is joint)
         q = joint.coordinates(rows.pose)
         if q is None:
-            raise UnknownVariableError(f"{rows.edge.name}.{kind} closes a loop and has no closed form in {type(joint).__name__}.coordinates.")
+            raise UnknownVariableError(
+                f"{rows.edge.name}.{kind} closes a loop and has no closed form in {type(joint).__name__}.coordinates."
+            )
         if kind == "q":
             return q
         if joint.v.size == joint.q.size:
@@ -142,7 +143,7 @@ class Outputs:
     def _quantity(self, symbol: Quantity) -> ca.SX:
         connector = symbol.connector
         mechanics = self.system.mechanics
-        if not isinstance(connector, Point) or mechanics is None or connector not in self.system.flat.connector_paths:
+        if not isinstance(connector, Point) or connector not in self.system.flat.connector_paths:
             raise UnknownVariableError(self._foreign(symbol))
         link, place = mechanics.placement.place(connector)
         name = symbol.name
@@ -168,4 +169,3 @@ class Outputs:
             return R_link @ w_dot
         gravity = symbolic(mechanics.tree.world) @ mechanics.tree.gravity
         return R_link @ (a + ca.cross(w_dot, p) + ca.cross(w, ca.cross(w, p))) + gravity
-

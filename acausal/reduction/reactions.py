@@ -151,15 +151,21 @@ class Reactions:
 
     def _is_ground(self, side: set[str | frozenset[Point]]) -> bool:
         ground = self.system.mechanism.groups[0]
-        return any(part.path in side and not part.component.inertia().mass and hasattr(part.component, "gravity")
-                   for part in ground.parts if isinstance(part.component, AbstractRigidPart))
+        return any(
+            part.path in side and not part.component.inertia().mass and hasattr(part.component, "gravity")
+            for part in ground.parts
+            if isinstance(part.component, AbstractRigidPart)
+        )
 
     def _needed(self, side: set[str | frozenset[Point]], own: Place) -> Wrench:
         """Torque and force in the axes of `own` and about its origin."""
         link, place = own
         torque, force = ca.SX.zeros(3), ca.SX.zeros(3)
-        group = next(g for g in self.system.mechanism.groups if any(p.path in side for p in g.parts) or any(
-            isinstance(n, frozenset) and n & set(g.poses) for n in side))
+        group = next(
+            g
+            for g in self.system.mechanism.groups
+            if any(p.path in side for p in g.parts) or any(isinstance(n, frozenset) and n & set(g.poses) for n in side)
+        )
         index = self.system.mechanism.groups.index(group)
         group_pose = self.system.tree.places[index][1]
         for part, pose in zip(group.parts, group.part_poses, strict=True):

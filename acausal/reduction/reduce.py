@@ -13,6 +13,7 @@ from acausal.language.flatten import FlatSystem
 from acausal.mechanics.forward_dynamics import forward_dynamics, zero_wrenches
 from acausal.mechanics.kernels import solve_positive
 from acausal.mechanics.system import MechanicalSystem
+from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.constraints import Constraints, analyse_constraints
 
 
@@ -61,6 +62,16 @@ class ReducedSystem:
     def nq(self) -> int:
         """Number of configuration variables; they come first in x."""
         return self.mechanics.tree.q.numel()
+
+    @property
+    def tree_joints(self) -> tuple[JointSymbols, ...]:
+        """The joints whose coordinates are states."""
+        return self.mechanics.tree.joints
+
+    @property
+    def tree_velocities(self) -> int:
+        """Number of velocity variables, before loops are closed."""
+        return self.mechanics.tree.v.numel()
 
     @property
     def q_start(self) -> np.ndarray:

@@ -44,7 +44,9 @@ def build_mechanism(flat: FlatSystem) -> Mechanism | None:
 def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
     worlds = [part for part in rigid if isinstance(part.component, AbstractGround)]
     if not worlds:
-        raise GroundError("The scene has no ground. Add one, e.g. scene.world = World(), and connect its frame where something is held.")
+        raise GroundError(
+            "The scene has no ground. Add one, e.g. scene.world = World(), and connect its frame where something is held."
+        )
     values = [part.component.gravity() for part in worlds if isinstance(part.component, AbstractGround)]
     for part, value in zip(worlds[1:], values[1:], strict=True):
         if not np.array_equal(np.asarray(value), np.asarray(values[0])):

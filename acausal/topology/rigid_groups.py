@@ -11,7 +11,6 @@ from acausal.errors import AssemblyError, GroundError
 from acausal.language.connector import Frame, Point
 from acausal.language.flatten import FlatSystem, Part
 from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import Pose, snapped
 from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart, Attachment
 from acausal.topology.mechanism import Group
@@ -44,11 +43,17 @@ def _attachments(part: Part) -> tuple[Attachment, ...]:
     return part.component.attachments()
 
 
-def _group(flat: FlatSystem, graph: nx.MultiGraph[str | int], nodes: set[str | int], parts: dict[str, Part],
-           sets: Sequence[tuple[Point, ...]]) -> Group:
+def _group(
+    flat: FlatSystem,
+    graph: nx.MultiGraph[str | int],
+    nodes: set[str | int],
+    parts: dict[str, Part],
+    sets: Sequence[tuple[Point, ...]],
+) -> Group:
     members = tuple(part for path, part in parts.items() if path in nodes)
-    root = _GROUND if _GROUND in nodes else next((part.path for part in members), min(n for n in nodes if isinstance(n, int))
-                                                 if not members else members[0].path)
+    root: str | int = _GROUND
+    if _GROUND not in nodes:
+        root = members[0].path if members else min(n for n in nodes if isinstance(n, int))
     placed: dict[str | int, Pose] = {root: Pose.identity()}
     for near, far in nx.bfs_edges(graph, root):
         placed[far] = placed[near] @ _pose_along(graph, near, far, 0)
@@ -59,7 +64,11 @@ def _group(flat: FlatSystem, graph: nx.MultiGraph[str | int], nodes: set[str | i
         assert isinstance(part.component, AbstractRigidPart)
         inertia = inertia + part.component.inertia().seen_from(placed[part.path])
     kind = _kind(root, members, inertia)
-    name = "ground" if kind == "ground" else next((p.path for p in members), flat.connector_paths[next(iter(poses))] if poses else "nothing")
+    name = (
+        "ground"
+        if kind == "ground"
+        else next((p.path for p in members), flat.connector_paths[next(iter(poses))] if poses else "nothing")
+    )
     return Group(name, kind, members, tuple(placed[part.path] for part in members), poses, inertia, _sketch(members, placed))
 
 
@@ -86,20 +95,25 @@ def _pose_along(graph: nx.MultiGraph[str | int], near: str | int, far: str | int
     return Pose(snapped(pose.rotation), pose.position) if isinstance(pose.rotation, np.ndarray) else pose
 
 
-def _check_loops(graph: nx.MultiGraph[str | int], nodes: set[str | int], placed: dict[str | int, Pose], parts: dict[str, Part]) -> None:
+def _check_loops(
+    graph: nx.MultiGraph[str | int], nodes: set[str | int], placed: dict[str | int, Pose], parts: dict[str, Part]
+) -> None:
     for near, far, key in graph.edges(nodes, keys=True):
         gap = (placed[near] @ _pose_along(graph, near, far, key)).inverse() @ placed[far]
         if not (isinstance(gap.rotation, np.ndarray) and isinstance(gap.position, np.ndarray)):
             continue
         distance, turn = float(np.linalg.norm(gap.position)), float(np.linalg.norm(gap.rotation - np.eye(3)))
-        is_point = isinstance(far, int) and near in parts and not any(isinstance(a.connector, Frame) for a in _attachments(parts[str(near)]))
-        if distance > _TOLERANCE * (1 + float(np.linalg.norm(np.asarray(placed[far].position)))) or (turn > _TOLERANCE and not is_point):
+        is_point = (
+            isinstance(far, int)
+            and near in parts
+            and not any(isinstance(a.connector, Frame) for a in _attachments(parts[str(near)]))
+        )
+        if distance > _TOLERANCE * (1 + float(np.linalg.norm(np.asarray(placed[far].position)))) or (
+            turn > _TOLERANCE and not is_point
+        ):
             who = ", ".join(parts[str(n)].where for n in nodes if n in parts)
-            message = (f"Rigid parts are connected in a loop that does not fit: a gap of {distance:.3g} m and a turn of {turn:.3g} rad "
-                       f"remain. Parts: {who}. Change the offsets so that they agree, or remove one connection.")
+            message = (
+                f"Rigid parts are connected in a loop that does not fit: a gap of {distance:.3g} m and a turn of {turn:.3g} rad "
+                f"remain. Parts: {who}. Change the offsets so that they agree, or remove one connection."
+            )
             raise GroundError("Grounds in conflict. " + message) if _GROUND in nodes else AssemblyError(message)
-
-
-def joints_of(flat: FlatSystem) -> list[Part]:
-    """The joints of a flat system."""
-    return [part for part in flat.parts if isinstance(part.component, AbstractJoint)]

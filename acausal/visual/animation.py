@@ -90,7 +90,9 @@ class Animation:
     def plane_normal(self) -> np.ndarray | None:
         """Unit normal (3,) of the plane in which all joints, links and body origins stay; None if the motion is spatial."""
         points = [b.positions for b in self.bodies] + [j.positions for j in self.joints] + [link.ends for link in self.links]
-        points += [b.positions + rotated(b.quaternions, np.array(s.end)) for b in self.bodies for s in b.shapes if isinstance(s, Rod)]
+        points += [
+            b.positions + rotated(b.quaternions, np.array(s.end)) for b in self.bodies for s in b.shapes if isinstance(s, Rod)
+        ]
         if not points:
             return None
         cloud = np.vstack(points)

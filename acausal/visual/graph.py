@@ -10,7 +10,7 @@ import networkx as nx
 from acausal.visual.pyplot import new_figure, saved
 
 _FILL = {"ground": "#5b6774", "body": "#4C78A8", "point": "#54A24B", "massless": "#c4ccd6"}
-_LINE = {"joint": ("#3d4957", "-"), "cut": ("#E45756", "--"), "force": ("#B279A2", ":")}
+_LINE: dict[str, tuple[str, Any]] = {"joint": ("#3d4957", "-"), "cut": ("#E45756", "--"), "force": ("#B279A2", ":")}
 
 
 def draw_graph(graph: nx.MultiGraph[int], path: str | Path | None = None) -> Any:
@@ -35,20 +35,39 @@ def draw_graph(graph: nx.MultiGraph[int], path: str | Path | None = None) -> Any
             "arrowstyle": "-", "color": colour, "linestyle": style, "linewidth": 1.7, "connectionstyle": f"arc3,rad={bend}", "shrinkA": 17, "shrinkB": 17,
         })  # fmt: skip
         middle = ((xa + xb) / 2 - bend * (ya - yb) / 2, (ya + yb) / 2 + bend * (xa - xb) / 2)
-        axes.text(*middle, data["label"], fontsize=8, color=colour, ha="center", va="center",
-                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85})
+        axes.text(
+            *middle,
+            data["label"],
+            fontsize=8,
+            color=colour,
+            ha="center",
+            va="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
+        )
     for node, (x, y) in places.items():
         data = graph.nodes[node]
         dark = data["kind"] != "massless"
-        axes.text(x, y, data["label"], fontsize=9, ha="center", va="center", color="white" if dark else "#1d2733",
-                  bbox={"boxstyle": "round,pad=0.45", "facecolor": _FILL[data["kind"]], "edgecolor": "none"})
+        axes.text(
+            x,
+            y,
+            data["label"],
+            fontsize=9,
+            ha="center",
+            va="center",
+            color="white" if dark else "#1d2733",
+            bbox={"boxstyle": "round,pad=0.45", "facecolor": _FILL[data["kind"]], "edgecolor": "none"},
+        )
     from matplotlib.lines import Line2D
 
     kinds = [k for k in _LINE if any(data["kind"] == k for *_, data in graph.edges(data=True))]
     names = {"joint": "joint", "cut": "joint that closes a loop", "force": "force"}
     if kinds:
-        axes.legend(handles=[Line2D([], [], color=_LINE[k][0], linestyle=_LINE[k][1], label=names[k]) for k in kinds],
-                    frameon=False, fontsize=8, loc="upper left")
+        axes.legend(
+            handles=[Line2D([], [], color=_LINE[k][0], linestyle=_LINE[k][1], label=names[k]) for k in kinds],
+            frameon=False,
+            fontsize=8,
+            loc="upper left",
+        )
     axes.set_xlim(min(x for x, _ in places.values()) - 0.8, max(x for x, _ in places.values()) + 0.8)
     axes.set_ylim(-deep - 0.5, 0.6)
     axes.axis("off")

@@ -41,7 +41,7 @@ def _view(animation: Animation) -> tuple[np.ndarray, np.ndarray]:
         side = np.cross(up, helper)
         normal = helper * 0.5 - side * 0.8 + up * 0.35
     normal = normal / np.linalg.norm(normal)
-    if normal[np.argmax(np.abs(normal))] < 0 and abs(normal[1]) < 0.9 or normal[1] > 0.9:
+    if (normal[np.argmax(np.abs(normal))] < 0 and abs(normal[1]) < 0.9) or normal[1] > 0.9:
         normal = -normal
     if abs(float(normal @ up)) > 0.99:
         up = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
@@ -53,8 +53,11 @@ def _view(animation: Animation) -> tuple[np.ndarray, np.ndarray]:
 def _draw_frame(axes: Any, animation: Animation, frame: int, right: np.ndarray, up: np.ndarray, strength: float) -> None:
     width = 2.5
     for link in animation.links:
-        line = _coil(link.starts[frame], link.ends[frame], right, up, animation.size()) if link.kind == "spring" else np.stack(
-            [[p @ right, p @ up] for p in (link.starts[frame], link.ends[frame])])
+        line = (
+            _coil(link.starts[frame], link.ends[frame], right, up, animation.size())
+            if link.kind == "spring"
+            else np.stack([[p @ right, p @ up] for p in (link.starts[frame], link.ends[frame])])
+        )
         axes.plot(line[:, 0], line[:, 1], color="#3d4957", linewidth=1.0, alpha=strength, zorder=3)
     for i, body in enumerate(animation.bodies):
         colour = PALETTE[i % len(PALETTE)]
@@ -69,11 +72,22 @@ def _draw_frame(axes: Any, animation: Animation, frame: int, right: np.ndarray, 
             flat = np.stack([points @ right, points @ up], axis=1)
             if filled:
                 axes.fill(flat[:, 0], flat[:, 1], facecolor=colour, alpha=0.28 * strength, zorder=2)
-            axes.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=width, alpha=strength, solid_capstyle="round", zorder=4, label=label)
+            axes.plot(
+                flat[:, 0],
+                flat[:, 1],
+                color=colour,
+                linewidth=width,
+                alpha=strength,
+                solid_capstyle="round",
+                zorder=4,
+                label=label,
+            )
             label = None
     for joint in animation.joints:
         p = joint.positions[frame]
-        axes.plot(p @ right, p @ up, "o", markersize=5, markerfacecolor="white", markeredgecolor="#3d4957", alpha=strength, zorder=6)
+        axes.plot(
+            p @ right, p @ up, "o", markersize=5, markerfacecolor="white", markeredgecolor="#3d4957", alpha=strength, zorder=6
+        )
     if strength == 1.0 and 0 < len(animation.bodies) <= 12:
         axes.legend(frameon=False, fontsize=8, loc="best")
 
@@ -99,7 +113,20 @@ def _outline(shape: Shape) -> tuple[np.ndarray | None, bool]:
             return np.array(shape.semi_axes) * circle[:, [0, 2, 1]], True
         case Box():
             x, y, z = np.array(shape.size) / 2
-            return np.array([(-x, -y, -z), (x, -y, -z), (x, y, -z), (-x, y, -z), (-x, -y, -z), (-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z), (-x, -y, z)]), False
+            return np.array(
+                [
+                    (-x, -y, -z),
+                    (x, -y, -z),
+                    (x, y, -z),
+                    (-x, y, -z),
+                    (-x, -y, -z),
+                    (-x, -y, z),
+                    (x, -y, z),
+                    (x, y, z),
+                    (-x, y, z),
+                    (-x, -y, z),
+                ]
+            ), False
         case PointMass():
             return None, False
 

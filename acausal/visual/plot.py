@@ -12,7 +12,9 @@ from acausal.visual.animation import PALETTE
 from acausal.visual.pyplot import new_figure, saved
 
 
-def plot_series(times: np.ndarray, series: Sequence[tuple[str, np.ndarray]], *, path: str | Path | None = None, title: str = "") -> Any:
+def plot_series(
+    times: np.ndarray, series: Sequence[tuple[str, np.ndarray]], *, path: str | Path | None = None, title: str = ""
+) -> Any:
     """Series (n,) or (n, k), each with a label, over times (n,) [s]; returns the matplotlib figure."""
     figure, axes = new_figure(8.0, 4.5)
     colour = 0

@@ -32,10 +32,18 @@ def animation_of(run: Trajectory, *, speed: float | None = None) -> Animation:
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
     moving = run.at(np.linspace(run.solution.t[0], run.solution.t[-1], frames))
     bodies = _bodies(moving)
-    links = tuple(_link(moving, part.path, part.component) for part in run.outputs.system.mechanics.mechanism.forces
-                  if isinstance(part.component, AbstractLineForce))
-    gravity = np.array(ca.DM(ca.evalf(symbolic(run.outputs.system.mechanics.tree.world) @ run.outputs.system.mechanics.tree.gravity))).ravel() \
-        if run.outputs.system.mechanics.tree.gravity.is_constant() else np.zeros(3)
+    links = tuple(
+        _link(moving, part.path, part.component)
+        for part in run.outputs.system.mechanics.mechanism.forces
+        if isinstance(part.component, AbstractLineForce)
+    )
+    gravity = (
+        np.array(
+            ca.DM(ca.evalf(symbolic(run.outputs.system.mechanics.tree.world) @ run.outputs.system.mechanics.tree.gravity))
+        ).ravel()
+        if run.outputs.system.mechanics.tree.gravity.is_constant()
+        else np.zeros(3)
+    )
     size = float(np.linalg.norm(gravity))
     up = (0.0, 0.0, 1.0) if size == 0 else tuple(float(-g / size) for g in gravity)
     return Animation(run.outputs.system.flat.name, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
@@ -58,7 +66,9 @@ def _quaternions(R: np.ndarray) -> np.ndarray:
     wx, wy, wz = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
     xy, xz, yz = R[:, 1, 0] + R[:, 0, 1], R[:, 0, 2] + R[:, 2, 0], R[:, 2, 1] + R[:, 1, 2]
     w4, x4, y4, z4 = squares.T
-    cases = np.stack([np.stack(c, axis=1) for c in ((w4, wx, wy, wz), (wx, x4, xy, xz), (wy, xy, y4, yz), (wz, xz, yz, z4))], axis=1)
+    cases = np.stack(
+        [np.stack(c, axis=1) for c in ((w4, wx, wy, wz), (wx, x4, xy, xz), (wy, xy, y4, yz), (wz, xz, yz, z4))], axis=1
+    )
     q = cases[np.arange(len(R)), np.argmax(squares, axis=1)]
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     flips = np.concatenate([[1.0], np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)])
@@ -111,7 +121,9 @@ def _joints(run: Trajectory) -> tuple[JointMarker, ...]:
         X = mechanics.kinematics.pose(link) @ place
         poses.append(Pose(symbolic(X.rotation) @ symbolic(joint.mounting()), X.position))
     positions, rotations = _poses(run, poses)
-    return tuple(JointMarker(name, kind, p, R[:, :, 2]) for (name, _, kind), p, R in zip(shown, positions, rotations, strict=True))
+    return tuple(
+        JointMarker(name, kind, p, R[:, :, 2]) for (name, _, kind), p, R in zip(shown, positions, rotations, strict=True)
+    )
 
 
 def _joint_kind(joint: AbstractJoint) -> str | None:
@@ -121,7 +133,15 @@ def _joint_kind(joint: AbstractJoint) -> str | None:
     if any(isinstance(step, Shift) for step in steps):
         return None
     if len(steps) == 1:
-        return "hinge" if isinstance(steps[0], Turn) else "slider" if isinstance(steps[0], Slide) else "ball" if isinstance(steps[0], Ball) else "hinge"
+        return (
+            "hinge"
+            if isinstance(steps[0], Turn)
+            else "slider"
+            if isinstance(steps[0], Slide)
+            else "ball"
+            if isinstance(steps[0], Ball)
+            else "hinge"
+        )
     return "other"
 
 
@@ -141,5 +161,3 @@ def _trails(bodies: tuple[MovingBody, ...]) -> tuple[Trail, ...]:
             found.append(best)
     found.sort(key=lambda item: -item[0])
     return tuple(trail for length, trail in found[:3] if length > 0)
-
-

@@ -26,7 +26,9 @@ class AbstractRolling(AbstractJoint, ABC):
     contact can pull. Must provide `contact_point`.
     """
 
-    q = Variable("", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0))
+    q = Variable(
+        "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
+    )
     v = Variable("rad/s", "angular velocity in frame_b", size=3)
 
     @abstractmethod
@@ -86,7 +88,7 @@ class AbstractRolling(AbstractJoint, ABC):
 class RollingBall(AbstractRolling):
     """A ball of `radius` [m] > 0 with its centre at frame_b rolls on the plane z = 0 of frame_a.
 
-        scene.contact = RollingBall(radius=0.1)
+    scene.contact = RollingBall(radius=0.1)
     """
 
     def __init__(self, radius: Scalar) -> None:
@@ -120,7 +122,7 @@ class RollingDisk(AbstractRolling):
 class RollingTorus(AbstractRolling):
     """A wheel with a round rim: circle of `radius` about `axis` with a tube of radius `tube` [m] > 0 rolls on the plane z = 0 of frame_a.
 
-        scene.contact = RollingTorus(radius=0.3, tube=0.02, axis="y")
+    scene.contact = RollingTorus(radius=0.3, tube=0.02, axis="y")
     """
 
     def __init__(self, radius: Scalar, tube: Scalar, axis: Axis = "y") -> None:
@@ -139,7 +141,7 @@ class RollingTorus(AbstractRolling):
 class RollingEllipsoid(AbstractRolling):
     """An ellipsoid with `semi_axes` (3,) [m] > 0 along the axes of frame_b, its centre at frame_b, rolls on the plane z = 0 of frame_a.
 
-        scene.contact = RollingEllipsoid(semi_axes=(0.2, 0.03, 0.02))
+    scene.contact = RollingEllipsoid(semi_axes=(0.2, 0.03, 0.02))
     """
 
     def __init__(self, semi_axes: Scalar) -> None:

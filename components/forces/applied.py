@@ -49,7 +49,7 @@ class Force(AbstractForce):
 class Torque(AbstractForce):
     """A torque on a body: `torque` (3,) [N*m]; the value and `resolved_in` as in `Force`.
 
-        scene.motor = Torque((0, 0, 0.1), resolved_in="body")
+    scene.motor = Torque((0, 0, 0.1), resolved_in="body")
     """
 
     frame = Frame.port(must_connect=True, if_unconnected=_UNCONNECTED)
@@ -71,7 +71,9 @@ class Torque(AbstractForce):
 def _vector(value: Scalar | Callable[[Any], Any], what: str) -> np.ndarray | Expression:
     of_t = of_time(value)
     found = leaves(of_t)
-    if isinstance(of_t, list | tuple) and any(isinstance(entry, ca.SX) for entry in of_t):  # CasADi's functions drop what they know
+    if isinstance(of_t, list | tuple) and any(
+        isinstance(entry, ca.SX) for entry in of_t
+    ):  # CasADi's functions drop what they know
         from acausal.language.expression import time
 
         found |= {time}

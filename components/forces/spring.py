@@ -38,7 +38,7 @@ class Spring(AbstractLineForce):
 class Damper(AbstractLineForce):
     """Linear damper between two points: tension = damping * rate of the length. `damping` [N*s/m] >= 0; dissipates damping rate^2.
 
-        scene.damper = Damper(damping=2.0)
+    scene.damper = Damper(damping=2.0)
     """
 
     def __init__(self, damping: Scalar) -> None:
@@ -55,7 +55,7 @@ class Damper(AbstractLineForce):
 class SpringDamper(AbstractLineForce):
     """Spring and damper side by side between two points; parameters as in `Spring` and `Damper`.
 
-        scene.strut = SpringDamper(stiffness=2e4, natural_length=0.4, damping=1e3)
+    scene.strut = SpringDamper(stiffness=2e4, natural_length=0.4, damping=1e3)
     """
 
     def __init__(self, stiffness: Scalar, natural_length: Scalar, damping: Scalar) -> None:
@@ -98,7 +98,7 @@ class NonlinearSpring(AbstractLineForce):
 class NonlinearDamper(AbstractLineForce):
     """Any dissipative law between two points: `force(length, rate)` [N], pull positive, in CasADi's operations; zero at rate 0.
 
-        scene.damper = NonlinearDamper(lambda length, rate: 3.0 * rate * ca.fabs(rate))
+    scene.damper = NonlinearDamper(lambda length, rate: 3.0 * rate * ca.fabs(rate))
     """
 
     def __init__(self, force: Callable[[ca.SX, ca.SX], ca.SX]) -> None:

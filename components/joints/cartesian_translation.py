@@ -16,7 +16,7 @@ from acausal.mechanics.steps import AbstractStep, Shift
 class CartesianTranslation(AbstractStepJoint):
     """frame_b shifts by q (3) [m] along the axes of frame_a and does not turn. Three freedoms. v = q' [m/s].
 
-        scene.gantry = CartesianTranslation()
+    scene.gantry = CartesianTranslation()
     """
 
     q = Variable("m", "displacement in frame_a", size=3)

@@ -13,7 +13,6 @@ from acausal.mechanics.pose import Matrix, Pose, product, rotation_to_axis, symb
 from acausal.mechanics.steps import AbstractStep, Slide, Turn
 from components.orientation import Axis, axis_vector, mounting
 
-
 _ALONG = (rotation_to_axis(np.array([1.0, 0.0, 0.0])), rotation_to_axis(np.array([0.0, 1.0, 0.0])))
 
 

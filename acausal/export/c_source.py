@@ -1,0 +1,136 @@
+"""C source of a model's functions, and the way back: compile and load it in another process."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from acausal.errors import ExportError
+
+if TYPE_CHECKING:
+    from acausal.model import Model
+
+_README = """\
+{title}: C code of a reduced mechanical model
+==============================================
+
+    {build}
+
+Functions (see model.h), each called as `int f(const double** arg, double** res, long long int* iw, double* w, int mem)`:
+
+{functions}
+
+Arguments: t [s]; x, the {nx} states; u, the {nu} inputs; p, the {np} parameters, in the order given in model.json.
+Work space: `f_work(&sz_arg, &sz_res, &sz_iw, &sz_w)`. A NULL result is not computed.
+"""
+
+
+def export_c(model: Model, folder: str | Path) -> Path:
+    """Write model.c, model.h, model.json (names, sizes, parameter values) and README.txt with a build line.
+
+    The C is plain C99 with libm and needs nothing of acausal or CasADi. Raises `ExportError` when a file cannot be written.
+    """
+    target = Path(folder)
+    functions = _exported(model)
+    generator = ca.CodeGenerator("model", {"with_header": True, "casadi_int": "long long int"})
+    for function in functions:
+        generator.add(function)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as scratch:
+            generator.generate(scratch + os.sep)
+            for name in ("model.c", "model.h"):
+                shutil.copy(Path(scratch) / name, target / name)
+        facts = {
+            "title": model.system.flat.name,
+            "functions": [f.name() for f in functions],
+            "states": list(model.state_names),
+            "inputs": list(model.input_names),
+            "parameters": list(model.parameter_names),
+            "parameter_values": model.system.p_values.tolist(),
+        }
+        (target / "model.json").write_text(json.dumps(facts, indent=2), encoding="utf-8")
+        text = _README.format(
+            title=facts["title"], build=build_line("model.c", "model" + _suffix()),
+            functions="\n".join(f"    {f}" for f in functions), nx=len(model.state_names), nu=len(model.input_names), np=len(model.parameter_names),
+        )  # fmt: skip
+        (target / "README.txt").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ExportError(f"export_c: cannot write to '{target}': {error}.") from error
+    return target
+
+
+def _exported(model: Model) -> list[ca.Function]:
+    f = model.functions
+    found = [f.explicit_dynamics, f.residual_dynamics, f.kinetic_energy, f.potential_energy, f.constraint_position, f.constraint_velocity]
+    return found + [extra for extra in (f.invariants, f.projection) if extra is not None]
+
+
+def build_line(source: str, library: str) -> str:
+    """A command that makes a shared library of the exported C."""
+    return f"cc -O2 -fPIC -shared -o {library} {source} -lm"
+
+
+def _suffix() -> str:
+    return ".dll" if sys.platform == "win32" else ".dylib" if sys.platform == "darwin" else ".so"
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """Functions of an exported model, compiled and loaded: `loaded["explicit_dynamics"](t, x, u, p)`."""
+
+    folder: Path
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    parameter_values: tuple[float, ...]
+    names: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> ca.Function:
+        if name not in self.names:
+            raise ExportError(f"The exported model in '{self.folder}' has no function '{name}'. It has: {', '.join(self.names)}.")
+        return ca.external(name, str(self.folder / ("model" + _suffix())))
+
+
+def load_c(folder: str | Path) -> LoadedModel:
+    """Compile (where that was not done) and load an exported model. Raises `ExportError` without a C compiler, or if it fails."""
+    target = Path(folder).resolve()
+    source, library = target / "model.c", target / ("model" + _suffix())
+    if not source.exists():
+        raise ExportError(f"'{target}' holds no exported model: there is no model.c. Write one with model.export_c(folder).")
+    if not library.exists() or library.stat().st_mtime < source.stat().st_mtime:
+        _compile(source, library)
+    facts = json.loads((target / "model.json").read_text(encoding="utf-8"))
+    return LoadedModel(target, *(tuple(facts[k]) for k in ("states", "inputs", "parameters", "parameter_values", "functions")))
+
+
+def compiler() -> list[str] | None:
+    """The C compiler that would be used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none."""
+    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
+        if name and shutil.which(name):
+            return [name]
+    try:
+        import ziglang  # noqa: F401  # pyright: ignore[reportMissingImports, reportUnusedImport]
+    except ImportError:
+        return None
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def _compile(source: Path, library: Path) -> None:
+    found = compiler()
+    if found is None:
+        raise ExportError("No C compiler was found (cc, gcc, clang). Install one, or ziglang from PyPI: pip install ziglang.")
+    scratch = library.with_suffix(f".{os.getpid()}.tmp")
+    result = subprocess.run([*found, "-O2", "-fPIC", "-shared", "-o", str(scratch), str(source), "-lm"], capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        raise ExportError(f"The C compiler {' '.join(found)} failed on {source}:\n{result.stderr.strip()[-2000:]}")
+    os.replace(scratch, library)
