@@ -1,5 +1,6 @@
 """Acausal 3-D mechanics: compose a mechanism from parts, get reduced equations, simulations and CasADi functions."""
 
+from acausal import errors
 from acausal.export.c_source import LoadedModel, load_c
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
@@ -9,6 +10,27 @@ from acausal.model import Model, build
 from acausal.reduction.initial import exactly, near
 
 __all__ = [
-    "Component", "Electrical", "Equation", "Expression", "Frame", "Input", "LoadedModel", "Model", "Parameter", "Point", "Rotational", "Signal",
-    "System", "Translational", "Variable", "build", "der", "equal", "load_c", "exactly", "near", "time",
+    "Component",
+    "Electrical",
+    "Equation",
+    "Expression",
+    "Frame",
+    "Input",
+    "LoadedModel",
+    "Model",
+    "Parameter",
+    "Point",
+    "Rotational",
+    "Signal",
+    "System",
+    "Translational",
+    "Variable",
+    "build",
+    "der",
+    "equal",
+    "errors",
+    "exactly",
+    "load_c",
+    "near",
+    "time",
 ]  # fmt: skip

@@ -14,6 +14,7 @@ AcausalError
 │   └── OverdeterminedError     more equations than unknowns
 ├── UnknownVariableError        a variable or expression that does not belong to the model asked
 ├── StartValueError             a start value for something that cannot have one, or that is contradicted
+├── OptionError                 an argument of a call that makes no sense, e.g. a negative duration (also a ValueError)
 ├── SimulationError             integration stopped early; carries the status and the trajectory so far
 └── ExportError                 a file or library could not be written or compiled
 
@@ -82,6 +83,10 @@ class UnknownVariableError(AcausalError):
 
 class StartValueError(AcausalError):
     """A start value was given for something that cannot have one, or contradicts the others."""
+
+
+class OptionError(AcausalError, ValueError):
+    """An argument of a call is out of its range."""
 
 
 class ExportError(AcausalError):

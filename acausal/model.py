@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from acausal.codegen.lower import Functions, operations
-from acausal.errors import ModelError
+from acausal.errors import LockedError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Input, Parameter, time
 from acausal.language.flatten import flatten
 from acausal.mechanics.system import mechanical_system
 from acausal.reduction.initial import InitialState, Start, initial_state
 from acausal.reduction.outputs import Outputs
-from acausal.reduction.reduce import ReducedSystem, reduce_mechanics
+from acausal.reduction.reduce import ReducedSystem, reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from acausal.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """A reduced scene with its CasADi functions. Made by `build`; never changes."""
 
@@ -54,7 +54,7 @@ class Model:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Independent velocities."""
+        """Independent velocities of the mechanism; states of scalar domains not counted."""
         return self.system.degrees_of_freedom
 
     @property
@@ -147,6 +147,9 @@ class Model:
 
         return export_c(self, folder)
 
+    def __repr__(self) -> str:
+        return f"<Model {self}>"
+
     def __str__(self) -> str:
         s = self.system
         m = s.constraints.jacobian.shape[0]
@@ -154,15 +157,25 @@ class Model:
         if s.constraints.redundant or s.constraints.vanishing:
             constraints += f" ({len(s.constraints.redundant) + len(s.constraints.vanishing)} redundant rows dropped)"
         return (
-            f"{s.flat.name}: {self.degrees_of_freedom} degrees of freedom, {s.x.numel()} states, {constraints}, "
+            f"{s.flat.name}: {self.degrees_of_freedom} {_plural(self.degrees_of_freedom, 'degree')} of freedom, {s.x.numel()} states, {constraints}, "
             f"{self.operations} operations, {s.u.numel()} inputs, {s.p.numel()} parameters"
         )
+
+
+def _plural(count: int, word: str) -> str:
+    return word if count == 1 else word + "s"
 
 
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
     flat = flatten(scene)
-    mechanism = build_mechanism(flat)
-    if mechanism is None:
-        raise ModelError(f"The scene '{flat.name}' has no mechanical parts.")
-    return Model(reduce_mechanics(mechanical_system(mechanism, time.sx)))
+    if not flat.parts:
+        raise ModelError(
+            f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
+        )
+    model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
+    if model.system.x.numel() == 0:
+        raise LockedError(
+            f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. Add a joint or a free body."
+        )
+    return model

@@ -37,8 +37,12 @@ def report(model: Model) -> str:
 
 def _freedoms(model: Model) -> list[str]:
     system = model.system
-    rows = [f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops, are {model.degrees_of_freedom}."]
-    configuration = int(system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints))
+    rows = [
+        f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops, are {model.degrees_of_freedom}."
+    ]
+    configuration = int(
+        system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints)
+    )
     holonomic = sum(".rolling[" not in name for name in system.constraints.kept)
     if configuration - holonomic != model.degrees_of_freedom:
         rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
@@ -57,27 +61,43 @@ def _loops(model: Model) -> list[str]:
     lines = ["Loops, cut at these joints:"]
     for rows in constraints.loops:
         kept = [name for name in rows.names if name in constraints.kept]
-        lines.append(f"  {rows.edge.name:<24} {type(rows.edge.joint).__name__:<20} {len(kept)} of {len(rows.names) + len(rows.dropped)} rows are needed")
+        lines.append(
+            f"  {rows.edge.name:<24} {type(rows.edge.joint).__name__:<20} {len(kept)} of {len(rows.names) + len(rows.dropped)} rows are needed"
+        )
         for name in rows.dropped:
-            lines.append(f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it holds by itself in this plane or direction")
+            lines.append(
+                f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it holds by itself in this plane or direction"
+            )
         for name in rows.names:
             if name in constraints.redundant:
-                lines.append(f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it follows from the other joints of the loop")
+                lines.append(
+                    f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it follows from the other joints of the loop"
+                )
     if constraints.redundant or constraints.vanishing:
         where = sorted({name.split("[")[0] for name in (*constraints.redundant, *constraints.vanishing)})
-        lines.append(f"  Reactions along redundant directions are not determined by rigid bodies; they are given as zero at {', '.join(where)}.")
+        lines.append(
+            f"  Reactions along redundant directions are not determined by rigid bodies; they are given as zero at {', '.join(where)}."
+        )
     if constraints.rank.singular_at_start:
         lines.append("  The first configuration is singular: nearby, more constraints are independent than there.")
     if planar_normal(model) is not None:
         normal = planar_normal(model)
-        lines.append(f"  The loops are planar: all their hinges are parallel to {np.array2string(np.asarray(normal), precision=4, suppress_small=True)}.")
+        lines.append(
+            f"  The loops are planar: all their hinges are parallel to {np.array2string(np.asarray(normal), precision=4, suppress_small=True)}."
+        )
     return lines
 
 
 def _meaning(joint: object, name: str) -> str:
     """What a row of a hinge forbids; other joints give the number only."""
     words = {
-        "Revolute": ("a shift across the axis", "a shift across the axis", "a shift along the axis", "a tilt of the axis", "a tilt of the axis"),
+        "Revolute": (
+            "a shift across the axis",
+            "a shift across the axis",
+            "a shift along the axis",
+            "a tilt of the axis",
+            "a tilt of the axis",
+        ),
         "Prismatic": ("a shift across the axis", "a shift across the axis", "a turn", "a turn", "a turn about the axis"),
         "Cylindrical": ("a shift across the axis", "a shift across the axis", "a tilt of the axis", "a tilt of the axis"),
         "Spherical": ("a shift along x", "a shift along y", "a shift along z"),
@@ -107,4 +127,3 @@ def planar_normal(model: Model) -> np.ndarray | None:
     x = np.concatenate([system.q_start, np.zeros(system.tree_velocities)])
     values = np.array(function(0.0, x, system.p_values))
     return values[:, 0] if np.max(np.abs(np.abs(values[:, 0] @ values) - 1)) < 1e-9 else None
-

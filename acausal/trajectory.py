@@ -12,16 +12,18 @@ import casadi as ca
 import numpy as np
 
 from acausal.codegen.lower import Functions
+from acausal.errors import OptionError
 from acausal.integrators.problem import Solution, Statistics, Status
 from acausal.language.expression import Expression, Symbol
 from acausal.reduction.initial import InitialState
 from acausal.reduction.outputs import Outputs
 
 if TYPE_CHECKING:
-    from acausal.integrators.problem import Problem
+    from acausal.errors import OptionError
+from acausal.integrators.problem import Problem
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """A motion: times `t` (n,) [s], states `x` (nx, n), and everything that follows from them.
 
@@ -61,12 +63,12 @@ class Trajectory:
         return self.solution.statistics
 
     def at(self, times: Sequence[float] | np.ndarray | float) -> Trajectory:
-        """The motion at other times within the simulated interval [s]. Raises `ValueError` outside of it."""
+        """The motion at other times within the simulated interval [s]. Raises `OptionError` outside of it."""
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
         first, last = self.solution.t[0], self.solution.t[-1]
         slack = 1e-12 * max(1.0, abs(last))
         if wanted.size == 0 or np.any(wanted < first - slack) or np.any(wanted > last + slack) or not np.all(np.isfinite(wanted)):
-            raise ValueError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
+            raise OptionError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
         return replace(self, t=np.clip(wanted, first, last))
 
     def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
@@ -109,7 +111,7 @@ class Trajectory:
     @functools.cached_property
     def energy_loss(self) -> np.ndarray:
         """Energy dissipated less energy supplied since the start, (n,) [J]; Gauss quadrature of the power on the interpolant."""
-        if self.outputs.system.power_loss.is_zero():
+        if self.outputs.power_loss.is_zero():
             return np.zeros(self.t.size)
         knots = np.unique(np.concatenate([self.solution.t[self.solution.t <= self.t[-1]], self.t]))
         nodes, weights = np.polynomial.legendre.leggauss(12)
@@ -125,6 +127,9 @@ class Trajectory:
         balance = self.energy + self.energy_loss - start.energy[0]
         swing = np.max(np.abs(self.potential_energy - start.potential_energy[0]))
         scale = max(float(np.max(self.kinetic_energy)), float(swing))
+        total = float(np.max(np.abs(self.energy)))
+        if scale < 1e-9 * total:  # all energy is held by scalar components, and stays there
+            scale = total
         worst = float(np.max(np.abs(balance)))
         return worst / scale if scale > 0 else worst
 

@@ -2,7 +2,9 @@
 
 Bodies: World, RigidBody, Particle, Fixed. Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free. Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid. Forces: Spring, Damper,
-SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque.
+SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
+RotationalDamper, Gear, TorqueSource, RotationalGround; along lines: SlidingMass, TranslationalSpring, TranslationalDamper,
+ForceSource, TranslationalGround.
 """
 
 from components.bodies import Fixed, Particle, RigidBody
@@ -18,10 +20,13 @@ from components.joints.revolute import Revolute
 from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
+from components.rotational import Gear, Inertia, RotationalDamper, RotationalGround, RotationalSpring, TorqueSource
+from components.translational import ForceSource, SlidingMass, TranslationalDamper, TranslationalGround, TranslationalSpring
 from components.world import World
 
 __all__ = [
-    "CartesianTranslation", "Cylindrical", "Damper", "Fixed", "Force", "Free", "NonlinearDamper", "NonlinearSpring", "Particle",
-    "Planar", "Prismatic", "Revolute", "RigidBody", "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "Screw",
-    "Spherical", "Spring", "SpringDamper", "Torque", "Universal", "World",
+    "CartesianTranslation", "Cylindrical", "Damper", "Fixed", "Force", "ForceSource", "Free", "Gear", "Inertia", "NonlinearDamper",
+    "NonlinearSpring", "Particle", "Planar", "Prismatic", "Revolute", "RigidBody", "RollingBall", "RollingDisk", "RollingEllipsoid",
+    "RollingTorus", "RotationalDamper", "RotationalGround", "RotationalSpring", "Screw", "SlidingMass", "Spherical", "Spring",
+    "SpringDamper", "Torque", "TorqueSource", "TranslationalDamper", "TranslationalGround", "TranslationalSpring", "Universal", "World",
 ]  # fmt: skip

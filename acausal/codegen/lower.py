@@ -15,7 +15,7 @@ from acausal.reduction.outputs import Outputs
 _FOLD = {"cse": True}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Functions:
     """CasADi `Function`s of a model. Arguments: t [s], x = (q, v), u (inputs), p (parameters), in the order of the model's names.
 
@@ -32,7 +32,7 @@ class Functions:
             for item in self.outputs.system.mechanics.tree.joints:
                 size = (item.edge.joint.q if kind == "q" else item.edge.joint.v).size
                 names += [f"{item.edge.name}.{kind}" + (f"[{i}]" if size > 1 else "") for i in range(size)]
-        return tuple(names)
+        return tuple(names + [self.outputs.name(s) for s in self.outputs.system.scalar_states])
 
     @functools.cached_property
     def explicit_dynamics(self) -> ca.Function:
@@ -80,17 +80,17 @@ class Functions:
     @functools.cached_property
     def kinetic_energy(self) -> ca.Function:
         """(t, x, u, p) -> [J]."""
-        return self._function("kinetic_energy", [self.outputs.system.kinetic_energy], ["T"])
+        return self._function("kinetic_energy", [self.outputs.kinetic_energy], ["T"])
 
     @functools.cached_property
     def potential_energy(self) -> ca.Function:
         """(t, x, u, p) -> [J]."""
-        return self._function("potential_energy", [self.outputs.system.potential_energy], ["V"])
+        return self._function("potential_energy", [self.outputs.potential_energy], ["V"])
 
     @functools.cached_property
     def power_loss(self) -> ca.Function:
         """(t, x, u, p) -> power that leaves the mechanical energy: dissipated less supplied [W]."""
-        return self._function("power_loss", [self.outputs.system.power_loss], ["P"])
+        return self._function("power_loss", [self.outputs.power_loss], ["P"])
 
     @functools.cached_property
     def constraint_position(self) -> ca.Function:
@@ -112,13 +112,21 @@ class Functions:
         """(t, x, p) -> everything that stays zero along a motion; None if there is nothing."""
         s = self.outputs.system
         rows = ca.vertcat(s.position_invariants, s.velocity_invariants)
-        return ca.Function("invariants", [s.t, s.x, s.p], [ca.densify(rows)], _FOLD) if rows.numel() else None
+        return (
+            ca.Function("invariants", [s.t, s.x, s.p], [ca.densify(rows)], ["t", "x", "p"], ["g"], _FOLD)
+            if rows.numel()
+            else None
+        )
 
     @functools.cached_property
     def projection(self) -> ca.Function | None:
         """(t, x, p) -> x, one Newton step towards zero invariants in the mass metric; None if there is nothing to project."""
         s = self.outputs.system
-        return None if s.projection is None else ca.Function("projection", [s.t, s.x, s.p], [s.projection], _FOLD)
+        return (
+            None
+            if s.projection is None
+            else ca.Function("projection", [s.t, s.x, s.p], [s.projection], ["t", "x", "p"], ["x_next"], _FOLD)
+        )
 
     def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:
         """(t, x, u, p) -> the values of any expressions of the scene's variables. Raises `UnknownVariableError`."""

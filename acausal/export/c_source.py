@@ -71,7 +71,14 @@ def export_c(model: Model, folder: str | Path) -> Path:
 
 def _exported(model: Model) -> list[ca.Function]:
     f = model.functions
-    found = [f.explicit_dynamics, f.residual_dynamics, f.kinetic_energy, f.potential_energy, f.constraint_position, f.constraint_velocity]
+    found = [
+        f.explicit_dynamics,
+        f.residual_dynamics,
+        f.kinetic_energy,
+        f.potential_energy,
+        f.constraint_position,
+        f.constraint_velocity,
+    ]
     return found + [extra for extra in (f.invariants, f.projection) if extra is not None]
 
 
@@ -130,7 +137,9 @@ def _compile(source: Path, library: Path) -> None:
     if found is None:
         raise ExportError("No C compiler was found (cc, gcc, clang). Install one, or ziglang from PyPI: pip install ziglang.")
     scratch = library.with_suffix(f".{os.getpid()}.tmp")
-    result = subprocess.run([*found, "-O2", "-fPIC", "-shared", "-o", str(scratch), str(source), "-lm"], capture_output=True, text=True, check=False)
+    result = subprocess.run(
+        [*found, "-O2", "-fPIC", "-shared", "-o", str(scratch), str(source), "-lm"], capture_output=True, text=True, check=False
+    )
     if result.returncode != 0:
         raise ExportError(f"The C compiler {' '.join(found)} failed on {source}:\n{result.stderr.strip()[-2000:]}")
     os.replace(scratch, library)

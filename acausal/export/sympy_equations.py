@@ -49,7 +49,9 @@ def equations(system: ReducedSystem) -> Equations:
         own = [sympy.Function(_indexed(f"q_{name}", i, joint.q.size))(t) for i in range(joint.q.size)]
         coordinates += own
         same = joint.q.size == joint.v.size
-        velocities += [own[i].diff(t) if same else sympy.Function(_indexed(f"v_{name}", i, joint.v.size))(t) for i in range(joint.v.size)]
+        velocities += [
+            own[i].diff(t) if same else sympy.Function(_indexed(f"v_{name}", i, joint.v.size))(t) for i in range(joint.v.size)
+        ]
     parameters = [sympy.Symbol(p.name.replace(".", "_"), positive=True) for p in system.flat.parameters]
     inputs = [sympy.Function(u.name.replace(".", "_"))(t) for u in system.flat.inputs]
     v_dot = ca.SX.sym("v_dot", tree.v.numel())

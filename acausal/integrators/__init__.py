@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from acausal.errors import OptionError
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 
 
@@ -23,7 +24,7 @@ def integrate(
     max_steps: int = 1_000_000,
     progress: Progress | None = None,
 ) -> Solution:
-    """Integrate from t0 to t1 > t0. Numerical trouble is a `Status` in the result; a wrong call raises `ValueError`.
+    """Integrate from t0 to t1 > t0. Numerical trouble is a `Status` in the result; a wrong call raises `OptionError`.
 
     "auto": Gauss with fixed-point iteration, and Radau IIA from where that no longer converges (stiff scenes).
     """
@@ -32,9 +33,9 @@ def integrate(
     from acausal.integrators.tableau import gauss_legendre, radau_iia
 
     if not t1 >= t0 or not np.isfinite(t1 - t0):
-        raise ValueError(f"simulate: the end {t1} s must be finite and not before the start {t0} s.")
+        raise OptionError(f"simulate: the end {t1} s must be finite and not before the start {t0} s.")
     if not (0 < rtol < 1 and atol > 0) or (step is not None and not step > 0):
-        raise ValueError(f"simulate: need 0 < rtol < 1, atol > 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
+        raise OptionError(f"simulate: need 0 < rtol < 1, atol > 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
     tolerances = Tolerances(max(rtol, 1e-15), atol, step, max_steps)
     if method in METHODS:
         return integrate_builtin(method, problem, x0, t0, t1, tolerances, progress)
@@ -42,7 +43,7 @@ def integrate(
         odd = order or (5 if rtol > 1e-6 else 9 if rtol > 1e-10 else 13)
         return collocate(problem, radau_iia((odd + 1) // 2), x0, t0, t1, tolerances, newton=True, progress=progress)[0]
     if method not in ("auto", "gauss"):
-        raise ValueError(f"simulate: unknown method '{method}'. Use auto, gauss, radau, {', '.join(METHODS)}.")
+        raise OptionError(f"simulate: unknown method '{method}'. Use auto, gauss, radau, {', '.join(METHODS)}.")
     even = order or default_order(rtol)
     tableau = gauss_legendre(even // 2)
     if method == "gauss":

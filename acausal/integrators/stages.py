@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -20,15 +21,16 @@ class Rates:
         nx = problem.rhs.size1_in(1)
         self._inputs = problem.inputs if problem.rhs.size1_in(2) else None
         mapped = problem.rhs.map(count) if count > 1 else problem.rhs
-        self._buffer, self._run = mapped.buffer()
+        buffer, self._run = cast(Any, mapped.buffer())  # CasADi's stub leaves the size argument out
         self.t = np.empty(count)
         self.X = np.empty((count, nx))
         self.u = np.zeros((count, problem.rhs.size1_in(2)))
         self.p = np.ascontiguousarray(np.tile(problem.parameters, (count, 1)))
         self.K = np.empty((count, nx))
         for i, array in enumerate((self.t, self.X, self.u, self.p)):
-            self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self.K))
+            buffer.set_arg(i, array.data)
+        buffer.set_res(0, self.K.data)
+        self._buffer = buffer  # keeps the arrays' addresses alive
         self.evaluations = 0
 
     def at(self, times: np.ndarray) -> None:

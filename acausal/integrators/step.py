@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from acausal.errors import OptionError
 from acausal.integrators.tableau import gauss_legendre, radau_iia
 
 
@@ -13,14 +14,14 @@ def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) ->
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
-    The inputs u are held over the step. Raises `ValueError` for an order that the method does not have.
+    The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
     if method == "gauss" and order >= 2 and order % 2 == 0:
         tableau = gauss_legendre(order // 2)
     elif method == "radau" and order >= 1 and order % 2 == 1:
         tableau = radau_iia((order + 1) // 2)
     else:
-        raise ValueError(
+        raise OptionError(
             f"step: there is no method '{method}' of order {order}; gauss has even orders from 2, radau odd ones from 1."
         )
     nx, s = rhs.size1_in(1), tableau.stages

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from acausal.errors import DuplicateError, IncompatibleError
 from acausal.language.connector import Connector, Point
@@ -67,6 +68,28 @@ class Component:
         known = set(ports)
         ports += [v for v in self.__dict__.values() if isinstance(v, Connector) and v.owner is self and v not in known]
         return tuple(ports)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if isinstance(getattr(type(self), name, None), Variable | Connector):
+            raise DuplicateError(
+                f"'{name}' is a {type(getattr(type(self), name)).__name__.lower()} of {self!r} and cannot be replaced ({origin()}). "
+                "Start values are given to simulate(start={...}), parameters to the part when it is made."
+            )
+        super().__setattr__(name, value)
+
+    if not TYPE_CHECKING:  # a type checker finds misspelt names by itself; this is for people without one
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            known = [n for n in dir(type(self)) if not n.startswith("_")] + [n for n in self.__dict__ if not n.startswith("_")]
+            similar = difflib.get_close_matches(name, known, n=1)
+            hint = (
+                f" Did you mean '{similar[0]}'?"
+                if similar
+                else f" It has: {', '.join(n for n in self.__dict__ if not n.startswith('_'))}."
+            )
+            raise AttributeError(f"{self!r} has no '{name}'.{hint}")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__} (made at {self.created_at})" if self.created_at else type(self).__name__

@@ -27,7 +27,7 @@ class Part:
         return f"{self.path} ({self.component.created_at})" if self.component.created_at else self.path
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FlatSystem:
     """The scene without hierarchy: parts, symbols with full names, and sets of connectors that touch one another."""
 

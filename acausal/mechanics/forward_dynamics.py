@@ -134,7 +134,7 @@ def _check_inertia(link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX]) -> None:
 
 def _massless(link: Link) -> str:
     return (
-        f"Nothing with inertia resists the motion of joint '{link.name}', so its acceleration is undefined. Connect a body with "
+        f"Nothing with inertia resists the motion of {link.where}. Its acceleration is undefined. Connect a body with "
         "mass (and, where it turns, with a moment of inertia about the axis) behind the joint, or remove the joint."
     )
 

@@ -18,7 +18,7 @@ from acausal.mechanics.tree import Tree, build_tree
 from acausal.topology.mechanism import Mechanism
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MechanicalSystem:
     """Tree with kinematics, the wrenches of all force components on each link (in its frame), and energies [J]."""
 

@@ -11,7 +11,7 @@ from acausal.language.expression import Expression
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.motion import Motion, reversed_motion
 from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
-from acausal.topology.mechanism import Edge, Mechanism
+from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Link:
     motion: Motion
     v: slice
     inertia: Inertia
+    where: str = ""
+    """The joint's path and line, and what hangs on it, for messages."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class JointSymbols:
     reversed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tree:
     """Links, parents first; q' = `rates`; where each group's frame sits: (link, pose in the link's frame), -1 for the ground."""
 
@@ -59,6 +61,19 @@ class Tree:
     world: np.ndarray
     """Rotation (3, 3) of the frame of link -1, which rests at the world's origin, in the world frame."""
 
+    def __str__(self) -> str:
+        return _table(self)
+
+
+def _table(tree: Tree) -> str:
+    rows = [f"{tree.mechanism.flat.name}: {len(tree.links)} links, {tree.q.numel()} coordinates, {tree.v.numel()} velocities"]
+    for i, link in enumerate(tree.links):
+        rows.append(
+            f"  link {i:<3} on {link.parent:<3} {link.name:<24} {link.motion.nv} freedoms"
+            + ("" if not link.inertia.is_zero else ", no mass")
+        )
+    return "\n".join(rows)
+
 
 def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
     """Links of a mechanism with symbols for q and v; frames are turned so that constants become zeros and ones."""
@@ -74,6 +89,7 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         joint = item.edge.joint
         q, v = joint.q.sx, joint.v.sx
         near, far, backwards = item.edge.seen_from(item.parent)
+        where = _where(mechanism, item)
         motions = joint.motions(q, v, t)
         if backwards:
             motions = tuple(reversed_motion(motion) for motion in reversed(motions))
@@ -82,7 +98,7 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         for motion in motions:
             mounting = Pose(motion.mounting, np.zeros(3))
             columns = _columns(v, motion.v, nv)
-            links.append(Link(item.edge.name, parent, cleaned(base @ mounting), motion, columns, Inertia.zero()))
+            links.append(Link(item.edge.name, parent, cleaned(base @ mounting), motion, columns, Inertia.zero(), where))
             parent, base = len(links) - 1, mounting.inverse()
         group_pose = base @ far.inverse()
         places[item.child] = (parent, cleaned(group_pose))
@@ -108,6 +124,12 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         world,
     )
     return _aligned(tree)
+
+
+def _where(mechanism: Mechanism, item: TreeEdge) -> str:
+    group = mechanism.groups[item.child]
+    line = "" if item.edge.implicit or not item.edge.joint.created_at else f" ({item.edge.joint.created_at})"
+    return f"joint '{item.edge.name}'{line}; behind it is {', '.join(part.path for part in group.parts) or 'no body'}"
 
 
 def _ground_rotation(mechanism: Mechanism) -> np.ndarray:

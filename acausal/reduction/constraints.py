@@ -17,7 +17,7 @@ from acausal.reduction.redundancy import RankReport, independent_rows
 _SAMPLES = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Constraints:
     """Independent rows of all cut joints, and the freedom that they leave.
 
@@ -131,9 +131,9 @@ def close_loops(
             return found.y
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
-    worst = _worst_loop(system, loops, where)
+    worst = _worst_loop(closing, loops, where, values)
     raise AssemblyError(
-        f"The loop closed by joint '{worst}' cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle). "
+        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle). "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
     )
 
@@ -147,9 +147,15 @@ def _positive(rows: LoopRows, q: ca.SX, t: ca.SX, value: np.ndarray) -> bool:
     return float(ca.Function("sign", [q, t], [rows.sign])(value, 0.0)) > 0
 
 
-def _worst_loop(system: MechanicalSystem, loops: tuple[LoopRows, ...], q: np.ndarray) -> str:
-    del system, q
-    return loops[-1].edge.name if loops else "?"
+def _worst_loop(closing: ca.Function, loops: tuple[LoopRows, ...], q: np.ndarray, values: np.ndarray) -> LoopRows:
+    """The loop with the largest residual."""
+    residual = np.abs(np.array(closing(q, 0.0, values)).ravel())
+    first = residual.size - sum(rows.position.numel() for rows in loops)
+    sizes: list[float] = []
+    for rows in loops:
+        sizes.append(float(np.max(residual[first : first + rows.position.numel()], initial=0.0)))
+        first += rows.position.numel()
+    return loops[int(np.argmax(sizes))]
 
 
 def _neighbours(

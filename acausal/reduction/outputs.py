@@ -47,6 +47,29 @@ class Outputs:
                 result = ca.substitute(result, leaf.sx, replacement)
         return result
 
+    @functools.cached_property
+    def kinetic_energy(self) -> ca.SX:
+        """Of all bodies [J]."""
+        return self.system.mechanics.kinetic_energy()
+
+    @functools.cached_property
+    def potential_energy(self) -> ca.SX:
+        """Of gravity, force components, and what scalar components store (also in rotors) [J]."""
+        return self.system.mechanics.potential_energy() + self._sum([p.component.stored_energy() for p in self.system.flat.parts])
+
+    @functools.cached_property
+    def power_loss(self) -> ca.SX:
+        """Dissipated less supplied power [W]."""
+        parts = [part.component for part in self.system.flat.parts]
+        own = self._sum([c.dissipated_power() for c in parts]) - self._sum([c.supplied_power() for c in parts])
+        return self.system.mechanics.power_loss() + own
+
+    def _sum(self, values: list[Expression | float]) -> ca.SX:
+        total = ca.SX(0)
+        for value in values:
+            total += self.resolve(value) if isinstance(value, Expression) else value
+        return total
+
     def name(self, symbol: Symbol) -> str:
         """Full name of a declared symbol, e.g. `arm.elbow.q`."""
         found = self.system.flat.names.get(symbol)

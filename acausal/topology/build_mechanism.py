@@ -8,20 +8,21 @@ import networkx as nx
 import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
-from acausal.language.connector import Frame, Point
+from acausal.language.connector import Point
 from acausal.language.flatten import FlatSystem, Part
 from acausal.mechanics.force import AbstractForce
 from acausal.mechanics.free import FreeJoint, FreePoint
 from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
 from acausal.mechanics.pose import Pose
 from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
+from acausal.mechanics.steps import Shift, Slide
 from acausal.topology.mechanism import Edge, Group, Mechanism, TreeEdge
 from acausal.topology.rigid_groups import rigid_groups
 
 
-def build_mechanism(flat: FlatSystem) -> Mechanism | None:
-    """Groups, spanning tree and cuts; None if nothing in the scene is mechanical in three dimensions.
+def build_mechanism(flat: FlatSystem) -> Mechanism:
+    """Groups, spanning tree and cuts; only a ground if nothing in the scene is mechanical in three dimensions.
 
     Raises `GroundError` without a ground or with contradicting ones, `LockedError` for a joint with both ends on one
     group, `IncompatibleError` for a joint held by points only.
@@ -29,12 +30,11 @@ def build_mechanism(flat: FlatSystem) -> Mechanism | None:
     joints = [part for part in flat.parts if isinstance(part.component, AbstractJoint)]
     forces = tuple(part for part in flat.parts if isinstance(part.component, AbstractForce))
     rigid = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart)]
-    if not joints and not forces and not rigid:
-        return None
-    gravity = _gravity(rigid)
+    gravity = _gravity(rigid) if joints or forces or rigid else None
     groups = rigid_groups(flat)
     index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
     edges = [_edge(part, groups, index) for part in joints]
+    _check_points(edges, groups)
     graph = _joint_graph(len(groups), edges)
     edges += _free_edges(graph, groups)
     tree, cuts = _spanning_tree(len(groups), edges)
@@ -84,7 +84,6 @@ def _free_edges(graph: nx.MultiGraph[int], groups: Sequence[Group]) -> list[Edge
         root = max(sorted(island), key=lambda i: (groups[i].kind == "body", _mass(groups[i].inertia)))
         group = groups[root]
         if group.kind == "point":
-            _check_point_root(group, len(island))
             edges.append(Edge(f"{group.name}.free", FreePoint(), 0, root, True))
         else:
             joint = FreeJoint()
@@ -103,12 +102,20 @@ def _central_pose(inertia: Inertia) -> Pose:
     return Pose.identity()
 
 
-def _check_point_root(group: Group, island_size: int) -> None:
-    if island_size > 1 and any(isinstance(c, Frame) for c in group.poses):
-        frame = next(c for c in group.poses if isinstance(c, Frame))
-        raise IncompatibleError(
-            f"{group.name} is a point without orientation, but {frame!r} that touches it needs a frame. Connect the frame to a body."
-        )
+def _check_points(edges: Sequence[Edge], groups: Sequence[Group]) -> None:
+    """A joint that lets its ends turn against one another needs a frame at both."""
+    for edge in edges:
+        for end, connector in ((edge.a, edge.joint.frame_a), (edge.b, edge.joint.frame_b)):
+            if groups[end].kind == "point" and _turns(edge.joint):
+                raise IncompatibleError(
+                    f"{edge.name}.{connector.name} ({edge.joint.created_at}) needs a frame, but '{groups[end].name}' that it is connected to "
+                    f"({groups[end].parts[0].component.created_at}) is a point: it has a position and no orientation. Connect the joint to a body, "
+                    "or put a Fixed between joint and particle."
+                )
+
+
+def _turns(joint: AbstractJoint) -> bool:
+    return not isinstance(joint, AbstractStepJoint) or not all(isinstance(step, Slide | Shift) for step in joint.steps())
 
 
 def _spanning_tree(count: int, edges: Sequence[Edge]) -> tuple[tuple[TreeEdge, ...], tuple[Edge, ...]]:
@@ -126,6 +133,6 @@ def _spanning_tree(count: int, edges: Sequence[Edge]) -> tuple[tuple[TreeEdge, .
         tree_graph.add_edge(edges[i].a, edges[i].b, key=i)
     tree: list[TreeEdge] = []
     for parent, child in nx.bfs_edges(tree_graph, 0):
-        key = next(iter(tree_graph[parent][child]))
+        key = min(k for a, b, k in tree_graph.edges(parent, keys=True) if child in (a, b))
         tree.append(TreeEdge(edges[key], parent, child))
     return tuple(tree), tuple(edges[i] for i in range(len(edges)) if i not in chosen)

@@ -56,7 +56,7 @@ class TreeEdge:
     child: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Mechanism:
     """Groups (the ground is the first), the spanning tree in an order in which parents come first, and the cut edges."""
 

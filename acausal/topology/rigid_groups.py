@@ -90,7 +90,7 @@ def _sketch(members: Sequence[Part], placed: dict[str | int, Pose]) -> Pose | No
 
 
 def _pose_along(graph: nx.MultiGraph[str | int], near: str | int, far: str | int, key: int) -> Pose:
-    data = graph[near][far][key]
+    data = graph.get_edge_data(near, far, key)
     pose = data["pose"] if data["start"] == near else data["pose"].inverse()
     return Pose(snapped(pose.rotation), pose.position) if isinstance(pose.rotation, np.ndarray) else pose
 

@@ -185,7 +185,7 @@ def _data(animation: Animation) -> dict[str, Any]:
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
-    return {"kind": type(shape).__name__, **{k: v for k, v in vars(shape).items()}}
+    return {"kind": type(shape).__name__, **vars(shape)}
 
 
 def _packed(array: np.ndarray) -> str:

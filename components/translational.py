@@ -1,0 +1,117 @@
+"""Translational mechanics along a line: mass, spring, damper, source. Forces flow positive into the component."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, final
+
+import acausal.language.expression as language
+from acausal.language.component import Component
+from acausal.language.connector import Translational
+from acausal.language.equation import Equation, der, equal
+from acausal.language.expression import Expression, Scalar, Variable, scalar
+
+_HELD = "Connect both flanges; to hold one, connect it to a TranslationalGround."
+
+
+@final
+class TranslationalGround(Component):
+    """A rod's end held at position 0."""
+
+    flange = Translational.port()
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange.s, 0.0)
+
+
+@final
+class SlidingMass(Component):
+    """Mass between two flanges: mass der(v) = f_a + f_b. `mass` [kg] > 0. Stores mass v^2 / 2.
+
+    scene.slider = SlidingMass(2.0)
+    """
+
+    flange_a = Translational.port()
+    flange_b = Translational.port()
+    s = Variable("m", "position")
+    v = Variable("m/s", "velocity")
+
+    def __init__(self, mass: Scalar) -> None:
+        self.mass = scalar(mass, "SlidingMass's mass", positive=True)
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange_a.s, self.s)
+        yield equal(self.flange_b.s, self.s)
+        yield equal(der(self.s), self.v)
+        yield equal(self.mass * der(self.v), self.flange_a.f + self.flange_b.f)
+
+    def stored_energy(self) -> Expression:
+        return 0.5 * self.mass * self.v * self.v
+
+
+@final
+class TranslationalSpring(Component):
+    """Spring between two flanges: f_b = stiffness (s_b - s_a - natural_length) = -f_a. [N/m], [m].
+
+    scene.spring = TranslationalSpring(stiffness=100.0)
+    """
+
+    flange_a = Translational.port(must_connect=True, if_unconnected=_HELD)
+    flange_b = Translational.port(must_connect=True, if_unconnected=_HELD)
+
+    def __init__(self, stiffness: Scalar, natural_length: Scalar = 0.0) -> None:
+        self.stiffness = scalar(stiffness, "TranslationalSpring's stiffness", non_negative=True)
+        self.natural_length = scalar(natural_length, "TranslationalSpring's natural_length")
+
+    def _stretch(self) -> Expression:
+        return self.flange_b.s - self.flange_a.s - self.natural_length
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange_b.f, self.stiffness * self._stretch())
+        yield equal(self.flange_a.f, -self.flange_b.f)
+
+    def stored_energy(self) -> Expression:
+        return 0.5 * self.stiffness * self._stretch() * self._stretch()
+
+
+@final
+class TranslationalDamper(Component):
+    """Damper between two flanges: f_b = damping (v_b - v_a) = -f_a. `damping` [N*s/m] >= 0; dissipates damping (v_b - v_a)^2.
+
+    scene.friction = TranslationalDamper(damping=0.5)
+    """
+
+    flange_a = Translational.port(must_connect=True, if_unconnected=_HELD)
+    flange_b = Translational.port(must_connect=True, if_unconnected=_HELD)
+
+    def __init__(self, damping: Scalar) -> None:
+        self.damping = scalar(damping, "TranslationalDamper's damping", non_negative=True)
+
+    def _rate(self) -> Expression:
+        return der(self.flange_b.s) - der(self.flange_a.s)
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange_b.f, self.damping * self._rate())
+        yield equal(self.flange_a.f, -self.flange_b.f)
+
+    def dissipated_power(self) -> Expression:
+        return self.damping * self._rate() * self._rate()
+
+
+@final
+class ForceSource(Component):
+    """A force on a flange: f = -force, so that a positive `force` [N] drives it forward. Constant, input, or function of time.
+
+    scene.push = ForceSource(ac.Input("N"))
+    """
+
+    flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
+
+    def __init__(self, force: Scalar | Callable[[Any], Any]) -> None:
+        self.force = scalar(language.of_time(force), "ForceSource's force")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange.f, -self.force)
+
+    def supplied_power(self) -> Expression:
+        return self.force * der(self.flange.s)
