@@ -5,25 +5,40 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbstractShape:
+    """A shape about a place of its own in the body's frame.
+
+    `position` [m] and `rotation` (rows of R_BodyShape) place the shape; `colour` is a CSS name or '#rrggbb', None: the body's.
+    """
+
+    colour: str | None = None
+    position: Vector = (0.0, 0.0, 0.0)
+    rotation: Matrix = IDENTITY
 
 
 @dataclass(frozen=True)
-class Box:
-    """Edges `size` [m] along the axes, centred at the origin."""
+class Box(AbstractShape):
+    """Edges `size` [m] along the axes, centred."""
 
     size: Vector
 
 
 @dataclass(frozen=True)
-class Sphere:
-    """`radius` [m] about the origin."""
+class Sphere(AbstractShape):
+    """Ball of `radius` [m]; bands show its rotation."""
 
     radius: float
 
 
 @dataclass(frozen=True)
-class Cylinder:
-    """Solid cylinder of `radius` and `length` [m] about `axis`, centred at the origin."""
+class Cylinder(AbstractShape):
+    """Solid cylinder of `radius` and `length` [m] about `axis`, centred."""
 
     radius: float
     length: float
@@ -31,8 +46,8 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Disk:
-    """Flat disk of `radius` and `thickness` [m] about `axis`, centred at the origin; spokes show its rotation."""
+class Disk(AbstractShape):
+    """Flat disk of `radius` and `thickness` [m] about `axis`, centred; a spoke shows its rotation."""
 
     radius: float
     thickness: float
@@ -40,15 +55,24 @@ class Disk:
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
-    """`semi_axes` [m] along the axes, centred at the origin."""
+class Torus(AbstractShape):
+    """Ring about `axis`: a tube of radius `tube` [m] around a circle of `radius` [m], centred."""
+
+    radius: float
+    tube: float
+    axis: Vector = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Ellipsoid(AbstractShape):
+    """`semi_axes` [m] along the axes, centred; bands show its rotation."""
 
     semi_axes: Vector
 
 
 @dataclass(frozen=True)
-class Rod:
-    """Round bar from `start` to `end` [m]; the drawer chooses the radius if none is given."""
+class Rod(AbstractShape):
+    """Round bar from `start` to `end` [m]; `radius` [m], None: chosen by the drawer from the scene's size."""
 
     start: Vector
     end: Vector
@@ -56,15 +80,26 @@ class Rod:
 
 
 @dataclass(frozen=True)
-class PointMass:
-    """A small ball at the origin, of a size that the drawer chooses."""
+class PointMass(AbstractShape):
+    """Small ball of `radius` [m], None: chosen by the drawer from the scene's size."""
+
+    radius: float | None = None
 
 
 @dataclass(frozen=True)
-class Polygon:
-    """Flat plate between `points` [m] of the body, for parts known only by their connection points."""
+class Polygon(AbstractShape):
+    """Flat plate between `points` [m], for parts known only by their connection points; two points are a bar, one is a ball."""
 
     points: tuple[Vector, ...]
 
 
-Shape = Box | Sphere | Cylinder | Disk | Ellipsoid | Rod | PointMass | Polygon
+@dataclass(frozen=True)
+class Plane(AbstractShape):
+    """Square of edge `size` [m] across `normal`, centred at `point` [m]: a floor or an incline."""
+
+    normal: Vector
+    point: Vector
+    size: float
+
+
+Shape = Box | Sphere | Cylinder | Disk | Torus | Ellipsoid | Rod | PointMass | Polygon | Plane
