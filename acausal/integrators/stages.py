@@ -98,7 +98,7 @@ class StageSolver:
                 if contraction > 0.9 and k >= 3:
                     # rounding is reached when changes stop shrinking while already tiny
                     return (K, contraction) if change <= 100 * floor else None
-                if k >= 3 and change * contraction ** (40 - k) > tolerance:
+                if k >= 3 and change * contraction ** (40 - k) > max(tolerance, floor):
                     return None
             previous = change
         return None

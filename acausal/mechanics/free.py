@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import final
 
+import casadi as ca
+
 from acausal.language.expression import Variable
 from acausal.mechanics.joint import AbstractStepJoint
+from acausal.mechanics.pose import Pose, quaternion_from_matrix, symbolic
 from acausal.mechanics.steps import AbstractStep, Ball, Shift
 
 
@@ -21,6 +24,15 @@ class FreeJoint(AbstractStepJoint):
     def steps(self) -> tuple[AbstractStep, ...]:
         return (Shift(slice(4, 7), slice(3, 6)), Ball(slice(0, 4), slice(0, 3)))
 
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        return ca.vertcat(quaternion_from_matrix(symbolic(X_ab.rotation)), symbolic(X_ab.position))
+
+    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return ca.vertcat(w_ab_b, symbolic(X_ab.rotation) @ v_ab_b)
+
 
 @final
 class FreePoint(AbstractStepJoint):
@@ -31,3 +43,6 @@ class FreePoint(AbstractStepJoint):
 
     def steps(self) -> tuple[AbstractStep, ...]:
         return (Shift(slice(0, 3), slice(0, 3)),)
+
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        return symbolic(X_ab.position)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 
+from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point
 from acausal.mechanics.kinematics import Kinematics
 from acausal.mechanics.pose import Pose, symbolic
+from acausal.mechanics.rigid import AbstractRigidPart
 from acausal.mechanics.tree import Tree
 
 Place = tuple[int, Pose]
@@ -30,17 +32,32 @@ class Placement:
         return self.kinematics.tree.t
 
     def place(self, connector: Point) -> Place:
-        """Index of the link (-1: world) and the connector's pose in that link's frame."""
-        return self._places[connector]
+        """Link (-1: the ground) and the connector's pose in its frame; also for frames made after the build.
+
+        Raises `UnknownVariableError` for a connector of a part that is not in the scene.
+        """
+        found = self._places.get(connector)
+        if found is None:
+            found = self._places[connector] = self._place_on_part(connector)
+        return found
+
+    def _place_on_part(self, connector: Point) -> Place:
+        tree = self.kinematics.tree
+        for (link, place), group in zip(tree.places, tree.mechanism.groups, strict=True):
+            for part, part_pose in zip(group.parts, group.part_poses, strict=True):
+                if part.component is connector.owner and isinstance(part.component, AbstractRigidPart):
+                    pose = next(a.pose for a in part.component.attachments() if a.connector is connector)
+                    return link, place @ part_pose @ pose
+        raise UnknownVariableError(f"{connector!r} is not part of the scene '{tree.mechanism.flat.name}'.")
 
     def pose(self, connector: Point) -> Pose:
         """X_WC: the connector's frame in the world."""
-        link, place = self._places[connector]
+        link, place = self.place(connector)
         return self.kinematics.pose(link) @ place
 
     def relative_pose(self, a: Point, b: Point) -> Pose:
         """X_ab: the frame of b in the frame of a, by the shortest way through the tree."""
-        return self.between(self._places[a], self._places[b])
+        return self.between(self.place(a), self.place(b))
 
     def between(self, a: Place, b: Place) -> Pose:
         """The same for two places."""
@@ -48,11 +65,11 @@ class Placement:
 
     def velocity(self, connector: Point) -> ca.SX:
         """Of the connector's origin against the world, in the connector's own axes [m/s]."""
-        return self.twist(self._places[connector])[1]
+        return self.twist(self.place(connector))[1]
 
     def angular_velocity(self, connector: Point) -> ca.SX:
         """Against the world, in the connector's own axes [rad/s]."""
-        return self.twist(self._places[connector])[0]
+        return self.twist(self.place(connector))[0]
 
     def twist(self, place: Place) -> tuple[ca.SX, ca.SX]:
         """Angular velocity and velocity of a place against the world, in its own axes."""

@@ -1,0 +1,88 @@
+"""How far shapes reach: the one question behind bounding boxes, the ground's height and outlines in a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acausal.visual.shapes import Box, Cylinder, Disk, Ellipsoid, Plane, PointMass, Polygon, Rod, Shape, Sphere, Torus
+
+_TINY = 1e-300
+
+
+def rotated(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(n, 3): R(q) v for quaternions (n, 4), scalar first, and vectors (3,) or (n, 3)."""
+    w, u = quaternions[:, :1], quaternions[:, 1:]
+    t = 2 * np.cross(u, vectors)
+    return vectors + w * t + np.cross(u, t)
+
+
+def turned_back(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(n, 3): R(q)^T v."""
+    return rotated(quaternions * np.array([1.0, -1.0, -1.0, -1.0]), vectors)
+
+
+def support_points(shape: Shape, directions: np.ndarray, thickness: float = 0.0) -> np.ndarray:
+    """Points (k, 3) [m] of a shape that reach furthest along `directions` (k, 3), in the body's frame.
+
+    `thickness` [m] is the radius where the shape leaves it to the drawer. Exact for convex shapes; for a torus its outer hull.
+    """
+    R = np.array(shape.rotation, dtype=float)
+    return np.array(shape.position, dtype=float) + _support(shape, directions @ R, thickness) @ R.T
+
+
+def _support(shape: Shape, u: np.ndarray, thickness: float) -> np.ndarray:
+    unit = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), _TINY)
+    match shape:
+        case Box():
+            return np.sign(u) * np.array(shape.size) / 2
+        case Sphere():
+            return shape.radius * unit
+        case Ellipsoid():
+            s = np.array(shape.semi_axes)
+            return s**2 * u / np.maximum(np.linalg.norm(s * u, axis=1, keepdims=True), _TINY)
+        case Cylinder():
+            return _around(u, shape.axis, shape.radius, shape.length / 2)
+        case Disk():
+            return _around(u, shape.axis, shape.radius, shape.thickness / 2)
+        case Torus():
+            return _around(u, shape.axis, shape.radius, 0.0) + shape.tube * unit
+        case Rod():
+            return _furthest(u, (shape.start, shape.end)) + (thickness if shape.radius is None else shape.radius) * unit
+        case PointMass():
+            return (thickness if shape.radius is None else shape.radius) * unit
+        case Polygon():
+            return _furthest(u, shape.points) + thickness * unit
+        case Plane():
+            return _furthest(u, plane_corners(shape, shape.size))
+
+
+def _around(u: np.ndarray, axis: tuple[float, float, float], radius: float, half_length: float) -> np.ndarray:
+    """Support points of a cylinder about `axis`."""
+    a = np.array(axis) / np.linalg.norm(axis)
+    along = u @ a
+    across = u - along[:, None] * a
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    rim = np.where(size > 1e-12, radius * across / np.maximum(size, _TINY), 0.0)
+    return rim + half_length * np.sign(along)[:, None] * a
+
+
+def _furthest(u: np.ndarray, points: tuple[tuple[float, float, float], ...]) -> np.ndarray:
+    corners = np.array(points, dtype=float).reshape(-1, 3)
+    return corners[np.argmax(u @ corners.T, axis=1)]
+
+
+def plane_corners(plane: Plane, size: float) -> tuple[tuple[float, float, float], ...]:
+    """Corners of the square of edge `size` [m], in order around it."""
+    n = np.array(plane.normal) / np.linalg.norm(plane.normal)
+    first, second = across(n)
+    h, p = size / 2, np.array(plane.point)
+    corners = [p + h * (i * first + j * second) for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    return tuple((float(c[0]), float(c[1]), float(c[2])) for c in corners)
+
+
+def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors (3,) that complete the unit vector n to a right-handed frame; the first is along a world axis if it can."""
+    helper = np.eye(3)[np.argsort(np.abs(n), kind="stable")[0]]
+    first = helper - n * float(helper @ n)
+    first = first / np.linalg.norm(first)
+    return first, np.cross(n, first)

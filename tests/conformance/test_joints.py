@@ -1,0 +1,182 @@
+"""What must hold for every joint of the catalogue, also for those written later."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+import components
+from acausal.language.expression import time
+from acausal.language.flatten import flatten
+from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.motion import motion_from_pose, reversed_motion
+from acausal.mechanics.pose import Pose, symbolic, vee
+from acausal.mechanics.system import mechanical_system
+from acausal.reduction.outputs import Outputs
+from acausal.reduction.reduce import reduce_system
+from acausal.topology.build_mechanism import build_mechanism
+from acausal.topology.mechanism import TreeEdge
+from components import Free, Revolute, RigidBody, World
+
+ARGUMENTS = {"radius": 0.3, "tube": 0.05, "semi_axes": (0.3, 0.2, 0.1)}
+
+
+def catalogue() -> list[type[AbstractJoint]]:
+    for module in pkgutil.walk_packages(components.__path__, "components."):
+        importlib.import_module(module.name)
+    found: list[type[AbstractJoint]] = []
+    queue: list[type] = [AbstractJoint]
+    while queue:
+        cls = queue.pop()
+        queue += cls.__subclasses__()
+        if not inspect.isabstract(cls) and not cls.__name__.startswith("Abstract") and cls.__module__.startswith(("components", "acausal")):
+            found.append(cls)
+    return sorted(found, key=lambda cls: cls.__name__)
+
+
+def make(cls: type[AbstractJoint]) -> AbstractJoint:
+    wanted = [n for n, p in inspect.signature(cls).parameters.items() if p.default is inspect.Parameter.empty and p.kind == p.POSITIONAL_OR_KEYWORD]
+    return cls(*(ARGUMENTS[n] for n in wanted))
+
+
+def random_state(joint: AbstractJoint, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    q = rng.uniform(-1, 1, joint.q.size)
+    if joint.q.start is not None:  # a unit quaternion comes first
+        q[:4] = np.array(joint.start_q())[:4] + 0.4 * rng.uniform(-1, 1, 4)
+        q[:4] /= np.linalg.norm(q[:4])
+    return q, rng.uniform(-1, 1, joint.v.size)
+
+
+def composed(joint: AbstractJoint, q: ca.SX, v: ca.SX, t: ca.SX, back: bool = False) -> tuple[Pose, ca.SX]:
+    """Pose and twist (in frame_b) of the joint's chain of motions."""
+    X, w, vel = Pose.identity(), ca.SX.zeros(3), ca.SX.zeros(3)
+    motions = joint.motions(q, v, t)
+    if back:
+        motions = tuple(reversed_motion(m) for m in reversed(motions))
+    for motion in motions:
+        M = Pose(motion.mounting, np.zeros(3))
+        for pose, twist in ((M, ca.SX.zeros(6)), (motion.pose, motion.twist), (M.inverse(), ca.SX.zeros(6))):
+            R, p = symbolic(pose.rotation), symbolic(pose.position)
+            vel = R.T @ (vel + ca.cross(w, p)) + twist[3:]
+            w = R.T @ w + twist[:3]
+            X = X @ pose
+    return X, ca.vertcat(w, vel)
+
+
+@pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
+def test_twist_is_the_rate_of_the_pose(cls):
+    joint, rng = make(cls), np.random.default_rng(1)
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    reference = motion_from_pose(joint.pose, joint.rates, q, v, t)
+    X, twist = composed(joint, q, v, t)
+    f = ca.Function("f", [q, v, t], [reference.twist - twist, symbolic(X.rotation) - reference.pose.rotation, symbolic(X.position) - reference.pose.position])
+    for _ in range(5):
+        for gap in f(*random_state(joint, rng), 0.3):
+            assert np.max(np.abs(np.array(gap))) < 1e-13
+
+
+@pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
+def test_reversed_motion_is_the_inverse_with_its_rate(cls):
+    joint, rng = make(cls), np.random.default_rng(2)
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    X, _ = composed(joint, q, v, t)
+    Y, twist = composed(joint, q, v, t, back=True)
+    R = symbolic(Y.rotation)
+    rates = joint.rates(q, v, t)
+    rate = lambda e: ca.reshape(ca.jtimes(ca.vec(e), q, rates), *e.shape)  # noqa: E731
+    expected = ca.vertcat(vee(R.T @ rate(R)), R.T @ rate(symbolic(Y.position)))
+    f = ca.Function("f", [q, v], [symbolic((X @ Y).rotation) - ca.SX.eye(3), symbolic((X @ Y).position), twist - expected])
+    for gap in f(*random_state(joint, rng)):
+        assert np.max(np.abs(np.array(gap))) < 1e-13
+
+
+@pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
+def test_closure_vanishes_and_coordinates_return(cls):
+    joint, rng = make(cls), np.random.default_rng(3)
+    q, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("t")
+    M = Pose(joint.mounting(), np.zeros(3))
+    X = M.inverse() @ joint.pose(q, t) @ M
+    closure = joint.closure(X, t)
+    found = joint.coordinates(X)
+    assert found is not None
+    start, _ = random_state(joint, rng)
+    back = np.array(ca.Function("f", [q, t], [found])(start, 0.0)).ravel()
+    if joint.q.start is not None and back[:4] @ start[:4] < 0:
+        back[:4] *= -1
+    assert np.max(np.abs(back - start)) < 1e-14
+    if closure is not None:
+        assert np.max(np.abs(np.array(ca.Function("f", [q, t], [closure])(start, 0.0))), initial=0.0) < 1e-15
+        assert closure.numel() + joint.closure_rates(X, ca.SX.zeros(3), ca.SX.zeros(3), t).numel() == 6 - joint.v.size
+
+
+@pytest.mark.parametrize("cls", [c for c in catalogue() if c.__name__ not in ("FreePoint", "FreeJoint")], ids=lambda c: c.__name__)
+def test_joint_cut_or_in_the_tree_gives_the_same_motion(cls):
+    """A body on one joint: as a tree joint, and as a free body with the joint as a constraint."""
+    joint, rng = make(cls), np.random.default_rng(4)
+    scene = ac.System()
+    scene.world, scene.body, scene.joint, scene.free = World(), RigidBody(1.3, (0.1, 0.2, 0.25), (0.2, -0.1, 0.3)), joint, Free()
+    for one in (scene.joint, scene.free):
+        scene.connect(scene.world.frame, one.frame_a)
+        scene.connect(one.frame_b, scene.body.frame)
+    mechanism = build_mechanism(flatten(scene))
+    tree_edge, cut_edge = mechanism.tree[0].edge, mechanism.cuts[0]
+    assert tree_edge.joint is joint
+    swapped = replace(mechanism, tree=(TreeEdge(cut_edge, 0, 1),), cuts=(tree_edge,))
+    by_tree = Outputs(reduce_system(mechanical_system(mechanism, time.sx)))
+    by_cut = Outputs(reduce_system(mechanical_system(swapped, time.sx)))
+    q, v = random_state(joint, rng)
+    x = np.concatenate([q, v])
+    seen = [scene.free.q, scene.free.v, scene.body.frame.acceleration, scene.body.frame.angular_acceleration, joint.frame_b.force, joint.frame_b.torque]
+
+    def evaluate(outputs: Outputs, state: np.ndarray, what) -> list[np.ndarray]:
+        s = outputs.system
+        return [np.array(o) for o in ca.Function("f", [s.t, s.x], [outputs.resolve(e) for e in what])(0.0, state)]
+
+    free_q, free_v, *first = evaluate(by_tree, x, seen)
+    second = evaluate(by_cut, np.concatenate([free_q.ravel(), free_v.ravel()]), seen[2:])
+    for a, b in zip(first, second, strict=True):
+        assert np.max(np.abs(a - b)) < 1e-10 * (1 + np.max(np.abs(a)))
+    assert by_cut.system.degrees_of_freedom == joint.v.size
+
+
+@pytest.mark.parametrize("cls", [c for c in catalogue() if c.__name__ != "FreePoint"], ids=lambda c: c.__name__)
+@pytest.mark.parametrize("backwards", [False, True])
+def test_reactions_do_no_work_between_two_bodies(cls, backwards):
+    """Energy of two bodies on a hinge and the joint is constant at random states, so the joint's reaction does no work."""
+    joint = make(cls)
+    scene = ac.System()
+    scene.world, scene.hinge, scene.joint = World(), Revolute((1, 2, 0.5)), joint
+    scene.one, scene.two = RigidBody(1.0, (0.1, 0.2, 0.25), (0.1, 0.2, 0.3)), RigidBody(1.5, (0.2, 0.2, 0.25), (0.1, -0.2, 0.3))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.one.frame)
+    ends = (joint.frame_b, joint.frame_a) if backwards else (joint.frame_a, joint.frame_b)
+    scene.connect(scene.one.at((0.3, 0.2, -0.5)), ends[0])
+    scene.connect(ends[1], scene.two.frame)
+    model = ac.build(scene)
+    s, outputs = model.system, model.functions.outputs
+    energy = outputs.kinetic_energy + outputs.potential_energy
+    f = ca.Function("f", [s.t, s.x], [ca.jtimes(energy, s.x, s.x_dot), energy])
+    rng = np.random.default_rng(5)
+    q, v = random_state(joint, rng)
+    x = np.concatenate([[0.4], q, [0.7], v])
+    rate, value = f(0.0, x)
+    assert abs(float(rate)) < 1e-12 * (1 + abs(float(value)))
+
+
+def test_step_joints_of_parameters_turn_with_them():
+    angle = ac.Parameter(0.0)
+    scene = ac.System()
+    scene.angle = angle
+    scene.world, scene.hinge, scene.rod = World(), Revolute((ca.sin(angle), ca.cos(angle), 0.0)), RigidBody.rod(1.0, (0, 0, -1))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    model = ac.build(scene)
+    axis = model.functions.output(scene.hinge.frame_b.angular_velocity)(0.0, [0.3, 1.0], [], [0.5])
+    assert np.max(np.abs(np.array(axis).ravel() - [np.sin(0.5), np.cos(0.5), 0])) < 1e-15

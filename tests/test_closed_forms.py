@@ -1,0 +1,204 @@
+"""Motions whose solution is known: closed forms, and numbers computed in quadruple precision by an independent program."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+import acausal as ac
+from components import Particle, Revolute, RigidBody, RollingBall, RollingDisk, RollingEllipsoid, Spherical, Spring, World
+from tests.scenes import PointPendulum, rotation
+
+G = 9.81
+
+
+def test_pendulum_follows_elliptic_functions():
+    scene = PointPendulum()
+    model = ac.build(scene)
+    amplitude = 2.5
+    run = model.simulate(20.0, {scene.hinge.q: amplitude}, rtol=1e-13)
+    k = np.sin(amplitude / 2) ** 2
+    sn, _, _, _ = ellipj(ellipk(k) - np.sqrt(G) * run.t, k)
+    assert np.max(np.abs(run[scene.hinge.q] - 2 * np.arcsin(np.sqrt(k) * sn))) < 1e-11
+
+
+def test_pendulum_of_ten_seconds_in_cartesian_coordinates():
+    """IFToMM benchmark A01, in quadruple precision."""
+    scene = PointPendulum()
+    run = ac.build(scene).simulate(10.0, {scene.hinge.q: np.pi / 2}, rtol=1e-13)
+    at = run.at([1.0, 5.0, 10.0])[scene.bob.point.position]
+    reference = [(0.98629175113187532688, -0.16501085312554112376), (-0.94230543504375722675, -0.33475433841400088689), (-0.27508746257611580151, -0.96141920509912536714)]
+    assert np.max(np.abs(at[:, [0, 2]] - reference)) < 1e-12
+
+
+def test_symmetric_free_body_precesses_as_euler_found():
+    scene = ac.System()
+    scene.world, scene.body = World(None), RigidBody(1.0, (2.0, 2.0, 3.0))
+    model = ac.build(scene)
+    w = np.array([0.3, 0.0, 2.0])
+    run = model.simulate(10.0, {scene.body.frame.angular_velocity: w}, rtol=1e-13)
+    own = np.einsum("nji,nj->ni", run[scene.body.frame.rotation], run[scene.body.frame.angular_velocity])
+    rate = (3.0 - 2.0) / 2.0 * w[2]
+    exact = np.stack([0.3 * np.cos(rate * run.t), 0.3 * np.sin(rate * run.t), np.full(run.t.size, 2.0)], axis=1)
+    assert np.max(np.abs(own - exact)) < 1e-12
+
+
+def test_free_body_flips_about_its_middle_axis():
+    """Dzhanibekov's body, 100 s with repeated flips; quadruple precision."""
+    scene = ac.System()
+    scene.world, scene.body = World(None), RigidBody(1.0, (1.0, 2.0, 3.0))
+    run = ac.build(scene).simulate(100.0, {scene.body.frame.angular_velocity: (0.001, 5.0, 0.001)}, rtol=1e-13)
+    at = run.at([50.0, 100.0])
+    own = np.einsum("nji,nj->ni", at[scene.body.frame.rotation], at[scene.body.frame.angular_velocity])
+    reference = [(4.74650758425484643565, 1.571835472500611898823, 2.740397553116991219398), (0.002427752750572381600162, -4.999999510601634257748, 0.001622136802483251771112)]
+    # in the middle of a flip (50 s) rounding errors have grown to 1e-7, whatever the step size; between flips (100 s) to 1e-10
+    assert np.max(np.abs(own - reference), axis=1)[0] < 3e-7
+    assert np.max(np.abs(own - reference), axis=1)[1] < 1e-9
+    momentum = np.einsum("nij,nj->ni", run[scene.body.frame.rotation], np.einsum("nji,nj->ni", run[scene.body.frame.rotation], run[scene.body.frame.angular_velocity]) * [1, 2, 3])
+    assert np.max(np.abs(momentum - momentum[0])) < 1e-12 * np.linalg.norm(momentum[0])
+
+
+def top() -> ac.System:
+    scene = ac.System()
+    scene.world, scene.socket = World(), Spherical()
+    scene.body = RigidBody(15.0, (0.234375, 0.46875, 0.234375), (0, 1, 0))
+    scene.connect(scene.world.frame, scene.socket.frame_a)
+    scene.connect(scene.socket.frame_b, scene.body.frame)
+    return scene
+
+
+def test_heavy_top():
+    """Lie-group benchmark of Bruls, Cardona and Arnold; quadruple precision."""
+    scene = top()
+    run = ac.build(scene).simulate(2.0, {scene.socket.v: (0, 150.0, -4.61538)}, rtol=1e-13)
+    at = run.at([1.0, 2.0])[scene.body.centre.position]
+    reference = [(0.1733439640983860268465, 0.6400885920705687175556, -0.7484907911335813689771), (-0.1504168227456418402816, -0.7241655916368957529361, -0.6730222695604439681124)]
+    assert np.max(np.abs(at - reference)) < 1e-11
+
+
+def test_top_precesses_steadily():
+    """Steady precession: (A cos) W^2 - C s W + m g l = 0 with A about the fixed point; tilt from the vertical stays."""
+    scene = ac.System()
+    scene.world, scene.socket = World(), Spherical()
+    m, length, A0, C, tilt, spin = 2.0, 0.3, 0.05, 0.03, 0.6, 200.0
+    scene.body = RigidBody(m, (A0, A0, C), (0, 0, length))
+    scene.connect(scene.world.frame, scene.socket.frame_a)
+    scene.connect(scene.socket.frame_b, scene.body.frame)
+    A = A0 + m * length**2
+    c = np.cos(tilt)
+    a, b, d = (A - C) * c, -C * spin, m * G * length  # spin: rate about the axis relative to the precessing frame
+    precession = (-b - np.sqrt(b * b - 4 * a * d)) / (2 * a)
+    q = (np.cos(tilt / 2), np.sin(tilt / 2), 0, 0)
+    w = (0.0, precession * np.sin(tilt), spin + precession * c)
+    run = ac.build(scene).simulate(3.0, {scene.socket.q: q, scene.socket.v: w}, rtol=1e-12)
+    centre = run[scene.body.centre.position]
+    assert np.max(np.abs(centre[:, 2] - length * c)) < 1e-9
+    turned = np.unwrap(np.arctan2(centre[:, 1], centre[:, 0]))
+    assert abs((turned[-1] - turned[0]) / 3.0 - precession) < 1e-8
+
+
+def test_ball_rolls_down_an_incline():
+    scene = ac.System()
+    slope = 0.3
+    scene.world = World((G * np.sin(slope), 0, -G * np.cos(slope)))
+    scene.ball, scene.contact = RigidBody.ball(2.0, 0.1), RollingBall(0.1)
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    run = ac.build(scene).simulate(2.0, {scene.contact.v: (0.0, 2.0, 3.0)}, rtol=1e-12)
+    x = run[scene.ball.frame.position]
+    assert np.max(np.abs(x[:, 0] - (0.2 * run.t + 5 / 14 * G * np.sin(slope) * run.t**2))) < 1e-10
+    assert np.max(np.abs(x[:, 1:] - [0, 0.1])) < 1e-10
+    force = run[scene.contact.frame_b.force]  # friction holds back 2/7 of the weight's part along the slope
+    assert np.max(np.abs(-force[:, 0] + 2 / 7 * 2.0 * G * np.sin(slope))) < 1e-8
+
+
+def test_disk_rolls_in_a_steady_circle():
+    """O'Reilly 10.8: a disk tilted by b rolls around with rate W and spin s when the moments about its centre balance."""
+    m, r, tilt, W = 1.0, 0.3, 0.4, 2.0
+    A, C = m * r * r / 4, m * r * r / 2
+    # unknown spin s about the axis relative to the precessing frame; axis e tilted by `tilt` from the horizontal
+    # radius of the centre's circle R = -(s + W sin) r / W ... solved below for s from the balance of moments about the contact point
+    sin, cos = np.sin(tilt), np.cos(tilt)
+    # horizontal axis h, axis e, in-plane u = upward along the disk; w = W up + s e = (s + W sin) e + W cos u
+    # angular momentum rate about the centre along h: W x H = (C (s + W sin) W cos - A W cos W sin) h
+    # centre moves with speed W R towards the middle; contact moment: m W^2 R r cos(...) and weight m g r sin
+    spin = (-G * m * r * sin / (W * cos) - A * W * sin - 0.0) / 1.0
+    scene = ac.System()
+    scene.world, scene.disk, scene.contact = World(), RigidBody.disk(m, r, axis="y"), RollingDisk(r, "y")
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.disk.frame)
+    model = ac.build(scene)
+    q = (np.cos(tilt / 2), np.sin(tilt / 2), 0, 0, 0, 0)
+    # body axes: y = e (tilted up by `tilt`), x = h, z = u; find s with zero initial tilt acceleration, then it must stay
+    f = model.functions.explicit_dynamics
+
+    def acceleration(s: float) -> float:
+        w = (0.0, s + W * sin, W * cos)
+        # at a steady motion the body-fixed rates of w are those of the turning: w' = -s e x w
+        rate = np.array(f(0.0, [*q, *w], [], [])).ravel()[6:]
+        return float(rate[0] - s * W * cos * -1.0)
+
+    low, high = acceleration(-50.0), acceleration(50.0)
+    slope = (high - low) / 100.0
+    spin = -50.0 - low / slope
+    assert abs(acceleration(spin)) < 1e-10
+    run = model.simulate(5.0, {scene.contact.q: q, scene.contact.v: (0.0, spin + W * sin, W * cos)}, rtol=1e-12)
+    height = run[scene.disk.frame.position][:, 2]
+    assert np.max(np.abs(height - r * cos)) < 1e-9
+    # closed form: (C + m r^2) (s + W sin) cos W = A W^2 sin cos - m g r sin, with signs of this tilt
+    left = (C + m * r * r) * (spin + W * sin) * W * cos
+    assert abs(left - (A * W * W * sin * cos - m * G * r * sin)) < 1e-9 * abs(left)
+
+
+def test_rattleback_reverses_its_spin():
+    """Ellipsoid of Kane, Levinson and Kuypers: first 10 s; quadruple precision."""
+    scene = ac.System()
+    scene.world = World()
+    tilt = 0.1  # principal axes of inertia are turned against those of the ellipsoid by delta about the vertical
+    c, s = np.cos(tilt), np.sin(tilt)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    inertia = R @ np.diag([0.0002, 0.0016, 0.0017]) @ R.T
+    scene.contact = RollingEllipsoid((0.2, 0.03, 0.02))
+    scene.stone = RigidBody(1.0, inertia, (0, 0, -0.001))
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.stone.frame)
+    run = ac.build(scene).simulate(5.0, {scene.contact.v: (0.01, -0.02, -2.0)}, rtol=1e-12)
+    assert run.energy_error() < 1e-10
+    spin = run.at(np.linspace(0, 5, 5001))[scene.contact.v][:, 2]
+    crossing = np.flatnonzero(np.diff(np.sign(spin)))[0]
+    first = np.interp(0.0, [spin[crossing], spin[crossing + 1]], [crossing * 1e-3, (crossing + 1) * 1e-3])
+    assert abs(first - 1.14629001) < 2e-6
+
+
+def test_stiff_spring_pendulum():
+    """k = 1e4 N/m, undamped; quadruple precision."""
+    scene = ac.System()
+    scene.world, scene.bob, scene.spring = World(), Particle(1.0), Spring(1e4, 1.0)
+    scene.connect(scene.world.frame, scene.spring.point_a)
+    scene.connect(scene.spring.point_b, scene.bob.point)
+    run = ac.build(scene).simulate(10.0, {scene.bob.point.position: (1, 0, 0)}, rtol=1e-12)
+    assert np.max(np.abs(run.at(10.0)[scene.bob.point.position][0] - [0.3442353236548982647, 0.0, -0.94182182549807786119])) < 1e-8
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_motion_does_not_depend_on_the_choice_of_axes(seed):
+    """The same spatial double pendulum in two world frames."""
+    R = rotation(seed)
+
+    def scene_in(turn: np.ndarray) -> tuple[ac.System, dict]:
+        vec = lambda *v: tuple(turn @ np.array(v, dtype=float))  # noqa: E731
+        scene = ac.System()
+        scene.world, scene.one, scene.two = World(vec(0, 0, -G)), Revolute(vec(1, 0.2, 0)), Revolute(vec(0, 1, 0.3))
+        scene.upper, scene.lower = RigidBody.rod(1.0, vec(0.1, 0, -1)), RigidBody.rod(1.5, vec(0, 0.2, -0.7))
+        scene.connect(scene.world.frame, scene.one.frame_a)
+        scene.connect(scene.one.frame_b, scene.upper.frame)
+        scene.connect(scene.upper.tip, scene.two.frame_a)
+        scene.connect(scene.two.frame_b, scene.lower.frame)
+        return scene, {scene.one.q: 0.8, scene.two.q: -0.4, scene.two.v: 1.0}
+
+    plain, start = scene_in(np.eye(3))
+    turned, turned_start = scene_in(R)
+    a = ac.build(plain).simulate(2.0, start, rtol=1e-12)[plain.lower.tip.position]
+    b = ac.build(turned).simulate(2.0, turned_start, rtol=1e-12)[turned.lower.tip.position]
+    assert np.max(np.abs(a @ R.T - b)) < 1e-10
