@@ -117,13 +117,6 @@ def test_disk_rolls_in_a_steady_circle():
     """O'Reilly 10.8: a disk tilted by b rolls around with rate W and spin s when the moments about its centre balance."""
     m, r, tilt, W = 1.0, 0.3, 0.4, 2.0
     A, C = m * r * r / 4, m * r * r / 2
-    # unknown spin s about the axis relative to the precessing frame; axis e tilted by `tilt` from the horizontal
-    # radius of the centre's circle R = -(s + W sin) r / W ... solved below for s from the balance of moments about the contact point
-    sin, cos = np.sin(tilt), np.cos(tilt)
-    # horizontal axis h, axis e, in-plane u = upward along the disk; w = W up + s e = (s + W sin) e + W cos u
-    # angular momentum rate about the centre along h: W x H = (C (s + W sin) W cos - A W cos W sin) h
-    # centre moves with speed W R towards the middle; contact moment: m W^2 R r cos(...) and weight m g r sin
-    spin = (-G * m * r * sin / (W * cos) - A * W * sin - 0.0) / 1.0
     scene = ac.System()
     scene.world, scene.disk, scene.contact = World(), RigidBody.disk(m, r, axis="y"), RollingDisk(r, "y")
     scene.connect(scene.world.frame, scene.contact.frame_a)

@@ -1,20 +1,19 @@
-"""A motion as plain data, and as one self-contained HTML page."""
+"""A motion as plain data: what is drawn, and where everything is at every instant."""
 
 from __future__ import annotations
 
-import base64
-import html
-import json
+from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from acausal.visual.shapes import Box, Cylinder, Disk, Ellipsoid, PointMass, Polygon, Rod, Shape, Sphere
+from acausal.errors import OptionError
+from acausal.visual.geometry import plane_corners, rotated, support_points, turned_back
+from acausal.visual.shapes import Plane, Polygon, Rod, Shape, Vector
 
 PALETTE = ("#4C78A8", "#F58518", "#54A24B", "#E45756", "#72B7B2", "#B279A2", "#EECA3B", "#9D755D", "#5F9ED1", "#FF9DA6")
+LINK_KINDS = ("spring", "damper", "force", "string")
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class MovingBody:
 
 @dataclass(frozen=True)
 class MovingLink:
-    """A line from `starts` to `ends`, (n, 3) [m] each, drawn as a coil for kind 'spring', else as a line."""
+    """From `starts` to `ends`, (n, 3) [m] each: kind 'spring' (a coil), 'damper', 'force' (an arrow) or 'string'."""
 
     name: str
     kind: str
@@ -39,17 +38,21 @@ class MovingLink:
 
 @dataclass(frozen=True)
 class JointMarker:
-    """A joint at `positions` (n, 3) [m]; `axes` (n, 3) are unit vectors in the world; kind 'hinge', 'slider', 'ball' or 'other'."""
+    """A joint at `positions` (n, 3) [m], turned by `quaternions` (n, 4); `axis` (3,) is in its own frame.
+
+    Kind 'hinge', 'slider', 'ball', or anything else.
+    """
 
     name: str
     kind: str
     positions: np.ndarray
-    axes: np.ndarray
+    quaternions: np.ndarray
+    axis: Vector = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Trail:
-    """The path (n, 3) [m] of a point."""
+    """The path (n, 3) [m] of a point; in the colour of the body of the same name, if there is one."""
 
     name: str
     points: np.ndarray
@@ -57,136 +60,128 @@ class Trail:
 
 @dataclass(frozen=True)
 class Animation:
-    """Everything that is drawn, at `times` (n,) [s]. `up` is the direction against gravity. `speed`: shown against real time."""
+    """Everything that is drawn, at `times` (n,) [s], increasing. `up`: against gravity. `speed`: shown against real time.
+
+    Raises `OptionError` if an array does not have n rows, or is not finite.
+    """
 
     title: str
     times: np.ndarray
     bodies: tuple[MovingBody, ...]
-    links: tuple[MovingLink, ...]
-    joints: tuple[JointMarker, ...]
-    trails: tuple[Trail, ...]
-    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    links: tuple[MovingLink, ...] = ()
+    joints: tuple[JointMarker, ...] = ()
+    trails: tuple[Trail, ...] = ()
+    up: Vector = (0.0, 0.0, 1.0)
     speed: float = 1.0
 
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (3,), (3,) [m] of a box around the whole motion."""
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    def __post_init__(self) -> None:
+        n = len(self.times)
+        _check("times", self.times, (n,))
+        if n == 0 or np.any(np.diff(self.times) < 0):
+            raise OptionError(f"The times of animation '{self.title}' must increase; there are {n}. Give one time per frame, in order.")
+        if not np.linalg.norm(self.up) > 0:
+            raise OptionError(f"The up direction of animation '{self.title}' is {self.up}. Give a vector that is not zero.")
         for body in self.bodies:
-            for corner in shape_points(body.shapes):
-                moved = body.positions + rotated(body.quaternions, corner)
-                low, high = np.minimum(low, moved.min(axis=0)), np.maximum(high, moved.max(axis=0))
-        others = [link.starts for link in self.links] + [link.ends for link in self.links] + [j.positions for j in self.joints]
-        for points in others:
-            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-        if not np.all(np.isfinite(low)):
+            _check(f"positions of body '{body.name}'", body.positions, (n, 3))
+            _check(f"quaternions of body '{body.name}'", body.quaternions, (n, 4))
+        for joint in self.joints:
+            _check(f"positions of joint '{joint.name}'", joint.positions, (n, 3))
+            _check(f"quaternions of joint '{joint.name}'", joint.quaternions, (n, 4))
+        for link in self.links:
+            _check(f"starts of link '{link.name}'", link.starts, (n, 3))
+            _check(f"ends of link '{link.name}'", link.ends, (n, 3))
+            if link.kind not in LINK_KINDS:
+                raise OptionError(f"Link '{link.name}' is of kind '{link.kind}'. Choose one of {', '.join(LINK_KINDS)}.")
+        for trail in self.trails:
+            _check(f"points of trail '{trail.name}'", trail.points, (n, 3))
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (3,), (3,) [m] of a box around the whole motion; planes do not count where there is something else."""
+        paths = [p for link in self.links for p in (link.starts, link.ends)] + [j.positions for j in self.joints]
+        paths += [b.positions for b in self.bodies if not b.shapes] + [t.points for t in self.trails]
+        solids = [(b, s) for b in self.bodies for s in b.shapes if not isinstance(s, Plane)]
+        if not paths and not solids:
+            solids = [(b, s) for b in self.bodies for s in b.shapes]
+        if not paths and not solids:
             return np.full(3, -1.0), np.full(3, 1.0)
-        return low, high
+        low = -np.array([furthest(-e, paths, solids) for e in np.eye(3)])
+        return low, np.array([furthest(e, paths, solids) for e in np.eye(3)])
 
     def size(self) -> float:
-        """Diagonal of the bounds [m]."""
+        """Diagonal of the bounds [m]; 1 where that is zero."""
         low, high = self.bounds()
-        return max(float(np.linalg.norm(high - low)), 1e-6)
+        diagonal = float(np.linalg.norm(high - low))
+        return diagonal if diagonal > 0 else 1.0
 
-    def plane_normal(self) -> np.ndarray | None:
-        """Unit normal (3,) of the plane in which all joints, links and body origins stay; None if the motion is spatial."""
-        points = [b.positions for b in self.bodies] + [j.positions for j in self.joints] + [link.ends for link in self.links]
-        points += [
-            b.positions + rotated(b.quaternions, np.array(s.end)) for b in self.bodies for s in b.shapes if isinstance(s, Rod)
-        ]
-        if not points:
-            return None
-        cloud = np.vstack(points)
-        _, spread, axes = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=False)
-        if spread[2] < 1e-4 * spread[0] and spread[1] > 1e-3 * spread[0]:
-            return axes[2]
-        return None
+    def thickness(self) -> float:
+        """Radius [m] of a bar that suits the scene: a part of its size, less where its parts lie closer together."""
+        size = self.size()
+        anchors = [j.positions[0] for j in self.joints]
+        for body in self.bodies:
+            ends = [np.array(p) for s in body.shapes for p in _places(s)]
+            anchors += [body.positions[0] + rotated(body.quaternions[:1], p)[0] for p in ends]
+        if len(anchors) < 2:
+            return 0.011 * size
+        points = np.array(anchors[:400])
+        distances = np.linalg.norm(points[:, None] - points[None], axis=2)
+        distances[distances < 1e-3 * size] = np.inf
+        nearest = distances.min(axis=1)
+        near = nearest[np.isfinite(nearest)]
+        return 0.011 * size if near.size == 0 else float(np.clip(0.14 * np.median(near), 0.002 * size, 0.011 * size))
 
+    def floor(self) -> float:
+        """Height [m] along `up` of the lowest point of the whole motion, planes included as far as they are drawn."""
+        down = -np.array(self.up) / np.linalg.norm(self.up)
+        paths = [p for link in self.links for p in (link.starts, link.ends)] + [j.positions for j in self.joints]
+        solids = [(b, s) for b in self.bodies for s in b.shapes if not isinstance(s, Plane)]
+        for body in self.bodies:
+            for shape in body.shapes:
+                if isinstance(shape, Plane):
+                    solids.append((body, Polygon(plane_corners(shape, self.drawn_size(shape)), position=shape.position, rotation=shape.rotation)))
+        return -furthest(down, paths, solids, self.thickness()) if paths or solids else float(down @ down) - 1.0
 
-def shape_points(shapes: tuple[Shape, ...]) -> list[np.ndarray]:
-    """Points (3,) of the body whose bounding box holds the shapes."""
-    points: list[np.ndarray] = []
-    for shape in shapes:
-        match shape:
-            case Rod():
-                points += [np.array(shape.start), np.array(shape.end)]
-            case Polygon():
-                points += [np.array(p) for p in shape.points]
-            case PointMass():
-                points.append(np.zeros(3))
-            case _:
-                r = extent(shape)
-                points += [r * np.array(corner) for corner in ((1, 1, 1), (-1, -1, -1), (1, -1, 1), (-1, 1, -1))]
-    return points
-
-
-def extent(shape: Shape) -> np.ndarray:
-    """Half sizes (3,) [m] of a solid about the origin."""
-    match shape:
-        case Box():
-            return np.array(shape.size) / 2
-        case Ellipsoid():
-            return np.array(shape.semi_axes)
-        case Sphere():
-            return np.full(3, shape.radius)
-        case Cylinder():
-            n = np.abs(np.array(shape.axis))
-            return n * shape.length / 2 + (1 - n) * shape.radius
-        case Disk():
-            return np.full(3, shape.radius)
-        case _:
-            return np.zeros(3)
+    def drawn_size(self, plane: Plane) -> float:
+        """Edge [m] of a plane as drawn: not much larger than the rest."""
+        return min(plane.size, 4 * self.size())
 
 
-def rotated(quaternions: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """(n, 3): R(q) v for quaternions (n, 4), scalar first."""
-    w, u = quaternions[:, :1], quaternions[:, 1:]
-    t = 2 * np.cross(u, vector)
-    return vector + w * t + np.cross(u, t)
+def furthest(direction: np.ndarray, paths: Iterable[np.ndarray], solids: Iterable[tuple[MovingBody, Shape]], thickness: float = 0.0) -> float:
+    """Largest coordinate [m] along a unit vector (3,) that points or solids reach at any time; -inf without any."""
+    reach = -np.inf
+    for path in paths:
+        reach = max(reach, float(np.max(path @ direction)))
+    for body, shape in solids:
+        seen = turned_back(body.quaternions, direction)
+        extent = np.sum(seen * support_points(shape, seen, thickness), axis=1)
+        reach = max(reach, float(np.max(body.positions @ direction + extent)))
+    return reach
 
 
 def write_html(animation: Animation, path: str | Path) -> Path:
     """Write one page that needs no network: three.js, the viewer and the motion inside. Returns the path."""
-    data = json.dumps(_data(animation), separators=(",", ":")).replace("<", "\\u003c")
-    files = resources.files("acausal.visual")
-    page = files.joinpath("viewer.html").read_text(encoding="utf-8")
-    for mark, text in (
-        ("<!--TITLE-->", html.escape(animation.title)),
-        ("/*THREE*/", files.joinpath("three.bundle.min.js").read_text(encoding="utf-8").replace("</script", "<\\/script")),
-        ("/*VIEWER*/", files.joinpath("viewer.js").read_text(encoding="utf-8")),
-        ("/*DATA*/null", data),
-    ):
-        page = page.replace(mark, text)
+    from acausal.visual.page import page
+
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page, encoding="utf-8")
+    target.write_text(page(animation), encoding="utf-8")
     return target
 
 
-def _data(animation: Animation) -> dict[str, Any]:
-    low, high = animation.bounds()
-    normal = animation.plane_normal()
-    return {
-        "title": animation.title,
-        "speed": animation.speed,
-        "times": _packed(animation.times),
-        "up": list(animation.up),
-        "low": low.tolist(),
-        "high": high.tolist(),
-        "normal": None if normal is None else normal.tolist(),
-        "palette": list(PALETTE),
-        "bodies": [
-            {"name": b.name, "shapes": [_shape(s) for s in b.shapes], "p": _packed(b.positions), "q": _packed(b.quaternions)}
-            for b in animation.bodies
-        ],
-        "links": [{"name": k.name, "kind": k.kind, "a": _packed(k.starts), "b": _packed(k.ends)} for k in animation.links],
-        "joints": [{"name": j.name, "kind": j.kind, "p": _packed(j.positions), "axis": _packed(j.axes)} for j in animation.joints],
-        "trails": [{"name": t.name, "p": _packed(t.points)} for t in animation.trails],
-    }  # fmt: skip
+def _places(shape: Shape) -> tuple[Vector, ...]:
+    match shape:
+        case Rod():
+            return (shape.start, shape.end)
+        case Polygon():
+            return shape.points
+        case Plane():
+            return ()
+        case _:
+            return (shape.position,)
 
 
-def _shape(shape: Shape) -> dict[str, Any]:
-    return {"kind": type(shape).__name__, **vars(shape)}
-
-
-def _packed(array: np.ndarray) -> str:
-    return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode("ascii")
+def _check(what: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise OptionError(f"The {what} have shape {array.shape}; expected {shape}: one row per time.")
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        raise OptionError(f"The {what} are not finite from frame {bad[0][0]} on. Cut the motion before that instant.")

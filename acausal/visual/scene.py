@@ -122,7 +122,7 @@ def _joints(run: Trajectory) -> tuple[JointMarker, ...]:
         poses.append(Pose(symbolic(X.rotation) @ symbolic(joint.mounting()), X.position))
     positions, rotations = _poses(run, poses)
     return tuple(
-        JointMarker(name, kind, p, R[:, :, 2]) for (name, _, kind), p, R in zip(shown, positions, rotations, strict=True)
+        JointMarker(name, kind, p, _quaternions(R)) for (name, _, kind), p, R in zip(shown, positions, rotations, strict=True)
     )
 
 
