@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.visual.geometry import plane_corners, rotated, support_points, turned_back
+from acausal.visual.geometry import rotated, support_points, turned_back
 from acausal.visual.shapes import Plane, Polygon, Rod, Shape, Vector
 
 PALETTE = ("#4C78A8", "#F58518", "#54A24B", "#E45756", "#72B7B2", "#B279A2", "#EECA3B", "#9D755D", "#5F9ED1", "#FF9DA6")
@@ -78,9 +78,13 @@ class Animation:
         n = len(self.times)
         _check("times", self.times, (n,))
         if n == 0 or np.any(np.diff(self.times) < 0):
-            raise OptionError(f"The times of animation '{self.title}' must increase; there are {n}. Give one time per frame, in order.")
+            raise OptionError(
+                f"The times of animation '{self.title}' must increase; there are {n}. Give one time per frame, in order."
+            )
         if not np.linalg.norm(self.up) > 0:
             raise OptionError(f"The up direction of animation '{self.title}' is {self.up}. Give a vector that is not zero.")
+        if not 0 < self.speed < np.inf:
+            raise OptionError(f"The speed of animation '{self.title}' is {self.speed}. Give shown seconds per second, above zero.")
         for body in self.bodies:
             _check(f"positions of body '{body.name}'", body.positions, (n, 3))
             _check(f"quaternions of body '{body.name}'", body.quaternions, (n, 4))
@@ -121,13 +125,13 @@ class Animation:
             ends = [np.array(p) for s in body.shapes for p in _places(s)]
             anchors += [body.positions[0] + rotated(body.quaternions[:1], p)[0] for p in ends]
         if len(anchors) < 2:
-            return 0.011 * size
+            return 0.010 * size
         points = np.array(anchors[:400])
         distances = np.linalg.norm(points[:, None] - points[None], axis=2)
         distances[distances < 1e-3 * size] = np.inf
         nearest = distances.min(axis=1)
         near = nearest[np.isfinite(nearest)]
-        return 0.011 * size if near.size == 0 else float(np.clip(0.14 * np.median(near), 0.002 * size, 0.011 * size))
+        return 0.010 * size if near.size == 0 else float(np.clip(0.14 * np.median(near), 0.002 * size, 0.010 * size))
 
     def floor(self) -> float:
         """Height [m] along `up` of the lowest point of the whole motion, planes included as far as they are drawn."""
@@ -137,15 +141,17 @@ class Animation:
         for body in self.bodies:
             for shape in body.shapes:
                 if isinstance(shape, Plane):
-                    solids.append((body, Polygon(plane_corners(shape, self.drawn_size(shape)), position=shape.position, rotation=shape.rotation)))
-        return -furthest(down, paths, solids, self.thickness()) if paths or solids else float(down @ down) - 1.0
+                    solids.append((body, replace(shape, size=self.drawn_size(shape))))
+        return -furthest(down, paths, solids, self.thickness()) if paths or solids else -1.0
 
     def drawn_size(self, plane: Plane) -> float:
         """Edge [m] of a plane as drawn: not much larger than the rest."""
         return min(plane.size, 4 * self.size())
 
 
-def furthest(direction: np.ndarray, paths: Iterable[np.ndarray], solids: Iterable[tuple[MovingBody, Shape]], thickness: float = 0.0) -> float:
+def furthest(
+    direction: np.ndarray, paths: Iterable[np.ndarray], solids: Iterable[tuple[MovingBody, Shape]], thickness: float = 0.0
+) -> float:
     """Largest coordinate [m] along a unit vector (3,) that points or solids reach at any time; -inf without any."""
     reach = -np.inf
     for path in paths:

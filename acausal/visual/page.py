@@ -28,7 +28,7 @@ def page(animation: Animation) -> str:
         "/*THREE*/": script("three.bundle.min.js"),
         "/*SOLIDS*/": script("solids.js"),
         "/*VIEWER*/": script("viewer.js"),
-        "/*DATA*/null": json.dumps(page_data(animation), separators=(",", ":")).replace("<", "\\u003c"),
+        "/*DATA*/null": json.dumps(page_data(animation), separators=(",", ":"), default=_plain).replace("<", "\\u003c"),
     }
     template = files.joinpath("viewer.html").read_text(encoding="utf-8")
     # one pass, so that a title that looks like a mark stays a title
@@ -68,6 +68,11 @@ def page_data(animation: Animation) -> dict[str, Any]:
 def _shape(shape: Shape, animation: Animation) -> dict[str, Any]:
     drawn = {"size": animation.drawn_size(shape)} if isinstance(shape, Plane) else {}
     return {"kind": type(shape).__name__, **vars(shape), **drawn}
+
+
+def _plain(value: Any) -> Any:
+    """A numpy number or array in a shape, for JSON."""
+    return np.asarray(value, dtype=float).tolist()
 
 
 def packed(array: np.ndarray) -> str:

@@ -1,6 +1,6 @@
 export { Scene, PerspectiveCamera, WebGLRenderer, Group, Mesh, BufferGeometry, BufferAttribute, Float32BufferAttribute, MeshStandardMaterial,
   BoxGeometry, SphereGeometry, CylinderGeometry, TorusGeometry, PlaneGeometry, DirectionalLight, HemisphereLight, Color, Vector2, Vector3, Quaternion,
-  Matrix4, GridHelper, Raycaster, ShadowMaterial, PCFShadowMap, DoubleSide } from 'three';
+  Fog, LineSegments, LineBasicMaterial, Raycaster, ShadowMaterial, PCFShadowMap, DoubleSide } from 'three';
 export { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 export { Line2 } from 'three/examples/jsm/lines/Line2.js';
 export { LineGeometry } from 'three/examples/jsm/lines/LineGeometry.js';

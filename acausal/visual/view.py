@@ -54,7 +54,9 @@ def motion_normal(animation: Animation) -> np.ndarray | None:
     scale = animation.size()
     paths = [b.positions for b in animation.bodies] + [j.positions for j in animation.joints]
     paths += [p for link in animation.links for p in (link.starts, link.ends)] + [t.points for t in animation.trails]
-    paths += [b.positions + rotated(b.quaternions, np.array(s.end)) for b in animation.bodies for s in b.shapes if isinstance(s, Rod)]
+    paths += [
+        b.positions + rotated(b.quaternions, np.array(s.end)) for b in animation.bodies for s in b.shapes if isinstance(s, Rod)
+    ]
     if not paths:
         return None
     moved = np.zeros((3, 3))
