@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -99,17 +98,22 @@ class Animation:
         for trail in self.trails:
             _check(f"points of trail '{trail.name}'", trail.points, (n, 3))
 
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (3,), (3,) [m] of a box around the whole motion; planes do not count where there is something else."""
+    def reach(self, direction: np.ndarray, thickness: float = 0.0) -> float:
+        """Largest coordinate [m] along a unit vector (3,) over the whole motion; planes count only where there is nothing else.
+
+        `thickness` [m] is the radius of what has none of its own. -inf if the scene is empty.
+        """
         paths = [p for link in self.links for p in (link.starts, link.ends)] + [j.positions for j in self.joints]
         paths += [b.positions for b in self.bodies if not b.shapes] + [t.points for t in self.trails]
-        solids = [(b, s) for b in self.bodies for s in b.shapes if not isinstance(s, Plane)]
-        if not paths and not solids:
-            solids = [(b, s) for b in self.bodies for s in b.shapes]
-        if not paths and not solids:
-            return np.full(3, -1.0), np.full(3, 1.0)
-        low = -np.array([furthest(-e, paths, solids) for e in np.eye(3)])
-        return low, np.array([furthest(e, paths, solids) for e in np.eye(3)])
+        solid = [(b, s) for b in self.bodies for s in b.shapes if not isinstance(s, Plane)]
+        if not paths and not solid:
+            solid = [(b, s) for b in self.bodies for s in b.shapes]
+        return max([float(np.max(p @ direction)) for p in paths] + [_reach(b, s, direction, thickness) for b, s in solid], default=-np.inf)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (3,), (3,) [m] of a box around the whole motion."""
+        low, high = -np.array([self.reach(-e) for e in np.eye(3)]), np.array([self.reach(e) for e in np.eye(3)])
+        return (low, high) if np.all(np.isfinite(high)) else (np.full(3, -1.0), np.full(3, 1.0))
 
     def size(self) -> float:
         """Diagonal of the bounds [m]; 1 where that is zero."""
@@ -136,31 +140,19 @@ class Animation:
     def floor(self) -> float:
         """Height [m] along `up` of the lowest point of the whole motion, planes included as far as they are drawn."""
         down = -np.array(self.up) / np.linalg.norm(self.up)
-        paths = [p for link in self.links for p in (link.starts, link.ends)] + [j.positions for j in self.joints]
-        solids = [(b, s) for b in self.bodies for s in b.shapes if not isinstance(s, Plane)]
-        for body in self.bodies:
-            for shape in body.shapes:
-                if isinstance(shape, Plane):
-                    solids.append((body, replace(shape, size=self.drawn_size(shape))))
-        return -furthest(down, paths, solids, self.thickness()) if paths or solids else -1.0
+        planes = [_reach(b, replace(s, size=self.drawn_size(s)), down, 0.0) for b in self.bodies for s in b.shapes if isinstance(s, Plane)]
+        lowest = max([self.reach(down, self.thickness()), *planes])
+        return -lowest if np.isfinite(lowest) else -1.0
 
     def drawn_size(self, plane: Plane) -> float:
         """Edge [m] of a plane as drawn: not much larger than the rest."""
         return min(plane.size, 4 * self.size())
 
 
-def furthest(
-    direction: np.ndarray, paths: Iterable[np.ndarray], solids: Iterable[tuple[MovingBody, Shape]], thickness: float = 0.0
-) -> float:
-    """Largest coordinate [m] along a unit vector (3,) that points or solids reach at any time; -inf without any."""
-    reach = -np.inf
-    for path in paths:
-        reach = max(reach, float(np.max(path @ direction)))
-    for body, shape in solids:
-        seen = turned_back(body.quaternions, direction)
-        extent = np.sum(seen * support_points(shape, seen, thickness), axis=1)
-        reach = max(reach, float(np.max(body.positions @ direction + extent)))
-    return reach
+def _reach(body: MovingBody, shape: Shape, direction: np.ndarray, thickness: float) -> float:
+    seen = turned_back(body.quaternions, direction)
+    extent = np.sum(seen * support_points(shape, seen, thickness), axis=1)
+    return float(np.max(body.positions @ direction + extent))
 
 
 def write_html(animation: Animation, path: str | Path) -> Path:

@@ -3,149 +3,201 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from acausal.visual.animation import PALETTE, Animation, MovingBody, rotated
-from acausal.visual.pyplot import new_figure, saved
-from acausal.visual.shapes import Box, Cylinder, Disk, Ellipsoid, PointMass, Polygon, Rod, Shape, Sphere
+from acausal.errors import OptionError
+from acausal.visual.animation import PALETTE, Animation, MovingBody, MovingLink, Trail
+from acausal.visual.geometry import rotated, support_points, turned_back
+from acausal.visual.pyplot import new_figure, plain, saved
+from acausal.visual.shapes import Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
+from acausal.visual.view import View, view_of
+
+_LINK_COLOURS = {"spring": "#3d4957", "damper": "#8a63c4", "force": "#d1495b", "string": "#8d7b68"}
+_MOST_LABELS = 12
 
 
-def write_png(animation: Animation, path: str | Path, *, times: Sequence[float]) -> Path:
-    """Orthographic view, straight onto a planar mechanism; earlier instants are drawn fainter. Returns the path."""
-    right, up = _view(animation)
-    figure, axes = new_figure(7.5, 6.5)
+@dataclass(frozen=True)
+class _Canvas:
+    axes: Any
+    animation: Animation
+    view: View
+    thickness: float
+
+    def flat(self, points: np.ndarray) -> np.ndarray:
+        """Coordinates (k, 2) in the picture of points (k, 3)."""
+        return points @ np.stack([self.view.right, self.view.up], axis=1)
+
+
+def write_png(animation: Animation, path: str | Path, *, times: Sequence[float] = ()) -> Path:
+    """Orthographic view, straight onto a planar mechanism, at `times` [s], by default the first; earlier instants are fainter.
+
+    Returns the path. Raises `OptionError` for times outside of the motion.
+    """
+    moments = tuple(times) or (float(animation.times[0]),)
+    first, last = float(animation.times[0]), float(animation.times[-1])
+    slack = 1e-9 * max(abs(first), abs(last), 1e-300)
+    for moment in moments:
+        if not first - slack <= moment <= last + slack:
+            raise OptionError(f"There is no picture of '{animation.title}' at {moment:g} s: the motion lasts from {first:g} s to {last:g} s.")
+    frames = [int(np.argmin(np.abs(animation.times - moment))) for moment in moments]
+    view, thickness = view_of(animation), animation.thickness()
+    left, right, low, high = _limits(_only(animation, frames), animation.trails, view, thickness)
+    figure, axes = new_figure(7.5, float(np.clip(7.0 * (high - low) / (right - left), 2.5, 12.0)) + 0.8)
+    canvas = _Canvas(axes, animation, view, thickness)
     for trail in animation.trails:
-        axes.plot(trail.points @ right, trail.points @ up, color="#9aa7b5", linewidth=0.8, zorder=1)
-    for k, moment in enumerate(times):
-        frame = int(np.argmin(np.abs(animation.times - moment)))
-        strength = 1.0 if len(times) == 1 else 0.25 + 0.75 * k / (len(times) - 1)
-        _draw_frame(axes, animation, frame, right, up, strength)
-    axes.set_aspect("equal")
-    axes.set_title(animation.title + ("" if len(times) != 1 else f", t = {times[0]:g} s"), loc="left", fontsize=11)
-    axes.set_xlabel("[m]")
+        line = canvas.flat(trail.points)
+        axes.plot(line[:, 0], line[:, 1], color="#9aa7b5", linewidth=0.9, zorder=0.5)
+    for k, frame in enumerate(frames):
+        _draw_frame(canvas, frame, 1.0 if k == len(frames) - 1 else 0.2 + 0.5 * k / len(frames), 1 + 10 * k)
+    axes.set(xlim=(left, right), ylim=(low, high), xlabel="[m]")
+    axes.set_aspect("equal", adjustable="box")
+    instants = ", ".join(f"{m:g}" for m in moments) if len(moments) <= 6 else f"{moments[0]:g} to {moments[-1]:g}"
+    axes.set_title(plain(f"{animation.title}, t = {instants} s"), loc="left", fontsize=11)
     axes.grid(alpha=0.2)
     axes.spines[["top", "right"]].set_visible(False)
+    if 0 < len(animation.bodies) <= _MOST_LABELS:
+        _add_legend(axes, animation)
     saved(figure, path)
     return Path(path)
 
 
-def _view(animation: Animation) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (3,) of the picture's right and up."""
-    up = np.array(animation.up)
-    normal = animation.plane_normal()
-    if normal is None:
-        helper = np.array([1.0, 0, 0]) if abs(up[0]) < 0.9 else np.array([0, 1.0, 0])
-        side = np.cross(up, helper)
-        normal = helper * 0.5 - side * 0.8 + up * 0.35
-    normal = normal / np.linalg.norm(normal)
-    if (normal[np.argmax(np.abs(normal))] < 0 and abs(normal[1]) < 0.9) or normal[1] > 0.9:
-        normal = -normal
-    if abs(float(normal @ up)) > 0.99:
-        up = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
-    up = up - normal * float(normal @ up)
-    up = up / np.linalg.norm(up)
-    return np.cross(up, normal), up
+def _only(animation: Animation, frames: list[int]) -> Animation:
+    """The motion at some frames, without trails."""
+    return replace(
+        animation,
+        times=np.arange(float(len(frames))),
+        bodies=tuple(replace(b, positions=b.positions[frames], quaternions=b.quaternions[frames]) for b in animation.bodies),
+        links=tuple(replace(k, starts=k.starts[frames], ends=k.ends[frames]) for k in animation.links),
+        joints=tuple(replace(j, positions=j.positions[frames], quaternions=j.quaternions[frames]) for j in animation.joints),
+        trails=(),
+    )
 
 
-def _draw_frame(axes: Any, animation: Animation, frame: int, right: np.ndarray, up: np.ndarray, strength: float) -> None:
-    width = 2.5
+def _limits(animation: Animation, trails: tuple[Trail, ...], view: View, thickness: float) -> tuple[float, float, float, float]:
+    """Left, right, low, high [m] of what is in the picture, with a margin."""
+    directions = (-view.right, view.right, -view.up, view.up)
+    edges = [max([animation.reach(d, 2 * thickness), *(float(np.max(t.points @ d)) for t in trails)]) for d in directions]
+    if not np.all(np.isfinite(edges)):
+        return -1.0, 1.0, -1.0, 1.0
+    margin = 0.04 * max(edges[0] + edges[1], edges[2] + edges[3]) or 1.0
+    wide, high = edges[0] + edges[1] + 2 * margin, edges[2] + edges[3] + 2 * margin
+    # neither a ribbon nor a tower
+    sideways, upwards = margin + max(0.0, 0.6 * high - wide) / 2, margin + max(0.0, 0.3 * wide - high) / 2
+    return -edges[0] - sideways, edges[1] + sideways, -edges[2] - upwards, edges[3] + upwards
+
+
+def _add_legend(axes: Any, animation: Animation) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [Patch(color=_colour(animation, i), label=plain(body.name)) for i, body in enumerate(animation.bodies)]
+    axes.legend(handles=handles, frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+def _colour(animation: Animation, i: int) -> str:
+    """The body's own colour, else the palette's."""
+    own = [shape.colour for shape in animation.bodies[i].shapes if shape.colour]
+    return own[0] if own else PALETTE[i % len(PALETTE)]
+
+
+def _draw_frame(canvas: _Canvas, frame: int, strength: float, layer: float) -> None:
+    """Everything at one instant; what is nearer to the viewer is drawn later."""
+    animation, towards = canvas.animation, canvas.view.towards
+    depths = {(i, k): _depth(b, s, frame, towards) for i, b in enumerate(animation.bodies) for k, s in enumerate(b.shapes)}
+    order = sorted(depths, key=lambda key: depths[key])
+    height = {key: layer + 5 * rank / len(order) for rank, key in enumerate(order)}
+    for i, k in order:
+        body = animation.bodies[i]
+        colour = body.shapes[k].colour or _colour(animation, i)
+        _draw_shape(canvas, body, body.shapes[k], frame, colour=colour, strength=strength, height=height[i, k])
     for link in animation.links:
-        line = (
-            _coil(link.starts[frame], link.ends[frame], right, up, animation.size())
-            if link.kind == "spring"
-            else np.stack([[p @ right, p @ up] for p in (link.starts[frame], link.ends[frame])])
-        )
-        axes.plot(line[:, 0], line[:, 1], color="#3d4957", linewidth=1.0, alpha=strength, zorder=3)
-    for i, body in enumerate(animation.bodies):
-        colour = PALETTE[i % len(PALETTE)]
-        label = body.name if strength == 1.0 and len(animation.bodies) <= 12 else None
-        for shape in body.shapes:
-            outline, filled = _outline(shape)
-            if outline is None:
-                centre = body.positions[frame]
-                axes.plot(centre @ right, centre @ up, "o", color=colour, markersize=8, alpha=strength, zorder=5, label=label)
-                continue
-            points = _placed(body, frame, outline)
-            flat = np.stack([points @ right, points @ up], axis=1)
-            if filled:
-                axes.fill(flat[:, 0], flat[:, 1], facecolor=colour, alpha=0.28 * strength, zorder=2)
-            axes.plot(
-                flat[:, 0],
-                flat[:, 1],
-                color=colour,
-                linewidth=width,
-                alpha=strength,
-                solid_capstyle="round",
-                zorder=4,
-                label=label,
-            )
-            label = None
-    for joint in animation.joints:
-        p = joint.positions[frame]
-        axes.plot(
-            p @ right, p @ up, "o", markersize=5, markerfacecolor="white", markeredgecolor="#3d4957", alpha=strength, zorder=6
-        )
-    if strength == 1.0 and 0 < len(animation.bodies) <= 12:
-        axes.legend(frameon=False, fontsize=8, loc="best")
+        _draw_link(canvas, link, frame, strength, layer + 6)
+    if animation.joints:
+        places = canvas.flat(np.stack([joint.positions[frame] for joint in animation.joints]))
+        size = 5 if len(animation.joints) < 30 else 3
+        axes = canvas.axes
+        axes.plot(places[:, 0], places[:, 1], "o", markersize=size, markerfacecolor="white", markeredgecolor="#3d4957", alpha=strength, zorder=layer + 7)
 
 
-def _placed(body: MovingBody, frame: int, points: np.ndarray) -> np.ndarray:
-    q = body.quaternions[frame : frame + 1]
-    return np.array([body.positions[frame] + rotated(q, p)[0] for p in points])
+def _depth(body: MovingBody, shape: Shape, frame: int, towards: np.ndarray) -> float:
+    """How near to the viewer the middle of a shape is [m]; planes are behind all."""
+    if isinstance(shape, Plane):
+        return -np.inf
+    seen = turned_back(body.quaternions[frame : frame + 1], towards)
+    middle = (support_points(shape, seen) + support_points(shape, -seen)) / 2
+    return float((body.positions[frame] + rotated(body.quaternions[frame : frame + 1], middle)[0]) @ towards)
 
 
-def _outline(shape: Shape) -> tuple[np.ndarray | None, bool]:
-    """Points (k, 3) of a closed or open line in the body's frame, and whether it is filled; None for a dot."""
-    circle = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 49)), np.sin(a), 0 * a], axis=1)
+def _draw_shape(
+    canvas: _Canvas, body: MovingBody, shape: Shape, frame: int, *, colour: str, strength: float, height: float
+) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    def placed(points: np.ndarray) -> np.ndarray:
+        return canvas.flat(body.positions[frame] + rotated(np.repeat(body.quaternions[frame : frame + 1], len(points), axis=0), points))
+
+    angle = np.linspace(0, 2 * np.pi, 97)[:, None]
+    seen = turned_back(np.repeat(body.quaternions[frame : frame + 1], 97, axis=0), np.cos(angle) * canvas.view.right + np.sin(angle) * canvas.view.up)
+    rings = [placed(ring) for ring in _outlines(shape, seen, canvas)]
+    opacity = 0.25 if isinstance(shape, Plane) else 0.55 if isinstance(shape, Polygon) else 0.85
+    path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
+    canvas.axes.add_patch(
+        PathPatch(path, facecolor=colour, edgecolor="#1d2733", linewidth=0.7, alpha=opacity * strength, zorder=height)
+    )
+    if isinstance(shape, Disk):
+        line = placed(_spoke(shape))
+        canvas.axes.plot(line[:, 0], line[:, 1], color="#1d2733", linewidth=1.0, alpha=0.7 * strength, zorder=height + 1e-3)
+
+
+def _outlines(shape: Shape, seen: np.ndarray, canvas: _Canvas) -> list[np.ndarray]:
+    """Closed curves (k, 3) in the body's frame that bound what is seen along directions (k, 3) around the picture; a ring has two."""
     match shape:
-        case Rod():
-            return np.array([shape.start, shape.end]), False
-        case Polygon():
-            return np.array([*shape.points, shape.points[0]]), len(shape.points) > 2
-        case Sphere():
-            return shape.radius * circle, True
-        case Disk() | Cylinder():
-            return _about(shape.radius * circle, np.array(shape.axis)), True
-        case Ellipsoid():
-            return np.array(shape.semi_axes) * circle[:, [0, 2, 1]], True
-        case Box():
-            x, y, z = np.array(shape.size) / 2
-            return np.array(
-                [
-                    (-x, -y, -z),
-                    (x, -y, -z),
-                    (x, y, -z),
-                    (-x, y, -z),
-                    (-x, -y, -z),
-                    (-x, -y, z),
-                    (x, -y, z),
-                    (x, y, z),
-                    (-x, y, z),
-                    (-x, -y, z),
-                ]
-            ), False
+        case Torus():
+            outer = support_points(shape, seen)
+            unit = seen / np.linalg.norm(seen, axis=1, keepdims=True)
+            face_on = abs(float(np.cross(unit[0], unit[len(unit) // 4]) @ np.array(shape.rotation) @ np.array(shape.axis)))
+            face_on /= float(np.linalg.norm(shape.axis))
+            # the hole is seen as long as the circle's image bends less than the tube is thick
+            inner = outer - 2 * shape.tube * unit
+            return [outer, inner[::-1]] if shape.radius * face_on**2 > shape.tube else [outer]
         case PointMass():
-            return None, False
+            return [support_points(shape, seen, 2.2 * canvas.thickness)]
+        case Rod() | Polygon():
+            return [support_points(shape, seen, canvas.thickness)]
+        case _:
+            return [support_points(shape, seen)]
 
 
-def _about(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Points around z, turned to be around `axis`."""
-    from acausal.mechanics.pose import rotation_to_axis
+def _spoke(disk: Disk) -> np.ndarray:
+    """A line (2, 3) across the disk, in the body's frame; the same as in the page."""
+    axis = np.array(disk.axis) / np.linalg.norm(disk.axis)
+    u = support_points(Disk(0.85 * disk.radius, 0.0, disk.axis), np.eye(3))[int(np.argmin(np.abs(axis)))]
+    R = np.array(disk.rotation)
+    return np.array(disk.position) + np.stack([-u, u]) @ R.T
 
-    return points @ rotation_to_axis(axis / np.linalg.norm(axis)).T
+
+def _draw_link(canvas: _Canvas, link: MovingLink, frame: int, strength: float, height: float) -> None:
+    ends = canvas.flat(np.stack([link.starts[frame], link.ends[frame]]))
+    colour = _LINK_COLOURS[link.kind]
+    if link.kind == "force":
+        canvas.axes.annotate("", ends[1], ends[0], arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "alpha": strength, "shrinkA": 0, "shrinkB": 0}, zorder=height)  # fmt: skip
+        return
+    line = _zigzag(ends, 2.0 * canvas.thickness) if link.kind == "spring" else ends
+    width = {"spring": 1.1, "damper": 2.4, "string": 0.9}[link.kind]
+    canvas.axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, alpha=strength, zorder=height)
 
 
-def _coil(start: np.ndarray, end: np.ndarray, right: np.ndarray, up: np.ndarray, size: float) -> np.ndarray:
-    """Zig-zag line (k, 2) between two points in the picture."""
-    a, b = np.array([start @ right, start @ up]), np.array([end @ right, end @ up])
-    along = b - a
+def _zigzag(ends: np.ndarray, width: float) -> np.ndarray:
+    """Line (k, 2) between two points of the picture."""
+    along = ends[1] - ends[0]
     length = float(np.linalg.norm(along))
     if length == 0:
-        return np.stack([a, b])
+        return ends
     across = np.array([-along[1], along[0]]) / length
-    s = np.concatenate([[0.0], np.linspace(0.12, 0.88, 17), [1.0]])
-    swing = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], 8)[:15], [0.0, 0.0]]) * 0.018 * size
-    return a + s[:, None] * along + swing[:, None] * across
+    s = np.concatenate([[0.0], np.linspace(0.12, 0.88, 18), [1.0]])
+    swing = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], 8), [0.0, 0.0]]) * min(width, 0.15 * length)
+    return ends[0] + s[:, None] * along + swing[:, None] * across

@@ -16,6 +16,12 @@ def new_figure(width: float, height: float) -> tuple[Any, Any]:
     return figure, figure.add_subplot()
 
 
+def plain(text: str) -> str:
+    """Text as matplotlib shows it unchanged: no formulas between dollars, no hidden label for a leading underscore."""
+    shown = text.replace("$", r"\$")
+    return " " + shown if shown.startswith("_") else shown
+
+
 def saved(figure: Any, path: str | Path | None) -> Any:
     """The figure, written to `path` if given."""
     if path is not None:
