@@ -2,96 +2,154 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import networkx as nx
+import numpy as np
 
-from acausal.visual.pyplot import new_figure, saved
+from acausal.visual.pyplot import new_figure, plain, saved
 
-_FILL = {"ground": "#5b6774", "body": "#4C78A8", "point": "#54A24B", "massless": "#c4ccd6"}
-_LINE: dict[str, tuple[str, Any]] = {"joint": ("#3d4957", "-"), "cut": ("#E45756", "--"), "force": ("#B279A2", ":")}
+_FILL = {"ground": "#5b6774", "body": "#4C78A8", "point": "#3f8a3d", "massless": "#c4ccd6"}
+_LINE: dict[str, tuple[str, Any, str]] = {
+    "joint": ("#3d4957", "-", "joint"),
+    "cut": ("#d62f32", "--", "joint that closes a loop"),
+    "force": ("#8a5a9e", ":", "force"),
+}
+_LAYER, _ROW, _COLUMN = 1.5, 0.85, 1.55  # inches between layers, between rows of one layer, and between columns
+_MOST_COLUMNS = 14
 
 
 def draw_graph(graph: nx.MultiGraph[int], path: str | Path | None = None) -> Any:
-    """Groups in layers by their distance from the ground (node 0), joints as lines: cut ones dashed, forces dotted.
+    """Nodes in layers by their distance from the ground (node 0), in the order that crosses few lines.
 
-    Node attributes `label`, `kind`; edge attributes `label`, `kind`. Returns the matplotlib figure.
+    Node attributes `label`, `kind` ('ground', 'body', 'massless', 'point'); edge attributes `label`, `kind` ('joint', 'cut': red and
+    dashed, 'force': dotted). A layer of many nodes is broken into rows. Returns the matplotlib figure, written to `path` if given.
     """
-    places = _layered(graph)
-    wide = max((x for x, _ in places.values()), default=0) - min((x for x, _ in places.values()), default=0)
-    deep = -min((y for _, y in places.values()), default=0)
-    figure, axes = new_figure(min(40.0, 3.5 + 1.9 * wide), min(40.0, 2.2 + 1.35 * deep))
-    seen: dict[tuple[int, int], int] = {}
+    places = layout(graph)
+    figure, axes = _canvas(places)
+    pairs: dict[tuple[int, int], list[dict[str, Any]]] = defaultdict(list)
     for a, b, data in graph.edges(data=True):
-        pair = (min(a, b), max(a, b))
-        count = seen.get(pair, 0)
-        seen[pair] = count + 1
-        colour, style = _LINE[data["kind"]]
-        skips = abs(places[a][1] - places[b][1]) != 1
-        bend = 0.0 if count == 0 and not skips else 0.22 * ((count + 1) if count % 2 == 0 else -count)
-        (xa, ya), (xb, yb) = places[a], places[b]
-        axes.annotate("", (xb, yb), (xa, ya), arrowprops={
-            "arrowstyle": "-", "color": colour, "linestyle": style, "linewidth": 1.7, "connectionstyle": f"arc3,rad={bend}", "shrinkA": 17, "shrinkB": 17,
-        })  # fmt: skip
-        middle = ((xa + xb) / 2 - bend * (ya - yb) / 2, (ya + yb) / 2 + bend * (xa - xb) / 2)
-        axes.text(
-            *middle,
-            data["label"],
-            fontsize=8,
-            color=colour,
-            ha="center",
-            va="center",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
-        )
+        pairs[min(a, b), max(a, b)].append(data)
+    taken: list[tuple[float, float]] = []
+    for (a, b), edges in pairs.items():
+        upper, lower = sorted((places[a], places[b]), key=lambda place: -place[1])
+        _draw_edges(axes, np.array(upper), np.array(lower), edges, places, taken)
     for node, (x, y) in places.items():
         data = graph.nodes[node]
-        dark = data["kind"] != "massless"
-        axes.text(
-            x,
-            y,
-            data["label"],
-            fontsize=9,
-            ha="center",
-            va="center",
-            color="white" if dark else "#1d2733",
-            bbox={"boxstyle": "round,pad=0.45", "facecolor": _FILL[data["kind"]], "edgecolor": "none"},
-        )
-    from matplotlib.lines import Line2D
-
-    kinds = [k for k in _LINE if any(data["kind"] == k for *_, data in graph.edges(data=True))]
-    names = {"joint": "joint", "cut": "joint that closes a loop", "force": "force"}
-    if kinds:
-        axes.legend(
-            handles=[Line2D([], [], color=_LINE[k][0], linestyle=_LINE[k][1], label=names[k]) for k in kinds],
-            frameon=False,
-            fontsize=8,
-            loc="upper left",
-        )
-    axes.set_xlim(min(x for x, _ in places.values()) - 0.8, max(x for x, _ in places.values()) + 0.8)
-    axes.set_ylim(-deep - 0.5, 0.6)
-    axes.axis("off")
+        kind = data.get("kind", "body")
+        text = plain(textwrap.fill(str(data.get("label", node)), 18, break_long_words=True))
+        ink = "#1d2733" if kind == "massless" else "white"
+        box = {"boxstyle": "round,pad=0.35", "facecolor": _FILL.get(kind, "#4C78A8"), "edgecolor": "white", "linewidth": 1.0}
+        axes.text(x, y, text, fontsize=8, ha="center", va="center", color=ink, bbox=box, zorder=5)
+    _add_legend(axes, graph)
     return saved(figure, path)
 
 
-def _layered(graph: nx.MultiGraph[int]) -> dict[int, tuple[float, float]]:
-    """Breadth-first tree of the joints, leaves side by side, parents above the middle of their children."""
-    solid = nx.MultiGraph()
-    solid.add_nodes_from(graph.nodes)
-    solid.add_edges_from((a, b) for a, b, data in graph.edges(data=True) if data["kind"] == "joint")
-    tree = nx.bfs_tree(solid, 0)
-    depth = nx.single_source_shortest_path_length(tree, 0)
-    x: dict[int, float] = {}
+def layout(graph: nx.MultiGraph[int]) -> dict[int, tuple[float, float]]:
+    """Places [inches] of the nodes: a breadth-first tree of the joints from node 0, then of everything else, parents above children.
+
+    Children stand side by side in the tree's order; a layer wider than 14 nodes is broken into rows.
+    """
+    tree = _tree(graph)
+    depth: dict[int, int] = {}
+    leaves: dict[int, float] = {}
     column = 0.0
-    for node in nx.dfs_postorder_nodes(tree, 0):
-        children = list(tree.successors(node))
-        if children:
-            x[node] = sum(x[c] for c in children) / len(children)
+    for root in [node for node in tree if tree.in_degree(node) == 0]:
+        depth.update(nx.single_source_shortest_path_length(tree, root))
+        for node in nx.dfs_postorder_nodes(tree, root):
+            children = [leaves[c] for c in tree.successors(node)]
+            leaves[node] = sum(children) / len(children) if children else column
+            column += 0.0 if children else 1.0
+    if column <= _MOST_COLUMNS:
+        return {node: (_COLUMN * leaves[node], -_LAYER * depth[node]) for node in tree}
+    return _in_rows(leaves, depth)
+
+
+def _tree(graph: nx.MultiGraph[int]) -> nx.DiGraph[int]:
+    """Breadth-first forest: joints first; what they do not reach hangs on its cuts and forces, else stands beside the ground."""
+    tree: nx.DiGraph[int] = nx.DiGraph()
+    order = sorted(graph.nodes, key=lambda node: (node != 0, node))
+    for kinds in (("joint",), ("joint", "cut", "force")):
+        near = nx.Graph([(a, b) for a, b, data in graph.edges(data=True) if data.get("kind", "joint") in kinds and a != b])
+        queue = [0] if not tree and 0 in graph else list(tree)
+        tree.add_nodes_from(queue)
+        for node in queue:
+            for other in sorted(near[node]) if node in near else ():
+                if other not in tree:
+                    tree.add_edge(node, other)
+                    queue.append(other)
+    tree.add_nodes_from(order)
+    return tree
+
+
+def _in_rows(leaves: dict[int, float], depth: dict[int, int]) -> dict[int, tuple[float, float]]:
+    """Wide graphs: each layer centred, in the tree's order, broken into rows of 14, every second row shifted by half a column."""
+    places: dict[int, tuple[float, float]] = {}
+    y = 0.0
+    for level in range(max(depth.values()) + 1):
+        layer = sorted((node for node in leaves if depth[node] == level), key=lambda node: leaves[node])
+        rows = -(-len(layer) // _MOST_COLUMNS)
+        for r in range(rows):
+            row = layer[r::rows]  # neighbours in the tree stay neighbours in the picture
+            shift = (len(row) - 1) / 2 - (r - (rows - 1) / 2) / max(rows, 1)
+            places.update({node: (_COLUMN * (k - shift), y) for k, node in enumerate(row)})
+            y -= _ROW
+        y -= _LAYER - _ROW
+    return places
+
+
+def _canvas(places: dict[int, tuple[float, float]]) -> tuple[Any, Any]:
+    spots = np.array(list(places.values())) if places else np.zeros((1, 2))
+    low, high = spots.min(axis=0) - np.array([1.2, 0.7]), spots.max(axis=0) + np.array([1.2, 0.8])
+    wide, tall = np.clip(high - low, (5.0, 2.4), 60.0)
+    figure, axes = new_figure(float(wide), float(tall))
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.axis("off")
+    return figure, axes
+
+
+def _draw_edges(axes: Any, start: np.ndarray, end: np.ndarray, edges: list[dict[str, Any]], places: dict[int, tuple[float, float]], taken: list[tuple[float, float]]) -> None:  # fmt: skip
+    """All edges between two nodes, as quadratic curves side by side; a lone one is straight unless it would cross another node."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    loop = length == 0
+    normal = np.array([0.0, 1.0]) if loop else np.array([-along[1], along[0]]) / length
+    blocked = not loop and any(_near(np.array(p), start, end) for p in places.values())
+    for k, data in enumerate(edges):
+        offset = 0.75 * (k - (len(edges) - 1) / 2) + (0.42 * length if blocked and abs(along[1]) < 1e-9 else 0.9 if blocked else 0.0)
+        colour, style, _ = _LINE.get(data.get("kind", "joint"), _LINE["joint"])
+        s = np.linspace(0, 1, 60)[:, None]
+        if loop:
+            size = 0.5 + 0.25 * k
+            curve = start + size * np.hstack([np.sin(2 * np.pi * s), 1 - np.cos(2 * np.pi * s)])
         else:
-            x[node] = column
-            column += 1.0
-    for node in graph.nodes:
-        if node not in x:
-            x[node], depth[node] = column, 0
-            column += 1.0
-    return {node: (x[node], -float(depth[node])) for node in graph.nodes}
+            curve = start + s * along + 4 * s * (1 - s) * offset * 0.5 * normal
+        axes.plot(curve[:, 0], curve[:, 1], color=colour, linestyle=style, linewidth=1.6, zorder=1)
+        # the first place along the curve that is clear of other labels and nodes
+        stations = [curve[int(60 * f)] for f in (0.5, 0.58, 0.42, 0.66, 0.74, 0.82, 0.34, 0.26)]
+        others = [*taken, *places.values()]
+        spot = next((p for p in stations if all(abs(p[0] - q[0]) > 0.7 or abs(p[1] - q[1]) > 0.2 for q in others)), stations[0])
+        taken.append((float(spot[0]), float(spot[1])))
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85}
+        text = textwrap.shorten(str(data.get("label", "")), 24, placeholder="…")
+        axes.text(*spot, plain(text), fontsize=7, color=colour, ha="center", va="center", bbox=box, zorder=3)
+
+
+def _near(p: np.ndarray, start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether a straight line passes through the box of another node at p."""
+    along = end - start
+    s = float((p - start) @ along / (along @ along))
+    gap = np.abs(start + s * along - p)
+    return 0.02 < s < 0.98 and gap[0] < 0.45 and gap[1] < 0.22
+
+
+def _add_legend(axes: Any, graph: nx.MultiGraph[int]) -> None:
+    from matplotlib.lines import Line2D
+
+    kinds = {data.get("kind", "joint") for *_, data in graph.edges(data=True)}
+    handles = [Line2D([], [], color=c, linestyle=s, label=name) for kind, (c, s, name) in _LINE.items() if kind in kinds]
+    if handles:
+        axes.legend(handles=handles, frameon=False, fontsize=8, loc="upper left", ncols=3, borderaxespad=0.0)

@@ -1,0 +1,386 @@
+"""The drawing layer: pages that need nothing else, numbers that survive, pictures that show something."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import html.parser
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from acausal.errors import OptionError
+from acausal.visual import shapes
+from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, write_html
+from acausal.visual.geometry import rotated, support_points
+from acausal.visual.graph import draw_graph, layout
+from acausal.visual.picture import write_png
+from acausal.visual.plot import plot_series
+from acausal.visual.view import view_of
+
+N = 41
+TIMES = np.linspace(0.0, 2.0, N)
+STILL = np.tile([1.0, 0.0, 0.0, 0.0], (N, 1))
+ALL_SHAPES: tuple[shapes.Shape, ...] = (
+    shapes.Box((0.6, 0.4, 0.2)),
+    shapes.Sphere(0.3),
+    shapes.Cylinder(0.2, 0.7, (1.0, 0.0, 0.0)),
+    shapes.Disk(0.35, 0.08, (0.0, 1.0, 0.0)),
+    shapes.Torus(0.3, 0.08, (0.0, 1.0, 0.0)),
+    shapes.Ellipsoid((0.4, 0.25, 0.15)),
+    shapes.Rod((-0.3, 0.0, 0.0), (0.3, 0.1, 0.0), 0.06),
+    shapes.PointMass(),
+    shapes.Polygon(((-0.3, -0.3, 0.0), (0.4, -0.2, 0.0), (0.0, 0.4, 0.0))),
+    shapes.Plane((0.3, 0.0, 1.0), (0.5, 0.0, 0.0), 1.5),
+)
+
+
+def turning(axis: tuple[float, float, float], angle: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4), scalar first."""
+    return np.hstack([np.cos(angle / 2)[:, None], np.sin(angle / 2)[:, None] * np.array(axis)])
+
+
+def pendulum(title: str = "Pendulum", name: str = "rod", scale: float = 1.0) -> Animation:
+    """A rod that turns about y, with a ball, a spring, a joint and a trail."""
+    q = turning((0.0, 1.0, 0.0), 0.8 * np.cos(3 * TIMES))
+    origin = np.zeros((N, 3))
+    tip = rotated(q, np.array([0.0, 0.0, -scale]))
+    anchor = np.tile([1.2 * scale, 0.0, -0.4 * scale], (N, 1))
+    return Animation(
+        title, TIMES,
+        (MovingBody(name, (shapes.Rod((0, 0, 0), (0, 0, -scale)),), origin, q), MovingBody("bob", (shapes.Sphere(0.1 * scale),), tip, q)),
+        (MovingLink("spring", "spring", anchor, tip), MovingLink("damper", "damper", anchor, tip), MovingLink("string", "string", anchor, tip), MovingLink("force", "force", tip, tip + anchor)),
+        (JointMarker("hinge", "hinge", origin, q, (0.0, 1.0, 0.0)),),
+        (Trail("bob", tip),),
+    )  # fmt: skip
+
+
+def everything() -> Animation:
+    """Every shape, each turning about a skew axis."""
+    q = turning((1 / math.sqrt(3),) * 3, TIMES)
+    placed = (dataclasses.replace(s, colour="crimson", position=(0.0, 0.0, 0.1), rotation=((0, -1, 0), (1, 0, 0), (0, 0, 1))) for s in ALL_SHAPES)
+    bodies = [MovingBody(type(s).__name__, (s,), np.tile([k % 4, k // 4, 1.0], (N, 1)), q) for k, s in enumerate((*ALL_SHAPES, *placed))]
+    return Animation("Everything", TIMES, tuple(bodies))
+
+
+class Reader(html.parser.HTMLParser):
+    """What a page loads, what it says, its ids and its scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.loads: list[str] = []
+        self.ids: set[str] = set()
+        self.tags: list[str] = []
+        self.scripts: list[str] = []
+        self.texts: dict[str, str] = {}
+        self.policy = ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        named = dict(attrs)
+        self.loads += [f"{tag} {k}" for k in ("src", "href", "srcset", "data", "action", "poster") if k in named]
+        self.ids |= {named["id"] or ""} if "id" in named else set()
+        if named.get("http-equiv") == "Content-Security-Policy":
+            self.policy = named["content"] or ""
+
+    def handle_data(self, data: str) -> None:
+        if self.tags and self.tags[-1] == "script":
+            self.scripts.append(data)
+        elif self.tags:
+            self.texts[self.tags[-1]] = self.texts.get(self.tags[-1], "") + data.strip()
+
+
+def read(path: Path) -> tuple[Reader, dict[str, typing.Any]]:
+    reader = Reader(path.read_text(encoding="utf-8"))
+    return reader, json.loads(re.search(r"const DATA = (.*);\n", "\n".join(reader.scripts))[1])
+
+
+def unpacked(text: str, width: int) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(-1, width)
+
+
+def assert_not_blank(path: Path) -> None:
+    from matplotlib.image import imread
+
+    pixels = imread(path)[..., :3]
+    assert min(pixels.shape[:2]) > 100
+    assert np.mean(np.any(np.abs(pixels - pixels[0, 0]) > 0.02, axis=2)) > 0.004
+
+
+# ---- pages
+
+
+def test_page_loads_nothing_and_forbids_the_browser_to(tmp_path):
+    reader, _ = read(write_html(pendulum(), tmp_path / "deep" / "p.html"))
+    assert reader.loads == []
+    assert "default-src 'none'" in reader.policy
+    own = "\n".join(script for script in reader.scripts if "WebGLProgram" not in script)
+    for word in ("http:", "https:", "fetch(", "XMLHttpRequest", "import(", "import ", "WebSocket", "url("):
+        assert word not in own
+
+
+def test_numbers_survive_the_way_into_the_page(tmp_path):
+    animation = pendulum()
+    _, data = read(write_html(animation, tmp_path / "p.html"))
+    assert np.array_equal(unpacked(data["times"], 1)[:, 0], TIMES.astype("f4"))
+    for body, stored in zip(animation.bodies, data["bodies"], strict=True):
+        assert stored["name"] == body.name
+        assert np.array_equal(unpacked(stored["p"], 3), body.positions.astype("f4"))
+        assert np.array_equal(unpacked(stored["q"], 4), body.quaternions.astype("f4"))
+    for link, stored in zip(animation.links, data["links"], strict=True):
+        assert stored["kind"] == link.kind
+        assert np.array_equal(unpacked(stored["a"], 3), link.starts.astype("f4"))
+        assert np.array_equal(unpacked(stored["b"], 3), link.ends.astype("f4"))
+    assert np.array_equal(unpacked(data["trails"][0]["p"], 3), animation.trails[0].points.astype("f4"))
+    assert data["joints"][0]["axis"] == [0, 1, 0]
+
+
+@pytest.mark.parametrize("nasty", ["</script><img src=x onerror=alert(1)>", "<!--<script>", "/*DATA*/null <!--TITLE--> /*THREE*/", "a & b \"c\" 'd' \\1 \u2028 ü"])
+def test_names_and_titles_stay_text(tmp_path, nasty):
+    plain, _ = read(write_html(pendulum(), tmp_path / "plain.html"))
+    reader, data = read(write_html(pendulum(nasty, nasty), tmp_path / "nasty.html"))
+    assert reader.tags == plain.tags
+    assert len(reader.scripts) == len(plain.scripts)
+    assert reader.texts["title"] == nasty and nasty in reader.texts["b"]
+    assert data["title"] == nasty and data["bodies"][0]["name"] == nasty
+
+
+def test_scripts_use_only_what_the_bundle_and_the_page_offer(tmp_path):
+    folder = Path(shapes.__file__).parent
+    own = (folder / "viewer.js").read_text() + (folder / "solids.js").read_text()
+    reader, _ = read(write_html(pendulum(), tmp_path / "p.html"))
+    exported = set(re.findall(r"(\w+):\(\)=>", (folder / "three.bundle.min.js").read_text()))
+    assert set(re.findall(r"THREE\.(\w+)", own)) <= exported
+    assert set(re.findall(r'byId\("(\w+)"\)', own)) <= reader.ids
+    for kind in typing.get_args(shapes.Shape):
+        assert re.search(rf"\b{kind.__name__}:", own), f"solids.js does not draw {kind.__name__}"
+    for opening, closing in ("()", "[]", "{}"):
+        assert own.count(opening) == own.count(closing)
+
+
+def run_browser(browser: str, page: Path) -> str:
+    """The page's document after its scripts ran."""
+    flags = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-dev-shm-usage"]
+    profile = page.parent / "profile"
+    command = [browser, *flags, f"--user-data-dir={profile}", "--timeout=20000", "--virtual-time-budget=3000", "--dump-dom", page.as_uri()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=110, check=True).stdout
+
+
+def browser_path() -> str | None:
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+
+
+def check_in_browser(browser: str, folder: Path) -> None:
+    """The page draws, and puts a body where the data says."""
+    animation = everything()
+    animation = dataclasses.replace(animation, links=pendulum().links, joints=pendulum().joints, trails=pendulum().trails)
+    page = write_html(animation, folder / "p.html")
+    probe = """<script>try { acausal.seek(1.03); document.body.dataset.probe = JSON.stringify(acausal.poseOf("Box")); } catch (e) { showError(String(e)); }</script>"""
+    page.write_text(page.read_text(encoding="utf-8").replace("</body>", probe + "</body>"), encoding="utf-8")
+    document = run_browser(browser, page)
+    problem = re.search(r'id="error"[^>]*>([^<]*)<', document)[1]
+    if "WebGL" in problem:  # a browser without 3-D must say so, in words, and nothing else may be wrong
+        assert "switched off" in problem
+        return
+    assert problem == ""
+    assert 'data-ready="true"' in document
+    pose = json.loads(html.unescape(re.search(r'data-probe="([^"]*)"', document)[1]))
+    # quaternions about a fixed axis are interpolated exactly
+    assert np.allclose(pose["quaternion"], turning((1 / math.sqrt(3),) * 3, np.array([1.03]))[0], atol=1e-6)
+    assert np.allclose(pose["position"], [0, 0, 1], atol=1e-6)
+
+
+def check_without_browser(folder: Path) -> None:
+    """Scripts parse (by node, if there is one), and the data are complete."""
+    page = write_html(everything(), folder / "p.html")
+    reader, data = read(page)
+    assert all(len(unpacked(body["q"], 4)) == N for body in data["bodies"])
+    assert all(math.isfinite(data[k]) for k in ("size", "floor", "thickness", "speed"))
+    node = shutil.which("node")
+    for k, script in enumerate(reader.scripts):
+        if node is not None:
+            (folder / f"{k}.js").write_text(script, encoding="utf-8")
+            subprocess.run([node, "--check", str(folder / f"{k}.js")], check=True, capture_output=True, timeout=60)
+        else:
+            assert script.count("`") % 2 == 0
+
+
+@pytest.mark.slow
+def test_page_runs_where_there_is_a_browser_and_is_complete_anyway(tmp_path):
+    browser = browser_path()
+    if browser is not None:
+        check_in_browser(browser, tmp_path)
+    check_without_browser(tmp_path)
+
+
+# ---- geometry
+
+
+def test_support_points_reach_as_far_as_any_point_of_the_shape():
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for shape in ALL_SHAPES:
+        points = support_points(shape, directions, 0.05)
+        assert np.all(np.isfinite(points))
+        # each support point reaches further along its own direction than all others do
+        reach = points @ directions.T
+        assert np.all(np.diag(reach) >= reach.max(axis=0) - 1e-12), shape
+    ball = support_points(shapes.Ellipsoid((2.0, 2.0, 2.0)), directions)
+    assert np.allclose(ball, support_points(shapes.Sphere(2.0), directions))
+
+
+def test_support_points_turn_with_the_shape_of_an_offset():
+    quarter = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    box = shapes.Box((4.0, 2.0, 2.0), position=(10.0, 0.0, 0.0), rotation=quarter)
+    assert np.allclose((support_points(box, np.eye(3)) * np.eye(3)).sum(axis=1), [11.0, 2.0, 1.0])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 0.05, 1.0, 100.0])
+def test_bounds_scale_with_the_mechanism(scale):
+    low, high = pendulum(scale=scale).bounds()
+    unit_low, unit_high = pendulum().bounds()
+    # the arrow ends at tip + anchor: its length scales too
+    assert np.allclose(low, scale * unit_low) and np.allclose(high, scale * unit_high)
+    assert pendulum(scale=scale).thickness() == pytest.approx(scale * pendulum().thickness())
+    assert pendulum(scale=scale).floor() <= low[2] + 1e-12
+
+
+def test_planes_do_not_make_the_rest_small():
+    floor = MovingBody("floor", (shapes.Plane((0, 0, 1), (0, 0, 0), 1e4),), np.zeros((N, 3)), STILL)
+    with_floor = dataclasses.replace(pendulum(), bodies=(*pendulum().bodies, floor))
+    assert with_floor.size() == pytest.approx(pendulum().size())
+
+
+def test_planar_motion_is_seen_squarely_with_up_on_top():
+    view = view_of(pendulum())
+    assert np.allclose(view.towards, [0, -1, 0], atol=1e-9)  # x to the right, z up
+    assert np.allclose(view.up, [0, 0, 1]) and np.allclose(view.right, [1, 0, 0], atol=1e-9)
+
+
+def test_rolling_on_a_line_is_seen_along_the_axle():
+    angle = 2 * np.sin(TIMES)
+    q = turning((0.0, 1.0, 0.0), angle)
+    wheel = MovingBody("wheel", (shapes.Disk(0.3, 0.05, (0, 1, 0)),), np.stack([0.3 * angle, 0 * angle, 0.3 + 0 * angle], axis=1), q)
+    assert np.allclose(np.abs(view_of(Animation("roll", TIMES, (wheel,))).towards), [0, 1, 0], atol=1e-6)
+
+
+def test_spatial_motion_is_seen_from_above_and_aside():
+    view = view_of(everything())
+    assert not view.planar
+    assert np.allclose(np.cross(view.right, view.up), view.towards)
+    assert 0.2 < view.towards[2] < 0.9
+
+
+def test_wrong_arrays_are_named():
+    with pytest.raises(OptionError, match="positions of body 'rod'"):
+        Animation("x", TIMES, (MovingBody("rod", (), np.zeros((3, 3)), STILL),))
+    with pytest.raises(OptionError, match="not finite from frame 7"):
+        broken = STILL.copy()
+        broken[7] = np.nan
+        Animation("x", TIMES, (MovingBody("rod", (), np.zeros((N, 3)), broken),))
+    with pytest.raises(OptionError, match="one of spring"):
+        Animation("x", TIMES, (), (MovingLink("k", "sprung", np.zeros((N, 3)), np.zeros((N, 3))),))
+    with pytest.raises(OptionError, match="increase"):
+        Animation("x", TIMES[::-1], ())
+
+
+# ---- pictures
+
+
+@pytest.mark.parametrize("make", [pendulum, everything])
+def test_picture_is_not_blank(tmp_path, make):
+    assert_not_blank(write_png(make(), tmp_path / "p.png", times=(0.0, 1.0, 2.0)))
+
+
+def test_empty_and_single_frame_scenes_are_drawn(tmp_path):
+    write_png(Animation("nothing", TIMES, ()), tmp_path / "p.png")
+    one = Animation("one", TIMES[:1], (MovingBody("ball", (shapes.PointMass(),), np.zeros((1, 3)), STILL[:1]),), trails=(Trail("t", np.zeros((1, 3))),))
+    assert_not_blank(write_png(one, tmp_path / "q.png"))
+    for animation in (one, Animation("nothing", TIMES, ())):
+        _, data = read(write_html(animation, tmp_path / "p.html"))
+        assert math.isfinite(data["floor"]) and data["size"] > 0
+
+
+def test_picture_outside_of_the_motion_is_refused(tmp_path):
+    with pytest.raises(OptionError, match="from 0 s to 2 s"):
+        write_png(pendulum(), tmp_path / "p.png", times=(3.0,))
+
+
+def test_plot_shows_every_series_with_its_label(tmp_path):
+    figure = plot_series(TIMES, [("_angle $x$", TIMES), ("tip", np.zeros((N, 3)))], path=tmp_path / "p.png", title="50 $ and $")
+    assert_not_blank(tmp_path / "p.png")
+    assert len(figure.axes[0].lines) == 4
+    assert len(figure.axes[0].get_legend().get_texts()) == 4
+    with pytest.raises(OptionError, match="Series 'tip'"):
+        plot_series(TIMES, [("tip", np.zeros((3, N)))])
+
+
+def test_matplotlib_is_loaded_late_and_missed_in_words():
+    code = """
+import sys
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] == "matplotlib":
+            raise ImportError(name)
+sys.meta_path.insert(0, Missing())
+import acausal.visual.animation, acausal.visual.picture, acausal.visual.graph, acausal.visual.page
+from acausal.visual.plot import plot_series
+import numpy as np
+try:
+    plot_series(np.zeros(2), [])
+except ImportError as error:
+    print(error)
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert "pip install" in result.stdout
+
+
+# ---- graphs
+
+
+def graph_of(edges: list[tuple[int, int, str]]) -> nx.MultiGraph:
+    graph = nx.MultiGraph()
+    for node in range(1 + max((max(a, b) for a, b, _ in edges), default=0)):
+        graph.add_node(node, label=f"_part_{node} $", kind=("ground", "body", "massless", "point")[min(node, 1 + node % 3)])
+    for k, (a, b, kind) in enumerate(edges):
+        graph.add_edge(a, b, label=f"edge_{k}", kind=kind)
+    return graph
+
+
+def test_graph_is_layered_and_drawn(tmp_path):
+    graph = graph_of([(0, 1, "joint"), (1, 2, "joint"), (2, 3, "joint"), (3, 0, "cut"), (0, 3, "force"), (0, 3, "force"), (2, 2, "force"), (3, 4, "force")])
+    places = layout(graph)
+    heights = [places[node][1] for node in range(5)]
+    assert heights == sorted(heights, reverse=True) and len(set(heights)) == 5
+    figure = draw_graph(graph, tmp_path / "g.png")
+    assert_not_blank(tmp_path / "g.png")
+    styles = [line.get_linestyle() for line in figure.axes[0].lines]
+    assert (styles.count("-"), styles.count("--"), styles.count(":")) == (3, 1, 4)
+    double = [line.get_xydata()[30] for line in figure.axes[0].lines if line.get_linestyle() == ":"][:2]
+    assert np.linalg.norm(double[0] - double[1]) > 0.2
+
+
+@pytest.mark.parametrize("parent", [lambda rng, k: 0, lambda rng, k: k - 1, lambda rng, k: int(rng.integers(max(0, k - 12), k)), lambda rng, k: int(rng.integers(0, k))])
+def test_boxes_of_a_hundred_nodes_do_not_overlap(parent):
+    rng = np.random.default_rng(5)
+    places = np.array(list(layout(graph_of([(parent(rng, k), k, "joint") for k in range(1, 100)])).values()))
+    gap = np.abs(places[:, None] - places[None])
+    apart = (gap[..., 0] > 1.2) | (gap[..., 1] > 0.5) | np.eye(len(places), dtype=bool)
+    assert np.all(apart)
+
+
+def test_graph_of_one_node_is_drawn(tmp_path):
+    draw_graph(graph_of([]), tmp_path / "g.png")
+    assert_not_blank(tmp_path / "g.png")
