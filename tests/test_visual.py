@@ -186,7 +186,14 @@ def check_in_browser(browser: str, folder: Path) -> None:
     animation = everything()
     animation = dataclasses.replace(animation, links=pendulum().links, joints=pendulum().joints, trails=pendulum().trails)
     page = write_html(animation, folder / "p.html")
-    probe = """<script>try { acausal.seek(1.03); document.body.dataset.probe = JSON.stringify(acausal.poseOf("Box")); } catch (e) { showError(String(e)); }</script>"""
+    probe = """<script>try {
+        acausal.seek(1.03);
+        const gl = document.querySelector("canvas").getContext("webgl2"), w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, seen = new Uint8Array(4 * w * h);
+        gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, seen);
+        let coloured = 0;
+        for (let i = 0; i < seen.length; i += 4) if (Math.max(seen[i], seen[i + 1], seen[i + 2]) - Math.min(seen[i], seen[i + 1], seen[i + 2]) > 60) coloured++;
+        document.body.dataset.probe = JSON.stringify({ ...acausal.poseOf("Box"), coloured: coloured / (w * h) });
+    } catch (e) { if (!acausal.error) showError(String(e)); }</script>"""
     page.write_text(page.read_text(encoding="utf-8").replace("</body>", probe + "</body>"), encoding="utf-8")
     document = run_browser(browser, page)
     problem = re.search(r'id="error"[^>]*>([^<]*)<', document)[1]
@@ -199,6 +206,7 @@ def check_in_browser(browser: str, folder: Path) -> None:
     # quaternions about a fixed axis are interpolated exactly
     assert np.allclose(pose["quaternion"], turning((1 / math.sqrt(3),) * 3, np.array([1.03]))[0], atol=1e-6)
     assert np.allclose(pose["position"], [0, 0, 1], atol=1e-6)
+    assert pose["coloured"] > 0.01
 
 
 def check_without_browser(folder: Path) -> None:

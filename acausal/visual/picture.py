@@ -11,9 +11,9 @@ import numpy as np
 
 from acausal.errors import OptionError
 from acausal.visual.animation import PALETTE, Animation, MovingBody, MovingLink, Trail
-from acausal.visual.geometry import rotated, support_points, turned_back
+from acausal.visual.geometry import across, rotated, support_points, turned_back
 from acausal.visual.pyplot import new_figure, plain, saved
-from acausal.visual.shapes import Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
+from acausal.visual.shapes import Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
 from acausal.visual.view import View, view_of
 
 _LINK_COLOURS = {"spring": "#3d4957", "damper": "#8a63c4", "force": "#d1495b", "string": "#8d7b68"}
@@ -148,9 +148,10 @@ def _draw_shape(
     canvas.axes.add_patch(
         PathPatch(path, facecolor=colour, edgecolor="#1d2733", linewidth=0.7, alpha=opacity * strength, zorder=height)
     )
-    if isinstance(shape, Disk):
-        line = placed(_spoke(shape))
-        canvas.axes.plot(line[:, 0], line[:, 1], color="#1d2733", linewidth=1.0, alpha=0.7 * strength, zorder=height + 1e-3)
+    towards = turned_back(body.quaternions[frame : frame + 1], canvas.view.towards)[0]
+    for inner in _inner_lines(shape, np.array(shape.rotation).T @ towards):
+        line = placed(np.array(shape.position) + inner @ np.array(shape.rotation).T)
+        canvas.axes.plot(line[:, 0], line[:, 1], color="#1d2733", linewidth=0.7, alpha=0.7 * strength, zorder=height + 1e-3)
 
 
 def _outlines(shape: Shape, seen: np.ndarray, canvas: _Canvas) -> list[np.ndarray]:
@@ -172,12 +173,23 @@ def _outlines(shape: Shape, seen: np.ndarray, canvas: _Canvas) -> list[np.ndarra
             return [support_points(shape, seen)]
 
 
-def _spoke(disk: Disk) -> np.ndarray:
-    """A line (2, 3) across the disk, in the body's frame; the same as in the page."""
-    axis = np.array(disk.axis) / np.linalg.norm(disk.axis)
-    u = support_points(Disk(0.85 * disk.radius, 0.0, disk.axis), np.eye(3))[int(np.argmin(np.abs(axis)))]
-    R = np.array(disk.rotation)
-    return np.array(disk.position) + np.stack([-u, u]) @ R.T
+def _inner_lines(shape: Shape, towards: np.ndarray) -> list[np.ndarray]:
+    """Lines (k, 3), in the shape's frame, on the side that faces the viewer: edges of a box, rims, and a disk's spoke."""
+    if isinstance(shape, Box):
+        nearest = np.where(towards >= 0, 0.5, -0.5) * np.array(shape.size)
+        return [np.stack([nearest, nearest * (1 - 2 * e)]) for e in np.eye(3)]
+    if not isinstance(shape, Cylinder | Disk):
+        return []
+    axis = np.array(shape.axis) / np.linalg.norm(shape.axis)
+    facing = float(axis @ towards)
+    if abs(facing) < 0.02:
+        return []
+    u, v = across(axis)
+    angle = np.linspace(0, 2 * np.pi, 73)[:, None]
+    height = (shape.length if isinstance(shape, Cylinder) else shape.thickness) / 2
+    face = np.sign(facing) * height * axis
+    rim = face + shape.radius * (np.cos(angle) * u + np.sin(angle) * v)
+    return [rim, face + 0.85 * shape.radius * np.stack([-u, u])] if isinstance(shape, Disk) else [rim]
 
 
 def _draw_link(canvas: _Canvas, link: MovingLink, frame: int, strength: float, height: float) -> None:

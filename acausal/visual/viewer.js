@@ -13,6 +13,7 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   } catch (problem) {
+    byId("bar").style.display = byId("legend").style.display = "none";
     showError("This browser cannot draw in 3-D: WebGL is missing or switched off.\nTry another browser, or switch hardware acceleration on in its settings.");
     return;
   }
@@ -136,7 +137,7 @@
     for (const kind of Object.keys(linkLooks)) if (DATA.links.some((link) => link.kind === kind)) rows.push(row("#" + linkLooks[kind].color.getHexString(), kind, true));
     if (joints.length) rows.push(row("#" + metal.color.getHexString(), "joint", false));
     byId("legend").replaceChildren(...rows);
-    byId("legend").style.visibility = rows.length ? "visible" : "hidden";
+    if (!rows.length) byId("legend").style.display = "none";
   }
 
   // camera
@@ -144,8 +145,9 @@
   camera.up.copy(up);
   const controls = new THREE.OrbitControls(camera, renderer.domElement);
   Object.assign(controls, { enableDamping: true, dampingFactor: 0.12, minDistance: 0.02 * size, maxDistance: 25 * size });
+  const beside = () => (byId("legend").offsetWidth ? Math.min(byId("legend").offsetWidth + 14, 0.3 * window.innerWidth) : 0);
   function home() { // the nearest place on the view's axis from which all corners are inside the free part of the window
-    const free = 0.80, tall = free * Math.tan((camera.fov * Math.PI) / 360), wide = tall * camera.aspect;
+    const free = 0.80, tall = free * Math.tan((camera.fov * Math.PI) / 360), wide = tall * camera.aspect * (1 - beside() / window.innerWidth);
     let distance = 0;
     for (const x of [low.x, high.x]) for (const y of [low.y, high.y]) for (const z of [low.z, high.z]) {
       const corner = new THREE.Vector3(x, y, z).sub(centre), depth = corner.dot(toViewer);
@@ -159,7 +161,7 @@
   function resize() {
     renderer.setSize(window.innerWidth, window.innerHeight);
     camera.aspect = window.innerWidth / Math.max(window.innerHeight, 1);
-    camera.setViewOffset(window.innerWidth, window.innerHeight, 0, 24, window.innerWidth, window.innerHeight); // room for the bar
+    camera.setViewOffset(window.innerWidth, window.innerHeight, beside() / 2, 24, window.innerWidth, window.innerHeight); // room for legend and bar
   }
   window.addEventListener("resize", resize);
 
