@@ -39,13 +39,15 @@ class Trajectory:
 
     @functools.cached_property
     def x(self) -> np.ndarray:
-        """States at `t`, (nx, n): the integrator's interpolant, and one projection so that invariants hold between steps too."""
+        """States at `t`, (nx, n): the integrator's interpolant, projected so that invariants hold between steps too."""
         x = self.solution.dense(self.t)
         project = self.functions.projection
         if project is None:
             return x
         p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
-        projected = np.array(project(self.t[None, :], x, p)).reshape(x.shape)
+        projected = x
+        for _ in range(2):  # moving q opens the velocity rows a little; the second projection closes them
+            projected = np.array(project(self.t[None, :], projected, p)).reshape(x.shape)
         return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
 
     @functools.cached_property

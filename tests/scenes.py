@@ -49,7 +49,12 @@ class DoublePendulum(ac.System):
 class FourBar(ac.System):
     """Crank, coupler and rocker of exact lengths on four hinges, all turned by `R`."""
 
-    def __init__(self, R: np.ndarray | None = None, coupler: float = 1.2) -> None:
+    a: Revolute
+    b: Revolute
+    c: Revolute
+    d: Revolute
+
+    def __init__(self, R: np.ndarray | None = None, coupler: float = 1.2, order: str = "abcd") -> None:
         R = np.eye(3) if R is None else R
 
         def turned(*v: float) -> tuple[float, ...]:
@@ -59,7 +64,8 @@ class FourBar(ac.System):
         self.crank = RigidBody.rod(1.0, turned(0.4, 0, 0))
         self.coupler = RigidBody.rod(2.0, turned(coupler, 0, 0))
         self.rocker = RigidBody.rod(1.5, turned(0.8, 0, 0))
-        self.a, self.b, self.c, self.d = (Revolute(turned(0, 1, 0)) for _ in range(4))
+        for name in order:  # among equals, the graph cuts the joint that was named last
+            setattr(self, name, Revolute(turned(0, 1, 0)))
         for joint, one, two in (
             (self.a, self.world.frame, self.crank.frame),
             (self.b, self.crank.tip, self.coupler.frame),

@@ -63,8 +63,14 @@ def test_cart_with_a_spring_and_a_pendulum():
     scene.world, scene.rail, scene.hinge = World(), Prismatic("x"), Revolute("y")
     scene.cart, scene.rod = RigidBody.box(2.0, (0.3, 0.2, 0.1)), RigidBody.rod(1.0, (0, 0, -1))
     scene.spring = Spring(30.0, 0.5)
-    for one, two in ((scene.world.frame, scene.rail.frame_a), (scene.rail.frame_b, scene.cart.frame), (scene.cart.frame, scene.hinge.frame_a),
-                     (scene.hinge.frame_b, scene.rod.frame), (scene.spring.point_a, scene.world.at((-2, 0, 0.5))), (scene.spring.point_b, scene.cart.frame)):
+    for one, two in (
+        (scene.world.frame, scene.rail.frame_a),
+        (scene.rail.frame_b, scene.cart.frame),
+        (scene.cart.frame, scene.hinge.frame_a),
+        (scene.hinge.frame_b, scene.rod.frame),
+        (scene.spring.point_a, scene.world.at((-2, 0, 0.5))),
+        (scene.spring.point_b, scene.cart.frame),
+    ):
         scene.connect(one, two)
     centre = sp.Matrix([x - sp.sin(a) / 2, -sp.cos(a) / 2])
     v = centre.diff(t)
@@ -81,8 +87,13 @@ def test_spatial_arm_of_three_joints():
     I = sp.Matrix([[0.3, 0.02, -0.03], [0.02, 0.4, 0.05], [-0.03, 0.05, 0.5]])  # noqa: E741
     scene.arm = RigidBody(2.0, tuple(tuple(float(v) for v in I.row(i)) for i in range(3)), (0.4, 0.1, -0.2))
     scene.hand = Particle(0.7)
-    for one, two in ((scene.world.frame, scene.table.frame_a), (scene.table.frame_b, scene.tilt.frame_a), (scene.tilt.frame_b, scene.arm.frame),
-                     (scene.arm.at((0.5, 0, 0.1)), scene.slide.frame_a), (scene.slide.frame_b, scene.hand.point)):
+    for one, two in (
+        (scene.world.frame, scene.table.frame_a),
+        (scene.table.frame_b, scene.tilt.frame_a),
+        (scene.tilt.frame_b, scene.arm.frame),
+        (scene.arm.at((0.5, 0, 0.1)), scene.slide.frame_a),
+        (scene.slide.frame_b, scene.hand.point),
+    ):
         scene.connect(one, two)
     Rz = sp.Matrix([[sp.cos(a), -sp.sin(a), 0], [sp.sin(a), sp.cos(a), 0], [0, 0, 1]])
     Ry = sp.Matrix([[sp.cos(b), 0, sp.sin(b)], [0, 1, 0], [-sp.sin(b), 0, sp.cos(b)]])
@@ -112,8 +123,12 @@ def test_screw_and_gantry(pitch):
     scene = ac.System()
     scene.world, scene.gantry, scene.screw = World(), CartesianTranslation(), Screw("x", pitch)
     scene.frame, scene.nut = RigidBody.box(3.0, (1, 1, 1)), RigidBody(1.5, (0.2, 0.3, 0.4), (0.0, 0.2, 0.1))
-    for one, two in ((scene.world.frame, scene.gantry.frame_a), (scene.gantry.frame_b, scene.frame.frame),
-                     (scene.frame.frame, scene.screw.frame_a), (scene.screw.frame_b, scene.nut.frame)):
+    for one, two in (
+        (scene.world.frame, scene.gantry.frame_a),
+        (scene.gantry.frame_b, scene.frame.frame),
+        (scene.frame.frame, scene.screw.frame_a),
+        (scene.screw.frame_b, scene.nut.frame),
+    ):
         scene.connect(one, two)
     a, lead = q[3], pitch / (2 * sp.pi)
     base = sp.Matrix(q[:3])

@@ -9,8 +9,22 @@ import pytest
 import acausal as ac
 from acausal.codegen.lower import operations
 from components import (
-    CartesianTranslation, Cylindrical, Fixed, Free, Particle, Planar, Prismatic, Revolute, RigidBody, RollingBall, RollingDisk, Screw,
-    Spherical, Spring, Universal, World,
+    CartesianTranslation,
+    Cylindrical,
+    Fixed,
+    Free,
+    Particle,
+    Planar,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RollingBall,
+    RollingDisk,
+    Screw,
+    Spherical,
+    Spring,
+    Universal,
+    World,
 )  # fmt: skip
 from components.orientation import rotation_about
 from tests.scenes import DoublePendulum, FourBar, chain, rotation
@@ -143,7 +157,9 @@ def test_body_on_two_rolling_wheels():
         scene.connect(contact.frame_b, wheel.frame)
     model = ac.build(scene)
     assert len(model.system.mechanics.mechanism.cuts) == 1
-    run = model.simulate(2.0, {scene.frame.frame.velocity: ac.near((2.0, 0, 0)), scene.frame.frame.rotation: np.eye(3)}, rtol=1e-11)
+    run = model.simulate(
+        2.0, {scene.frame.frame.velocity: ac.near((2.0, 0, 0)), scene.frame.frame.rotation: np.eye(3)}, rtol=1e-11
+    )
     x = run[scene.frame.frame.position]
     # 5 + 2 kg are moved, and two disks of m r^2 / 2 turn: 8 kg of effective mass against a pull of 7 N
     expected = x[0, 0] + run[scene.frame.frame.velocity][0, 0] * run.t + 0.5 * 7 / 8 * run.t**2
@@ -169,7 +185,11 @@ def random_tree(seed: int, count: int = 6) -> ac.System:
         scene.bodies.append(body)
         if k == 0 and seed % 2:
             continue
-        earlier = scene.world.frame if k == 0 else scene.bodies[rng.integers(k)].at(rng.normal(size=3), rotation(int(rng.integers(100))))
+        earlier = (
+            scene.world.frame
+            if k == 0
+            else scene.bodies[rng.integers(k)].at(rng.normal(size=3), rotation(int(rng.integers(100))))
+        )
         joint = makers[rng.integers(len(makers))]()
         scene.joints.append(joint)
         ends = (joint.frame_a, joint.frame_b) if rng.random() < 0.5 else (joint.frame_b, joint.frame_a)

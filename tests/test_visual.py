@@ -67,8 +67,13 @@ def pendulum(title: str = "Pendulum", name: str = "rod", scale: float = 1.0) -> 
 def everything() -> Animation:
     """Every shape, each turning about a skew axis."""
     q = turning((1 / math.sqrt(3),) * 3, TIMES)
-    placed = (dataclasses.replace(s, colour="crimson", position=(0.0, 0.0, 0.1), rotation=((0, -1, 0), (1, 0, 0), (0, 0, 1))) for s in ALL_SHAPES)
-    bodies = [MovingBody(type(s).__name__, (s,), np.tile([k % 4, k // 4, 1.0], (N, 1)), q) for k, s in enumerate((*ALL_SHAPES, *placed))]
+    placed = (
+        dataclasses.replace(s, colour="crimson", position=(0.0, 0.0, 0.1), rotation=((0, -1, 0), (1, 0, 0), (0, 0, 1)))
+        for s in ALL_SHAPES
+    )
+    bodies = [
+        MovingBody(type(s).__name__, (s,), np.tile([k % 4, k // 4, 1.0], (N, 1)), q) for k, s in enumerate((*ALL_SHAPES, *placed))
+    ]
     return Animation("Everything", TIMES, tuple(bodies))
 
 
@@ -146,7 +151,15 @@ def test_numbers_survive_the_way_into_the_page(tmp_path):
     assert data["joints"][0]["axis"] == [0, 1, 0]
 
 
-@pytest.mark.parametrize("nasty", ["</script><img src=x onerror=alert(1)>", "<!--<script>", "/*DATA*/null <!--TITLE--> /*THREE*/", "a & b \"c\" 'd' \\1 \u2028 ü"])
+@pytest.mark.parametrize(
+    "nasty",
+    [
+        "</script><img src=x onerror=alert(1)>",
+        "<!--<script>",
+        "/*DATA*/null <!--TITLE--> /*THREE*/",
+        "a & b \"c\" 'd' \\1 \u2028 ü",
+    ],
+)
 def test_names_and_titles_stay_text(tmp_path, nasty):
     plain, _ = read(write_html(pendulum(), tmp_path / "plain.html"))
     reader, data = read(write_html(pendulum(nasty, nasty), tmp_path / "nasty.html"))
@@ -171,9 +184,24 @@ def test_scripts_use_only_what_the_bundle_and_the_page_offer(tmp_path):
 
 def run_browser(browser: str, page: Path) -> str:
     """The page's document after its scripts ran."""
-    flags = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-dev-shm-usage"]
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--disable-background-networking",
+        "--disable-dev-shm-usage",
+    ]
     profile = page.parent / "profile"
-    command = [browser, *flags, f"--user-data-dir={profile}", "--timeout=20000", "--virtual-time-budget=3000", "--dump-dom", page.as_uri()]
+    command = [
+        browser,
+        *flags,
+        f"--user-data-dir={profile}",
+        "--timeout=20000",
+        "--virtual-time-budget=3000",
+        "--dump-dom",
+        page.as_uri(),
+    ]
     return subprocess.run(command, capture_output=True, text=True, timeout=110, check=True).stdout
 
 
@@ -280,7 +308,9 @@ def test_planar_motion_is_seen_squarely_with_up_on_top():
 def test_rolling_on_a_line_is_seen_along_the_axle():
     angle = 2 * np.sin(TIMES)
     q = turning((0.0, 1.0, 0.0), angle)
-    wheel = MovingBody("wheel", (shapes.Disk(0.3, 0.05, (0, 1, 0)),), np.stack([0.3 * angle, 0 * angle, 0.3 + 0 * angle], axis=1), q)
+    wheel = MovingBody(
+        "wheel", (shapes.Disk(0.3, 0.05, (0, 1, 0)),), np.stack([0.3 * angle, 0 * angle, 0.3 + 0 * angle], axis=1), q
+    )
     assert np.allclose(np.abs(view_of(Animation("roll", TIMES, (wheel,))).towards), [0, 1, 0], atol=1e-6)
 
 
@@ -314,7 +344,12 @@ def test_picture_is_not_blank(tmp_path, make):
 
 def test_empty_and_single_frame_scenes_are_drawn(tmp_path):
     write_png(Animation("nothing", TIMES, ()), tmp_path / "p.png")
-    one = Animation("one", TIMES[:1], (MovingBody("ball", (shapes.PointMass(),), np.zeros((1, 3)), STILL[:1]),), trails=(Trail("t", np.zeros((1, 3))),))
+    one = Animation(
+        "one",
+        TIMES[:1],
+        (MovingBody("ball", (shapes.PointMass(),), np.zeros((1, 3)), STILL[:1]),),
+        trails=(Trail("t", np.zeros((1, 3))),),
+    )
     assert_not_blank(write_png(one, tmp_path / "q.png"))
     for animation in (one, Animation("nothing", TIMES, ())):
         _, data = read(write_html(animation, tmp_path / "p.html"))
@@ -368,7 +403,18 @@ def graph_of(edges: list[tuple[int, int, str]]) -> nx.MultiGraph:
 
 
 def test_graph_is_layered_and_drawn(tmp_path):
-    graph = graph_of([(0, 1, "joint"), (1, 2, "joint"), (2, 3, "joint"), (3, 0, "cut"), (0, 3, "force"), (0, 3, "force"), (2, 2, "force"), (3, 4, "force")])
+    graph = graph_of(
+        [
+            (0, 1, "joint"),
+            (1, 2, "joint"),
+            (2, 3, "joint"),
+            (3, 0, "cut"),
+            (0, 3, "force"),
+            (0, 3, "force"),
+            (2, 2, "force"),
+            (3, 4, "force"),
+        ]
+    )
     places = layout(graph)
     heights = [places[node][1] for node in range(5)]
     assert heights == sorted(heights, reverse=True) and len(set(heights)) == 5
@@ -380,7 +426,15 @@ def test_graph_is_layered_and_drawn(tmp_path):
     assert np.linalg.norm(double[0] - double[1]) > 0.2
 
 
-@pytest.mark.parametrize("parent", [lambda rng, k: 0, lambda rng, k: k - 1, lambda rng, k: int(rng.integers(max(0, k - 12), k)), lambda rng, k: int(rng.integers(0, k))])
+@pytest.mark.parametrize(
+    "parent",
+    [
+        lambda rng, k: 0,
+        lambda rng, k: k - 1,
+        lambda rng, k: int(rng.integers(max(0, k - 12), k)),
+        lambda rng, k: int(rng.integers(0, k)),
+    ],
+)
 def test_boxes_of_a_hundred_nodes_do_not_overlap(parent):
     rng = np.random.default_rng(5)
     places = np.array(list(layout(graph_of([(parent(rng, k), k, "joint") for k in range(1, 100)])).values()))

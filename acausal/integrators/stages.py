@@ -79,9 +79,9 @@ class StageSolver:
     ) -> tuple[np.ndarray, float] | None:
         rates, hA = self.rates, h * self.tableau.A
         rates.at(t + h * self.tableau.c)
-        previous, contraction = np.inf, 0.0
+        previous, before, contraction = np.inf, np.inf, 0.0
         factor = h / scale
-        floor = 4 * _EPS * float(np.max(np.abs(x) / scale, initial=0.0))
+        floor = 4 * _EPS * float(np.max(np.maximum(np.abs(x), np.max(np.abs(h * K), axis=0)) / scale, initial=0.0))
         for k in range(60):
             np.matmul(hA, K, out=rates.X)
             rates.X += x
@@ -94,13 +94,14 @@ class StageSolver:
             if change <= tolerance or change <= floor:
                 return K, contraction
             if k >= 1:
-                contraction = change / previous
-                if contraction > 0.9 and k >= 3:
+                # over two iterations where possible: on second-order systems every other one only moves the rates
+                contraction = change / previous if k == 1 else (change / before) ** 0.5
+                if contraction > 0.95 and k >= 4:
                     # rounding is reached when changes stop shrinking while already tiny
-                    return (K, contraction) if change <= 100 * floor else None
-                if k >= 3 and change * contraction ** (40 - k) > max(tolerance, floor):
+                    return (K, contraction) if change <= 1e4 * floor else None
+                if k >= 6 and change * contraction ** (60 - k) > max(tolerance, floor):
                     return None
-            previous = change
+            previous, before = change, previous
         return None
 
     def _newton(

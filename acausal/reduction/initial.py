@@ -11,6 +11,7 @@ import numpy as np
 from acausal.errors import StartValueError
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
+from acausal.mechanics.free import FreeJoint
 from acausal.reduction.assembly import Residual, assemble
 from acausal.reduction.outputs import Outputs
 
@@ -82,12 +83,24 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     velocities = [t for t, moving in zip(targets, at_velocity, strict=True) if moving]
     fixed = ca.vertcat(r.t, r.u, r.p)
     values = np.concatenate([[t0], u, p])
-    q0 = _solve(q, fixed, values, r.closing, positions, r.q_start, "position")
+    free_q, free_v = _free_orientations(outputs)
+    q0 = _solve(q, fixed, values, r.closing, positions, r.q_start, "position", free_q)
     v0 = _solve(
-        v, ca.vertcat(fixed, q), np.concatenate([values, q0]), r.velocity_closing, velocities, np.zeros(v.numel()), "velocity"
+        v, ca.vertcat(fixed, q), np.concatenate([values, q0]), r.velocity_closing, velocities, r.rate_start, "velocity", free_v
     )
     x = np.concatenate([q0, v0])
     return InitialState(x, tuple(_met(t, r.t, r.x, r.u, r.p, t0, x, u, p) for t in targets))
+
+
+def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
+    """Entries of q and v that are quaternions and angular velocities of free bodies: a body told where to be need not turn."""
+    q: list[int] = []
+    v: list[int] = []
+    for item in outputs.system.tree_joints:
+        if isinstance(item.edge.joint, FreeJoint):
+            q += range(item.q.start, item.q.start + 4)
+            v += range(item.v.start, item.v.start + 3)
+    return q, v
 
 
 def _target(outputs: Outputs, key: Expression, value: Value | exactly | near) -> _Target:
@@ -131,15 +144,24 @@ def _name(outputs: Outputs, key: Expression) -> str:
 
 
 def _solve(
-    y: ca.SX, fixed: ca.SX, values: np.ndarray, closing: ca.SX, targets: list[_Target], guess: np.ndarray, what: str
+    y: ca.SX,
+    fixed: ca.SX,
+    values: np.ndarray,
+    closing: ca.SX,
+    targets: list[_Target],
+    guess: np.ndarray,
+    what: str,
+    kept: list[int],
 ) -> np.ndarray:
+    """`kept`: entries of y that rather stay as they are than make up for others."""
     exact = [t for t in targets if t.exact]
     wished = [t for t in targets if not t.exact]
     if y.numel() == 0:
         return guess
-    hard = _residual(y, fixed, values, ca.vertcat(closing, *(_difference(t) for t in exact)))
-    soft = _residual(y, fixed, values, ca.vertcat(*(_difference(t) for t in wished))) if wished else None
     first = _with_plain_values(y, exact + wished, guess)
+    hard = _residual(y, fixed, values, ca.vertcat(closing, *(_difference(t) for t in exact)))
+    stay = y[kept] - ca.DM(first[kept]) if kept and targets else ca.SX(0, 1)
+    soft = _residual(y, fixed, values, ca.vertcat(stay, *(_difference(t) for t in wished))) if wished or stay.numel() else None
     found = assemble(hard, first, soft)
     rng = np.random.default_rng(0)
     for attempt in range(8):

@@ -155,7 +155,7 @@ def _with_scalar(mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX) -> tuple
     J = ca.vertcat(*directions)
     slope = ca.jacobian(efforts, symbols)
     if slope.nnz() == 0:
-        return _Scalar(driven, reduction), J.T @ efforts
+        return _Scalar(driven, reduction), ca.densify(J.T @ efforts)
     # efforts = e0 + E a, a = a0 + B J' efforts: solve for the efforts
     second = ca.vertcat(*(_second_rate(d, mechanics, v_dot) for d in driven))
     e0 = ca.substitute(efforts, symbols, ca.SX.zeros(symbols.numel()))
@@ -163,7 +163,7 @@ def _with_scalar(mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX) -> tuple
     B = ca.jacobian(second, tau) @ J.T
     matrix = ca.SX.eye(len(driven)) - slope @ B
     found = ca.solve(ca.densify(matrix), e0 + slope @ a0) if len(driven) > 1 else (e0 + slope @ a0) / matrix
-    return _Scalar(driven, reduction), J.T @ found
+    return _Scalar(driven, reduction), ca.densify(J.T @ found)
 
 
 def _second_rate(driven: Driven, mechanics: MechanicalSystem, v_dot: ca.SX) -> ca.SX:

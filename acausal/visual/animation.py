@@ -83,7 +83,9 @@ class Animation:
         if not np.linalg.norm(self.up) > 0:
             raise OptionError(f"The up direction of animation '{self.title}' is {self.up}. Give a vector that is not zero.")
         if not 0 < self.speed < np.inf:
-            raise OptionError(f"The speed of animation '{self.title}' is {self.speed}. Give shown seconds per second, above zero.")
+            raise OptionError(
+                f"The speed of animation '{self.title}' is {self.speed}. Give shown seconds per second, above zero."
+            )
         for body in self.bodies:
             _check(f"positions of body '{body.name}'", body.positions, (n, 3))
             _check(f"quaternions of body '{body.name}'", body.quaternions, (n, 4))
@@ -108,7 +110,10 @@ class Animation:
         solid = [(b, s) for b in self.bodies for s in b.shapes if not isinstance(s, Plane)]
         if not paths and not solid:
             solid = [(b, s) for b in self.bodies for s in b.shapes]
-        return max([float(np.max(p @ direction)) for p in paths] + [_reach(b, s, direction, thickness) for b, s in solid], default=-np.inf)
+        return max(
+            [float(np.max(p @ direction)) for p in paths] + [_reach(b, s, direction, thickness) for b, s in solid],
+            default=-np.inf,
+        )
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Corners (3,), (3,) [m] of a box around the whole motion."""
@@ -140,7 +145,12 @@ class Animation:
     def floor(self) -> float:
         """Height [m] along `up` of the lowest point of the whole motion, planes included as far as they are drawn."""
         down = -np.array(self.up) / np.linalg.norm(self.up)
-        planes = [_reach(b, replace(s, size=self.drawn_size(s)), down, 0.0) for b in self.bodies for s in b.shapes if isinstance(s, Plane)]
+        planes = [
+            _reach(b, replace(s, size=self.drawn_size(s)), down, 0.0)
+            for b in self.bodies
+            for s in b.shapes
+            if isinstance(s, Plane)
+        ]
         lowest = max([self.reach(down, self.thickness()), *planes])
         return -lowest if np.isfinite(lowest) else -1.0
 

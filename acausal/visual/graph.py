@@ -119,7 +119,9 @@ def _draw_edges(axes: Any, start: np.ndarray, end: np.ndarray, edges: list[dict[
     normal = np.array([0.0, 1.0]) if loop else np.array([-along[1], along[0]]) / length
     blocked = not loop and any(_near(np.array(p), start, end) for p in places.values())
     for k, data in enumerate(edges):
-        offset = 0.75 * (k - (len(edges) - 1) / 2) + (0.42 * length if blocked and abs(along[1]) < 1e-9 else 0.9 if blocked else 0.0)
+        offset = 0.75 * (k - (len(edges) - 1) / 2) + (
+            0.42 * length if blocked and abs(along[1]) < 1e-9 else 0.9 if blocked else 0.0
+        )
         colour, style, _ = _LINE.get(data.get("kind", "joint"), _LINE["joint"])
         s = np.linspace(0, 1, 60)[:, None]
         if loop:

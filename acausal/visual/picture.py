@@ -42,7 +42,9 @@ def write_png(animation: Animation, path: str | Path, *, times: Sequence[float] 
     slack = 1e-9 * max(abs(first), abs(last), 1e-300)
     for moment in moments:
         if not first - slack <= moment <= last + slack:
-            raise OptionError(f"There is no picture of '{animation.title}' at {moment:g} s: the motion lasts from {first:g} s to {last:g} s.")
+            raise OptionError(
+                f"There is no picture of '{animation.title}' at {moment:g} s: the motion lasts from {first:g} s to {last:g} s."
+            )
     frames = [int(np.argmin(np.abs(animation.times - moment))) for moment in moments]
     view, thickness = view_of(animation), animation.thickness()
     left, right, low, high = _limits(_only(animation, frames), animation.trails, view, thickness)
@@ -119,7 +121,16 @@ def _draw_frame(canvas: _Canvas, frame: int, strength: float, layer: float) -> N
         places = canvas.flat(np.stack([joint.positions[frame] for joint in animation.joints]))
         size = 5 if len(animation.joints) < 30 else 3
         axes = canvas.axes
-        axes.plot(places[:, 0], places[:, 1], "o", markersize=size, markerfacecolor="white", markeredgecolor="#3d4957", alpha=strength, zorder=layer + 7)
+        axes.plot(
+            places[:, 0],
+            places[:, 1],
+            "o",
+            markersize=size,
+            markerfacecolor="white",
+            markeredgecolor="#3d4957",
+            alpha=strength,
+            zorder=layer + 7,
+        )
 
 
 def _depth(body: MovingBody, shape: Shape, frame: int, towards: np.ndarray) -> float:
@@ -138,10 +149,15 @@ def _draw_shape(
     from matplotlib.path import Path as Outline
 
     def placed(points: np.ndarray) -> np.ndarray:
-        return canvas.flat(body.positions[frame] + rotated(np.repeat(body.quaternions[frame : frame + 1], len(points), axis=0), points))
+        return canvas.flat(
+            body.positions[frame] + rotated(np.repeat(body.quaternions[frame : frame + 1], len(points), axis=0), points)
+        )
 
     angle = np.linspace(0, 2 * np.pi, 97)[:, None]
-    seen = turned_back(np.repeat(body.quaternions[frame : frame + 1], 97, axis=0), np.cos(angle) * canvas.view.right + np.sin(angle) * canvas.view.up)
+    seen = turned_back(
+        np.repeat(body.quaternions[frame : frame + 1], 97, axis=0),
+        np.cos(angle) * canvas.view.right + np.sin(angle) * canvas.view.up,
+    )
     rings = [placed(ring) for ring in _outlines(shape, seen, canvas)]
     opacity = 0.25 if isinstance(shape, Plane) else 0.55 if isinstance(shape, Polygon) else 0.85
     path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))

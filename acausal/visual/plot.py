@@ -26,7 +26,9 @@ def plot_series(
     for label, values in series:
         array = np.asarray(values)
         if array.ndim not in (1, 2) or len(array) != len(times):
-            raise OptionError(f"Series '{label}' has shape {array.shape}; expected ({len(times)},) or ({len(times)}, k): one row per time.")
+            raise OptionError(
+                f"Series '{label}' has shape {array.shape}; expected ({len(times)},) or ({len(times)}, k): one row per time."
+            )
         columns = array.reshape(len(times), -1).T
         names = [label] if len(columns) == 1 else [f"{label} {'xyz'[k] if len(columns) == 3 else k}" for k in range(len(columns))]
         curves += zip(names, columns, strict=True)

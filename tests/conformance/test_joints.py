@@ -36,13 +36,21 @@ def catalogue() -> list[type[AbstractJoint]]:
     while queue:
         cls = queue.pop()
         queue += cls.__subclasses__()
-        if not inspect.isabstract(cls) and not cls.__name__.startswith("Abstract") and cls.__module__.startswith(("components", "acausal")):
+        if (
+            not inspect.isabstract(cls)
+            and not cls.__name__.startswith("Abstract")
+            and cls.__module__.startswith(("components", "acausal"))
+        ):
             found.append(cls)
     return sorted(found, key=lambda cls: cls.__name__)
 
 
 def make(cls: type[AbstractJoint]) -> AbstractJoint:
-    wanted = [n for n, p in inspect.signature(cls).parameters.items() if p.default is inspect.Parameter.empty and p.kind == p.POSITIONAL_OR_KEYWORD]
+    wanted = [
+        n
+        for n, p in inspect.signature(cls).parameters.items()
+        if p.default is inspect.Parameter.empty and p.kind == p.POSITIONAL_OR_KEYWORD
+    ]
     return cls(*(ARGUMENTS[n] for n in wanted))
 
 
@@ -76,7 +84,11 @@ def test_twist_is_the_rate_of_the_pose(cls):
     q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
     reference = motion_from_pose(joint.pose, joint.rates, q, v, t)
     X, twist = composed(joint, q, v, t)
-    f = ca.Function("f", [q, v, t], [reference.twist - twist, symbolic(X.rotation) - reference.pose.rotation, symbolic(X.position) - reference.pose.position])
+    f = ca.Function(
+        "f",
+        [q, v, t],
+        [reference.twist - twist, symbolic(X.rotation) - reference.pose.rotation, symbolic(X.position) - reference.pose.position],
+    )
     for _ in range(5):
         for gap in f(*random_state(joint, rng), 0.3):
             assert np.max(np.abs(np.array(gap))) < 1e-13
@@ -116,7 +128,9 @@ def test_closure_vanishes_and_coordinates_return(cls):
         assert closure.numel() + joint.closure_rates(X, ca.SX.zeros(3), ca.SX.zeros(3), t).numel() == 6 - joint.v.size
 
 
-@pytest.mark.parametrize("cls", [c for c in catalogue() if c.__name__ not in ("FreePoint", "FreeJoint")], ids=lambda c: c.__name__)
+@pytest.mark.parametrize(
+    "cls", [c for c in catalogue() if c.__name__ not in ("FreePoint", "FreeJoint")], ids=lambda c: c.__name__
+)
 def test_joint_cut_or_in_the_tree_gives_the_same_motion(cls):
     """A body on one joint: as a tree joint, and as a free body with the joint as a constraint."""
     joint, rng = make(cls), np.random.default_rng(4)
@@ -133,7 +147,14 @@ def test_joint_cut_or_in_the_tree_gives_the_same_motion(cls):
     by_cut = Outputs(reduce_system(mechanical_system(swapped, time.sx)))
     q, v = random_state(joint, rng)
     x = np.concatenate([q, v])
-    seen = [scene.free.q, scene.free.v, scene.body.frame.acceleration, scene.body.frame.angular_acceleration, joint.frame_b.force, joint.frame_b.torque]
+    seen = [
+        scene.free.q,
+        scene.free.v,
+        scene.body.frame.acceleration,
+        scene.body.frame.angular_acceleration,
+        joint.frame_b.force,
+        joint.frame_b.torque,
+    ]
 
     def evaluate(outputs: Outputs, state: np.ndarray, what) -> list[np.ndarray]:
         s = outputs.system
