@@ -1,6 +1,6 @@
 """A first scene: two uniform rods on two hinges, built from 3-D parts.
 
-    python examples/double_pendulum.py
+python examples/double_pendulum.py
 """
 
 import acausal as ac

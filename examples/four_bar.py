@@ -1,6 +1,6 @@
 """A four-bar of four plain hinges in a skewed plane: assembled, reported, simulated without drift.
 
-    python examples/four_bar.py
+python examples/four_bar.py
 """
 
 import numpy as np

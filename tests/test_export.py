@@ -45,7 +45,10 @@ def test_exported_c_runs_without_python_and_agrees(tmp_path):
     (folder / "main.c").write_text(text)
     found = compiler()
     assert found is not None
-    subprocess.run([*found, "-O1", "-std=c99", "-o", str(folder / "main"), str(folder / "main.c"), str(folder / "model.c"), "-lm"], check=True)
+    subprocess.run(
+        [*found, "-O1", "-std=c99", "-o", str(folder / "main"), str(folder / "main.c"), str(folder / "model.c"), "-lm"],
+        check=True,
+    )
     printed = subprocess.run([str(folder / "main")], check=True, capture_output=True, text=True).stdout
     assert np.max(np.abs(np.array(printed.split(), dtype=float) - np.array(f(0, x, [], [])).ravel())) < 1e-12
     assert json.loads((folder / "model.json").read_text())["states"] == list(model.state_names)
@@ -131,5 +134,7 @@ def test_gradients_through_a_whole_model_agree_with_differences():
     h = 1e-6
     for i in range(2):
         d = h * np.eye(2)[i]
-        central = (np.array(f(0, x, [], [40, 0.5] + d)) - np.array(f(0, x, [], [40, 0.5] - d))).ravel() / (2 * h)
+        central = (np.array(f(0, x, [], np.array([40, 0.5]) + d)) - np.array(f(0, x, [], np.array([40, 0.5]) - d))).ravel() / (
+            2 * h
+        )
         assert np.max(np.abs(J[:, i] - central)) < 1e-7

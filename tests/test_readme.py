@@ -1,0 +1,40 @@
+"""What the README prints works as printed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+import acausal as ac
+from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.pose import Pose, rotation_about_z
+from components import RigidBody, World
+
+BLOCKS = re.findall(r"```python\n(.*?)```", (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_first_scene(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    space: dict[str, object] = {}
+    exec(BLOCKS[0], space)
+    assert "2 degrees of freedom, 4 states, no constraints, 41 operations" in capsys.readouterr().out
+    run = space["run"]
+    assert run.energy_error() < 1e-9
+    assert (tmp_path / "double_pendulum.html").exists()
+    assert (tmp_path / "angles.png").exists()
+
+
+def test_joint_of_ones_own_in_one_short_class():
+    """A body on a helix: (I + m (r^2 + h^2)) q'' = -m g h about its centre on the helix."""
+    space = {"ac": ac, "ca": ca, "AbstractJoint": AbstractJoint, "Pose": Pose, "rotation_about_z": rotation_about_z}
+    exec(BLOCKS[1], space)
+    scene = ac.System()
+    scene.world, scene.helix, scene.bead = World(), space["Helix"](), RigidBody.ball(2.0, 0.03)
+    scene.connect(scene.world.frame, scene.helix.frame_a)
+    scene.connect(scene.helix.frame_b, scene.bead.frame)
+    run = ac.build(scene).simulate(2.0, rtol=1e-12)
+    inertia = 0.4 * 2.0 * 0.03**2 + 2.0 * (0.1**2 + 0.02**2)
+    assert np.max(np.abs(run[scene.helix.q] + 0.5 * 2.0 * 9.81 * 0.02 / inertia * run.t**2)) < 1e-9
