@@ -110,14 +110,15 @@ class Model:
         options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure)
         return simulate(self.functions, t0, float(end), start or {}, inputs or {}, parameters or {}, options)
 
-    def step(self, method: str = "gauss", order: int = 4) -> ca.Function:
+    def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).
 
-        `method`: "gauss" (even order) or "radau" (odd order). `residual`: what is left of the stage equations, to be checked.
+        `method`: "gauss" (even order) or "radau" (odd order). With a fixed `h` [s] the function has no argument h.
+        `residual`: what is left of the stage equations, to be checked. Raises `OptionError` for an order that does not exist.
         """
         from acausal.integrators.step import step_function
 
-        return step_function(self.functions.explicit_dynamics, method=method, order=order)
+        return step_function(self.functions.explicit_dynamics, method=method, order=order, h=h)
 
     def graph(self) -> Any:
         """The mechanism as a networkx multigraph: nodes are rigid groups, edges joints, cut joints and forces."""

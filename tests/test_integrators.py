@@ -216,6 +216,9 @@ def test_step_function_is_differentiable_and_makes_c(tmp_path):
         axis=1,
     )
     assert np.max(np.abs(jacobian - central)) < 1e-8
+    fixed = model.step("gauss", 4, 0.05)
+    assert fixed.n_in() == 4
+    assert np.array_equal(np.array(fixed(0, x0, [], [])[0]), np.array(step(0, x0, [], [], 0.05)[0]))
     found = compiler()
     assert found is not None
     code = f"import os; os.chdir({str(tmp_path)!r})\nimport casadi as ca\nca.Function.load('step.casadi').generate('step.c')"

@@ -355,6 +355,6 @@ def test_dampers_lose_what_they_should():
 
 @pytest.mark.slow
 def test_import_is_quick_and_lazy():
-    code = "import sys, acausal; print([m for m in ('sympy', 'scipy', 'matplotlib') if m in sys.modules])"
+    code = "import sys, acausal; print([m for m in ('sympy', 'scipy', 'matplotlib', 'networkx') if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"

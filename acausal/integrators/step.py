@@ -9,8 +9,8 @@ from acausal.errors import OptionError
 from acausal.integrators.tableau import gauss_legendre, radau_iia
 
 
-def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) -> ca.Function:
-    """(t, x, u, p, h) -> (x_next, residual): one step of Gauss (even order) or Radau IIA (odd order) collocation.
+def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
+    """(t, x, u, p, h) -> (x_next, residual), without the last argument for a fixed `h`: one step of Gauss (even order) or Radau IIA (odd order) collocation.
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
@@ -25,15 +25,15 @@ def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) ->
             f"step: there is no method '{method}' of order {order}; gauss has even orders from 2, radau odd ones from 1."
         )
     nx, s = rhs.size1_in(1), tableau.stages
-    K, t, x, u, p, h = (
+    K, t, x, u, p, width = (
         ca.SX.sym(n, k) for n, k in (("K", nx * s), ("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1))
     )
     stages = ca.reshape(K, nx, s)
     residual: list[ca.SX] = []
     for i in range(s):
-        state = x + h * (stages @ ca.DM(tableau.A[i]))
-        residual.append(stages[:, i] - rhs(t + float(tableau.c[i]) * h, state, u, p))
-    system = ca.Function("stages", [K, t, x, u, p, h], [ca.vertcat(*residual)], {"cse": True})
+        state = x + width * (stages @ ca.DM(tableau.A[i]))
+        residual.append(stages[:, i] - rhs(t + float(tableau.c[i]) * width, state, u, p))
+    system = ca.Function("stages", [K, t, x, u, p, width], [ca.vertcat(*residual)], {"cse": True})
     options = {"abstol": 1e-13, "abstolStep": 1e-13, "max_iter": 30, "error_on_fail": False}
     solver = ca.rootfinder("solve", "fast_newton", system, options)
     tm, xm, um, pm, hm = (
@@ -44,6 +44,8 @@ def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4) ->
     after = xm + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
     left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
-    return ca.Function(
-        f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe], ["t", "x", "u", "p", "h"], ["x_next", "residual"]
-    )
+    name, arguments, results = f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe]
+    free = ca.Function(name, arguments, results, ["t", "x", "u", "p", "h"], ["x_next", "residual"])
+    if h is None:
+        return free
+    return ca.Function(name, arguments[:4], free.call([*arguments[:4], ca.MX(h)]), ["t", "x", "u", "p"], ["x_next", "residual"])

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
-
-import networkx as nx
+from typing import TYPE_CHECKING
 
 from acausal.errors import DuplicateError, IncompatibleError, UnconnectedError
 from acausal.language.component import Component, Connection, System
 from acausal.language.connector import Connector
 from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,8 @@ def _check_member(connection: Connection, paths: dict[Connector, str]) -> None:
 
 
 def _connection_sets(connections: list[Connection], paths: dict[Connector, str]) -> tuple[tuple[Connector, ...], ...]:
+    import networkx as nx
+
     graph: nx.Graph[Connector] = nx.Graph()
     graph.add_nodes_from(paths)
     graph.add_edges_from((c.a, c.b) for c in connections)

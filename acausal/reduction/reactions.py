@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
-import networkx as nx
 
 from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point
@@ -22,6 +22,10 @@ from acausal.mechanics.rigid import AbstractRigidPart
 from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.constraints import Constraints
 from acausal.reduction.loops import mounted_places
+
+if TYPE_CHECKING:
+    import networkx as nx
+
 
 Wrench = tuple[ca.SX, ca.SX]
 
@@ -125,6 +129,8 @@ class Reactions:
 
     def _into_rigid(self, part: Part, connector: Point) -> Wrench:
         """Cut the rigid group at the connector: what its side needs to move as it does, less what acts on that side."""
+        import networkx as nx
+
         graph = self._rigid_graph(connector)
         own_set = next(n for n in graph if isinstance(n, frozenset) and connector in n)
         graph.remove_edge(part.path, own_set)
@@ -140,6 +146,8 @@ class Reactions:
         return self._needed(side, own)
 
     def _rigid_graph(self, connector: Point) -> nx.Graph[str | frozenset[Point]]:
+        import networkx as nx
+
         group = self.system.mechanism.groups[self.system.mechanism.group_of(connector)]
         graph: nx.Graph[str | frozenset[Point]] = nx.Graph()
         for members in self.system.flat.connection_sets:

@@ -15,7 +15,7 @@ from acausal.mechanics.system import MechanicalSystem
 from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.constraints import Constraints, analyse_constraints
 from acausal.reduction.loops import mounted_places
-from acausal.reduction.scalar import Driven, ScalarReduction, has_scalar_parts, reduce_scalar
+from acausal.reduction.scalar_domains import Driven, ScalarReduction, has_scalar_parts, reduce_scalar
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
@@ -19,6 +19,9 @@ from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
 from acausal.mechanics.steps import Shift, Slide
 from acausal.topology.mechanism import Edge, Group, Mechanism, TreeEdge
 from acausal.topology.rigid_groups import rigid_groups
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 def build_mechanism(flat: FlatSystem) -> Mechanism:
@@ -69,6 +72,8 @@ def _edge(part: Part, groups: Sequence[Group], index: dict[Point, int]) -> Edge:
 
 
 def _joint_graph(count: int, edges: Sequence[Edge]) -> nx.MultiGraph[int]:
+    import networkx as nx
+
     graph: nx.MultiGraph[int] = nx.MultiGraph()
     graph.add_nodes_from(range(count))
     graph.add_edges_from((edge.a, edge.b) for edge in edges)
@@ -77,6 +82,8 @@ def _joint_graph(count: int, edges: Sequence[Edge]) -> nx.MultiGraph[int]:
 
 def _free_edges(graph: nx.MultiGraph[int], groups: Sequence[Group]) -> list[Edge]:
     """A free joint from the ground to the heaviest group of every part of the graph that the ground does not reach."""
+    import networkx as nx
+
     edges: list[Edge] = []
     for island in nx.connected_components(graph):
         if 0 in island:
@@ -120,6 +127,8 @@ def _turns(joint: AbstractJoint) -> bool:
 
 def _spanning_tree(count: int, edges: Sequence[Edge]) -> tuple[tuple[TreeEdge, ...], tuple[Edge, ...]]:
     """Spanning tree of least total freedom; among equals the one whose edges lie nearest to the ground (Kruskal)."""
+    import networkx as nx
+
     graph = _joint_graph(count, edges)
     depth = nx.single_source_shortest_path_length(graph, 0)
     order = sorted(range(len(edges)), key=lambda i: (edges[i].joint.v.size, max(depth[edges[i].a], depth[edges[i].b]), i))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from acausal.language.connector import Point
@@ -12,6 +12,9 @@ from acausal.language.flatten import FlatSystem, Part
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import Pose
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class Mechanism:
     @property
     def graph(self) -> nx.MultiGraph[int]:
         """Nodes: groups, with `label` and `kind`; edges: joints ('joint' or 'cut') and forces ('force'), with `label`."""
+        import networkx as nx
+
         graph: nx.MultiGraph[int] = nx.MultiGraph()
         for i, group in enumerate(self.groups):
             graph.add_node(i, label=group.name, kind=group.kind)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from acausal.errors import AssemblyError, GroundError
@@ -15,12 +15,18 @@ from acausal.mechanics.pose import Pose, snapped
 from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart, Attachment
 from acausal.topology.mechanism import Group
 
+if TYPE_CHECKING:
+    import networkx as nx
+
+
 _TOLERANCE = 1e-9
 _GROUND = "ground"
 
 
 def rigid_groups(flat: FlatSystem) -> tuple[Group, ...]:
     """All groups, the ground first. A loop of rigid parts must fit: else `AssemblyError` or, at the ground, `GroundError`."""
+    import networkx as nx
+
     sets = [tuple(c for c in members if isinstance(c, Point)) for members in flat.connection_sets]
     sets = [members for members in sets if members]
     set_of = {connector: i for i, members in enumerate(sets) for connector in members}
@@ -50,6 +56,8 @@ def _group(
     parts: dict[str, Part],
     sets: Sequence[tuple[Point, ...]],
 ) -> Group:
+    import networkx as nx
+
     members = tuple(part for path, part in parts.items() if path in nodes)
     root: str | int = _GROUND
     if _GROUND not in nodes:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import textwrap
 from collections import defaultdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import networkx as nx
 import numpy as np
 
 from acausal.visual.pyplot import new_figure, plain, saved
+
+if TYPE_CHECKING:
+    import networkx as nx
+
 
 _FILL = {"ground": "#5b6774", "body": "#4C78A8", "point": "#3f8a3d", "massless": "#c4ccd6"}
 _LINE: dict[str, tuple[str, Any, str]] = {
@@ -53,6 +56,8 @@ def layout(graph: nx.MultiGraph[int]) -> dict[int, tuple[float, float]]:
 
     Children stand side by side in the tree's order; a layer wider than 14 nodes is broken into rows.
     """
+    import networkx as nx
+
     tree = _tree(graph)
     depth: dict[int, int] = {}
     leaves: dict[int, float] = {}
@@ -70,6 +75,8 @@ def layout(graph: nx.MultiGraph[int]) -> dict[int, tuple[float, float]]:
 
 def _tree(graph: nx.MultiGraph[int]) -> nx.DiGraph[int]:
     """Breadth-first forest: joints first; what they do not reach hangs on its cuts and forces, else stands beside the ground."""
+    import networkx as nx
+
     tree: nx.DiGraph[int] = nx.DiGraph()
     order = sorted(graph.nodes, key=lambda node: (node != 0, node))
     for kinds in (("joint",), ("joint", "cut", "force")):
