@@ -102,7 +102,8 @@ class Run:
         """Whether the fastest decay, not accuracy, holds the step size down, or is so fast that iteration holds on by luck only."""
         eigenvalues = np.linalg.eigvals(self.solver.jacobian(self.t, self.x))
         decay = self.h * float(np.max(-eigenvalues.real, initial=0.0))
-        return decay > 8 or (decay > 0.5 and self.error < 1e-3)
+        growth = self.h * float(np.max(eigenvalues.real, initial=0.0))  # as large as the decay where energy is kept
+        return decay > 3 * growth and (decay > 8 or (decay > 0.5 and self.error < 1e-3))
 
     def projected(self, t: float, x: np.ndarray) -> np.ndarray:
         """x with the invariants met as well as rounding allows (Newton, at most ten corrections)."""

@@ -14,7 +14,8 @@ from acausal.reduction.assembly import assemble
 from acausal.reduction.loops import LoopRows, loop_rows
 from acausal.reduction.redundancy import RankReport, independent_rows
 
-_SAMPLES = 5
+_SAMPLES = 8
+_STRIDE = 0.35
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,17 +180,22 @@ def _neighbours(
 
     rng = np.random.default_rng(1)
     samples = [start]
-    here = start
-    for k in range(_SAMPLES):
-        _, s, Vt = np.linalg.svd(np.array(A_all(here, 0.0, values)))
-        rank = int(np.sum(s > 1e-7 * max(1.0, s[0] if s.size else 1.0)))
-        free = Vt[rank:].T
-        if free.shape[1] == 0:
-            break
-        direction = free @ rng.normal(size=free.shape[1])
-        direction *= 0.15 / np.max(np.abs(direction)) * (1 + 0.3 * k)
-        found = assemble(residual, here + np.array(N(here, 0.0)) @ direction)
-        if found.converged:
+    for sense in (1.0, -1.0):
+        here, ahead = start, sense * rng.normal(size=v.numel())
+        for _ in range(_SAMPLES):
+            _, s, Vt = np.linalg.svd(np.array(A_all(here, 0.0, values)))
+            rank = int(np.sum(s > 1e-7 * max(1.0, s[0] if s.size else 1.0)))
+            free = Vt[rank:].T
+            if free.shape[1] == 0:
+                break
+            # go on in the same direction, as far as the freedom allows, so that the samples spread over the motion
+            along = free @ (free.T @ ahead)
+            if np.max(np.abs(along)) < 1e-6:
+                along = free @ rng.normal(size=free.shape[1])
+            ahead = along / np.max(np.abs(along))
+            found = assemble(residual, here + np.array(N(here, 0.0)) @ (_STRIDE * ahead))
+            if not found.converged:
+                break
             here = found.y
             samples.append(here)
     return samples

@@ -6,11 +6,14 @@ cannot be seen symbolically. QR with column pivoting of the transposed, row-scal
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 _TOLERANCE = 1e-7
+_MOST_CHOICES = 300
 
 
 @dataclass(frozen=True)
@@ -39,14 +42,22 @@ def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
     ranks = [_rank(J) for J in scaled]
     rank = max(ranks)
     generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
-    kept = _pivots(np.hstack(generic), rank)
-    if min(_rank(J[list(kept)]) for J in generic) < rank:
-        kept = _pivots(generic[0], rank)
+    kept = _best_rows(generic, rank) if rank < m else tuple(range(m))
     return RankReport(tuple(sorted(kept)), rank, ranks[0])
 
 
 def _rank(J: np.ndarray) -> int:
     return int(np.sum(np.linalg.svd(J, compute_uv=False) > _TOLERANCE)) if J.size else 0
+
+
+def _best_rows(jacobians: list[np.ndarray], rank: int) -> tuple[int, ...]:
+    """The choice of rows whose worst smallest singular value over all configurations is largest; greedy where there are many."""
+    m = jacobians[0].shape[0]
+    if math.comb(m, rank) > _MOST_CHOICES:
+        return _pivots(np.hstack(jacobians), rank)
+    choices = [list(rows) for rows in itertools.combinations(range(m), rank)]
+    worst = [min(float(np.linalg.svd(J[rows], compute_uv=False)[-1]) for J in jacobians) for rows in choices]
+    return tuple(choices[int(np.argmax(np.array(worst) > 0.999 * max(worst)))])
 
 
 def _pivots(J: np.ndarray, rank: int) -> tuple[int, ...]:
