@@ -74,9 +74,9 @@ def _loops(model: Model) -> list[str]:
                     f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it follows from the other joints of the loop"
                 )
     if constraints.redundant or constraints.vanishing:
-        where = sorted({name.split("[")[0] for name in (*constraints.redundant, *constraints.vanishing)})
+        where = sorted({name.rsplit("[", 1)[0] for name in (*constraints.redundant, *constraints.vanishing)})
         lines.append(
-            f"  Reactions along redundant directions are not determined by rigid bodies; they are given as zero at {', '.join(where)}."
+            f"  Reactions along redundant directions are not determined by rigid bodies; one possible set is given at {', '.join(where)}."
         )
     if constraints.rank.singular_at_start:
         lines.append("  The first configuration is singular: nearby, more constraints are independent than there.")

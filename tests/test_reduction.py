@@ -272,3 +272,33 @@ def test_declaration_order_and_names_do_not_matter():
         run = ac.build(scene).simulate(1.0, {contacts[1].v: (1.0, 2.0, 3.0)}, rtol=1e-12)
         results.append(np.hstack([run[c.frame_b.position] for c in contacts]))
     assert np.max(np.abs(results[0] - results[1])) < 1e-12
+
+
+def test_bennett_linkage_has_constraints_that_are_redundant_only_when_assembled():
+    """Four hinges in space that a count of freedoms would lock; 10 s under gravity against quadruple precision."""
+    points = np.array([(0, 0, 0), (0.5, np.sqrt(3) / 2, 0), (-1.2, 0, 0.6), (-2.0, 0, 0)])
+    axes = np.array([(0, 0, 1), (np.sqrt(3) / 4, -0.25, np.sqrt(3) / 2), (-0.3, np.sqrt(3) / 2, 0.4), (0, 1, 0)])
+    scene = ac.System()
+    scene.world, scene.links, scene.joints = World(), [], []
+    for k in range(3):  # bars of 1 kg a metre and a square section of 5 cm, along the sides of the linkage
+        length = np.linalg.norm(points[k + 1] - points[k])
+        along = (points[k + 1] - points[k]) / length
+        up = axes[k] - (axes[k] @ along) * along
+        R = np.column_stack([along, np.cross(up / np.linalg.norm(up), along), up / np.linalg.norm(up)])
+        moments = length / 12 * np.array([2 * 0.05**2, length**2 + 0.05**2, length**2 + 0.05**2])
+        scene.links.append(RigidBody(length, R @ np.diag(moments) @ R.T, (points[k] + points[k + 1]) / 2))
+    bodies = [scene.world, *scene.links, scene.world]
+    for k in range(4):
+        scene.joints.append(Revolute.between(bodies[k], bodies[k + 1], at=tuple(points[k]), axis=tuple(axes[k])))
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    assert len(model.system.constraints.redundant) == 3
+    run = model.simulate(10.0, rtol=1e-12)
+    assert run.energy_error() < 1e-11
+    assert run.constraint_error() < 1e-13
+    reference = [  # centres of mass at 10 s
+        (0.0076167635158221903575, -0.49994198154740343944, 0.0),
+        (-0.73671384625198859713, -0.49994198154740343722, -0.42968961227646673408),
+        (-1.7443306097678104599, 0.0, -0.42968961227646683063),
+    ]
+    assert np.max(np.abs([run[link.centre.position][-1] for link in scene.links] - np.array(reference))) < 1e-11

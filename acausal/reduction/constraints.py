@@ -23,7 +23,9 @@ class Constraints:
     """Independent rows of all cut joints, and the freedom that they leave.
 
     `position` (np, 1) and `velocity` (m, 1) residuals of the kept rows; `jacobian` A (m, nv) of `velocity` in v; `bias` (m, 1) so
-    that A v' + bias = 0. `joint_invariants`: of the tree's joints (quaternion norms, gaps). `kept` and `redundant` are names.
+    that A v' + bias = 0. `damped`: rows depend on one another in a way that only holds when assembled. The kept
+    ones alone may then be met on other branches too, so all rows are used, with a rank-tolerant solve.
+    `joint_invariants`: of the tree's joints (quaternion norms, gaps). `kept` and `redundant` are names.
     """
 
     loops: tuple[LoopRows, ...]
@@ -37,6 +39,7 @@ class Constraints:
     redundant: tuple[str, ...]
     vanishing: tuple[str, ...]
     rank: RankReport
+    damped: bool
     q_start: np.ndarray
     """An assembled configuration (nq,), where searches begin."""
 
@@ -65,7 +68,7 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     if not loops:
         none = ca.SX(0, 1)
         return Constraints(
-            (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), start
+            (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), False, start
         )
     A_all = ca.Function("A", [tree.q, tree.t, parameters], [ca.densify(ca.jacobian(velocity, tree.v))])
     samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values)
@@ -77,14 +80,15 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
             f"The mechanism is locked: {tree.v.numel()} freedoms of its joints meet {rank.rank} independent constraints from closing "
             f"{', '.join(repr(r.edge.name) for r in loops)}. Remove a joint or give one of them more freedom."
         )
-    chosen = list(kept)
+    damped = len(kept) < len(names)
+    chosen = list(range(len(names))) if damped else list(kept)
     velocity_kept = velocity[chosen]
     position_index = np.cumsum(is_position) - 1
     position_kept = position[[int(position_index[i]) for i in chosen if is_position[i]]]
     return Constraints(
         loops, position_kept, velocity_kept, ca.densify(ca.jacobian(velocity_kept, tree.v)), system.kinematics.rate(velocity_kept),
-        invariants, tuple(names[i] for i in chosen), kept, tuple(names[i] for i in range(len(names)) if i not in kept),
-        tuple(name for rows in loops for name in rows.dropped), rank, start,
+        invariants, tuple(names[i] for i in kept), tuple(chosen), tuple(names[i] for i in range(len(names)) if i not in kept),
+        tuple(name for rows in loops for name in rows.dropped), rank, damped, start,
     )  # fmt: skip
 
 

@@ -34,7 +34,8 @@ Wrench = tuple[ca.SX, ca.SX]
 class Reactions:
     """Flows at connectors for accelerations `v_dot` and constraint `multipliers`, as `SX`.
 
-    Multipliers of redundant rows are taken as zero: where rows are redundant, reactions are one of many possible sets.
+    Where rows are redundant, reactions are one of many possible sets: with zeros along the redundant rows, or the smallest set
+    where all rows are used (`Constraints.damped`).
     """
 
     system: MechanicalSystem

@@ -10,7 +10,7 @@ import numpy as np
 from acausal.language.expression import Symbol, Variable, time
 from acausal.language.flatten import FlatSystem
 from acausal.mechanics.forward_dynamics import forward_dynamics, zero_wrenches
-from acausal.mechanics.kernels import solve_positive
+from acausal.mechanics.kernels import solve_positive, solve_semidefinite
 from acausal.mechanics.system import MechanicalSystem
 from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.constraints import Constraints, analyse_constraints
@@ -207,7 +207,8 @@ def _constrained(mechanics: MechanicalSystem, constraints: Constraints, free: ca
     columns = [forward_dynamics(mechanics.kinematics, A[i, :].T, none, at_rest=True, gravity=False) for i in range(m)]
     flexibility = ca.horzcat(*columns)
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
-    multipliers = solve_positive(delassus, -constraints.bias - A @ free)
+    solve = solve_semidefinite if constraints.damped else solve_positive
+    multipliers = solve(delassus, -constraints.bias - A @ free)
     return free + flexibility @ multipliers, multipliers, flexibility, delassus
 
 
@@ -228,12 +229,14 @@ def _projection(
             G = ca.jacobian(own, q[joint.q])
             dq[joint.q] -= G.T @ solve_positive(ca.densify(G @ G.T), own)
     dv = ca.SX.zeros(v.numel())
+    solve = solve_semidefinite if constraints.damped else solve_positive
     if A.shape[0]:
-        position_rows = [i for i, name in enumerate(constraints.kept) if ".rolling[" not in name]
+        all_names = [name for rows in constraints.loops for name in rows.names]
+        position_rows = [k for k, i in enumerate(constraints.kept_index) if ".rolling[" not in all_names[i]]
         A_h, W_h = A[position_rows, :], flexibility[:, position_rows]
         if position_rows:
-            step = -(W_h @ solve_positive(ca.densify(A_h @ W_h), constraints.position))
+            step = -(W_h @ solve(ca.densify(A_h @ W_h), constraints.position))
             N = ca.jacobian(tree.rates, v)
             dq += N @ step
-        dv = -(flexibility @ solve_positive(delassus, constraints.velocity))
+        dv = -(flexibility @ solve(delassus, constraints.velocity))
     return ca.vertcat(q + dq, v + dv, states)

@@ -23,6 +23,8 @@ class RankReport:
     kept: tuple[int, ...]
     rank: int
     rank_at_start: int
+    conditioning: float = 1.0
+    """Smallest singular value of the kept rows, each scaled to length 1, over the configurations."""
 
     @property
     def singular_at_start(self) -> bool:
@@ -43,7 +45,8 @@ def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
     rank = max(ranks)
     generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
     kept = _best_rows(generic, rank) if rank < m else tuple(range(m))
-    return RankReport(tuple(sorted(kept)), rank, ranks[0])
+    worst = min((float(np.linalg.svd(J[list(kept)], compute_uv=False)[-1]) for J in generic), default=1.0) if rank else 1.0
+    return RankReport(tuple(sorted(kept)), rank, ranks[0], worst)
 
 
 def _rank(J: np.ndarray) -> int:
