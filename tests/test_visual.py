@@ -20,7 +20,7 @@ import pytest
 
 from acausal.errors import OptionError
 from acausal.visual import shapes
-from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, write_html
+from acausal.visual.animation import PALETTE, PLANE_COLOUR, Animation, JointMarker, MovingBody, MovingLink, Trail, write_html
 from acausal.visual.geometry import rotated, support_points
 from acausal.visual.graph import draw_graph, layout
 from acausal.visual.picture import write_png
@@ -38,6 +38,7 @@ ALL_SHAPES: tuple[shapes.Shape, ...] = (
     shapes.Torus(0.3, 0.08, (0.0, 1.0, 0.0)),
     shapes.Ellipsoid((0.4, 0.25, 0.15)),
     shapes.Rod((-0.3, 0.0, 0.0), (0.3, 0.1, 0.0), 0.06),
+    shapes.Arrow((0.0, 0.0, 0.0), (0.4, 0.2, 0.1), 0.03),
     shapes.PointMass(),
     shapes.Polygon(((-0.3, -0.3, 0.0), (0.4, -0.2, 0.0), (0.0, 0.4, 0.0))),
     shapes.Plane((0.3, 0.0, 1.0), (0.5, 0.0, 0.0), 1.5),
@@ -173,6 +174,7 @@ def test_scripts_use_only_what_the_bundle_and_the_page_offer(tmp_path):
     folder = Path(shapes.__file__).parent
     own = (folder / "viewer.js").read_text() + (folder / "solids.js").read_text()
     reader, _ = read(write_html(pendulum(), tmp_path / "p.html"))
+    assert {type(shape) for shape in ALL_SHAPES} == set(typing.get_args(shapes.Shape))
     exported = set(re.findall(r"(\w+):\(\)=>", (folder / "three.bundle.min.js").read_text()))
     assert set(re.findall(r"THREE\.(\w+)", own)) <= exported
     assert set(re.findall(r'byId\("(\w+)"\)', own)) <= reader.ids
@@ -220,7 +222,9 @@ def check_in_browser(browser: str, folder: Path) -> None:
         gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, seen);
         let coloured = 0;
         for (let i = 0; i < seen.length; i += 4) if (Math.max(seen[i], seen[i + 1], seen[i + 2]) - Math.min(seen[i], seen[i + 1], seen[i + 2]) > 60) coloured++;
-        document.body.dataset.probe = JSON.stringify({ ...acausal.poseOf("Box"), coloured: coloured / (w * h) });
+        const still = acausal.camera();
+        acausal.follow("Torus");
+        document.body.dataset.probe = JSON.stringify({ ...acausal.poseOf("Box"), coloured: coloured / (w * h), still, following: acausal.camera(), torus: acausal.poseOf("Torus").position });
     } catch (e) { if (!acausal.error) showError(String(e)); }</script>"""
     page.write_text(page.read_text(encoding="utf-8").replace("</body>", probe + "</body>"), encoding="utf-8")
     document = run_browser(browser, page)
@@ -235,6 +239,10 @@ def check_in_browser(browser: str, folder: Path) -> None:
     assert np.allclose(pose["quaternion"], turning((1 / math.sqrt(3),) * 3, np.array([1.03]))[0], atol=1e-6)
     assert np.allclose(pose["position"], [0, 0, 1], atol=1e-6)
     assert pose["coloured"] > 0.01
+    # the camera that follows a body looks at it, from where it looked before
+    assert np.allclose(pose["following"]["target"], pose["torus"], atol=1e-6)
+    sight = [np.subtract(pose[k]["position"], pose[k]["target"]) for k in ("still", "following")]
+    assert np.allclose(sight[0], sight[1], atol=1e-6)
 
 
 def check_without_browser(folder: Path) -> None:
@@ -297,6 +305,33 @@ def test_planes_do_not_make_the_rest_small():
     floor = MovingBody("floor", (shapes.Plane((0, 0, 1), (0, 0, 0), 1e4),), np.zeros((N, 3)), STILL)
     with_floor = dataclasses.replace(pendulum(), bodies=(*pendulum().bodies, floor))
     assert with_floor.size() == pytest.approx(pendulum().size())
+
+
+def test_planes_are_grey_and_take_no_colour_from_the_palette():
+    floor = MovingBody("floor", (shapes.Plane((0, 0, 1), (0, 0, 0), 3.0),), np.zeros((N, 3)), STILL)
+    own = MovingBody("own", (shapes.Box((1, 1, 1), colour="gold"),), np.zeros((N, 3)), STILL)
+    plain, mixed = pendulum(), dataclasses.replace(pendulum(), bodies=(floor, own, *pendulum().bodies))
+    assert mixed.colours()[0] == PLANE_COLOUR and mixed.colours()[1] == "gold"
+    assert plain.colours() == PALETTE[:2] and mixed.colours()[2:] == PALETTE[1:3]
+
+
+def test_only_a_plane_that_is_not_the_ground_has_squares_of_its_own(tmp_path):
+    ball = MovingBody("ball", (shapes.Sphere(0.5),), np.tile([0.0, 0.0, 0.5], (N, 1)), STILL)
+    for normal, height, squares in (((0, 0, 1), 0.0, False), ((0, 0, 1), 0.4, True), ((0.3, 0, 1), 0.0, True)):
+        plane = MovingBody("plane", (shapes.Plane(normal, (0, 0, 0), 1.0),), np.tile([0.0, 0.0, height], (N, 1)), STILL)
+        _, data = read(write_html(Animation("plane", TIMES, (ball, plane)), tmp_path / "p.html"))
+        assert data["bodies"][1]["shapes"][0]["squares"] is squares
+
+
+@pytest.mark.parametrize("make", [pendulum, everything])
+def test_box_that_the_camera_is_fitted_to_holds_the_whole_motion(tmp_path, make):
+    animation = make()
+    _, data = read(write_html(animation, tmp_path / "p.html"))
+    view = data["view"]
+    for axis, low, high in zip(("right", "up", "towards"), view["low"], view["high"], strict=True):
+        for path in [b.positions for b in animation.bodies] + [t.points for t in animation.trails]:
+            along = path @ np.array(view[axis])
+            assert low - 1e-9 <= along.min() and along.max() <= high + 1e-9
 
 
 def test_planar_motion_is_seen_squarely_with_up_on_top():
@@ -412,7 +447,7 @@ def test_graph_is_layered_and_drawn(tmp_path):
             (0, 3, "force"),
             (0, 3, "force"),
             (2, 2, "force"),
-            (3, 4, "force"),
+            (3, 4, "contact"),
         ]
     )
     places = layout(graph)
@@ -421,7 +456,7 @@ def test_graph_is_layered_and_drawn(tmp_path):
     figure = draw_graph(graph, tmp_path / "g.png")
     assert_not_blank(tmp_path / "g.png")
     styles = [line.get_linestyle() for line in figure.axes[0].lines]
-    assert (styles.count("-"), styles.count("--"), styles.count(":")) == (3, 1, 4)
+    assert [styles.count(style) for style in ("-", "--", ":", "-.")] == [3, 1, 3, 1]
     double = [line.get_xydata()[30] for line in figure.axes[0].lines if line.get_linestyle() == ":"][:2]
     assert np.linalg.norm(double[0] - double[1]) > 0.2
 
@@ -441,6 +476,14 @@ def test_boxes_of_a_hundred_nodes_do_not_overlap(parent):
     gap = np.abs(places[:, None] - places[None])
     apart = (gap[..., 0] > 1.2) | (gap[..., 1] > 0.5) | np.eye(len(places), dtype=bool)
     assert np.all(apart)
+
+
+def test_every_ground_is_on_top():
+    graph = graph_of([(0, 1, "joint"), (1, 2, "joint"), (2, 3, "joint")])
+    graph.nodes[0]["kind"] = "body"
+    graph.nodes[3]["kind"] = "ground"
+    places = layout(graph)
+    assert [places[node][1] for node in (3, 2, 1, 0)] == sorted((y for _, y in places.values()), reverse=True)
 
 
 def test_graph_of_one_node_is_drawn(tmp_path):

@@ -9,9 +9,10 @@ import numpy as np
 
 from acausal.errors import OptionError
 from acausal.visual.geometry import rotated, support_points, turned_back
-from acausal.visual.shapes import Plane, Polygon, Rod, Shape, Vector
+from acausal.visual.shapes import Arrow, Plane, Polygon, Rod, Shape, Vector
 
 PALETTE = ("#4C78A8", "#F58518", "#54A24B", "#E45756", "#72B7B2", "#B279A2", "#EECA3B", "#9D755D", "#5F9ED1", "#FF9DA6")
+PLANE_COLOUR = "#9fb0c1"
 LINK_KINDS = ("spring", "damper", "force", "string")
 
 
@@ -100,6 +101,17 @@ class Animation:
         for trail in self.trails:
             _check(f"points of trail '{trail.name}'", trail.points, (n, 3))
 
+    def colours(self) -> tuple[str, ...]:
+        """Of each body: its first shape's own colour, else a plane's grey, else the palette's next, as if planes were not there."""
+        chosen: list[str] = []
+        used = 0
+        for body in self.bodies:
+            own = [shape.colour for shape in body.shapes if shape.colour]
+            flat = bool(body.shapes) and all(isinstance(shape, Plane) for shape in body.shapes)
+            chosen.append(own[0] if own else PLANE_COLOUR if flat else PALETTE[used % len(PALETTE)])
+            used += not flat
+        return tuple(chosen)
+
     def reach(self, direction: np.ndarray, thickness: float = 0.0) -> float:
         """Largest coordinate [m] along a unit vector (3,) over the whole motion; planes count only where there is nothing else.
 
@@ -177,7 +189,7 @@ def write_html(animation: Animation, path: str | Path) -> Path:
 
 def _places(shape: Shape) -> tuple[Vector, ...]:
     match shape:
-        case Rod():
+        case Rod() | Arrow():
             return (shape.start, shape.end)
         case Polygon():
             return shape.points

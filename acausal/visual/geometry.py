@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acausal.visual.shapes import Box, Cylinder, Disk, Ellipsoid, Plane, PointMass, Polygon, Rod, Shape, Sphere, Torus
+from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Ellipsoid, Plane, PointMass, Polygon, Rod, Shape, Sphere, Torus
 
 _TINY = 1e-300
 
@@ -48,6 +48,8 @@ def _support(shape: Shape, u: np.ndarray, thickness: float) -> np.ndarray:
             return _around(u, shape.axis, shape.radius, 0.0) + shape.tube * unit
         case Rod():
             return _furthest(u, (shape.start, shape.end)) + (thickness if shape.radius is None else shape.radius) * unit
+        case Arrow():
+            return _further(u, *_arrow(u, shape, thickness))
         case PointMass():
             return (thickness if shape.radius is None else shape.radius) * unit
         case Polygon():
@@ -56,14 +58,40 @@ def _support(shape: Shape, u: np.ndarray, thickness: float) -> np.ndarray:
             return _furthest(u, plane_corners(shape, shape.size))
 
 
+def arrow_points(arrow: Arrow, directions: np.ndarray, thickness: float) -> list[np.ndarray]:
+    """As `support_points`, of the arrow's shaft and of its head."""
+    R = np.array(arrow.rotation, dtype=float)
+    return [np.array(arrow.position, dtype=float) + piece @ R.T for piece in _arrow(directions @ R, arrow, thickness)]
+
+
+def _arrow(u: np.ndarray, arrow: Arrow, thickness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Shaft and head; the head is 9 radii of the shaft long and 3.2 wide, less for short arrows."""
+    base, tip = np.array(arrow.start, dtype=float), np.array(arrow.end, dtype=float)
+    along = tip - base
+    length = float(np.linalg.norm(along))
+    radius = min(0.4 * thickness if arrow.radius is None else arrow.radius, length / 18)
+    neck = tip - 9 * radius * along / max(length, _TINY)
+    shaft, wide = _rim(u, along, radius), _rim(u, along, 3.2 * radius)
+    return _further(u, base + shaft, neck + shaft), _further(u, neck + wide, np.broadcast_to(tip, u.shape))
+
+
+def _further(u: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Row by row, the point that reaches further along u."""
+    return np.where((np.sum(u * first, axis=1) >= np.sum(u * second, axis=1))[:, None], first, second)
+
+
 def _around(u: np.ndarray, axis: tuple[float, float, float], radius: float, half_length: float) -> np.ndarray:
     """Support points of a cylinder about `axis`."""
     a = np.array(axis) / np.linalg.norm(axis)
-    along = u @ a
-    across = u - along[:, None] * a
+    return _rim(u, a, radius) + half_length * np.sign(u @ a)[:, None] * a
+
+
+def _rim(u: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
+    """Support points of a circle of `radius` [m] about `axis` (3,); its centre where u is along the axis."""
+    a = axis / max(float(np.linalg.norm(axis)), _TINY)
+    across = u - (u @ a)[:, None] * a
     size = np.linalg.norm(across, axis=1, keepdims=True)
-    rim = np.where(size > 1e-12, radius * across / np.maximum(size, _TINY), 0.0)
-    return rim + half_length * np.sign(along)[:, None] * a
+    return np.where(size > 1e-12, radius * across / np.maximum(size, _TINY), 0.0)
 
 
 def _furthest(u: np.ndarray, points: tuple[tuple[float, float, float], ...]) -> np.ndarray:

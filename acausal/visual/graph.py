@@ -20,16 +20,17 @@ _LINE: dict[str, tuple[str, Any, str]] = {
     "joint": ("#3d4957", "-", "joint"),
     "cut": ("#d62f32", "--", "joint that closes a loop"),
     "force": ("#8a5a9e", ":", "force"),
+    "contact": ("#b5701b", "-.", "contact"),
 }
 _LAYER, _ROW, _COLUMN = 1.5, 0.85, 1.55  # inches between layers, between rows of one layer, and between columns
 _MOST_COLUMNS = 14
 
 
 def draw_graph(graph: nx.MultiGraph[int], path: str | Path | None = None) -> Any:
-    """Nodes in layers by their distance from the ground (node 0), in the order that crosses few lines.
+    """Nodes in layers by their distance from the ground, in the order that crosses few lines.
 
     Node attributes `label`, `kind` ('ground', 'body', 'massless', 'point'); edge attributes `label`, `kind` ('joint', 'cut': red and
-    dashed, 'force': dotted). A layer of many nodes is broken into rows. Returns the matplotlib figure, written to `path` if given.
+    dashed, 'force': dotted, 'contact': dash-dotted). Without a node of kind 'ground', node 0 is the top. A layer of many nodes is broken into rows. Returns the matplotlib figure, written to `path` if given.
     """
     places = layout(graph)
     figure, axes = _canvas(places)
@@ -52,7 +53,7 @@ def draw_graph(graph: nx.MultiGraph[int], path: str | Path | None = None) -> Any
 
 
 def layout(graph: nx.MultiGraph[int]) -> dict[int, tuple[float, float]]:
-    """Places [inches] of the nodes: a breadth-first tree of the joints from node 0, then of everything else, parents above children.
+    """Places [inches] of the nodes: a breadth-first tree of the joints from the ground, then of everything else, parents above children.
 
     Children stand side by side in the tree's order; a layer wider than 14 nodes is broken into rows.
     """
@@ -78,10 +79,11 @@ def _tree(graph: nx.MultiGraph[int]) -> nx.DiGraph[int]:
     import networkx as nx
 
     tree: nx.DiGraph[int] = nx.DiGraph()
-    order = sorted(graph.nodes, key=lambda node: (node != 0, node))
-    for kinds in (("joint",), ("joint", "cut", "force")):
+    grounds = [node for node, data in graph.nodes(data=True) if data.get("kind") == "ground"] or [n for n in graph if n == 0]
+    order = sorted(graph.nodes, key=lambda node: (node not in grounds, node))
+    for kinds in (("joint",), ("joint", "cut", "force", "contact")):
         near = nx.Graph([(a, b) for a, b, data in graph.edges(data=True) if data.get("kind", "joint") in kinds and a != b])
-        queue = [0] if not tree and 0 in graph else list(tree)
+        queue = list(tree) or sorted(grounds)
         tree.add_nodes_from(queue)
         for node in queue:
             for other in sorted(near[node]) if node in near else ():

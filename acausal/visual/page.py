@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from acausal.visual.animation import PALETTE, Animation
+from acausal.visual.animation import Animation, MovingBody
+from acausal.visual.geometry import rotated
 from acausal.visual.shapes import Plane, Shape
 from acausal.visual.view import view_of
 
@@ -40,6 +41,11 @@ def page_data(animation: Animation) -> dict[str, Any]:
     low, high = animation.bounds()
     view = view_of(animation)
     thickness = animation.thickness()
+    # a box around the motion, with the view's axes: the camera is fitted to it
+    axes = np.stack([view.right, view.up, view.towards])
+    high_seen = np.array([animation.reach(axis, thickness) for axis in axes])
+    low_seen = -np.array([animation.reach(-axis, thickness) for axis in axes])
+    empty = not np.all(np.isfinite(high_seen))
     return {
         "title": animation.title,
         "speed": animation.speed,
@@ -50,11 +56,11 @@ def page_data(animation: Animation) -> dict[str, Any]:
         "size": animation.size(),
         "floor": animation.floor(),
         "thickness": thickness,
-        "view": {"right": view.right.tolist(), "up": view.up.tolist(), "towards": view.towards.tolist(), "planar": view.planar},
-        "palette": list(PALETTE),
+        "view": {"right": view.right.tolist(), "up": view.up.tolist(), "towards": view.towards.tolist(), "planar": view.planar,
+                 "low": [-1.0] * 3 if empty else low_seen.tolist(), "high": [1.0] * 3 if empty else high_seen.tolist()},
         "bodies": [
-            {"name": b.name, "shapes": [_shape(s, animation) for s in b.shapes], "p": packed(b.positions), "q": packed(b.quaternions)}
-            for b in animation.bodies
+            {"name": b.name, "colour": colour, "shapes": [_shape(s, b, animation) for s in b.shapes], "p": packed(b.positions), "q": packed(b.quaternions)}
+            for b, colour in zip(animation.bodies, animation.colours(), strict=True)
         ],
         "links": [{"name": k.name, "kind": k.kind, "a": packed(k.starts), "b": packed(k.ends)} for k in animation.links],
         "joints": [
@@ -65,9 +71,20 @@ def page_data(animation: Animation) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _shape(shape: Shape, animation: Animation) -> dict[str, Any]:
-    drawn = {"size": animation.drawn_size(shape)} if isinstance(shape, Plane) else {}
+def _shape(shape: Shape, body: MovingBody, animation: Animation) -> dict[str, Any]:
+    drawn: dict[str, Any] = {}
+    if isinstance(shape, Plane):
+        drawn = {"size": animation.drawn_size(shape), "squares": not _is_floor(shape, body, animation)}
     return {"kind": type(shape).__name__, **vars(shape), **drawn}
+
+
+def _is_floor(plane: Plane, body: MovingBody, animation: Animation) -> bool:
+    """Whether a plane lies where the page draws its ground, whose squares are seen through it."""
+    up = np.array(animation.up) / np.linalg.norm(animation.up)
+    R = np.array(plane.rotation)
+    normal = rotated(body.quaternions[:1], R @ np.array(plane.normal) / np.linalg.norm(plane.normal))[0]
+    point = body.positions[0] + rotated(body.quaternions[:1], np.array(plane.position) + R @ np.array(plane.point))[0]
+    return abs(normal @ up) > 0.999 and abs(point @ up - animation.floor()) < 0.01 * animation.size()
 
 
 def _plain(value: Any) -> Any:

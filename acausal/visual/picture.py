@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.visual.animation import PALETTE, Animation, MovingBody, MovingLink, Trail
-from acausal.visual.geometry import across, rotated, support_points, turned_back
+from acausal.visual.animation import Animation, MovingBody, MovingLink, Trail
+from acausal.visual.geometry import across, arrow_points, rotated, support_points, turned_back
 from acausal.visual.pyplot import new_figure, plain, saved
-from acausal.visual.shapes import Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
+from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
 from acausal.visual.view import View, view_of
 
 _LINK_COLOURS = {"spring": "#3d4957", "damper": "#8a63c4", "force": "#d1495b", "string": "#8d7b68"}
@@ -50,12 +50,16 @@ def write_png(animation: Animation, path: str | Path, *, times: Sequence[float] 
     left, right, low, high = _limits(_only(animation, frames), animation.trails, view, thickness)
     figure, axes = new_figure(7.5, float(np.clip(7.0 * (high - low) / (right - left), 2.5, 12.0)) + 0.8)
     canvas = _Canvas(axes, animation, view, thickness)
+    owners = {body.name: colour for body, colour in zip(animation.bodies, animation.colours(), strict=True)}
     for trail in animation.trails:
         line = canvas.flat(trail.points)
-        axes.plot(line[:, 0], line[:, 1], color="#9aa7b5", linewidth=0.9, zorder=0.5)
+        axes.plot(line[:, 0], line[:, 1], color=owners.get(trail.name, "#7d8a99"), linewidth=0.9, alpha=0.6, zorder=0.5)
     for k, frame in enumerate(frames):
         _draw_frame(canvas, frame, 1.0 if k == len(frames) - 1 else 0.2 + 0.5 * k / len(frames), 1 + 10 * k)
-    axes.set(xlim=(left, right), ylim=(low, high), xlabel="[m]")
+    unit, scale = _unit(max(right - left, high - low))
+    axes.set(xlim=(left, right), ylim=(low, high), xlabel=f"[{unit}]")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda value, _: f"{round(value / scale, 9) + 0.0:g}")
     axes.set_aspect("equal", adjustable="box")
     instants = ", ".join(f"{m:g}" for m in moments) if len(moments) <= 6 else f"{moments[0]:g} to {moments[-1]:g}"
     axes.set_title(plain(f"{animation.title}, t = {instants} s"), loc="left", fontsize=11)
@@ -95,25 +99,24 @@ def _limits(animation: Animation, trails: tuple[Trail, ...], view: View, thickne
 def _add_legend(axes: Any, animation: Animation) -> None:
     from matplotlib.patches import Patch
 
-    handles = [Patch(color=_colour(animation, i), label=plain(body.name)) for i, body in enumerate(animation.bodies)]
+    handles = [Patch(color=c, label=plain(body.name)) for body, c in zip(animation.bodies, animation.colours(), strict=True)]
     axes.legend(handles=handles, frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
-def _colour(animation: Animation, i: int) -> str:
-    """The body's own colour, else the palette's."""
-    own = [shape.colour for shape in animation.bodies[i].shapes if shape.colour]
-    return own[0] if own else PALETTE[i % len(PALETTE)]
+def _unit(size: float) -> tuple[str, float]:
+    """Unit of length that keeps the numbers along a picture of `size` [m] short, and its value [m]."""
+    return ("mm", 1e-3) if size < 0.3 else ("m", 1.0) if size < 5e3 else ("km", 1e3)
 
 
 def _draw_frame(canvas: _Canvas, frame: int, strength: float, layer: float) -> None:
     """Everything at one instant; what is nearer to the viewer is drawn later."""
-    animation, towards = canvas.animation, canvas.view.towards
+    animation, towards, colours = canvas.animation, canvas.view.towards, canvas.animation.colours()
     depths = {(i, k): _depth(b, s, frame, towards) for i, b in enumerate(animation.bodies) for k, s in enumerate(b.shapes)}
     order = sorted(depths, key=lambda key: depths[key])
     height = {key: layer + 5 * rank / len(order) for rank, key in enumerate(order)}
     for i, k in order:
         body = animation.bodies[i]
-        colour = body.shapes[k].colour or _colour(animation, i)
+        colour = body.shapes[k].colour or colours[i]
         _draw_shape(canvas, body, body.shapes[k], frame, colour=colour, strength=strength, height=height[i, k])
     for link in animation.links:
         _draw_link(canvas, link, frame, strength, layer + 6)
@@ -181,6 +184,8 @@ def _outlines(shape: Shape, seen: np.ndarray, canvas: _Canvas) -> list[np.ndarra
             # the hole is seen as long as the circle's image bends less than the tube is thick
             inner = outer - 2 * shape.tube * unit
             return [outer, inner[::-1]] if shape.radius * face_on**2 > shape.tube else [outer]
+        case Arrow():
+            return arrow_points(shape, seen, canvas.thickness)
         case PointMass():
             return [support_points(shape, seen, 2.2 * canvas.thickness)]
         case Rod() | Polygon():
@@ -214,8 +219,12 @@ def _draw_link(canvas: _Canvas, link: MovingLink, frame: int, strength: float, h
     if link.kind == "force":
         canvas.axes.annotate("", ends[1], ends[0], arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "alpha": strength, "shrinkA": 0, "shrinkB": 0}, zorder=height)  # fmt: skip
         return
+    if link.kind == "damper":
+        # the cylinder; the piston rod comes out of it
+        cylinder = ends[0] + np.array([[0.0], [0.5]]) * (ends[1] - ends[0])
+        canvas.axes.plot(cylinder[:, 0], cylinder[:, 1], color=colour, linewidth=5, alpha=0.7 * strength, solid_capstyle="butt", zorder=height)  # fmt: skip
     line = _zigzag(ends, 2.0 * canvas.thickness) if link.kind == "spring" else ends
-    width = {"spring": 1.1, "damper": 2.4, "string": 0.9}[link.kind]
+    width = {"spring": 1.1, "damper": 1.4, "string": 0.9}[link.kind]
     canvas.axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, alpha=strength, zorder=height)
 
 

@@ -80,6 +80,15 @@ class Rod(AbstractShape):
 
 
 @dataclass(frozen=True)
+class Arrow(AbstractShape):
+    """Arrow from `start` to `end` [m], the head included; `radius` [m] of its shaft, None: chosen by the drawer."""
+
+    start: Vector
+    end: Vector
+    radius: float | None = None
+
+
+@dataclass(frozen=True)
 class PointMass(AbstractShape):
     """Small ball of `radius` [m], None: chosen by the drawer from the scene's size."""
 
@@ -95,11 +104,11 @@ class Polygon(AbstractShape):
 
 @dataclass(frozen=True)
 class Plane(AbstractShape):
-    """Square of edge `size` [m] across `normal`, centred at `point` [m]: a floor or an incline."""
+    """Square of edge `size` [m] across `normal`, centred at `point` [m]: a floor or an incline, drawn with faint squares."""
 
     normal: Vector
     point: Vector
     size: float
 
 
-Shape = Box | Sphere | Cylinder | Disk | Torus | Ellipsoid | Rod | PointMass | Polygon | Plane
+Shape = Box | Sphere | Cylinder | Disk | Torus | Ellipsoid | Rod | Arrow | PointMass | Polygon | Plane

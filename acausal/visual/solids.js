@@ -63,13 +63,32 @@ function makeSolids(thin) {
     made.userData.noShadow = true;
     return made;
   }
-  function plane(shape, look) {
-    const made = mesh(new THREE.PlaneGeometry(shape.size, shape.size), look.clone());
-    Object.assign(made.material, { transparent: true, opacity: 0.35, side: THREE.DoubleSide, depthWrite: false });
-    made.position.copy(point(shape.point));
-    made.quaternion.copy(from(Z, shape.normal));
-    made.userData.noShadow = true;
-    return [made];
+  function plane(shape, look) { // along world axes where it can, as `plane_corners` in geometry.py
+    const n = point(shape.normal).normalize(), sizes = [n.x, n.y, n.z].map(Math.abs), least = sizes.indexOf(Math.min(...sizes));
+    const u = new THREE.Vector3().setComponent(least, 1), group = new THREE.Group();
+    u.addScaledVector(n, -u.dot(n)).normalize();
+    group.matrix.makeBasis(u, n.clone().cross(u), n);
+    group.quaternion.setFromRotationMatrix(group.matrix);
+    group.position.copy(point(shape.point));
+    const sheet = mesh(new THREE.PlaneGeometry(shape.size, shape.size), look.clone()), half = shape.size / 2, cells = 8, ends = [];
+    Object.assign(sheet.material, { transparent: true, opacity: 0.4, side: THREE.DoubleSide, depthWrite: false });
+    sheet.userData.noShadow = true;
+    for (let i = 0; i <= cells && shape.squares; i++) {
+      const at = half * (2 * i / cells - 1);
+      ends.push(at, -half, 0, at, half, 0, -half, at, 0, half, at, 0);
+    }
+    const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(ends, 3));
+    group.add(sheet, new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: look.color.clone().multiplyScalar(0.8), transparent: true, opacity: 0.5 })));
+    return [group];
+  }
+  function arrow(shape, look) { // proportions as `_arrow` in geometry.py
+    const a = point(shape.start), along = point(shape.end).sub(a), length = along.length(), radius = Math.min(shape.radius === null ? 0.4 * thin : shape.radius, length / 18);
+    const group = new THREE.Group(), head = upright(3.2 * radius, 0, 9 * radius, look);
+    head.position.y = length - 9 * radius;
+    group.add(upright(radius, radius, length - 9 * radius, look), head);
+    group.position.copy(a);
+    if (length > 0) group.quaternion.setFromUnitVectors(Y, along.divideScalar(length));
+    return [group];
   }
   function ellipsoid(shape, look) {
     const meshes = banded(1, look), group = new THREE.Group();
@@ -88,7 +107,7 @@ function makeSolids(thin) {
       return [ring];
     },
     PointMass: (shape, look) => [ball(new THREE.Vector3(), shape.radius === null ? 2.2 * thin : shape.radius, look)],
-    Ellipsoid: ellipsoid, Rod: rod, Polygon: plate, Plane: plane,
+    Ellipsoid: ellipsoid, Rod: rod, Arrow: arrow, Polygon: plate, Plane: plane,
   };
   function solid(shape, colour) {
     const group = new THREE.Group(), R = shape.rotation;
@@ -140,15 +159,14 @@ function makeSolids(thin) {
       const line = upright(0.22 * thin, 0.22 * thin, 1, look);
       return { object: line, stretch: (length) => line.scale.set(1, length, 1) };
     },
-    damper: (look, width, longest) => {
-      const group = new THREE.Group(), housing = upright(0.8 * width, 0.8 * width, 0.45 * longest, look), shaft = upright(0.3 * thin, 0.3 * thin, 1, look);
-      const glass = Object.assign(look.clone(), { transparent: true, opacity: 0.75 });
-      housing.material = glass;
+    damper: (look, width, shortest, longest) => { // a cylinder of one length, unless the ends come closer than half of it
+      const full = Math.max(0.2 * longest, Math.min(0.5 * longest, 0.7 * shortest)), group = new THREE.Group();
+      const housing = upright(0.55 * width, 0.55 * width, full, look), shaft = upright(0.26 * width, 0.26 * width, 1, material("#c3ccd6"));
       group.add(housing, shaft);
-      return { object: group, stretch: (length) => { shaft.scale.set(1, length, 1); housing.scale.set(1, Math.min(1, (0.9 * length) / (0.45 * longest)), 1); } };
+      return { object: group, stretch: (length) => { shaft.scale.set(1, length, 1); housing.scale.set(1, Math.min(1, (0.7 * length) / full), 1); } };
     },
     force: (look) => {
-      const group = new THREE.Group(), shaft = upright(0.4 * thin, 0.4 * thin, 1, look), head = upright(1.3 * thin, 0, 3.6 * thin, look);
+      const group = new THREE.Group(), shaft = upright(0.45 * thin, 0.45 * thin, 1, look), head = upright(1.3 * thin, 0, 3.6 * thin, look);
       group.add(shaft, head);
       return { object: group, stretch: (length) => {
         const tip = Math.min(1, (0.5 * length) / (3.6 * thin));

@@ -46,7 +46,8 @@
   shade.position.copy(ground).addScaledVector(up, -1e-3 * size);
   shade.receiveShadow = true;
   scene.add(shade);
-  byId("scale").textContent = "one square: " + (cell >= 1 ? Number(cell.toPrecision(3)) + " m" : cell >= 1e-3 ? Number((1e3 * cell).toPrecision(3)) + " mm" : cell.toExponential(0) + " m");
+  const [unit, factor] = cell >= 1e3 ? ["km", 1e-3] : cell >= 1 ? ["m", 1] : cell >= 1e-3 ? ["mm", 1e3] : ["µm", 1e6];
+  byId("scale").textContent = "one square: " + Number((factor * cell).toPrecision(3)) + " " + unit;
   const metal = material("#5b6774"), linkLooks = { spring: material("#3d4957"), damper: material("#8a63c4"), force: material("#d1495b"), string: material("#8d7b68") };
   function squares(colour) { // many short lines on a disc: a long one that passes behind the camera is clipped badly by some drivers
     const count = 60, points = [];
@@ -57,6 +58,7 @@
     geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
     return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour }));
   }
+  let stale = true; // something changed since the last drawing
   let grid = null, dark = window.matchMedia("(prefers-color-scheme: dark)").matches;
   function applyTheme() {
     document.documentElement.dataset.theme = dark ? "dark" : "light";
@@ -73,6 +75,7 @@
     grid.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), up);
     grid.position.copy(ground);
     scene.add(grid);
+    stale = true;
   }
 
   // what moves
@@ -81,8 +84,8 @@
     object.traverse((item) => { if (item.isMesh) { item.userData.name = name; named.push(item); } });
     scene.add(object);
   }
-  const bodies = DATA.bodies.map((body, i) => {
-    const group = new THREE.Group(), own = body.shapes.find((shape) => shape.colour), colour = own ? own.colour : DATA.palette[i % DATA.palette.length];
+  const bodies = DATA.bodies.map((body) => {
+    const group = new THREE.Group(), colour = body.colour;
     for (const shape of body.shapes) group.add(solid(shape, colour));
     naming(group, body.name);
     return { object: group, name: body.name, colour, p: unpack(body.p), q: unpack(body.q) };
@@ -97,9 +100,13 @@
   });
   const links = DATA.links.map((link) => {
     const a = unpack(link.a), b = unpack(link.b);
-    let longest = 0;
-    for (let i = 0; i < a.length; i += 3) longest = Math.max(longest, Math.hypot(b[i] - a[i], b[i + 1] - a[i + 1], b[i + 2] - a[i + 2]));
-    const made = linkMakers[link.kind](linkLooks[link.kind], Math.min(2.4 * thin, 0.15 * longest), longest || 1);
+    let longest = 0, shortest = Infinity;
+    for (let i = 0; i < a.length; i += 3) {
+      const length = Math.hypot(b[i] - a[i], b[i + 1] - a[i + 1], b[i + 2] - a[i + 2]);
+      longest = Math.max(longest, length);
+      shortest = Math.min(shortest, length);
+    }
+    const made = linkMakers[link.kind](linkLooks[link.kind], Math.min(2.4 * thin, 0.15 * longest), shortest, longest || 1);
     made.object.traverse((item) => { item.castShadow = true; });
     naming(made.object, link.name);
     return { ...made, a, b };
@@ -107,7 +114,7 @@
   const trails = DATA.trails.map((trail) => {
     const points = unpack(trail.p), geometry = new THREE.LineGeometry();
     geometry.setPositions(frames > 1 ? points : [...points, ...points]);
-    const owner = bodies.find((body) => body.name === trail.name) || bodies.find((body) => trail.name.startsWith(body.name));
+    const owner = bodies.find((body) => body.name === trail.name) || bodies.find((body) => trail.name.startsWith(body.name + "."));
     const line = new THREE.Line2(geometry, new THREE.LineMaterial({ color: owner ? owner.colour : "#7d8a99", linewidth: 2, transparent: true, opacity: 0.8, fog: true }));
     line.frustumCulled = false;
     scene.add(line);
@@ -125,6 +132,7 @@
   }
   function glow(object, on) {
     object.traverse((item) => { if (item.isMesh && item.material.emissive) item.material.emissive.set(on ? "#3a3a3a" : "#000000"); });
+    stale = true;
   }
   function fillLegend() {
     const rows = bodies.slice(0, 24).map((body) => {
@@ -145,23 +153,47 @@
   camera.up.copy(up);
   const controls = new THREE.OrbitControls(camera, renderer.domElement);
   Object.assign(controls, { enableDamping: true, dampingFactor: 0.12, minDistance: 0.02 * size, maxDistance: 25 * size });
-  const beside = () => (byId("legend").offsetWidth ? Math.min(byId("legend").offsetWidth + 14, 0.3 * window.innerWidth) : 0);
-  function home() { // the nearest place on the view's axis from which all corners are inside the free part of the window
-    const free = 0.80, tall = free * Math.tan((camera.fov * Math.PI) / 360), wide = tall * camera.aspect * (1 - beside() / window.innerWidth);
-    let distance = 0;
-    for (const x of [low.x, high.x]) for (const y of [low.y, high.y]) for (const z of [low.z, high.z]) {
-      const corner = new THREE.Vector3(x, y, z).sub(centre), depth = corner.dot(toViewer);
-      distance = Math.max(distance, depth + Math.abs(corner.dot(toTop)) / tall, depth + Math.abs(corner.dot(toRight)) / wide);
-    }
-    controls.target.copy(centre);
+  let untouched = true; // the first view is fitted again when the window changes, until somebody moves the camera
+  controls.addEventListener("start", () => { untouched = false; });
+  function free() { // part of the window [px] that no panel covers
+    const head = byId("head").getBoundingClientRect(), legend = byId("legend").getBoundingClientRect(), bar = byId("bar").getBoundingClientRect();
+    const beside = legend.width ? Math.min(legend.width + 28, 0.35 * window.innerWidth) : 14, above = head.bottom + 10, below = window.innerHeight - bar.top + 10;
+    const width = Math.max(window.innerWidth - 14 - beside, 40), height = Math.max(window.innerHeight - above - below, 40);
+    return { x: 14 + width / 2, y: above + height / 2, width, height };
+  }
+  function home() { // the nearest place on the view's axis from which the box around the motion is inside the free part of the window
+    const room = free(), slope = (0.94 * Math.tan((camera.fov * Math.PI) / 360)) / window.innerHeight, axes = [toRight, toTop, toViewer];
+    const half = axes.map((_, k) => (DATA.view.high[k] - DATA.view.low[k]) / 2), middle = new THREE.Vector3();
+    axes.forEach((axis, k) => middle.addScaledVector(axis, (DATA.view.high[k] + DATA.view.low[k]) / 2));
+    const distance = half[2] + Math.max(half[0] / (slope * room.width), half[1] / (slope * room.height));
+    controls.target.copy(middle);
     // a hair below the pole, so that a view from above knows which side is up
-    camera.position.copy(centre).addScaledVector(toViewer, Math.max(distance, 0.5 * size)).addScaledVector(toTop, Math.abs(toViewer.dot(up)) > 0.99 ? -1e-4 * size : 0);
+    camera.position.copy(middle).addScaledVector(toViewer, Math.max(distance, 0.5 * size)).addScaledVector(toTop, Math.abs(toViewer.dot(up)) > 0.99 ? -1e-4 * size : 0);
     controls.update();
+    untouched = true;
+    follow(null);
+  }
+  let followed = null; // the body that the camera keeps in the middle
+  const lag = new THREE.Vector3();
+  function follow(body) {
+    followed = body;
+    byId("follow").value = body ? String(bodies.indexOf(body)) : "";
+    if (body) untouched = false;
+    keepUp();
+  }
+  function keepUp() {
+    if (!followed) return;
+    lag.copy(followed.object.position).sub(controls.target);
+    controls.target.add(lag);
+    camera.position.add(lag);
   }
   function resize() {
-    renderer.setSize(window.innerWidth, window.innerHeight);
-    camera.aspect = window.innerWidth / Math.max(window.innerHeight, 1);
-    camera.setViewOffset(window.innerWidth, window.innerHeight, beside() / 2, 24, window.innerWidth, window.innerHeight); // room for legend and bar
+    const { innerWidth: width, innerHeight: height } = window, room = free();
+    renderer.setSize(width, height);
+    camera.aspect = width / Math.max(height, 1);
+    camera.setViewOffset(width, height, width / 2 - room.x, height / 2 - room.y, width, height);
+    if (untouched) home();
+    stale = true;
   }
   window.addEventListener("resize", resize);
 
@@ -194,6 +226,8 @@
       link.stretch(length);
     }
     for (const line of trails) line.geometry.instanceCount = s < 1 ? i : j;
+    keepUp();
+    stale = true;
     byId("scrub").value = String((now - first) / Math.max(last - first, 1e-12));
     byId("clock").textContent = now.toFixed(digits) + " s of " + last.toFixed(digits) + " s";
   }
@@ -203,6 +237,7 @@
     scene.fog.near = distance + 1.2 * size;
     scene.fog.far = distance + 7 * size;
     renderer.render(scene, camera);
+    stale = false;
   }
 
   // controls
@@ -220,11 +255,15 @@
     const shown = byId("trails").getAttribute("aria-pressed") !== "true";
     byId("trails").setAttribute("aria-pressed", String(shown));
     for (const line of trails) line.visible = shown;
+    stale = true;
   }
   byId("speed").onchange = (event) => { rate = Number(event.target.value); event.target.blur(); };
   byId("play").onclick = () => { if (now >= last) seek(first); setPlaying(!playing); };
   byId("scrub").oninput = (event) => { setPlaying(false); seek(first + Number(event.target.value) * (last - first)); };
   byId("reset").onclick = home;
+  bodies.forEach((body, i) => { const option = document.createElement("option"); option.value = String(i); option.textContent = "Follow " + body.name; byId("follow").append(option); });
+  byId("follow").onchange = (event) => { follow(event.target.value === "" ? null : bodies[Number(event.target.value)]); stale = true; event.target.blur(); };
+  if (!bodies.length) byId("follow").style.display = "none";
   byId("trails").onclick = toggleTrails;
   byId("theme").onclick = () => { dark = !dark; applyTheme(); fillLegend(); };
   if (!trails.length) byId("trails").style.display = "none";
@@ -238,12 +277,24 @@
   window.addEventListener("keyup", (event) => { if (event.code === "Space") event.preventDefault(); });
   const ray = new THREE.Raycaster(), pointer = new THREE.Vector2();
   renderer.domElement.addEventListener("pointerleave", () => { byId("tip").style.display = "none"; });
-  renderer.domElement.addEventListener("pointermove", (event) => {
+  function nameAt(event) {
     pointer.set((2 * event.clientX) / window.innerWidth - 1, 1 - (2 * event.clientY) / window.innerHeight);
     ray.setFromCamera(pointer, camera);
-    const hit = event.buttons ? undefined : ray.intersectObjects(named, false)[0], tip = byId("tip");
-    tip.style.display = hit ? "block" : "none";
-    if (hit) { tip.textContent = hit.object.userData.name; tip.style.left = event.clientX + 14 + "px"; tip.style.top = event.clientY + 10 + "px"; }
+    const hit = ray.intersectObjects(named, false)[0];
+    return hit ? hit.object.userData.name : null;
+  }
+  renderer.domElement.addEventListener("pointermove", (event) => {
+    const name = event.buttons ? null : nameAt(event), tip = byId("tip");
+    tip.style.display = name === null ? "none" : "block";
+    if (name === null) return;
+    tip.textContent = name;
+    tip.style.left = Math.max(0, Math.min(event.clientX + 14, window.innerWidth - tip.offsetWidth - 8)) + "px";
+    tip.style.top = Math.min(event.clientY + 10, window.innerHeight - tip.offsetHeight - 8) + "px";
+  });
+  renderer.domElement.addEventListener("dblclick", (event) => {
+    const name = nameAt(event);
+    follow(bodies.find((body) => body.name === name) || null);
+    stale = true;
   });
 
   function poseOf(name) { // world pose as drawn: position [m] and quaternion, scalar first
@@ -254,21 +305,21 @@
   }
   function frame(clock) {
     requestAnimationFrame(frame);
-    if (playing && previous !== null) seek(now >= last ? first : now + (rate * (clock - previous)) / 1000);
+    // a window that was hidden goes on where it stopped
+    if (playing && previous !== null) seek(now >= last ? first : now + (rate * Math.min(clock - previous, 100)) / 1000);
     previous = clock;
-    controls.update();
-    draw();
+    if (controls.update() || stale) draw();
   }
   applyTheme();
   fillLegend();
-  resize();
-  home();
   seek(first);
+  resize();
   setPlaying(playing);
   draw();
   Object.assign(window.acausal, {
     ready: true, times: Array.from(times), bodies: bodies.map((body) => body.name), poseOf, home,
-    seek: (t) => { setPlaying(false); seek(t); draw(); }, play: () => setPlaying(true), pause: () => setPlaying(false),
+    camera: () => ({ position: camera.position.toArray(), target: controls.target.toArray() }),
+    seek: (t) => { setPlaying(false); seek(t); draw(); }, follow: (name) => { follow(bodies.find((body) => body.name === name) || null); draw(); }, play: () => setPlaying(true), pause: () => setPlaying(false),
   });
   if (location.hash.startsWith("#t=")) window.acausal.seek(Number(location.hash.slice(3)));
   document.body.dataset.ready = "true";
