@@ -93,6 +93,10 @@ class ExportError(AcausalError):
     """A file or library could not be written, compiled or loaded."""
 
 
+class SingularWarning(UserWarning):
+    """A motion came to a singular position of a loop; what follows is not reliable."""
+
+
 class SimulationError(AcausalError):
     """Integration stopped before the end.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from acausal.codegen.lower import Functions
-from acausal.errors import SimulationError, UnknownVariableError
+from acausal.errors import SimulationError, SingularWarning, UnknownVariableError
 from acausal.integrators import integrate
 from acausal.integrators.problem import Problem, StatusKind
 from acausal.language.expression import Input, Parameter, number
@@ -66,9 +67,34 @@ def simulate(
     )
     times = np.linspace(t0, solution.t[-1], max(2, options.samples))
     run = Trajectory(functions, problem, solution, initial, times)
+    _warn_if_singular(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise SimulationError(_failure(functions, run, t1), run)
     return run
+
+
+_SINGULAR = 1e-9
+
+
+def _warn_if_singular(functions: Functions, run: Trajectory) -> None:
+    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon."""
+    system = functions.outputs.system
+    if not system.constraints.jacobian.shape[0] or system.constraints.damped:
+        return
+    n, t, x = len(run.solution.t), run.solution.t, run.solution.x
+    p = np.repeat(run.problem.parameters[:, None], n, axis=1)
+    m = system.constraints.jacobian.shape[0]
+    values = np.array(functions.loop_matrix(t[None, :], x, run.problem.inputs(t), p)).reshape(m, n, m).transpose(1, 0, 2)
+    spectrum = np.linalg.eigvalsh(np.nan_to_num(values))
+    smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
+    worst = int(np.argmin(smallest))
+    if smallest[worst] < _SINGULAR:
+        joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)
+        warnings.warn(
+            f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another, and more than one "
+            "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
+            SingularWarning, stacklevel=4,
+        )  # fmt: skip
 
 
 def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:

@@ -46,7 +46,7 @@ class Trajectory:
             return x
         p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
         projected = x
-        for _ in range(2):  # moving q opens the velocity rows a little; the second projection closes them
+        for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
             projected = np.array(project(self.t[None, :], projected, p)).reshape(x.shape)
         return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
 

@@ -168,6 +168,11 @@ def variable_replaced() -> None:
     Pendulum().hinge.q = 0.3  # pyright: ignore
 
 
+def part_named_like_a_method() -> None:
+    scene = ac.System()
+    scene.parts = [RigidBody.ball(1.0, 0.1)]  # pyright: ignore
+
+
 class Idle(ac.Component):
     """Two angles that are equal, and nothing else."""
 
@@ -231,6 +236,7 @@ CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] 
     ("connected to itself", connected_to_itself, errors.IncompatibleError, ("itself",)),
     ("part for connector", part_for_connector, errors.IncompatibleError, ("takes connectors", "frame, tip")),
     ("variable replaced", variable_replaced, errors.DuplicateError, ("'q'", "start={")),
+    ("part named like a method", part_named_like_a_method, errors.DuplicateError, ("'parts'", "another name")),
     ("underdetermined", underdetermined, errors.UnderdeterminedError, ("idle.", "[rad]", "Connect a spring", "1 equations, 2 unknowns")),
     ("held shaft", torque_on_a_held_shaft, errors.AcausalError, ()),
     ("triangle inequality", lambda: RigidBody(1.0, (1, 1, 3)), errors.ParameterError, ("1, 1, 3", HERE, "sum of")),

@@ -302,3 +302,29 @@ def test_bennett_linkage_has_constraints_that_are_redundant_only_when_assembled(
         (-1.7443306097678104599, 0.0, -0.42968961227646683063),
     ]
     assert np.max(np.abs([run[link.centre.position][-1] for link in scene.links] - np.array(reference))) < 1e-11
+
+
+def test_a_singular_position_of_a_loop_is_said():
+    """A parallelogram that falls until all its bars lie in one line: more than one motion goes on from there."""
+    scene = ac.System()
+    scene.world = World((0, -9.81, 0))
+    scene.left, scene.right, scene.bar = (
+        RigidBody.rod(1.0, (0, 1, 0)),
+        RigidBody.rod(1.0, (0, 1, 0)),
+        RigidBody.rod(1.0, (1, 0, 0)),
+    )
+    scene.joints = [Revolute("z") for _ in range(4)]
+    ends = [
+        (scene.world.frame, scene.left.frame),
+        (scene.world.at((1, 0, 0)), scene.right.frame),
+        (scene.left.tip, scene.bar.frame),
+        (scene.bar.tip, scene.right.tip),
+    ]
+    for joint, (a, b) in zip(scene.joints, ends, strict=True):
+        scene.connect(a, joint.frame_a)
+        scene.connect(joint.frame_b, b)
+    model = ac.build(scene)
+    upright = model.simulate(0.3, {scene.left.tip.velocity: (1, 0, 0)}, rtol=1e-10)
+    assert upright.energy_error() < 1e-9
+    with pytest.warns(ac.errors.SingularWarning, match="joints"):
+        model.simulate(1.0, {scene.left.tip.velocity: (1, 0, 0)}, rtol=1e-10, raise_on_failure=False)

@@ -128,6 +128,11 @@ class Functions:
             else ca.Function("projection", [s.t, s.x, s.p], [s.projection], ["t", "x", "p"], ["x_next"], _FOLD)
         )
 
+    @functools.cached_property
+    def loop_matrix(self) -> ca.Function:
+        """(t, x, u, p) -> A M^-1 A' of the kept rows; its rank falls where a loop is singular."""
+        return self._function("loop_matrix", [self.outputs.system.delassus], ["D"])
+
     def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:
         """(t, x, u, p) -> the values of any expressions of the scene's variables. Raises `UnknownVariableError`."""
         return self._function(name, [self.outputs.resolve(e) for e in expressions], [f"y{i}" for i in range(len(expressions))])

@@ -75,6 +75,10 @@ class Component:
                 f"'{name}' is a {type(getattr(type(self), name)).__name__.lower()} of {self!r} and cannot be replaced ({origin()}). "
                 "Start values are given to simulate(start={...}), parameters to the part when it is made."
             )
+        if callable(getattr(type(self), name, None)):
+            raise DuplicateError(
+                f"'{name}' is a method of {type(self).__name__} and cannot be a part's name ({origin()}). Choose another name."
+            )
         super().__setattr__(name, value)
 
     if not TYPE_CHECKING:  # a type checker finds misspelt names by itself; this is for people without one

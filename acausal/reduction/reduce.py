@@ -41,6 +41,8 @@ class ReducedSystem:
     position_invariants: ca.SX
     velocity_invariants: ca.SX
     projection: ca.SX | None
+    delassus: ca.SX
+    """A M^-1 A' of the kept rows: loses rank where a loop is singular."""
     scalar_states: tuple[Symbol, ...] = ()
     solved: dict[Symbol, ca.SX] = field(default_factory=dict)
     """Variables of scalar domains, by t, x, u and p."""
@@ -123,7 +125,7 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
         flat, mechanics, constraints, time.sx, ca.vertcat(tree.q, tree.v, states), u, p, values,
         np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, v_dot, *rates), v_dot, multipliers, tau_value,
         ca.vertcat(constraints.joint_invariants, constraints.position), constraints.velocity,
-        _projection(mechanics, constraints, flexibility, delassus, states), scalar.reduction.states, solved,
+        _projection(mechanics, constraints, flexibility, delassus, states), delassus, scalar.reduction.states, solved,
     )  # fmt: skip
 
 

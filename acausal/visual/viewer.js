@@ -1,6 +1,6 @@
 // Plays DATA (see page.py): bodies, links, joints and trails over time. window.acausal lets a script drive it.
 (function () {
-  const byId = (id) => document.getElementById(id);
+  const byId = (id) => document.getElementById(id), paper = document.documentElement;
   const unpack = (text) => new Float32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
   const times = unpack(DATA.times), frames = times.length, first = times[0], last = times[frames - 1];
   const point = (p) => new THREE.Vector3(p[0], p[1], p[2]);
@@ -157,12 +157,12 @@
   controls.addEventListener("start", () => { untouched = false; });
   function free() { // part of the window [px] that no panel covers
     const head = byId("head").getBoundingClientRect(), legend = byId("legend").getBoundingClientRect(), bar = byId("bar").getBoundingClientRect();
-    const beside = legend.width ? Math.min(legend.width + 28, 0.35 * window.innerWidth) : 14, above = head.bottom + 10, below = window.innerHeight - bar.top + 10;
-    const width = Math.max(window.innerWidth - 14 - beside, 40), height = Math.max(window.innerHeight - above - below, 40);
+    const beside = legend.width ? Math.min(legend.width + 28, 0.35 * paper.clientWidth) : 14, above = head.bottom + 10, below = paper.clientHeight - bar.top + 10;
+    const width = Math.max(paper.clientWidth - 14 - beside, 40), height = Math.max(paper.clientHeight - above - below, 40);
     return { x: 14 + width / 2, y: above + height / 2, width, height };
   }
   function home() { // the nearest place on the view's axis from which the box around the motion is inside the free part of the window
-    const room = free(), slope = (0.94 * Math.tan((camera.fov * Math.PI) / 360)) / window.innerHeight, axes = [toRight, toTop, toViewer];
+    const room = free(), slope = (0.94 * Math.tan((camera.fov * Math.PI) / 360)) / paper.clientHeight, axes = [toRight, toTop, toViewer];
     const half = axes.map((_, k) => (DATA.view.high[k] - DATA.view.low[k]) / 2), middle = new THREE.Vector3();
     axes.forEach((axis, k) => middle.addScaledVector(axis, (DATA.view.high[k] + DATA.view.low[k]) / 2));
     const distance = half[2] + Math.max(half[0] / (slope * room.width), half[1] / (slope * room.height));
@@ -188,8 +188,9 @@
     camera.position.add(lag);
   }
   function resize() {
-    const { innerWidth: width, innerHeight: height } = window, room = free();
-    renderer.setSize(width, height);
+    const { clientWidth: width, clientHeight: height } = paper, room = free();
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    renderer.setSize(width, height, false);
     camera.aspect = width / Math.max(height, 1);
     camera.setViewOffset(width, height, width / 2 - room.x, height / 2 - room.y, width, height);
     if (untouched) home();
@@ -278,7 +279,7 @@
   const ray = new THREE.Raycaster(), pointer = new THREE.Vector2();
   renderer.domElement.addEventListener("pointerleave", () => { byId("tip").style.display = "none"; });
   function nameAt(event) {
-    pointer.set((2 * event.clientX) / window.innerWidth - 1, 1 - (2 * event.clientY) / window.innerHeight);
+    pointer.set((2 * event.clientX) / paper.clientWidth - 1, 1 - (2 * event.clientY) / paper.clientHeight);
     ray.setFromCamera(pointer, camera);
     const hit = ray.intersectObjects(named, false)[0];
     return hit ? hit.object.userData.name : null;
@@ -288,8 +289,8 @@
     tip.style.display = name === null ? "none" : "block";
     if (name === null) return;
     tip.textContent = name;
-    tip.style.left = Math.max(0, Math.min(event.clientX + 14, window.innerWidth - tip.offsetWidth - 8)) + "px";
-    tip.style.top = Math.min(event.clientY + 10, window.innerHeight - tip.offsetHeight - 8) + "px";
+    tip.style.left = Math.max(0, Math.min(event.clientX + 14, paper.clientWidth - tip.offsetWidth - 8)) + "px";
+    tip.style.top = Math.min(event.clientY + 10, paper.clientHeight - tip.offsetHeight - 8) + "px";
   });
   renderer.domElement.addEventListener("dblclick", (event) => {
     const name = nameAt(event);
