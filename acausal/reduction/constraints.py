@@ -71,9 +71,12 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
             (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), False, start
         )
     A_all = ca.Function("A", [tree.q, tree.t, parameters], [ca.densify(ca.jacobian(velocity, tree.v))])
-    samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values)
-    jacobians = [np.array(A_all(q, 0.0, values)) for q in samples]
-    rank = independent_rows(jacobians)
+    # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
+    for reach in (1, _SAMPLES):
+        samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values, reach)
+        rank = independent_rows([np.array(A_all(q, 0.0, values)) for q in samples])
+        if rank.rank == len(names):
+            break
     kept = rank.kept
     if rank.rank >= tree.v.numel() and not ca.depends_on(velocity, tree.t):
         raise LockedError(
@@ -173,6 +176,7 @@ def _neighbours(
     parameters: ca.SX,
     start: np.ndarray,
     values: np.ndarray,
+    count: int,
 ) -> list[np.ndarray]:
     """The start and further assembled configurations, reached by drifting along the freedom that is left."""
     N = ca.Function("N", [q, t], [ca.densify(ca.jacobian(rates, v))])
@@ -186,7 +190,7 @@ def _neighbours(
     samples = [start]
     for sense in (1.0, -1.0):
         here, ahead = start, sense * rng.normal(size=v.numel())
-        for _ in range(_SAMPLES):
+        for _ in range(count):
             _, s, Vt = np.linalg.svd(np.array(A_all(here, 0.0, values)))
             rank = int(np.sum(s > 1e-7 * max(1.0, s[0] if s.size else 1.0)))
             free = Vt[rank:].T
