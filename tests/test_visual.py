@@ -340,6 +340,17 @@ def test_planar_motion_is_seen_squarely_with_up_on_top():
     assert np.allclose(view.up, [0, 0, 1]) and np.allclose(view.right, [1, 0, 0], atol=1e-9)
 
 
+@pytest.mark.parametrize("normal", [(1.0, 2.0, 2.0), (-1.0, -2.0, -2.0), (0.3, 1.0, -0.1), (0.0, 0.1, 1.0)])
+def test_motion_in_a_tilted_plane_is_seen_squarely_from_above_the_ground(normal):
+    n = np.array(normal) / np.linalg.norm(normal)
+    arm = np.cross(n, [1.0, 0.0, 0.0])
+    q = turning(tuple(n), TIMES)
+    rod = MovingBody("rod", (shapes.Rod((0, 0, 0), tuple(arm)),), np.zeros((N, 3)), q)
+    view = view_of(Animation("tilted", TIMES, (rod,)))
+    assert view.planar and abs(view.towards @ n) == pytest.approx(1.0)
+    assert view.towards[2] > 0 and view.up[2] >= 0
+
+
 def test_rolling_on_a_line_is_seen_along_the_axle():
     angle = 2 * np.sin(TIMES)
     q = turning((0.0, 1.0, 0.0), angle)

@@ -30,12 +30,13 @@ def view_of(animation: Animation) -> View:
     if normal is None:
         side, back = across(up)
         return _facing(0.55 * side - 0.75 * back + 0.36 * up, up, planar=False)
-    if abs(float(normal @ up)) > 0.99:
+    if abs(float(normal @ up)) > 0.9999:
         # seen from above, as on a map: the second world axis of the plane points up
-        above = normal if normal @ up > 0 else -normal
-        return _facing(above, np.cross(above, across(above)[0]), planar=True)
-    right = np.cross(up, normal)
-    return _facing(normal if right[np.argmax(np.abs(right))] > 0 else -normal, up, planar=True)
+        return _facing(up, np.cross(up, across(up)[0]), planar=True)
+    # a tilted plane from above, else the viewer stands below the ground; an upright one with a world axis to the right
+    right, height = np.cross(up, normal), float(normal @ up)
+    front = height > 0 if abs(height) > 0.02 else right[np.argmax(np.abs(right))] > 0
+    return _facing(normal if front else -normal, up, planar=True)
 
 
 def _facing(towards: np.ndarray, up: np.ndarray, *, planar: bool) -> View:
