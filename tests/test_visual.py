@@ -73,7 +73,8 @@ def everything() -> Animation:
         for s in ALL_SHAPES
     )
     bodies = [
-        MovingBody(type(s).__name__, (s,), np.tile([k % 4, k // 4, 1.0], (N, 1)), q) for k, s in enumerate((*ALL_SHAPES, *placed))
+        MovingBody(("Placed " if k >= len(ALL_SHAPES) else "") + type(s).__name__, (s,), np.tile([k % 4, k // 4, 1.0], (N, 1)), q)
+        for k, s in enumerate((*ALL_SHAPES, *placed))
     ]
     return Animation("Everything", TIMES, tuple(bodies))
 
@@ -222,9 +223,9 @@ def check_in_browser(browser: str, folder: Path) -> None:
         gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, seen);
         let coloured = 0;
         for (let i = 0; i < seen.length; i += 4) if (Math.max(seen[i], seen[i + 1], seen[i + 2]) - Math.min(seen[i], seen[i + 1], seen[i + 2]) > 60) coloured++;
-        const still = acausal.camera();
+        const extents = Object.fromEntries(acausal.bodies.map((name) => [name, acausal.extentOf(name)])), still = acausal.camera();
         acausal.follow("Torus");
-        document.body.dataset.probe = JSON.stringify({ ...acausal.poseOf("Box"), coloured: coloured / (w * h), still, following: acausal.camera(), torus: acausal.poseOf("Torus").position });
+        document.body.dataset.probe = JSON.stringify({ ...acausal.poseOf("Box"), coloured: coloured / (w * h), still, extents, following: acausal.camera(), torus: acausal.poseOf("Torus").position });
     } catch (e) { if (!acausal.error) showError(String(e)); }</script>"""
     page.write_text(page.read_text(encoding="utf-8").replace("</body>", probe + "</body>"), encoding="utf-8")
     document = run_browser(browser, page)
@@ -241,8 +242,23 @@ def check_in_browser(browser: str, folder: Path) -> None:
     assert pose["coloured"] > 0.01
     # the camera that follows a body looks at it, from where it looked before
     assert np.allclose(pose["following"]["target"], pose["torus"], atol=1e-6)
+    for body in animation.bodies:
+        assert_drawn_as_far_as_it_reaches(animation, body, np.array(pose["quaternion"]), pose["extents"][body.name])
     sight = [np.subtract(pose[k]["position"], pose[k]["target"]) for k in ("still", "following")]
     assert np.allclose(sight[0], sight[1], atol=1e-6)
+
+
+def assert_drawn_as_far_as_it_reaches(
+    animation: Animation, body: MovingBody, quaternion: np.ndarray, extent: list[list[float]]
+) -> None:
+    """The mesh in the page has the bounds that the camera and the ground's height were chosen by."""
+    directions = np.vstack([-np.eye(3), np.eye(3)])
+    back = rotated(np.tile(quaternion * [1, -1, -1, -1], (6, 1)), directions)
+    points = support_points(body.shapes[0], back, animation.thickness())
+    expected = np.sum(points * back, axis=1) + directions @ body.positions[0]
+    drawn = np.array([*np.negative(extent[0]), *extent[1]])
+    # round things are polyhedra in the page, and balls have bands that stand out
+    assert np.allclose(drawn, expected, rtol=0, atol=0.03 * np.ptp(points) + 1e-6), body.name
 
 
 def check_without_browser(folder: Path) -> None:

@@ -51,7 +51,7 @@ def _support(shape: Shape, u: np.ndarray, thickness: float) -> np.ndarray:
         case Arrow():
             return _further(u, *_arrow(u, shape, thickness))
         case PointMass():
-            return (thickness if shape.radius is None else shape.radius) * unit
+            return (2.2 * thickness if shape.radius is None else shape.radius) * unit
         case Polygon():
             return _furthest(u, shape.points) + thickness * unit
         case Plane():

@@ -186,9 +186,7 @@ def _outlines(shape: Shape, seen: np.ndarray, canvas: _Canvas) -> list[np.ndarra
             return [outer, inner[::-1]] if shape.radius * face_on**2 > shape.tube else [outer]
         case Arrow():
             return arrow_points(shape, seen, canvas.thickness)
-        case PointMass():
-            return [support_points(shape, seen, 2.2 * canvas.thickness)]
-        case Rod() | Polygon():
+        case PointMass() | Rod() | Polygon():
             return [support_points(shape, seen, canvas.thickness)]
         case _:
             return [support_points(shape, seen)]

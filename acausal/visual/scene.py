@@ -11,7 +11,7 @@ from acausal.mechanics.force import AbstractLineForce
 from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
 from acausal.mechanics.pose import Pose, symbolic
 from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
-from acausal.mechanics.steps import Ball, Shift, Slide, Turn
+from acausal.mechanics.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
 from acausal.visual.shapes import Polygon, Rod, Shape
 
@@ -132,21 +132,13 @@ def _joint_kind(joint: AbstractJoint) -> str | None:
     steps = joint.steps()
     if any(isinstance(step, Shift) for step in steps):
         return None
-    if len(steps) == 1:
-        return (
-            "hinge"
-            if isinstance(steps[0], Turn)
-            else "slider"
-            if isinstance(steps[0], Slide)
-            else "ball"
-            if isinstance(steps[0], Ball)
-            else "hinge"
-        )
-    return "other"
+    if len(steps) != 1:
+        return "other"
+    return "slider" if isinstance(steps[0], Slide) else "ball" if isinstance(steps[0], Ball) else "hinge"
 
 
 def _trails(bodies: tuple[MovingBody, ...]) -> tuple[Trail, ...]:
-    """Paths of the three points that travel furthest: ends of rods, corners of skeletons, else origins."""
+    """Different paths of the three points that travel furthest: ends of rods, corners of skeletons, else origins."""
     found: list[tuple[float, Trail]] = []
     for body in bodies:
         ends = [np.array(s.end) for s in body.shapes if isinstance(s, Rod)]
@@ -160,4 +152,9 @@ def _trails(bodies: tuple[MovingBody, ...]) -> tuple[Trail, ...]:
         if best is not None:
             found.append(best)
     found.sort(key=lambda item: -item[0])
-    return tuple(trail for length, trail in found[:3] if length > 0)
+    chosen: list[Trail] = []
+    for length, trail in found:
+        # two bodies that share a hinge share its path
+        if length > 0 and not any(np.allclose(trail.points, other.points, rtol=0, atol=1e-3 * length) for other in chosen):
+            chosen.append(trail)
+    return tuple(chosen[:3])

@@ -304,6 +304,20 @@
     const { position: p, quaternion: q } = body.object;
     return { position: [p.x, p.y, p.z], quaternion: [q.w, q.x, q.y, q.z] };
   }
+  function extentOf(name) { // lowest and highest corner [m] in the world of a body as drawn
+    const body = bodies.find((item) => item.name === name), corner = new THREE.Vector3(), least = new THREE.Vector3(Infinity, Infinity, Infinity), most = new THREE.Vector3(-Infinity, -Infinity, -Infinity);
+    if (!body) return null;
+    body.object.updateWorldMatrix(true, true);
+    body.object.traverse((item) => {
+      const vertices = item.isMesh ? item.geometry.attributes.position : { count: 0 };
+      for (let i = 0; i < vertices.count; i++) {
+        corner.fromBufferAttribute(vertices, i).applyMatrix4(item.matrixWorld);
+        least.min(corner);
+        most.max(corner);
+      }
+    });
+    return [least.toArray(), most.toArray()];
+  }
   function frame(clock) {
     requestAnimationFrame(frame);
     // a window that was hidden goes on where it stopped
@@ -318,7 +332,7 @@
   setPlaying(playing);
   draw();
   Object.assign(window.acausal, {
-    ready: true, times: Array.from(times), bodies: bodies.map((body) => body.name), poseOf, home,
+    ready: true, times: Array.from(times), bodies: bodies.map((body) => body.name), poseOf, extentOf, home,
     camera: () => ({ position: camera.position.toArray(), target: controls.target.toArray() }),
     seek: (t) => { setPlaying(false); seek(t); draw(); }, follow: (name) => { follow(bodies.find((body) => body.name === name) || null); draw(); }, play: () => setPlaying(true), pause: () => setPlaying(false),
   });
