@@ -38,7 +38,7 @@ ALL_SHAPES: tuple[shapes.Shape, ...] = (
     shapes.Torus(0.3, 0.08, (0.0, 1.0, 0.0)),
     shapes.Ellipsoid((0.4, 0.25, 0.15)),
     shapes.Rod((-0.3, 0.0, 0.0), (0.3, 0.1, 0.0), 0.06),
-    shapes.Arrow((0.0, 0.0, 0.0), (0.4, 0.2, 0.1), 0.03),
+    shapes.Arrow((-0.2, 0.1, 0.0), (0.4, 0.2, 0.1), 0.03),
     shapes.PointMass(),
     shapes.Polygon(((-0.3, -0.3, 0.0), (0.4, -0.2, 0.0), (0.0, 0.4, 0.0))),
     shapes.Plane((0.3, 0.0, 1.0), (0.5, 0.0, 0.0), 1.5),
