@@ -3,17 +3,46 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
+from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
 
-METHODS = ("cvodes", "idas", "rosenbrock")
 _GRID = 100
 
 
-def integrate_builtin(
+@dataclass(frozen=True)
+class Cvodes(AbstractIntegrator):
+    """SUNDIALS' CVODES: backward differentiation formulas of variable order."""
+
+    name: ClassVar[str] = "cvodes"
+
+    def integrate(
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+    ) -> Solution:
+        """See `AbstractIntegrator`. On a grid of 100 intervals."""
+        return _integrate_builtin(self.name, problem, x0, t0, t1, tolerances, progress)
+
+
+@dataclass(frozen=True)
+class Idas(Cvodes):
+    """SUNDIALS' IDAS: backward differentiation formulas for implicit equations."""
+
+    name: ClassVar[str] = "idas"
+
+
+@dataclass(frozen=True)
+class Rosenbrock(Cvodes):
+    """CasADi's linearly implicit method of order 5(4)."""
+
+    name: ClassVar[str] = "rosenbrock"
+
+
+def _integrate_builtin(
     name: str, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None
 ) -> Solution:
     """Integrate on a grid of 100 intervals, projecting onto the invariants after each.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.integrators.problem import Problem
-from acausal.integrators.stages import Rates
+from acausal.integrators.rates import Rates
 from acausal.integrators.tableau import gauss_legendre, integrated_legendre, legendre_values
 
 

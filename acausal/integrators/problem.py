@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,8 @@ class Problem:
     """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
-    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,).
+    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `scale`: typical size of each state (nx,), which `rtol`
+    is relative to where the state itself is smaller.
     """
 
     rhs: ca.Function
@@ -25,6 +26,7 @@ class Problem:
     project: ca.Function | None
     inputs: Callable[[np.ndarray], np.ndarray]
     parameters: np.ndarray
+    scale: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,10 @@ class Tolerances:
     atol: float
     step: float | None = None
     max_steps: int = 1_000_000
+
+    def with_step(self, step: float | None) -> Tolerances:
+        """The same with a fixed step, unless `step` is None."""
+        return self if step is None else replace(self, step=step)
 
 
 class StatusKind(enum.Enum):
@@ -61,7 +67,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Counts and cost of an integration. `evaluations` of the rates at one point; `seconds` of wall time."""
+    """Counts and cost of an integration. `evaluations` of the rates at one point; `iterations`
+    of the stage equations; `factorisations` of Jacobians; `seconds` of wall time."""
 
     method: str
     order: int
@@ -70,6 +77,7 @@ class Statistics:
     evaluations: int
     iterations: int
     seconds: float
+    factorisations: int = 0
 
 
 @dataclass(frozen=True)

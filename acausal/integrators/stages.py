@@ -2,157 +2,151 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from typing import Any, cast
 
-import casadi as ca
 import numpy as np
 
+from acausal.integrators.convergence import Convergence, Verdict
 from acausal.integrators.problem import Problem
+from acausal.integrators.rates import Jacobian, Rates, copied_states
 from acausal.integrators.tableau import Tableau
 
 _EPS = float(np.finfo(float).eps)
 
 
-class Rates:
-    """f at many points in one call, without copies: `values(times (n,), X (n, nx)) -> (n, nx)`. Not for use by two threads."""
-
-    def __init__(self, problem: Problem, count: int) -> None:
-        nx = problem.rhs.size1_in(1)
-        self._inputs = problem.inputs if problem.rhs.size1_in(2) else None
-        mapped = problem.rhs.map(count) if count > 1 else problem.rhs
-        buffer, self._run = cast(Any, mapped.buffer())  # CasADi's stub leaves the size argument out
-        self.t = np.empty(count)
-        self.X = np.empty((count, nx))
-        self.u = np.zeros((count, problem.rhs.size1_in(2)))
-        self.p = np.ascontiguousarray(np.tile(problem.parameters, (count, 1)))
-        self.K = np.empty((count, nx))
-        for i, array in enumerate((self.t, self.X, self.u, self.p)):
-            buffer.set_arg(i, array.data)
-        buffer.set_res(0, self.K.data)
-        self._buffer = buffer  # keeps the arrays' addresses alive
-        self.evaluations = 0
-
-    def at(self, times: np.ndarray) -> None:
-        """Set the times, and the inputs there."""
-        self.t[:] = times
-        if self._inputs is not None:
-            self.u[:] = self._inputs(times).T
-
-    def evaluate(self) -> np.ndarray:
-        """f at the present times and `X`; the returned array is used again by the next call."""
-        self._run()
-        self.evaluations += self.t.size
-        return self.K
-
-
 @dataclass
 class StageSolver:
-    """Solves the stage equations of one tableau. `iterations` counts over all steps."""
+    """Solves the stage equations of one tableau. `iterations` and `factorisations` count over all steps."""
 
     problem: Problem
     tableau: Tableau
-    newton: bool = False
     iterations: int = 0
+    factorisations: int = 0
 
     def __post_init__(self) -> None:
-        self.rates = Rates(self.problem, self.tableau.stages)
-        self._jacobian: ca.Function | None = None
-        self._inverse: np.ndarray | None = None
-        self._inverse_h = 0.0
-        if self.newton:
-            values, self._vectors = np.linalg.eig(self.tableau.A)
-            self._eigenvalues = values
-            self._vectors_inverse = np.linalg.inv(self._vectors)
+        s, nx = self.tableau.stages, self.problem.rhs.size1_in(1)
+        self.rates = Rates(self.problem, s)
+        self.single = Rates(self.problem, 1)
+        self._K, self._difference = np.empty((s, nx)), np.empty((s, nx))
+        self._row, self._mean = np.empty(nx), 1 / s
+        pairs = copied_states(self.problem.rhs)
+        self._copies = (_index([i for i, _ in pairs]), _index([j for _, j in pairs])) if pairs else None
+        self._factored = 0.0
 
-    def solve(
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of f at one point."""
+        return self.iterations * self.tableau.stages + self._singles
+
+    _singles = 0
+
+    @functools.cached_property
+    def jacobian(self) -> Jacobian:
+        """df/dx, made when first needed."""
+        return Jacobian(self.problem)
+
+    @functools.cached_property
+    def copies(self) -> bool:
+        """Whether some states are the rates of others, so that one iteration contracts like h^2."""
+        return self._copies is not None
+
+    def rate(self, t: float, x: np.ndarray) -> np.ndarray:
+        """f(t, x), (nx,); used again by the next call."""
+        self.single.at(t)
+        self.single.X[0] = x
+        self._singles += 1
+        return self.single.evaluate()[0]
+
+    def fixed_point(
         self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
     ) -> tuple[np.ndarray, float] | None:
-        """Stage rates (s, nx) from a guess K; and the contraction rate seen. None when it does not converge.
+        """Stage rates (s, nx) from a guess K, and the contraction seen; None when it does not converge.
 
-        `scale` (nx,): sizes of the states for norms; converged when changes of h K are below `tolerance` in units of scale.
+        `scale` (nx,): sizes of the states for norms. Converged when what is left of h K is below `tolerance` in units of scale.
+        Positions whose rates are states are advanced with the newest velocities (Gauss-Seidel), which squares the contraction.
         """
-        return self._newton(t, h, x, K, scale, tolerance) if self.newton else self._fixed_point(t, h, x, K, scale, tolerance)
-
-    def _fixed_point(
-        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
-    ) -> tuple[np.ndarray, float] | None:
-        rates, hA = self.rates, h * self.tableau.A
+        rates, hA, copies = self.rates, h * self.tableau.A, self._copies
+        X, new, difference, run = rates.X, rates.K, self._difference, rates.run
+        flat = difference.reshape(-1)
         rates.at(t + h * self.tableau.c)
-        previous, before, contraction = np.inf, np.inf, 0.0
         factor = h / scale
-        floor = 4 * _EPS * float(np.max(np.maximum(np.abs(x), np.max(np.abs(h * K), axis=0)) / scale, initial=0.0))
-        for k in range(60):
-            np.matmul(hA, K, out=rates.X)
-            rates.X += x
-            new = rates.evaluate()
-            change = float(np.max(np.abs((new - K) * factor), initial=0.0))
-            K = new.copy()
+        if copies is not None:  # judged by what the velocities' change will do to them
+            factor[copies[1]] = np.maximum(factor[copies[1]], h * factor[copies[0]])
+            factor[copies[0]] = 0.0
+        judge = Convergence(tolerance, self._floor(h, x, K, scale), 50)
+        self._K[:] = K
+        K = self._K
+        while True:
+            np.dot(hA, K, out=X)
+            np.add(X, x, out=X)
+            if copies is not None:
+                X[:, copies[0]] = hA.dot(X[:, copies[1]])
+                X[:, copies[0]] += x[copies[0]]
+            run()
+            np.subtract(new, K, out=difference)
+            np.multiply(difference, factor, out=difference)
+            K[:] = new
             self.iterations += 1
-            if not np.isfinite(change):
-                return None
-            if change <= tolerance or change <= floor:
-                return K, contraction
-            if k >= 1:
-                # over two iterations where possible: on second-order systems every other one only moves the rates
-                contraction = change / previous if k == 1 else (change / before) ** 0.5
-                if contraction > 0.95 and k >= 4:
-                    # rounding is reached when changes stop shrinking while already tiny
-                    return (K, contraction) if change <= 1e4 * floor else None
-                if k >= 6 and change * contraction ** (60 - k) > max(tolerance, floor):
-                    return None
-            previous, before = change, previous
-        return None
+            verdict = judge.judge(float(flat.dot(flat) * self._mean) ** 0.5)
+            if verdict is not Verdict.GO_ON:
+                return (K.copy(), judge.contraction) if verdict is Verdict.DONE else None
 
-    def _newton(
+    def newton(
         self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
     ) -> tuple[np.ndarray, float] | None:
+        """The same by simplified Newton in the eigenvectors of A: Hairer and Wanner II, section IV.8."""
         rates, hA = self.rates, h * self.tableau.A
+        factor = h / scale
         rates.at(t + h * self.tableau.c)
-        inverse = self._factor(t, h, x)
+        inverse = self._inverse(t, h, x, K)
         if inverse is None:
             return None
-        previous, contraction = np.inf, 0.0
-        factor = h / scale
-        floor = 8 * _EPS * float(np.max(np.abs(x) / scale, initial=0.0))
-        for k in range(12):
-            np.matmul(hA, K, out=rates.X)
+        vectors, vectors_inverse = self._transformation[1:]
+        judge = Convergence(tolerance, self._floor(h, x, K, scale), 15)
+        while True:
+            np.dot(hA, K, out=rates.X)
             rates.X += x
             residual = rates.evaluate() - K
-            transformed = self._vectors_inverse @ residual
-            step = np.real(self._vectors @ np.einsum("sij,sj->si", inverse, transformed))
-            change = float(np.max(np.abs(step * factor), initial=0.0))
-            self.iterations += 1
-            if not np.isfinite(change):
-                return None
+            transformed = np.matmul(inverse, (vectors_inverse @ residual)[:, :, None])[:, :, 0]
+            step = np.ascontiguousarray((vectors @ transformed).real)
             K = K + step
-            if change <= tolerance or change <= floor:
-                return K, contraction
-            if k >= 1:
-                contraction = change / previous
-                if contraction > 0.95:
-                    return (K, contraction) if change <= 1e3 * floor else None
-            previous = change
-        return None
+            step *= factor
+            self.iterations += 1
+            verdict = judge.judge(float(np.vdot(step, step) * self._mean) ** 0.5)
+            if verdict is not Verdict.GO_ON:
+                return (K, judge.contraction) if verdict is Verdict.DONE else None
 
-    def jacobian(self, t: float, x: np.ndarray) -> np.ndarray:
-        """df/dx (nx, nx), exact."""
-        if self._jacobian is None:
-            f = self.problem.rhs
-            arguments = [ca.SX.sym(f"a{i}", f.size1_in(i)) for i in range(4)]
-            self._jacobian = ca.Function(
-                "jacobian", arguments, [ca.densify(ca.jacobian(f.call(arguments)[0], arguments[1]))], {"cse": True}
-            )
-        u = self.problem.inputs(np.array([t]))[:, 0]
-        return np.array(self._jacobian(t, x, u, self.problem.parameters))
+    def _floor(self, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray) -> float:
+        size = np.abs(h * K).max(axis=0)
+        return 2 * _EPS * float((np.maximum(np.abs(x), size) / scale).max())
 
-    def _factor(self, t: float, h: float, x: np.ndarray) -> np.ndarray | None:
-        """(s, nx, nx): inverses of 1 - h lambda J for the eigenvalues lambda of A."""
+    @functools.cached_property
+    def _transformation(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Eigenvalues (m,) of A, one of each conjugate pair, and vectors V (s, m), W (m, s) with A = Re V diag W."""
+        eigen = np.linalg.eig(self.tableau.A)
+        values, vectors = np.asarray(eigen.eigenvalues, dtype=complex), np.asarray(eigen.eigenvectors, dtype=complex)
+        inverse = np.linalg.inv(vectors)
+        keep = np.imag(values) >= -1e-12
+        double = np.where(np.abs(np.imag(values[keep])) > 1e-12, 2.0, 1.0)
+        return values[keep], vectors[:, keep] * double, inverse[keep]
+
+    def _inverse(self, t: float, h: float, x: np.ndarray, K: np.ndarray) -> np.ndarray | None:
+        """(m, nx, nx): inverses of 1 - h lambda J for the eigenvalues lambda of A, J in the middle of the step as guessed."""
         J = self.jacobian(t, x)
-        if not np.all(np.isfinite(J)):
+        if not np.isfinite(J).all():
             return None
-        blocks = np.eye(x.size) - (h * self._eigenvalues)[:, None, None] * J
+        self.factorisations += 1
+        blocks = np.eye(x.size) - (h * self._transformation[0])[:, None, None] * J
         try:
             return np.linalg.inv(blocks)
         except np.linalg.LinAlgError:
             return None
+
+
+def _index(positions: list[int]) -> slice | np.ndarray:
+    """A slice where the positions are consecutive: numpy then makes no copy."""
+    first = positions[0]
+    if positions == list(range(first, first + len(positions))):
+        return slice(first, first + len(positions))
+    return np.array(positions)

@@ -1,0 +1,81 @@
+"""Gauss, and Radau IIA from where the scene turns out to be stiff."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from acausal.integrators.base import AbstractIntegrator
+from acausal.integrators.driver import Newton, Run, drive
+from acausal.integrators.gauss import default_order, gauss_scheme
+from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+from acausal.integrators.radau import Radau
+
+_CHECK = 25
+
+
+@dataclass(frozen=True)
+class Automatic(AbstractIntegrator):
+    """Starts with Gauss; goes on with Radau IIA where fast decay, not accuracy, would hold the step size down.
+
+    A fast oscillation without damping stays with Gauss, which keeps its energy: Radau would damp it. `order` is Gauss's.
+    With a fixed `step` [s] it is Gauss.
+    """
+
+    name: ClassVar[str] = "auto"
+    order: int | None = None
+    step: float | None = None
+
+    def integrate(
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+    ) -> Solution:
+        """See `AbstractIntegrator`. The statistics name the methods that ran."""
+        scheme = gauss_scheme(self.order or default_order(tolerances.rtol), Newton.WHERE_SLOW)
+        first, stiff = drive(problem, scheme, x0, t0, t1, tolerances.with_step(self.step), progress, leave=is_stiff)
+        if not stiff:
+            return first
+        done = (float(first.t[-1]) - t0) / (t1 - t0)
+        later = None if progress is None else lambda fraction: progress(done + (1 - done) * fraction)
+        rest = Radau().integrate(problem, first.x[:, -1], float(first.t[-1]), t1, tolerances, later)
+        return joined(first, rest)
+
+
+def is_stiff(run: Run) -> bool:
+    """Whether the fastest decay, not accuracy, holds the step size down, or is so fast that iteration holds on by luck only."""
+    if run.tolerances.step is not None or not (run.hard == 4 or run.newton or len(run.times) % _CHECK == 0):
+        return False
+    eigenvalues = np.linalg.eigvals(run.solver.jacobian(run.t, run.x))
+    decay = run.h * float(np.max(-eigenvalues.real, initial=0.0))
+    growth = run.h * float(np.max(eigenvalues.real, initial=0.0))  # as large as the decay where energy is kept
+    return decay > 3 * growth and (decay > 8 or (decay > 0.5 and (run.hard >= 4 or run.error < 1e-3)))
+
+
+def joined(first: Solution, second: Solution) -> Solution:
+    """Two solutions one after the other."""
+    switch = first.t[-1]
+
+    def dense(times: np.ndarray) -> np.ndarray:
+        result = np.empty((first.x.shape[0], times.size))
+        early = times < switch
+        if early.any():
+            result[:, early] = first.dense(times[early])
+        if (~early).any():
+            result[:, ~early] = second.dense(times[~early])
+        return result
+
+    a, b = first.statistics, second.statistics
+    statistics = replace(
+        b,
+        method=f"{a.method}, then {b.method}",
+        steps=a.steps + b.steps,
+        rejected=a.rejected + b.rejected,
+        evaluations=a.evaluations + b.evaluations,
+        iterations=a.iterations + b.iterations,
+        seconds=a.seconds + b.seconds,
+        factorisations=a.factorisations + b.factorisations,
+    )
+    return Solution(
+        np.concatenate([first.t, second.t[1:]]), np.hstack([first.x, second.x[:, 1:]]), dense, statistics, second.status
+    )

@@ -1,0 +1,57 @@
+"""What an integrator is, and how integrators are found: every module of this package may define one."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import pkgutil
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+import acausal.integrators as package
+from acausal.errors import OptionError
+from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+
+
+class AbstractIntegrator(ABC):
+    """A method for initial value problems. A concrete one is a frozen dataclass whose fields are its options.
+
+    A new method is one new file in this package: it is found by its `name`. Two options have a meaning for all methods that have
+    them: `order` (None: chosen from the tolerance) and `step` (fixed size [s]; None: adaptive).
+    """
+
+    name: ClassVar[str]
+    """What users call it."""
+
+    @abstractmethod
+    def integrate(
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+    ) -> Solution:
+        """Integrate from t0 to t1 >= t0, x0 (nx,). Numerical trouble is the `Status` of the result, and is not raised."""
+
+
+@functools.cache
+def integrators() -> dict[str, type[AbstractIntegrator]]:
+    """All integrators of this package by name."""
+    found: dict[str, type[AbstractIntegrator]] = {}
+    for module in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+        for item in vars(importlib.import_module(module.name)).values():
+            if isinstance(item, type) and issubclass(item, AbstractIntegrator) and item is not AbstractIntegrator:
+                found[item.name] = item
+    return found
+
+
+def integrator(name: str, order: int | None = None, step: float | None = None) -> AbstractIntegrator:
+    """The integrator of a name, with its options. Raises `OptionError` for a name or an option that does not exist."""
+    known = integrators()
+    if name not in known:
+        raise OptionError(f"simulate: unknown method '{name}'. Use {', '.join(sorted(known))}.")
+    given = {key: value for key, value in (("order", order), ("step", step)) if value is not None}
+    options = [field.name for field in dataclasses.fields(known[name])]  # type: ignore[arg-type]  # all are dataclasses
+    for key in given:
+        if key not in options:
+            raise OptionError(f"simulate: method '{name}' has no option '{key}'. It has: {', '.join(options) or 'none'}.")
+    return known[name](**given)

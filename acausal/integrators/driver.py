@@ -1,0 +1,294 @@
+"""Adaptive collocation: the loop over steps that Gauss and Radau share."""
+
+from __future__ import annotations
+
+import enum
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from acausal.integrators.dense import CollocationPolynomial, refined
+from acausal.integrators.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.integrators.projection import Projection
+from acausal.integrators.stages import StageSolver
+from acausal.integrators.tableau import Tableau, legendre_values
+
+_EPS = float(np.finfo(float).eps)
+_HARD = 8
+_CHECK = 25
+
+
+class Newton(enum.Enum):
+    """When the stage equations are solved by simplified Newton in place of fixed-point iteration."""
+
+    NEVER = 0
+    WHERE_SLOW = 1
+    ALWAYS = 2
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of size h from (t, x) whose stage rates K (s, nx) were found; a = Legendre coefficients of the rates, (s, nx)."""
+
+    t: float
+    h: float
+    x: np.ndarray
+    K: np.ndarray
+    a: np.ndarray
+    scale: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What tells one collocation method from another: tableau, error of a step in units of its `scale`, and order of that error."""
+
+    tableau: Tableau
+    error: Callable[[StageSolver, Step], float]
+    error_order: int
+    newton: Newton
+    superconvergent: bool
+    """Whether the ends of steps are much more accurate than the collocation polynomial."""
+
+
+@dataclass
+class Run:
+    """The state of a run: grows step by step, and is turned into a `Solution` at any moment."""
+
+    problem: Problem
+    scheme: Scheme
+    tolerances: Tolerances
+    t: float
+    x: np.ndarray
+    end: float
+    h: float = 0.0
+    rejected: int = 0
+    error: float = 0.0
+    """Of the last step, in units of the tolerance."""
+    hard: int = 0
+    """Steps in a row whose size was set by the convergence of the fixed-point iteration, not by accuracy."""
+    stiff: bool = False
+    newton_steps: int = 0
+    times: list[float] = field(default_factory=list)
+    states: list[np.ndarray] = field(default_factory=list)
+    coefficients: list[np.ndarray] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.started = time.perf_counter()
+        self.solver = StageSolver(self.problem, self.scheme.tableau)
+        self.newton = self.scheme.newton is Newton.ALWAYS
+        self.times.append(self.t)
+        self.states.append(self.x)
+        self._projection = Projection(self.problem)
+        self._carry = np.zeros_like(self.x)
+        self._size = np.abs(self.x) if self.problem.scale is None else np.maximum(np.abs(self.x), self.problem.scale)
+        self.last: Step | None = None
+
+    @property
+    def status(self) -> Status:
+        """Of a run that nothing has stopped."""
+        return Status(StatusKind.SUCCESS, self.t)
+
+    def scale(self) -> np.ndarray:
+        """atol + rtol * the largest |x| met so far, per state (nx,)."""
+        return self.tolerances.atol + self.tolerances.rtol * self._size
+
+    def solution(self, status: Status) -> Solution:
+        """What has been computed so far."""
+        t, x = np.array(self.times), np.array(self.states)
+        tableau, problem, superconvergent = self.scheme.tableau, self.problem, self.scheme.superconvergent
+        coefficients = np.array(self.coefficients).reshape(len(t) - 1, tableau.stages, self.x.size)
+
+        @functools.cache
+        def polynomial() -> CollocationPolynomial:
+            return refined(problem, t, x, coefficients) if superconvergent else CollocationPolynomial(t, x, coefficients)
+
+        statistics = Statistics(
+            tableau.name + (" with Newton" if self.newton_steps and self.scheme.newton is Newton.WHERE_SLOW else ""),
+            tableau.order,
+            len(t) - 1,
+            self.rejected,
+            self.solver.evaluations,
+            self.solver.iterations,
+            time.perf_counter() - self.started,
+            self.solver.factorisations,
+        )
+        return Solution(t, x.T, lambda times: polynomial()(times), statistics, status)
+
+    def guess(self, h: float) -> np.ndarray:
+        """Stage rates (s, nx) by extrapolating the last step's polynomial; the rate at the start for the first step.
+
+        Extrapolated Legendre series diverge where steps are large, so the series ends before its smallest term.
+        """
+        c, s = self.scheme.tableau.c, self.scheme.tableau.stages
+        if self.last is None:
+            return np.tile(self.solver.rate(self.t, self.x), (s, 1))
+        theta = 1 + c * (h / self.last.h)
+        P = legendre_values(theta, s)
+        if s > 2:
+            sizes = (np.abs(self.last.a) / self.last.scale).max(axis=1) * P[-1]
+            terms = max(2, int(np.argmin(sizes[1:])) + 1)
+            return P[:, :terms] @ self.last.a[:terms]
+        return P @ self.last.a
+
+    def accept(self, step: Step) -> None:
+        """Advance with compensated summation, project onto the invariants, remember the polynomial."""
+        h = step.h
+        increment = h * (self.scheme.tableau.b @ step.K) + self._carry
+        x = self.x + increment
+        self._carry = increment - (x - self.x)
+        self.t = self.end if abs(self.end - (self.t + h)) <= 4 * _EPS * abs(self.end) else self.t + h
+        self.x = self._projection(self.t, x)
+        if self.x is not x:
+            self._carry = np.zeros_like(x)
+        np.maximum(self._size, np.abs(self.x), out=self._size)
+        self.times.append(self.t)
+        self.states.append(self.x)
+        self.coefficients.append(step.a)
+        self.last = step
+        self.newton_steps += self.newton
+
+
+def drive(
+    problem: Problem,
+    scheme: Scheme,
+    x0: np.ndarray,
+    t0: float,
+    t1: float,
+    tolerances: Tolerances,
+    progress: Progress | None,
+    *,
+    leave: Callable[[Run], bool] | None = None,
+) -> tuple[Solution, bool]:
+    """Integrate from t0 to t1; the solution, and whether `leave(run)`, asked after each step, ended it early."""
+    run = Run(problem, scheme, tolerances, t0, np.array(x0, dtype=float), t1)
+    if not np.isfinite(run.x).all():
+        worst = int(np.flatnonzero(~np.isfinite(run.x))[0])
+        return run.solution(Status(StatusKind.NON_FINITE, t0, "The start values are not finite.", worst)), False
+    if x0.size == 0 or t1 == t0:
+        return run.solution(run.status), False
+    shown = time.perf_counter()
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is seen and answered
+            run.h = tolerances.step or _first_step(run)
+            while run.t < t1:
+                status = _advance(run)
+                if status is not None:
+                    return run.solution(status), False
+                if leave is not None and leave(run):
+                    return run.solution(run.status), True
+                if progress is not None and time.perf_counter() - shown > 0.2:
+                    shown = time.perf_counter()
+                    progress((run.t - t0) / (t1 - t0))
+    except KeyboardInterrupt:
+        return run.solution(Status(StatusKind.INTERRUPTED, run.t, "Interrupted.")), False
+    return run.solution(run.status), False
+
+
+def _advance(run: Run) -> Status | None:
+    """One accepted step; a status when none is possible."""
+    if len(run.times) > run.tolerances.max_steps:
+        return Status(StatusKind.MAX_STEPS, run.t, f"{run.tolerances.max_steps} steps were not enough.")
+    if run.tolerances.step is not None:
+        return _advance_fixed(run, run.tolerances.step)
+    order, failed = run.scheme.error_order, False
+    scale = run.scale()
+    while True:
+        h = min(run.h, run.end - run.t)
+        if run.end - run.t - h < 1e-3 * h:
+            h = run.end - run.t
+        if h <= 16 * _EPS * max(abs(run.t), abs(run.end) * 1e-3):
+            return _underflow(run)
+        solve = run.solver.newton if run.newton else run.solver.fixed_point
+        solved = solve(run.t, h, run.x, run.guess(h), scale, 0.01)
+        if solved is None:
+            run.h, run.rejected, failed = 0.4 * h, run.rejected + 1, True
+            continue
+        K, contraction = solved
+        step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale)
+        error = run.scheme.error(run.solver, step)
+        if not error <= 1:
+            growth = 0.9 * error ** (-1 / (order + 1)) if error < np.inf else 0.1
+            run.h, run.rejected = h * min(0.9, max(0.15, growth)), run.rejected + 1
+            continue
+        wanted = _next_size(run, h, max(error, 1e-30))
+        run.error = max(error, 1e-30)
+        run.accept(step)
+        _limit_by_contraction(run, h, wanted, contraction, failed)
+        return None
+
+
+def _next_size(run: Run, h: float, error: float) -> float:
+    """Step size for an error of one, by the smaller of the plain and the predictive controller (Gustafsson 1994)."""
+    power = 1 / (run.scheme.error_order + 1)
+    growth = 0.9 * error**-power
+    if run.last is not None and run.error > 0:
+        growth = min(growth, growth * (h / run.last.h) * (run.error / error) ** power)
+    return h * min(4.0, max(0.3, growth))
+
+
+def _limit_by_contraction(run: Run, h: float, wanted: float, contraction: float, failed: bool) -> None:
+    """Sets the next step size: as accuracy allows, and such that the iteration converges quickly."""
+    squared = run.solver.copies and not run.newton
+    best, power = (0.15, 0.5) if squared else (0.3, 1.0)
+    limit = 0.7 * h if failed else h * (best / contraction) ** power if contraction > best else np.inf
+    slow = failed or wanted > 2 * limit
+    run.h = min(wanted, limit)
+    run.hard = run.hard + 1 if slow else 0
+    if run.hard > _HARD and run.scheme.newton is Newton.WHERE_SLOW and not run.newton:
+        run.newton, run.hard = True, 0
+
+
+def _advance_fixed(run: Run, size: float) -> Status | None:
+    h = min(size, run.end - run.t)
+    if run.end - run.t - h < 1e-9 * h:
+        h = run.end - run.t
+    scale = np.maximum(run.scale() / run.tolerances.rtol, 1e-3)
+    guess = run.guess(h)
+    solved = run.solver.newton(run.t, h, run.x, guess, scale, 0.0) if run.newton else None
+    if solved is None:
+        solved = run.solver.fixed_point(run.t, h, run.x, guess, scale, 0.0)
+    if solved is None and run.scheme.newton is Newton.WHERE_SLOW:
+        solved = run.solver.newton(run.t, h, run.x, run.guess(h), scale, 0.0)
+        run.newton_steps += solved is not None
+    if solved is None:
+        if not np.isfinite(run.solver.rate(run.t, run.x)).all():
+            return _underflow(run)
+        message = "The stage equations did not converge; use a smaller step."
+        return Status(StatusKind.NOT_CONVERGED, run.t, message, _worst(run))
+    run.accept(Step(run.t, h, run.x, solved[0], run.scheme.tableau.to_legendre @ solved[0], scale))
+    return None
+
+
+def _first_step(run: Run) -> float:
+    """A first step as Hairer, Norsett, Wanner I, section II.4 choose it, from the rates at the start and a little later."""
+    span, scale, order = run.end - run.t, run.scale(), run.scheme.error_order
+    rate = run.solver.rate(run.t, run.x).copy()
+    size = np.maximum(np.abs(run.x), 1e-3 * max(1.0, float(np.abs(run.x).max())))
+    fastest = float((np.abs(rate) / size).max())
+    if not np.isfinite(fastest):
+        return 1e-6 * span
+    h = min(0.01 * span, 0.05 / fastest if fastest > 0 else span)
+    later = run.solver.rate(run.t + 0.1 * h, run.x + 0.1 * h * rate)
+    bend = float((np.abs(later - rate) / scale).max()) / (0.1 * h)
+    largest = max(float((np.abs(rate) / scale).max()), bend)
+    if not np.isfinite(largest) or largest == 0:
+        return h
+    return min(h, 10 * (0.01 / largest) ** (1 / (order + 1)))
+
+
+def _underflow(run: Run) -> Status:
+    rate = run.solver.rate(run.t, run.x)
+    if not np.isfinite(rate).all() or not np.isfinite(run.x).all():
+        return Status(StatusKind.NON_FINITE, run.t, "A rate became infinite or not a number.", _worst(run))
+    message = "The step size fell to rounding: the motion may be singular here."
+    return Status(StatusKind.STEP_UNDERFLOW, run.t, message, _worst(run))
+
+
+def _worst(run: Run) -> int | None:
+    """The state with a rate that is not finite, otherwise the one with the largest rate in units of its tolerance."""
+    rate = run.solver.rate(run.t, run.x)
+    bad = np.flatnonzero(~np.isfinite(rate))
+    return int(bad[0]) if bad.size else int(np.argmax(np.abs(rate) / run.scale())) if rate.size else None

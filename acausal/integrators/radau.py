@@ -1,0 +1,68 @@
+"""Radau IIA collocation: the method for stiff scenes."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from acausal.errors import OptionError
+from acausal.integrators.base import AbstractIntegrator
+from acausal.integrators.driver import Newton, Scheme, Step, drive
+from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+from acausal.integrators.stages import StageSolver
+from acausal.integrators.tableau import radau_iia
+
+
+@dataclass(frozen=True)
+class Radau(AbstractIntegrator):
+    """Radau IIA collocation of an odd order: stiffly accurate, L-stable, simplified Newton; adaptive, or with a fixed step [s].
+
+    `order`: None chooses 5, 9 or 13 by the tolerance. Hairer and Wanner II, sections IV.5 and IV.8.
+    Raises `OptionError` for an even order.
+    """
+
+    name: ClassVar[str] = "radau"
+    order: int | None = None
+    step: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.order is not None and (self.order < 1 or self.order % 2 == 0):
+            raise OptionError(f"simulate: radau has odd orders from 1, not {self.order}.")
+
+    def integrate(
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+    ) -> Solution:
+        """See `AbstractIntegrator`."""
+        rtol = tolerances.rtol
+        order = self.order or (5 if rtol > 1e-6 else 9 if rtol > 1e-10 else 13)
+        tableau = radau_iia((order + 1) // 2)
+        scheme = Scheme(tableau, radau_error, tableau.stages, Newton.ALWAYS, superconvergent=False)
+        return drive(problem, scheme, x0, t0, t1, tolerances.with_step(self.step), progress)[0]
+
+
+def radau_error(solver: StageSolver, step: Step) -> float:
+    """Embedded formula of order s with the rate at the start, filtered by (1 - h g J)^-1: Hairer and Wanner II, (IV.8.19)."""
+    gamma, weights = _embedded(solver.tableau.stages)
+    h, scale = step.h, step.scale
+    inner = weights @ step.K
+    matrix = np.eye(step.x.size) - h * gamma * solver.jacobian(step.t, step.x)
+    error = np.linalg.solve(matrix, h * (gamma * solver.rate(step.t, step.x) + inner))
+    norm = float(np.sqrt(np.mean((error / scale) ** 2)))
+    if norm > 1:  # a second filter, for steps within a boundary layer
+        again = h * (gamma * solver.rate(step.t, step.x + error) + inner)
+        norm = min(norm, float(np.sqrt(np.mean((np.linalg.solve(matrix, again) / scale) ** 2))))
+    return norm
+
+
+@functools.cache
+def _embedded(stages: int) -> tuple[float, np.ndarray]:
+    tableau = radau_iia(stages)
+    values = np.linalg.eigvals(tableau.A)
+    gamma = float(np.real(values[np.argmin(np.abs(values.imag))]))
+    powers = np.vander(tableau.c, stages, increasing=True).T
+    moments = 1 / np.arange(1, stages + 1)
+    moments[0] -= gamma
+    return gamma, np.linalg.solve(powers, moments) - tableau.b
