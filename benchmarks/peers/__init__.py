@@ -1,0 +1,9 @@
+"""Other programs on the benchmark scenes: error against time."""
+
+from benchmarks.peers.base import AbstractPeer
+from benchmarks.peers.casadi_peer import Casadi
+from benchmarks.peers.diffrax_peer import Diffrax
+from benchmarks.peers.scipy_peer import Scipy
+from benchmarks.peers.sundae_peer import Sundae
+
+PEERS: tuple[AbstractPeer, ...] = (Scipy(), Casadi(), Sundae(), Diffrax())
