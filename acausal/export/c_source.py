@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from acausal.codegen.compiler import compiler, run_compiler, shared_library_suffix
 from acausal.errors import ExportError
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def export_c(model: Model, folder: str | Path) -> Path:
         }
         (target / "model.json").write_text(json.dumps(facts, indent=2), encoding="utf-8")
         text = _README.format(
-            title=facts["title"], build=build_line("model.c", "model" + _suffix()),
+            title=facts["title"], build=build_line("model.c", "model" + shared_library_suffix()),
             functions="\n".join(f"    {f}" for f in functions), nx=len(model.state_names), nu=len(model.input_names), np=len(model.parameter_names),
         )  # fmt: skip
         (target / "README.txt").write_text(text, encoding="utf-8")
@@ -87,10 +86,6 @@ def build_line(source: str, library: str) -> str:
     return f"cc -O2 -fPIC -shared -o {library} {source} -lm"
 
 
-def _suffix() -> str:
-    return ".dll" if sys.platform == "win32" else ".dylib" if sys.platform == "darwin" else ".so"
-
-
 @dataclass(frozen=True)
 class LoadedModel:
     """Functions of an exported model, compiled and loaded: `loaded["explicit_dynamics"](t, x, u, p)`."""
@@ -105,13 +100,13 @@ class LoadedModel:
     def __getitem__(self, name: str) -> ca.Function:
         if name not in self.names:
             raise ExportError(f"The exported model in '{self.folder}' has no function '{name}'. It has: {', '.join(self.names)}.")
-        return ca.external(name, str(self.folder / ("model" + _suffix())))
+        return ca.external(name, str(self.folder / ("model" + shared_library_suffix())))
 
 
 def load_c(folder: str | Path) -> LoadedModel:
     """Compile (where that was not done) and load an exported model. Raises `ExportError` without a C compiler, or if it fails."""
     target = Path(folder).resolve()
-    source, library = target / "model.c", target / ("model" + _suffix())
+    source, library = target / "model.c", target / ("model" + shared_library_suffix())
     if not source.exists():
         raise ExportError(f"'{target}' holds no exported model: there is no model.c. Write one with model.export_c(folder).")
     if not library.exists() or library.stat().st_mtime < source.stat().st_mtime:
@@ -120,26 +115,10 @@ def load_c(folder: str | Path) -> LoadedModel:
     return LoadedModel(target, *(tuple(facts[k]) for k in ("states", "inputs", "parameters", "parameter_values", "functions")))
 
 
-def compiler() -> list[str] | None:
-    """The C compiler that would be used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return [name]
-    try:
-        import ziglang  # noqa: F401  # pyright: ignore[reportMissingImports, reportUnusedImport]
-    except ImportError:
-        return None
-    return [sys.executable, "-m", "ziglang", "cc"]
-
-
 def _compile(source: Path, library: Path) -> None:
     found = compiler()
     if found is None:
         raise ExportError("No C compiler was found (cc, gcc, clang). Install one, or ziglang from PyPI: pip install ziglang.")
     scratch = library.with_suffix(f".{os.getpid()}.tmp")
-    result = subprocess.run(
-        [*found, "-O2", "-fPIC", "-shared", "-o", str(scratch), str(source), "-lm"], capture_output=True, text=True, check=False
-    )
-    if result.returncode != 0:
-        raise ExportError(f"The C compiler {' '.join(found)} failed on {source}:\n{result.stderr.strip()[-2000:]}")
+    run_compiler([*found, "-O2", "-fPIC", "-shared", "-o", str(scratch), str(source), "-lm"])
     os.replace(scratch, library)

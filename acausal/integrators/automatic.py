@@ -9,9 +9,12 @@ import numpy as np
 
 from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.driver import Newton, Run, drive
-from acausal.integrators.gauss import default_order, gauss_scheme
+from acausal.integrators.gauss import default_order, gauss_scheme, newton_where_slow
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
+from acausal.integrators.rates import Jacobian
+from acausal.integrators.tableau import gauss_legendre
+from acausal.runtime.compiled import Choice, Slow
 
 _CHECK = 25
 
@@ -32,8 +35,13 @@ class Automatic(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`. The statistics name the methods that ran."""
-        scheme = gauss_scheme(self.order or default_order(tolerances.rtol), Newton.WHERE_SLOW)
-        first, stiff = drive(problem, scheme, x0, t0, t1, tolerances.with_step(self.step), progress, leave=is_stiff)
+        order, tolerances = self.order or default_order(tolerances.rtol), tolerances.with_step(self.step)
+        if problem.compiled is not None:
+            choice, leave = Choice((gauss_legendre(order // 2),), newton=1), stiffness_of(problem)
+            first, stiff = problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
+        else:
+            scheme = gauss_scheme(order, Newton.WHERE_SLOW)
+            first, stiff = drive(problem, scheme, x0, t0, t1, tolerances, progress, leave=is_stiff)
         if not stiff:
             return first
         done = (float(first.t[-1]) - t0) / (t1 - t0)
@@ -42,13 +50,30 @@ class Automatic(AbstractIntegrator):
         return joined(first, rest)
 
 
+def stiffness_of(problem: Problem) -> Slow:
+    """Leaves Gauss for Radau where decay makes the iteration slow; solves by Newton where something else does."""
+    jacobian: list[Jacobian] = []
+
+    def answer(t: float, x: np.ndarray, h: float, slowness: float) -> str:
+        if not jacobian:
+            jacobian.append(Jacobian(problem))
+        decay, growth = fastest(jacobian[0](t, x))
+        return "leave" if decay > 3 * growth and h * decay > 0.5 else newton_where_slow(t, x, h, slowness)
+
+    return answer
+
+
+def fastest(jacobian: np.ndarray) -> tuple[float, float]:
+    """Fastest decay and growth [1/s] of a linear system (n, n); the two are equal where energy is kept."""
+    real = np.real(np.linalg.eigvals(jacobian))
+    return float(np.max(-real, initial=0.0)), float(np.max(real, initial=0.0))
+
+
 def is_stiff(run: Run) -> bool:
     """Whether the fastest decay, not accuracy, holds the step size down, or is so fast that iteration holds on by luck only."""
     if run.tolerances.step is not None or not (run.hard == 4 or run.newton or len(run.times) % _CHECK == 0):
         return False
-    eigenvalues = np.linalg.eigvals(run.solver.jacobian(run.t, run.x))
-    decay = run.h * float(np.max(-eigenvalues.real, initial=0.0))
-    growth = run.h * float(np.max(eigenvalues.real, initial=0.0))  # as large as the decay where energy is kept
+    decay, growth = (run.h * rate for rate in fastest(run.solver.jacobian(run.t, run.x)))
     return decay > 3 * growth and (decay > 8 or (decay > 0.5 and (run.hard >= 4 or run.error < 1e-3)))
 
 

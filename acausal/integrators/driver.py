@@ -83,7 +83,7 @@ class Run:
         self.states.append(self.x)
         self._projection = Projection(self.problem)
         self._carry = np.zeros_like(self.x)
-        self._size = np.abs(self.x) if self.problem.scale is None else np.maximum(np.abs(self.x), self.problem.scale)
+        self._size = np.abs(self.x)
         self.last: Step | None = None
 
     @property

@@ -13,6 +13,7 @@ from acausal.integrators.driver import Newton, Scheme, Step, drive
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.stages import StageSolver
 from acausal.integrators.tableau import gauss_legendre
+from acausal.runtime.compiled import Choice
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,22 @@ class Gauss(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`."""
-        scheme = gauss_scheme(self.order or default_order(tolerances.rtol), Newton.WHERE_SLOW)
-        return drive(problem, scheme, x0, t0, t1, tolerances.with_step(self.step), progress)[0]
+        order, tolerances = self.order or default_order(tolerances.rtol), tolerances.with_step(self.step)
+        if problem.compiled is not None:
+            choice = Choice((gauss_legendre(order // 2),), newton=1)
+            return problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
+        scheme = gauss_scheme(order, Newton.WHERE_SLOW)
+        return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]
 
 
 def default_order(rtol: float) -> int:
     """Order at which a tolerance is cheapest."""
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
+
+
+def newton_where_slow(t: float, x: np.ndarray, h: float, slowness: float) -> str:
+    """Newton costs a Jacobian and linear algebra: worth it where it makes steps several times larger."""
+    return "newton" if slowness > 5 else "go on"
 
 
 def gauss_scheme(order: int, newton: Newton) -> Scheme:

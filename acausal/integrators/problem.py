@@ -5,9 +5,13 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
+
+if TYPE_CHECKING:
+    from acausal.runtime.compiled import CompiledProblem
 
 Progress = Callable[[float], None]
 
@@ -17,8 +21,8 @@ class Problem:
     """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
-    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `scale`: typical size of each state (nx,), which `rtol`
-    is relative to where the state itself is smaller.
+    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
+    functions as C; without it they run on CasADi's virtual machine.
     """
 
     rhs: ca.Function
@@ -26,7 +30,8 @@ class Problem:
     project: ca.Function | None
     inputs: Callable[[np.ndarray], np.ndarray]
     parameters: np.ndarray
-    scale: np.ndarray | None = None
+    constant_inputs: np.ndarray | None = None
+    compiled: CompiledProblem | None = None
 
 
 @dataclass(frozen=True)

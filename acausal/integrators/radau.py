@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,7 +12,8 @@ from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.driver import Newton, Scheme, Step, drive
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.stages import StageSolver
-from acausal.integrators.tableau import radau_iia
+from acausal.integrators.tableau import embedded_formula, radau_iia
+from acausal.runtime.compiled import Choice
 
 
 @dataclass(frozen=True)
@@ -36,16 +36,28 @@ class Radau(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`."""
-        rtol = tolerances.rtol
-        order = self.order or (5 if rtol > 1e-6 else 9 if rtol > 1e-10 else 13)
+        rtol, tolerances = tolerances.rtol, tolerances.with_step(self.step)
+        if problem.compiled is not None:
+            return problem.compiled.integrate(problem, x0, t0, t1, tolerances, self._choice(rtol), progress)[0]
+        order = self.order or _order(rtol)
         tableau = radau_iia((order + 1) // 2)
         scheme = Scheme(tableau, radau_error, tableau.stages, Newton.ALWAYS, superconvergent=False)
-        return drive(problem, scheme, x0, t0, t1, tolerances.with_step(self.step), progress)[0]
+        return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]
+
+    def _choice(self, rtol: float) -> Choice:
+        if self.order is not None or self.step is not None:
+            return Choice((radau_iia(((self.order or _order(rtol)) + 1) // 2),), newton=2)
+        tableaus = tuple(radau_iia(s) for s in (3, 5, 7))
+        return Choice(tableaus, newton=2, start=0 if rtol > 1e-4 else 1, adapt_order=True)
+
+
+def _order(rtol: float) -> int:
+    return 5 if rtol > 1e-6 else 9 if rtol > 1e-10 else 13
 
 
 def radau_error(solver: StageSolver, step: Step) -> float:
     """Embedded formula of order s with the rate at the start, filtered by (1 - h g J)^-1: Hairer and Wanner II, (IV.8.19)."""
-    gamma, weights = _embedded(solver.tableau.stages)
+    gamma, weights = embedded_formula(solver.tableau)
     h, scale = step.h, step.scale
     inner = weights @ step.K
     matrix = np.eye(step.x.size) - h * gamma * solver.jacobian(step.t, step.x)
@@ -55,14 +67,3 @@ def radau_error(solver: StageSolver, step: Step) -> float:
         again = h * (gamma * solver.rate(step.t, step.x + error) + inner)
         norm = min(norm, float(np.sqrt(np.mean((np.linalg.solve(matrix, again) / scale) ** 2))))
     return norm
-
-
-@functools.cache
-def _embedded(stages: int) -> tuple[float, np.ndarray]:
-    tableau = radau_iia(stages)
-    values = np.linalg.eigvals(tableau.A)
-    gamma = float(np.real(values[np.argmin(np.abs(values.imag))]))
-    powers = np.vander(tableau.c, stages, increasing=True).T
-    moments = 1 / np.arange(1, stages + 1)
-    moments[0] -= gamma
-    return gamma, np.linalg.solve(powers, moments) - tableau.b

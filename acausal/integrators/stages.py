@@ -10,7 +10,7 @@ import numpy as np
 from acausal.integrators.convergence import Convergence, Verdict
 from acausal.integrators.problem import Problem
 from acausal.integrators.rates import Jacobian, Rates, copied_states
-from acausal.integrators.tableau import Tableau
+from acausal.integrators.tableau import Tableau, eigenvectors
 
 _EPS = float(np.finfo(float).eps)
 
@@ -102,7 +102,7 @@ class StageSolver:
         inverse = self._inverse(t, h, x, K)
         if inverse is None:
             return None
-        vectors, vectors_inverse = self._transformation[1:]
+        vectors, vectors_inverse = eigenvectors(self.tableau)[1:]
         judge = Convergence(tolerance, self._floor(h, x, K, scale), 15)
         while True:
             np.dot(hA, K, out=rates.X)
@@ -121,23 +121,13 @@ class StageSolver:
         size = np.abs(h * K).max(axis=0)
         return 2 * _EPS * float((np.maximum(np.abs(x), size) / scale).max())
 
-    @functools.cached_property
-    def _transformation(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Eigenvalues (m,) of A, one of each conjugate pair, and vectors V (s, m), W (m, s) with A = Re V diag W."""
-        eigen = np.linalg.eig(self.tableau.A)
-        values, vectors = np.asarray(eigen.eigenvalues, dtype=complex), np.asarray(eigen.eigenvectors, dtype=complex)
-        inverse = np.linalg.inv(vectors)
-        keep = np.imag(values) >= -1e-12
-        double = np.where(np.abs(np.imag(values[keep])) > 1e-12, 2.0, 1.0)
-        return values[keep], vectors[:, keep] * double, inverse[keep]
-
     def _inverse(self, t: float, h: float, x: np.ndarray, K: np.ndarray) -> np.ndarray | None:
         """(m, nx, nx): inverses of 1 - h lambda J for the eigenvalues lambda of A, J in the middle of the step as guessed."""
         J = self.jacobian(t, x)
         if not np.isfinite(J).all():
             return None
         self.factorisations += 1
-        blocks = np.eye(x.size) - (h * self._transformation[0])[:, None, None] * J
+        blocks = np.eye(x.size) - (h * eigenvectors(self.tableau)[0])[:, None, None] * J
         try:
             return np.linalg.inv(blocks)
         except np.linalg.LinAlgError:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tableau:
     """Nodes c (s,), weights b (s,), matrix A (s, s) on [0, 1], order, and the matrix L (s, s) from values at the nodes to
     coefficients in Legendre polynomials on [0, 1].
@@ -29,6 +29,28 @@ class Tableau:
     def stages(self) -> int:
         """Number of stages."""
         return self.c.size
+
+
+@functools.cache
+def eigenvectors(tableau: Tableau) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues (m,) of A, one of each conjugate pair, and V (s, m), W (m, s) with A = Re(V diag W); all complex."""
+    eigen = np.linalg.eig(tableau.A)
+    values, vectors = np.asarray(eigen.eigenvalues, dtype=complex), np.asarray(eigen.eigenvectors, dtype=complex)
+    inverse = np.linalg.inv(vectors)
+    keep = np.imag(values) >= -1e-12
+    double = np.where(np.abs(np.imag(values[keep])) > 1e-12, 2.0, 1.0)
+    return values[keep], vectors[:, keep] * double, inverse[keep]
+
+
+@functools.cache
+def embedded_formula(tableau: Tableau) -> tuple[float, np.ndarray]:
+    """gamma and weights (s,) of the embedded formula of Radau IIA, of order s: Hairer and Wanner II, (IV.8.15)."""
+    values = eigenvectors(tableau)[0]
+    gamma = float(np.real(values[np.argmin(np.abs(np.imag(values)))]))
+    powers = np.vander(tableau.c, tableau.stages, increasing=True).T
+    moments = 1 / np.arange(1, tableau.stages + 1)
+    moments[0] -= gamma
+    return gamma, np.linalg.solve(powers, moments) - tableau.b
 
 
 @functools.cache

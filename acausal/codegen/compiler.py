@@ -1,0 +1,111 @@
+"""C compilers: found on the machine, run once for each content, results kept in a cache folder.
+
+The name of a cached library is a hash of everything that it depends on: sources, flags, compiler and processor. It is written under
+a name of its own and then renamed, so that parallel processes, or a crash in the middle, never show half a file.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from acausal.errors import ExportError
+
+RUNTIME = Path(__file__).resolve().parent.parent / "runtime"
+"""Folder of the C sources that come with the package."""
+_FLAGS = ("-fPIC", "-fno-math-errno", "-ffp-contract=off", "-Wno-psabi", "-fvisibility=hidden")
+_NATIVE = "-march=native"
+
+
+@functools.cache
+def compiler() -> tuple[str, ...] | None:
+    """The C compiler that is used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none."""
+    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
+        if name and shutil.which(name):
+            return (name,)
+    try:
+        import ziglang  # noqa: F401  # pyright: ignore[reportMissingImports, reportUnusedImport]
+    except ImportError:
+        return None
+    return (sys.executable, "-m", "ziglang", "cc")
+
+
+def shared_library_suffix() -> str:
+    """.so, .dylib or .dll."""
+    return ".dll" if sys.platform == "win32" else ".dylib" if sys.platform == "darwin" else ".so"
+
+
+def cache_folder() -> Path:
+    """$ACAUSAL_CACHE, or `acausal` in the user's cache folder. May be deleted at any time."""
+    given = os.environ.get("ACAUSAL_CACHE")
+    if given:
+        return Path(given)
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(base) if base else Path.home() / ".cache") / "acausal"
+
+
+def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[str, ...], level: str = "-O1") -> Path | None:
+    """A shared library of C sources, compiled where the cache has none for `key`; None when it has none and `sources` is None.
+
+    `key`: a hash of what the sources are made from. Raises `ExportError` when the compiler fails.
+    """
+    name = hashlib.sha256("\0".join((key, level, *command, _machine(command))).encode()).hexdigest()[:32]
+    target = cache_folder() / (name + shared_library_suffix())
+    if target.exists():
+        return target
+    if sources is None:
+        return None
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        try:
+            made = _build(sources, Path(folder), command, [level, _NATIVE])
+        except ExportError:  # a compiler that does not know the processor; another error comes again
+            made = _build(sources, Path(folder), command, [level])
+        os.replace(made, target)
+    return target
+
+
+def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], options: list[str]) -> Path:
+    flags = [*options, *_FLAGS, "-I", str(RUNTIME)]
+    made = folder / ("library" + shared_library_suffix())
+    files = [folder / f"part{k}.c" for k in range(len(sources))]
+    for file, text in zip(files, sources, strict=True):
+        file.write_text(text, encoding="utf-8")
+    if len(files) == 1:
+        run_compiler([*command, *flags, "-shared", "-o", str(made), str(files[0]), "-lm"])
+        return made
+    objects = [file.with_suffix(".o") for file in files]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        jobs = [[*command, *flags, "-c", "-o", str(o), str(f)] for o, f in zip(objects, files, strict=True)]
+        list(pool.map(run_compiler, jobs))
+    run_compiler([*command, "-shared", "-o", str(made), *(str(o) for o in objects), "-lm"])
+    return made
+
+
+def run_compiler(command: Sequence[str]) -> None:
+    """Run a compiler. Raises `ExportError` with what it printed when it fails."""
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        raise ExportError(f"The C compiler failed: {' '.join(command)}\n{result.stderr.strip()[-2000:]}")
+
+
+@functools.cache
+def _machine(command: tuple[str, ...]) -> str:
+    """What compiled code depends on beside sources and flags: compiler, processor, operating system."""
+    path = Path(shutil.which(command[0]) or command[0]).resolve()
+    facts = [str(path), str(path.stat().st_mtime_ns), platform.platform(), platform.machine(), platform.processor()]
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        facts.append(next((line for line in lines if line.startswith(("flags", "Features"))), ""))
+    except OSError:
+        pass
+    return "\0".join(facts)

@@ -1,0 +1,1 @@
+"""The integrators in C: sources that are compiled on the user's machine, and their binding."""

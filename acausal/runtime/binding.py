@@ -1,0 +1,120 @@
+"""The C runtime seen from Python: structures, and one integration at a time."""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.integrators.tableau import Tableau, eigenvectors, embedded_formula
+from acausal.runtime.kernels import Kernel
+
+_Double = ctypes.POINTER(ctypes.c_double)
+_Long = ctypes.POINTER(ctypes.c_long)
+InputFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double)
+
+
+class Code(enum.IntEnum):
+    """`enum Code` of runtime.h."""
+
+    REACHED_END = 0
+    PAUSED = 1
+    NEEDS_JACOBIAN = 2
+    SLOW = 3
+    EVENT = 4
+    STEP_UNDERFLOW = 5
+    NON_FINITE = 6
+    NOT_CONVERGED = 7
+    TOO_MANY_STEPS = 8
+    INPUT_FAILED = 9
+    OUT_OF_MEMORY = 10
+
+
+class Method(ctypes.Structure):
+    """`Method` of runtime.h."""
+
+    _fields_ = [
+        ("stages", ctypes.c_long),
+        ("order", ctypes.c_long),
+        ("error_order", ctypes.c_long),
+        ("kind", ctypes.c_long),
+        ("c", _Double),
+        ("A", _Double),
+        ("to_legendre", _Double),
+        ("eigenvalues", ctypes.c_long),
+        ("eigen_re", _Double),
+        ("eigen_im", _Double),
+        ("V_re", _Double),
+        ("V_im", _Double),
+        ("W_re", _Double),
+        ("W_im", _Double),
+        ("gamma", ctypes.c_double),
+        ("weights", _Double),
+    ]
+
+
+class Integrator(ctypes.Structure):
+    """`Integrator` of runtime.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards")),
+        *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard")),
+        ("method_list", ctypes.POINTER(Method)),
+        ("parameters", _Double),
+        ("input", InputFunction),
+        ("u", _Double),
+        ("copy_to", _Long),
+        ("copy_from", _Long),
+        ("x", _Double),
+        *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "slice")),
+        ("record", ctypes.c_long),
+        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst")),
+        *((name, ctypes.c_double) for name in ("h", "error", "contraction", "slowness")),
+        ("event", ctypes.c_long),
+        ("event_time", ctypes.c_double),
+        ("memory", ctypes.c_void_p),
+        ("state", ctypes.c_void_p),
+        ("times", _Double),
+        ("states", _Double),
+        ("coefficients", _Double),
+        ("stage_count", _Long),
+        ("offset", _Long),
+        ("directions", ctypes.c_long),
+        ("S", _Double),
+        ("dp", _Double),
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MethodTable:
+    """Methods as an array for C, with the arrays that it points to."""
+
+    array: ctypes.Array[Method]
+    alive: tuple[np.ndarray, ...]
+
+
+def method_table(tableaus: tuple[Tableau, ...]) -> MethodTable:
+    """Tableaus in the form of the C runtime, eigenvectors of A and the error formula of Radau included."""
+    alive: list[np.ndarray] = []
+
+    def pointer(values: np.ndarray) -> ctypes._Pointer[ctypes.c_double]:  # pyright: ignore[reportPrivateUsage]  # the type has no public name
+        array = np.ascontiguousarray(values, dtype=float)
+        alive.append(array)
+        return array.ctypes.data_as(_Double)
+
+    methods: list[Method] = []
+    for tableau in tableaus:
+        values, V, W = eigenvectors(tableau)
+        radau = tableau.name == "radau"
+        gamma, weights = embedded_formula(tableau) if radau else (0.0, np.zeros(tableau.stages))
+        methods.append(
+            Method(
+                tableau.stages, tableau.order, tableau.stages if radau else tableau.order, int(radau),
+                pointer(tableau.c), pointer(tableau.A), pointer(tableau.to_legendre), values.size,
+                pointer(np.real(values)), pointer(np.imag(values)), pointer(np.real(V)), pointer(np.imag(V)),
+                pointer(np.real(W)), pointer(np.imag(W)), gamma, pointer(weights),
+            )
+        )  # fmt: skip
+    return MethodTable((Method * len(methods))(*methods), tuple(alive))

@@ -1,0 +1,260 @@
+"""A problem compiled for the C runtime, and its integration."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.codegen.compiler import compiler
+from acausal.integrators.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.integrators.rates import copied_states
+from acausal.integrators.tableau import Tableau, gauss_legendre
+from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
+from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
+
+_SLICE = 0.05
+_STATUS = {
+    Code.REACHED_END: (StatusKind.SUCCESS, ""),
+    Code.STEP_UNDERFLOW: (StatusKind.STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here."),
+    Code.NON_FINITE: (StatusKind.NON_FINITE, "A rate became infinite or not a number."),
+    Code.NOT_CONVERGED: (StatusKind.NOT_CONVERGED, "The stage equations did not converge; use a smaller step."),
+    Code.TOO_MANY_STEPS: (StatusKind.MAX_STEPS, "{0} steps were not enough."),
+}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which methods run: tableaus (the first one starts), where Newton replaces fixed-point iteration (0 never, 1 where slow,
+    2 always), and whether the order adapts along the list."""
+
+    tableaus: tuple[Tableau, ...]
+    newton: int
+    start: int = 0
+    adapt_order: bool = False
+
+
+Slow = Callable[[float, np.ndarray, float, float], str]
+"""(t, x, h, slowness) -> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size."""
+
+
+class CompiledProblem:
+    """rhs, invariants and projection of a problem as kernels. Integrations with it may run side by side in threads."""
+
+    def __init__(
+        self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, command: tuple[str, ...]
+    ) -> None:
+        self.rhs = rhs
+        self.command = command
+        wanted = [Wanted("rhs", rhs, (3,))]
+        if invariants is not None and project is not None:
+            wanted.append(Wanted("projection", _projection(invariants, project), (2,)))
+        found = compiled_kernels(wanted, command)
+        assert found is not None
+        self._library, self.kernels = found
+        self.library = runtime(command)
+        self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
+        self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
+        pairs = copied_states(rhs)
+        self._copies = [(ctypes.c_long * max(1, len(pairs)))(*(pair[k] for pair in pairs)) for k in (0, 1)]
+        self.copies = len(pairs)
+
+    @functools.cached_property
+    def jvp(self) -> tuple[ctypes.CDLL, list[Kernel]]:
+        """(t, x, u, p, dx) -> df/dx dx."""
+        f = self.rhs
+        symbols = [ca.SX.sym(n, f.size1_in(i)) for i, n in enumerate("txup")]
+        dx = ca.SX.sym("dx", self.nx)
+        product = ca.jtimes(ca.densify(f.call(symbols)[0]), symbols[1], dx)
+        function = ca.Function("jvp", [*symbols, dx], [ca.densify(product)], {"cse": True})
+        found = compiled_kernels([Wanted("jvp", function, (3,))], self.command)
+        assert found is not None
+        return found
+
+    @functools.cache  # noqa: B019  # as long as the problem lives
+    def template(self, choice: Choice) -> tuple[Integrator, MethodTable]:
+        """An integration with everything set that does not change from run to run."""
+        table = method_table(choice.tableaus)
+        core = Integrator(
+            nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
+            newton=choice.newton, adapt_order=choice.adapt_order, copies=self.copies, rhs=self.kernels[0],
+            method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE, record=1,
+        )  # fmt: skip
+        if self.ng:
+            core.projection = self.kernels[1]
+        return core, table
+
+    @functools.cached_property
+    def refining(self) -> dict[int, MethodTable]:
+        """For dense output: Gauss on 1.75 s nodes by the stages s of the steps."""
+        return {}
+
+    def integrate(
+        self,
+        problem: Problem,
+        x0: np.ndarray,
+        t0: float,
+        t1: float,
+        tolerances: Tolerances,
+        choice: Choice,
+        progress: Progress | None = None,
+        slow: Slow | None = None,
+    ) -> tuple[Solution, bool]:
+        """The solution, and whether `slow` ended it early by "leave"."""
+        if not np.isfinite(x0).all():
+            worst = int(np.flatnonzero(~np.isfinite(x0))[0])
+            status = Status(StatusKind.NON_FINITE, t0, "The start values are not finite.", worst)
+            empty = Statistics(choice.tableaus[0].name, choice.tableaus[0].order, 0, 0, 0, 0, 0.0)
+            return Solution(
+                np.array([t0]), x0[:, None], lambda times: np.repeat(x0[:, None], times.size, axis=1), empty, status
+            ), False
+        run = Run(self, problem, x0, t0, t1, tolerances, choice)
+        return run.go(progress, slow)
+
+
+class Run:
+    """One integration and the memory that belongs to it."""
+
+    def __init__(
+        self,
+        compiled: CompiledProblem,
+        problem: Problem,
+        x0: np.ndarray,
+        t0: float,
+        t1: float,
+        tolerances: Tolerances,
+        choice: Choice,
+    ) -> None:
+        self.started = time.perf_counter()
+        self.compiled, self.choice = compiled, choice
+        self.error: BaseException | None = None
+        template, self._table = compiled.template(choice)
+        core = self.core = Integrator.from_buffer_copy(template)
+        self._x = np.array(x0, dtype=float)
+        self._p = np.ascontiguousarray(problem.parameters, dtype=float)
+        self._u = np.zeros(max(1, compiled.nu))
+        self._inputs = problem.inputs
+        core.x, core.parameters, core.u = _address(self._x), _address(self._p), _address(self._u)
+        core.t, core.end, core.rtol, core.atol = t0, t1, tolerances.rtol, tolerances.atol
+        core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
+        if compiled.nu:
+            if problem.constant_inputs is not None:
+                self._u[:] = problem.constant_inputs
+            else:
+                self._callback = InputFunction(self._input)
+                core.input = self._callback
+        if not compiled.library.begin(ctypes.byref(core)):
+            raise MemoryError("integration: not enough memory.")
+
+    def __del__(self) -> None:
+        if hasattr(self, "core"):
+            self.compiled.library.finish(ctypes.byref(self.core))
+
+    def _input(self, t: float, u: Any) -> int:
+        try:
+            values = self._inputs(np.array([t]))[:, 0]
+        except BaseException as error:  # it must not cross the C code; raised again after it
+            self.error = error
+            return 0
+        for i, value in enumerate(values):
+            u[i] = value
+        return 1
+
+    def go(self, progress: Progress | None, slow: Slow | None) -> tuple[Solution, bool]:
+        """Run to the end, or to what stops it."""
+        core, advance, reference = self.core, self.compiled.library.advance, ctypes.byref(self.core)
+        t0, shown = core.t, self.started
+        try:
+            while True:
+                code = advance(reference)
+                if code <= Code.SLOW and code != Code.REACHED_END:
+                    if code == Code.NEEDS_JACOBIAN:
+                        core.jvp = self.compiled.jvp[1][0]
+                    elif code == Code.SLOW and slow is not None:
+                        answer = slow(core.t, self._x.copy(), core.h, core.slowness)
+                        if answer == "leave":
+                            return self._solution(Status(StatusKind.SUCCESS, core.t)), True
+                        if answer == "newton":
+                            core.jvp = self.compiled.jvp[1][0]
+                            self.compiled.library.use_newton(reference)
+                    elif progress is not None and time.perf_counter() - shown > 0.2:
+                        shown = time.perf_counter()
+                        progress((core.t - t0) / (core.end - t0))
+                    continue
+                break
+        except KeyboardInterrupt:
+            return self._solution(Status(StatusKind.INTERRUPTED, core.t, "Interrupted.")), False
+        if code == Code.INPUT_FAILED and self.error is not None:
+            raise self.error
+        if code == Code.OUT_OF_MEMORY:
+            raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")
+        kind, message = _STATUS[Code(code)]
+        worst = core.worst if kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0 else None
+        return self._solution(Status(kind, core.t, message.format(core.max_steps), worst)), False
+
+    def _solution(self, status: Status) -> Solution:
+        core, nx = self.core, self.compiled.nx
+        n = core.steps + 1
+        if nx == 0:
+            t, x = np.array([core.t, core.end] if core.end > core.t else [core.t]), np.zeros((0, 2 if core.end > core.t else 1))
+        else:
+            t = np.ctypeslib.as_array(core.times, (n,)).copy()
+            x = np.ctypeslib.as_array(core.states, (n, nx)).T.copy()
+        tableau = self.choice.tableaus[core.method]
+        newton = " with Newton" if core.newton_steps and self.choice.newton == 1 else ""
+        statistics = Statistics(
+            tableau.name + newton, tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
+            time.perf_counter() - self.started, core.factorisations,
+        )  # fmt: skip
+        return Solution(t, x, self.dense, statistics, status)
+
+    def dense(self, times: np.ndarray) -> np.ndarray:
+        """States (nx, n) at times (n,) between the first and the last step."""
+        nx = self.compiled.nx
+        order = np.argsort(times, kind="stable")
+        wanted = np.ascontiguousarray(times[order], dtype=float)
+        found = np.empty((wanted.size, nx))
+        if nx:
+            fine = None if self.choice.tableaus[0].name == "radau" else self._fine()
+            code = self.compiled.library.dense(ctypes.byref(self.core), fine, wanted.size, _address(wanted), _address(found))
+            if code == Code.INPUT_FAILED and self.error is not None:
+                raise self.error
+        result = np.empty((nx, wanted.size))
+        result[:, order] = found.T
+        return result
+
+    def _fine(self) -> Any:
+        s = self.choice.tableaus[0].stages
+        tables = self.compiled.refining
+        if s not in tables:
+            tables[s] = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
+        return ctypes.cast(tables[s].array, ctypes.POINTER(Method))
+
+
+def _address(array: np.ndarray) -> Any:
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def _projection(invariants: ca.Function, project: ca.Function) -> ca.Function:
+    symbols = [ca.SX.sym(n, invariants.size1_in(i)) for i, n in enumerate("txp")]
+    results = [ca.densify(f.call(symbols)[0]) for f in (project, invariants)]
+    return ca.Function("projection", symbols, results, {"cse": True})
+
+
+def compile_problem(
+    rhs: ca.Function, invariants: ca.Function | None = None, project: ca.Function | None = None
+) -> CompiledProblem | None:
+    """Kernels for `Problem`s with these functions; None without a C compiler.
+
+    Raises `ExportError` where a function has no C, or the compiler fails.
+    """
+    command = compiler()
+    if command is None:
+        return None
+    return CompiledProblem(rhs, invariants, project, command)

@@ -1,0 +1,79 @@
+/* Dense output. A Gauss step of s stages is accurate to order 2 s at its end but only s + 1 inside. Fixed-point iteration on more
+   nodes, started from the collocation polynomial, brings the inside up to the end's accuracy. */
+
+static long step_of(const Integrator *I, double t) {
+    long low = 0, high = I->steps - 1;
+    while (low < high) {
+        long middle = (low + high + 1) / 2;
+        if (I->times[middle] <= t) low = middle;
+        else high = middle - 1;
+    }
+    return low;
+}
+
+/* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of step k. */
+static int refine_step(Integrator *I, Stages *F, long k) {
+    struct State *T = I->state;
+    double t = I->times[k], h = I->times[k + 1] - t, P[64];
+    const double *x = I->states + k * I->nx, *a = I->coefficients + I->offset[k];
+    long s = I->stage_count[k];
+    if (!stage_times(I, F, t, h)) return 0;
+    for (long j = 0; j < F->blocks * LANES; j++) {
+        legendre_values(F->method->c[j < F->s ? j : F->s - 1], s, P);
+        for (long i = 0; i < I->nx; i++) {
+            double sum = 0;
+            for (long q = s - 1; q >= 0; q--) sum += P[q] * a[i * s + q];
+            F->K[j / LANES][i][j % LANES] = sum;
+        }
+    }
+    for (long i = 0; i < I->nx; i++) T->factor[i] = h / (I->step > 0 ? 1e-3 + fabs(x[i]) : I->atol + I->rtol * T->size[i]);
+    for (long q = 0; q < I->copies; q++) {
+        double other = h * T->factor[I->copy_to[q]], *mine = &T->factor[I->copy_from[q]];
+        if (other > *mine) *mine = other;
+        T->factor[I->copy_to[q]] = 0;
+    }
+    for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
+    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, I->step > 0 ? 4 * EPS : 4 * EPS / I->rtol, 30);
+    if (!fixed_point(I, F, x, T->factor, &J))
+        for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
+    legendre_coefficients(I, F);
+    return 1;
+}
+
+/* States (n, nx) at times in ascending order. `fine`: the method whose nodes refine Gauss steps; null: as they are. */
+int dense(Integrator *I, const Method *fine, long n, const double *t, double *x) {
+    struct State *T = I->state;
+    long nx = I->nx, refined = -1;
+    double P[65], Q[64];
+    if (fine && !T->fine) {
+        T->fine = reserve(I, sizeof(Stages));
+        if (!T->fine || !make_stages(I, T->fine, fine)) return OUT_OF_MEMORY;
+    }
+    for (long m = 0; m < n; m++) {
+        if (I->steps == 0) {
+            memcpy(x + m * nx, I->states, sizeof(double) * (size_t)nx);
+            continue;
+        }
+        long k = step_of(I, t[m]), s = I->stage_count[k], width = s;
+        const double *a = I->coefficients + I->offset[k], *start = I->states + k * nx;
+        double h = I->times[k + 1] - I->times[k], theta = (t[m] - I->times[k]) / h;
+        if (theta == 0 || theta == 1) {
+            memcpy(x + m * nx, start + (theta == 1 ? nx : 0), sizeof(double) * (size_t)nx);
+            continue;
+        }
+        if (fine) {
+            if (refined != k && !refine_step(I, T->fine, k)) return INPUT_FAILED;
+            refined = k;
+            a = T->fine->a;
+            s = T->fine->s;
+            width = T->fine->blocks * LANES;
+        }
+        legendre_integrals(theta, s, P, Q);
+        for (long i = 0; i < nx; i++) {
+            double sum = 0;
+            for (long q = s - 1; q >= 0; q--) sum += Q[q] * a[i * width + q];
+            x[m * nx + i] = start[i] + h * sum;
+        }
+    }
+    return REACHED_END;
+}

@@ -1,0 +1,426 @@
+/* The loop over steps. */
+
+static double now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static double *arranged(Integrator *I, const Kernel *k, V **in, V **out, V **c, long fixed) {
+    *in = reserve_lanes(I, k->inputs + 1);
+    *out = reserve_lanes(I, k->outputs + 1);
+    *c = reserve_lanes(I, k->constants + 1);
+    V *w = reserve_lanes(I, k->work + 1);
+    if (!*in || !*out || !*c || !w) return 0;
+    if (fixed >= 0)
+        for (long i = 0; i < I->np; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
+    k->prepare(*in, *c, *c, w);
+    return (double *)w;
+}
+
+/* Allocates and prepares. Returns 0 when memory is short. The caller calls `finish` in any case. */
+int begin(Integrator *I) {
+    long n = I->nx;
+    struct State *T = I->state = reserve(I, sizeof(struct State));
+    if (!T) return 0;
+    T->stages = reserve(I, sizeof(Stages) * (size_t)I->methods);
+    double *w = arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu);
+    if (!T->stages || !w) return 0;
+    for (long i = 0; i < I->nu; i++) T->point_in[1 + n + i] = v_all(I->u[i]);
+    T->work = (V *)w;
+    if (I->ng) {
+        w = arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n);
+        if (!w) return 0;
+        if (I->projection.work > I->rhs.work) T->work = (V *)w;
+    }
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before};
+    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
+        if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
+    T->copied = reserve(I, (size_t)n + 1);
+    if (!T->copied) return 0;
+    for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;
+    for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
+    long most = 0;
+    for (long k = 0; k < I->methods; k++)
+        if (I->method_list[k].stages > most) most = I->method_list[k].stages;
+    T->last_a = reserve_doubles(I, most * n + 1);
+    if (!T->last_a) return 0;
+    T->newton_now = I->newton == ALWAYS;
+    T->asked = 4;
+    return 1;
+}
+
+static Stages *stages_of(Integrator *I) {
+    struct State *T = I->state;
+    if (!(T->made >> I->method & 1)) {
+        if (!make_stages(I, &T->stages[I->method], &I->method_list[I->method])) return 0;
+        T->made |= 1L << I->method;
+    }
+    return &T->stages[I->method];
+}
+
+static int grow(void *array, size_t bytes) {
+    void *new = realloc(*(void **)array, bytes);
+    if (new) *(void **)array = new;
+    return new != 0;
+}
+
+/* Keep the state, and the coefficients of the step that led to it (none for the start). */
+static int keep(Integrator *I, const Stages *S) {
+    struct State *T = I->state;
+    long k = I->steps, n = I->nx;
+    if (!I->record) return 1;
+    if (k + 1 >= T->capacity) {
+        long c = T->capacity = k < 64 ? 128 : 2 * k;
+        if (!grow(&I->times, sizeof(double) * (size_t)c) || !grow(&I->states, sizeof(double) * (size_t)(c * n) + 8)) return 0;
+        if (!grow(&I->stage_count, sizeof(long) * (size_t)c) || !grow(&I->offset, sizeof(long) * (size_t)c)) return 0;
+    }
+    I->times[k] = I->t;
+    memcpy(I->states + k * n, I->x, sizeof(double) * (size_t)n);
+    if (!S) return 1;
+    long s = S->s, width = S->blocks * LANES, at = T->coefficient_count;
+    if (at + s * n > T->coefficient_capacity) {
+        T->coefficient_capacity = 2 * (at + s * n) + 1024;
+        if (!grow(&I->coefficients, sizeof(double) * (size_t)T->coefficient_capacity)) return 0;
+    }
+    for (long i = 0; i < n; i++) memcpy(I->coefficients + at + i * s, S->a + i * width, sizeof(double) * (size_t)s);
+    I->stage_count[k - 1] = s;
+    I->offset[k - 1] = at;
+    T->coefficient_count = at + s * n;
+    return 1;
+}
+
+static void set_scale(Integrator *I) {
+    struct State *T = I->state;
+    for (long i = 0; i < I->nx; i++) T->scale[i] = I->atol + I->rtol * T->size[i];
+}
+
+/* Sizes of changes in units of the scale; positions that are integrals of velocities count through these. */
+static void set_factor(Integrator *I, double h, const double *scale) {
+    struct State *T = I->state;
+    for (long i = 0; i < I->nx; i++) T->factor[i] = h / scale[i];
+    if (T->newton_now) return;
+    for (long k = 0; k < I->copies; k++) {
+        double other = h * T->factor[I->copy_to[k]], *mine = &T->factor[I->copy_from[k]];
+        if (other > *mine) *mine = other;
+    }
+    for (long k = 0; k < I->copies; k++) T->factor[I->copy_to[k]] = 0;
+}
+
+/* Stage rates by extrapolating the last step's polynomial; the rate at the start for the first step. Extrapolated Legendre
+   series diverge where steps are large, so the series ends before its smallest term. */
+static int guess(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    long s = T->last_s;
+    if (T->last_h == 0) {
+        if (!rate_at(I, I->t, I->x, T->rate)) return 0;
+        for (long b = 0; b < S->blocks; b++)
+            for (long i = 0; i < I->nx; i++) S->K[b][i] = v_all(T->rate[i]);
+        return 1;
+    }
+    V columns[64];
+    double P[64], largest[64] = {0};
+    double ratio = h / T->last_h;
+    long terms = s;
+    if (s > 2) {
+        legendre_values(1 + S->method->c[S->s - 1] * ratio, s, P);
+        for (long i = 0; i < I->nx; i++)
+            for (long k = 0; k < s; k++) {
+                double here = fabs(T->last_a[i * s + k]) / T->scale[i];
+                if (here > largest[k]) largest[k] = here;
+            }
+        terms = 2;
+        for (long k = 1; k < s; k++)
+            if (largest[k] * P[k] < largest[terms - 1] * P[terms - 1]) terms = k + 1;
+    }
+    for (long b = 0; b < S->blocks; b++) {
+        for (long l = 0; l < LANES; l++) {
+            long j = b * LANES + l < S->s ? b * LANES + l : S->s - 1;
+            legendre_values(1 + S->method->c[j] * ratio, s, P);
+            for (long k = 0; k < terms; k++) columns[k][l] = P[k];
+        }
+        for (long i = 0; i < I->nx; i++) {
+            const double *a = T->last_a + i * s;
+            V r = v_all(0.0);
+            for (long k = 0; k < terms; k++) r = v_fma(v_all(a[k]), columns[k], r);
+            S->K[b][i] = r;
+        }
+    }
+    return 1;
+}
+
+/* The change that rounding alone can make, in units of the scale. */
+static double rounding_floor(Integrator *I, Stages *S, double h, const double *scale) {
+    double worst = 0;
+    for (long i = 0; i < I->nx; i++) {
+        double size = fabs(I->x[i]);
+        for (long b = 0; b < S->blocks; b++)
+            for (long l = 0; l < LANES; l++) {
+                double k = fabs(h * S->K[b][i][l]);
+                if (k > size) size = k;
+            }
+        if (size / scale[i] > worst) worst = size / scale[i];
+    }
+    return 2 * EPS * worst;
+}
+
+/* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
+   a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s. */
+static double gauss_error(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    long s = S->s, n = S->blocks * LANES;
+    double sizes[64] = {0}, largest = 0;
+    for (long i = 0; i < I->nx; i++)
+        for (long k = 0; k < s; k++) {
+            double here = fabs(S->a[i * n + k]) * (h / T->scale[i]);
+            if (!(here <= sizes[k])) sizes[k] = here;
+        }
+    for (long k = 0; k < s; k++)
+        if (!(sizes[k] <= largest)) largest = sizes[k];
+    if (largest == 0) return 0;
+    if (s == 1) {
+        double change = 0;
+        if (!rate_at(I, I->t, I->x, T->rate)) return NAN;
+        for (long i = 0; i < I->nx; i++) change = fmax(change, fabs(S->K[0][i][0] - T->rate[i]) * (h / T->scale[i]));
+        double r = change / largest;
+        return largest * (r < 1 ? r * r : 1);
+    }
+    double tail = sizes[s - 1];
+    if (s > 2) tail = fmax(tail, largest * pow(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
+    return largest * pow(tail / largest, 2.0 * (double)s / (double)(s - 1));
+}
+
+/* Advance with compensated summation, project onto the invariants, keep the polynomial. */
+static int accept_step(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    long n = I->nx, width = S->blocks * LANES;
+    for (long i = 0; i < n; i++) {
+        double increment = h * S->a[i * width] + T->carry[i], x = I->x[i] + increment;
+        T->carry[i] = increment - (x - I->x[i]);
+        I->x[i] = x;
+    }
+    double t = I->t + h;
+    I->t = fabs(I->end - t) <= 4 * EPS * fabs(I->end) ? I->end : t;
+    if (project(I, I->t, I->x)) memset(T->carry, 0, sizeof(double) * (size_t)n);
+    for (long i = 0; i < n; i++)
+        if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
+    I->steps++;
+    if (T->newton_now) I->newton_steps++;
+    T->last_h = h;
+    T->last_s = S->s;
+    for (long i = 0; i < n; i++) memcpy(T->last_a + i * S->s, S->a + i * width, sizeof(double) * (size_t)S->s);
+    return keep(I, S);
+}
+
+static enum Code failed_at(Integrator *I, enum Code code) {
+    struct State *T = I->state;
+    I->worst = -1;
+    if (!rate_at(I, I->t, I->x, T->rate)) return INPUT_FAILED;
+    double largest = -1;
+    for (long i = 0; i < I->nx; i++) {
+        if (!isfinite(T->rate[i]) || !isfinite(I->x[i])) {
+            I->worst = i;
+            return code == STEP_UNDERFLOW ? NON_FINITE : code;
+        }
+        double here = fabs(T->rate[i]) / (I->atol + I->rtol * T->size[i]);
+        if (here > largest) largest = here, I->worst = i;
+    }
+    return code;
+}
+
+/* A first step as Hairer, Norsett, Wanner I, section II.4 choose it, from the rates at the start and a little later. */
+static int first_step(Integrator *I) {
+    struct State *T = I->state;
+    long n = I->nx;
+    double span = I->end - I->t, size = 0, fastest = 0, bend = 0, largest = 0;
+    double order = (double)I->method_list[I->method].error_order;
+    if (!rate_at(I, I->t, I->x, T->rate)) return 0;
+    for (long i = 0; i < n; i++) size = fmax(size, fabs(I->x[i]));
+    size = 1e-3 * fmax(1.0, size);
+    for (long i = 0; i < n; i++) {
+        double here = fabs(T->rate[i]) / fmax(fabs(I->x[i]), size);
+        if (!(here <= fastest)) fastest = here;
+    }
+    if (!isfinite(fastest)) {
+        I->h = 1e-6 * span;
+        return 1;
+    }
+    double h = fmin(0.01 * span, fastest > 0 ? 0.05 / fastest : span);
+    for (long i = 0; i < n; i++) T->before[i] = I->x[i] + 0.1 * h * T->rate[i];
+    double *later = T->factor;
+    if (!rate_at(I, I->t + 0.1 * h, T->before, later)) return 0;
+    for (long i = 0; i < n; i++) {
+        bend = fmax(bend, fabs(later[i] - T->rate[i]) / T->scale[i] / (0.1 * h));
+        largest = fmax(largest, fabs(T->rate[i]) / T->scale[i]);
+    }
+    largest = fmax(largest, bend);
+    I->h = isfinite(largest) && largest > 0 ? fmin(h, 10 * pow(0.01 / largest, 1 / (order + 1))) : h;
+    return 1;
+}
+
+/* Step size for an error of one, by the smaller of the plain and the predictive controller (Gustafsson 1994). */
+static double next_size(Integrator *I, double h, double error) {
+    struct State *T = I->state;
+    double power = 1 / (double)(I->method_list[I->method].error_order + 1);
+    double growth = 0.9 * pow(error, -power);
+    if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
+    return h * fmin(4.0, fmax(0.3, growth));
+}
+
+/* The next step size: as accuracy allows, and such that the iteration converges quickly. */
+static void choose_size(Integrator *I, double h, double wanted, double contraction, int failed) {
+    struct State *T = I->state;
+    int squared = I->copies && !T->newton_now;
+    double best = squared ? 0.15 : 0.3, limit = INFINITY;
+    if (failed) limit = 0.7 * h;
+    else if (contraction > best) limit = squared ? h * sqrt(best / contraction) : h * best / contraction;
+    int slow = failed || wanted > 2 * limit;
+    I->h = fmin(wanted, limit);
+    I->slowness = wanted / I->h;
+    if (T->newton_now && !failed && I->h >= h && I->h < 1.2 * h) I->h = h; /* the factors serve again */
+    T->hard = slow ? T->hard + 1 : 0;
+    if (T->newton_now) T->jacobian_fresh = contraction < 0.03;
+}
+
+/* Radau: more stages where Newton converges easily, fewer where it does not (Hairer and Wanner 1999). */
+static void choose_order(Integrator *I, double contraction, int failed) {
+    struct State *T = I->state;
+    if (!I->adapt_order || T->since_switch++ < 10) return;
+    long new = I->method;
+    if (failed || contraction > 0.8) new--;
+    else if (contraction < 0.002) new++;
+    if (new < 0 || new >= I->methods || new == I->method) return;
+    I->method = new;
+    T->since_switch = 0;
+    I->error = 0;
+}
+
+/* Solves the stage equations of a step of size h; 1 when converged, 0 when not, -1 when the input function failed. */
+static int solve_stages(Integrator *I, Stages *S, double h, const double *scale, double tolerance, double *contraction) {
+    struct State *T = I->state;
+    set_factor(I, h, scale);
+    if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
+    Judge J = new_judge(tolerance, rounding_floor(I, S, h, scale), T->newton_now ? 15 : 50);
+    int done = T->newton_now ? newton(I, S, h, I->x, T->factor, &J) : fixed_point(I, S, I->x, T->factor, &J);
+    *contraction = J.contraction;
+    return done;
+}
+
+static int refresh_jacobian(Integrator *I) {
+    struct State *T = I->state;
+    if (!make_newton(I)) return 0;
+    return T->jacobian_fresh || jacobian(I, I->t, I->x);
+}
+
+static enum Code one_adaptive(Integrator *I) {
+    struct State *T = I->state;
+    int failed = 0;
+    set_scale(I);
+    for (;;) {
+        Stages *S = stages_of(I);
+        if (!S) return OUT_OF_MEMORY;
+        double h = fmin(I->h, I->end - I->t), contraction;
+        if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
+        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
+        int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
+        if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
+        int solved = solve_stages(I, S, h, T->scale, 0.01, &contraction);
+        if (solved < 0) return INPUT_FAILED;
+        if (!solved) {
+            T->jacobian_fresh = T->jacobian_time == I->t;
+            if (old) continue; /* again with a new Jacobian */
+            I->h = 0.4 * h;
+            I->rejected++;
+            failed = 1;
+            choose_order(I, 1, 1);
+            continue;
+        }
+        legendre_coefficients(I, S);
+        double error = S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
+        if (!(error <= 1)) {
+            double power = -1 / (double)(S->method->error_order + 1);
+            double growth = error < INFINITY ? 0.9 * pow(error, power) : 0.1;
+            I->h = h * fmin(0.9, fmax(0.15, growth));
+            I->rejected++;
+            T->jacobian_fresh = T->jacobian_time == I->t;
+            continue;
+        }
+        error = fmax(error, 1e-30);
+        double wanted = next_size(I, h, error);
+        I->error = error;
+        I->contraction = contraction;
+        if (!accept_step(I, S, h)) return OUT_OF_MEMORY;
+        choose_size(I, h, wanted, contraction, failed);
+        if (S->method->kind == RADAU) choose_order(I, contraction, failed);
+        return REACHED_END;
+    }
+}
+
+static enum Code one_fixed(Integrator *I) {
+    struct State *T = I->state;
+    Stages *S = stages_of(I);
+    if (!S) return OUT_OF_MEMORY;
+    double h = fmin(I->step, I->end - I->t), contraction;
+    if (I->end - I->t - h < 1e-9 * h) h = I->end - I->t;
+    for (long i = 0; i < I->nx; i++) T->scale[i] = fmax((I->atol + I->rtol * T->size[i]) / I->rtol, 1e-3);
+    int solved = 0;
+    if (T->newton_now) {
+        T->jacobian_fresh = 0;
+        if (!refresh_jacobian(I)) return INPUT_FAILED;
+        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+    }
+    if (!solved) {
+        int before = T->newton_now;
+        T->newton_now = 0;
+        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        T->newton_now = before;
+    }
+    if (!solved && I->newton == WHERE_SLOW && !T->newton_now) {
+        if (!I->jvp.run) return NEEDS_JACOBIAN;
+        T->newton_now = 1;
+        T->jacobian_fresh = 0;
+        if (!refresh_jacobian(I)) return INPUT_FAILED;
+        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        if (solved > 0) I->newton_steps++;
+        T->newton_now = 0;
+    }
+    if (solved < 0) return INPUT_FAILED;
+    if (!solved) {
+        enum Code code = failed_at(I, STEP_UNDERFLOW);
+        return code == STEP_UNDERFLOW ? NOT_CONVERGED : code;
+    }
+    legendre_coefficients(I, S);
+    return accept_step(I, S, h) ? REACHED_END : OUT_OF_MEMORY;
+}
+
+/* Steps until the end, a failure, or the end of the time slice. */
+int advance(Integrator *I) {
+    struct State *T = I->state;
+    double deadline = now() + I->slice;
+    if (!T->begun) {
+        set_scale(I);
+        if (!keep(I, 0)) return OUT_OF_MEMORY;
+        if (I->end > I->t && I->nx && I->step == 0 && !first_step(I)) return INPUT_FAILED;
+        T->begun = 1;
+    }
+    while (I->t < I->end && I->nx) {
+        if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
+        if (T->newton_now && !I->jvp.run) return NEEDS_JACOBIAN;
+        enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
+        if (code != REACHED_END) return code;
+        if (I->newton == WHERE_SLOW && !T->newton_now && T->hard >= T->asked) {
+            T->asked = T->asked < 1000 ? 4 * T->asked : T->asked;
+            T->hard = 0;
+            return SLOW;
+        }
+        if (now() > deadline && I->t < I->end) return PAUSED;
+    }
+    return REACHED_END;
+}
+
+/* From the next step on, stages are solved by Newton; `jvp` must be set. */
+void use_newton(Integrator *I) {
+    I->state->newton_now = 1;
+    I->state->jacobian_fresh = 0;
+    I->state->hard = 0;
+}

@@ -1,0 +1,82 @@
+"""CasADi functions compiled for lanes, ready for the C runtime."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from acausal.codegen.compiler import RUNTIME, cached_library, compiler
+from acausal.codegen.emit import emit, translation_units
+
+
+class Kernel(ctypes.Structure):
+    """`Kernel` of runtime.h."""
+
+    _fields_ = [
+        ("run", ctypes.c_void_p),
+        ("prepare", ctypes.c_void_p),
+        ("inputs", ctypes.c_long),
+        ("outputs", ctypes.c_long),
+        ("constants", ctypes.c_long),
+        ("work", ctypes.c_long),
+    ]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A function to be compiled, and the numbers of its arguments that seldom change."""
+
+    name: str
+    function: ca.Function
+    parameters: tuple[int, ...] = ()
+
+
+def compiled_kernels(wanted: Sequence[Wanted], command: tuple[str, ...] | None = None) -> tuple[ctypes.CDLL, list[Kernel]] | None:
+    """The functions in lanes, compiled together or found in the cache; None without a compiler.
+
+    The library must be kept as long as the kernels are used. Raises `ExportError` for functions that have no C.
+    """
+    command = command or compiler()
+    if command is None:
+        return None
+    parts = [f"{w.name}\0{w.parameters}\0{w.function.serialize()}" for w in wanted]
+    key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
+    path = cached_library(key, None, command=command)
+    if path is None:
+        units = translation_units([emit(w.function, w.name, parameters=w.parameters) for w in wanted], os.cpu_count() or 1)
+        path = cached_library(key, units, command=command)
+    assert path is not None
+    library = ctypes.CDLL(str(path))
+    return library, [_kernel(library, w.name) for w in wanted]
+
+
+def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
+    sizes = (ctypes.c_long * 4).in_dll(library, f"{name}_sizes")
+    run, prepare = (ctypes.cast(getattr(library, n), ctypes.c_void_p).value for n in (name, f"{name}_prepare"))
+    return Kernel(run, prepare, *sizes)
+
+
+@functools.cache
+def _sources() -> str:
+    """A hash of everything that generated code is made with, this package's emitter included."""
+    import acausal.codegen.emit as emitter
+
+    files = [RUNTIME / "lanes.h", RUNTIME / "vector_math.h", Path(emitter.__file__)]
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+
+
+@functools.cache
+def runtime(command: tuple[str, ...]) -> ctypes.CDLL:
+    """The integrators, compiled by `command` or found in the cache."""
+    files = sorted(RUNTIME.glob("*.[ch]"))
+    key = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
+    text = (RUNTIME / "runtime.c").read_text(encoding="utf-8")
+    path = cached_library(key, [text], command=command, level="-O2")
+    return ctypes.CDLL(str(path))

@@ -1,0 +1,223 @@
+/* Simplified Newton iteration in the eigenvectors of A: Hairer and Wanner, Solving ODEs II, section IV.8. */
+
+static long padded(long n) { return (n + LANES - 1) / LANES * LANES; }
+
+static int make_newton(Integrator *I) {
+    struct State *T = I->state;
+    if (T->J) return 1;
+    long n = I->nx, m = 0;
+    for (long k = 0; k < I->methods; k++)
+        if (I->method_list[k].eigenvalues > m) m = I->method_list[k].eigenvalues;
+    T->padded = padded(n);
+    T->J = (double *)reserve_lanes(I, n * T->padded);
+    T->complex_re = (double *)reserve_lanes(I, m * n * T->padded);
+    T->complex_im = (double *)reserve_lanes(I, m * n * T->padded);
+    T->pivots = reserve(I, sizeof(long) * (size_t)(m * n));
+    T->rhs_re = reserve_doubles(I, T->padded);
+    T->rhs_im = reserve_doubles(I, T->padded);
+    T->jvp_in = reserve_lanes(I, I->jvp.inputs);
+    T->jvp_out = reserve_lanes(I, I->jvp.outputs);
+    T->jvp_c = reserve_lanes(I, I->jvp.constants + 1);
+    V *work = reserve_lanes(I, I->jvp.work + 1);
+    long s = 0;
+    for (long k = 0; k < I->methods; k++)
+        if (I->method_list[k].stages > s) s = I->method_list[k].stages;
+    T->dK = reserve_doubles(I, s * n);
+    T->residual = reserve_doubles(I, s * n);
+    if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->jvp_c || !work || !T->dK || !T->residual) return 0;
+    if (I->jvp.work > I->rhs.work) T->work = work;
+    for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
+    I->jvp.prepare(T->jvp_in, T->jvp_c, T->jvp_c, T->work);
+    return 1;
+}
+
+/* J = df/dx at (t, x), exact, LANES directions at a time. */
+static int jacobian(Integrator *I, double t, const double *x) {
+    struct State *T = I->state;
+    long n = I->nx, fixed = 1 + n + I->nu + I->np;
+    V *in = T->jvp_in;
+    in[0] = v_all(t);
+    if (I->input && !I->input(t, I->u)) return 0;
+    for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
+    for (long i = 0; i < I->nu; i++) in[1 + n + i] = v_all(I->u[i]);
+    for (long i = fixed; i < I->jvp.inputs; i++) in[i] = v_all(0.0);
+    for (long d = 0; d < n; d += LANES) {
+        for (long l = 0; l < LANES && d + l < n; l++) in[fixed + d + l][l] = 1.0;
+        I->jvp.run(in, T->jvp_c, T->jvp_out, T->work);
+        for (long l = 0; l < LANES && d + l < n; l++) {
+            in[fixed + d + l][l] = 0.0;
+            for (long i = 0; i < n; i++) T->J[i * T->padded + d + l] = T->jvp_out[i][l];
+        }
+    }
+    T->jacobian_fresh = 1;
+    T->jacobian_time = t;
+    T->factored_h = 0;
+    return 1;
+}
+
+/* LU of 1 - z J with row exchanges; z = re + i im. Returns 0 when it is singular. */
+static int factor_shifted(Integrator *I, double re, double im, double *A_re, double *A_im, long *pivot) {
+    struct State *T = I->state;
+    long n = I->nx, w = T->padded, W = w / LANES;
+    V *R = (V *)A_re, *M = (V *)A_im;
+    const V *J = (const V *)T->J;
+    for (long k = 0; k < n * W; k++) {
+        R[k] = J[k] * v_all(-re);
+        M[k] = J[k] * v_all(-im);
+    }
+    for (long i = 0; i < n; i++) A_re[i * w + i] += 1.0;
+    for (long k = 0; k < n; k++) {
+        long best = k;
+        double size = -1;
+        for (long i = k; i < n; i++) {
+            double here = fabs(A_re[i * w + k]) + fabs(A_im[i * w + k]);
+            if (here > size) size = here, best = i;
+        }
+        if (!(size > 0) || !(size < INFINITY)) return 0;
+        pivot[k] = best;
+        if (best != k)
+            for (long j = 0; j < W; j++) {
+                V a = R[k * W + j], b = M[k * W + j];
+                R[k * W + j] = R[best * W + j], M[k * W + j] = M[best * W + j];
+                R[best * W + j] = a, M[best * W + j] = b;
+            }
+        double pr = A_re[k * w + k], pi = A_im[k * w + k], d = pr * pr + pi * pi;
+        for (long i = k + 1; i < n; i++) {
+            double ar = A_re[i * w + k], ai = A_im[i * w + k];
+            if (ar == 0 && ai == 0) continue;
+            double lr = (ar * pr + ai * pi) / d, li = (ai * pr - ar * pi) / d;
+            long full = padded(k + 1);
+            for (long j = k + 1; j < full && j < n; j++) {
+                double r = A_re[k * w + j], m = A_im[k * w + j];
+                A_re[i * w + j] -= lr * r - li * m;
+                A_im[i * w + j] -= lr * m + li * r;
+            }
+            for (long j = full / LANES; j < W; j++) {
+                V r = R[k * W + j], m = M[k * W + j];
+                R[i * W + j] = R[i * W + j] - v_all(lr) * r + v_all(li) * m;
+                M[i * W + j] = M[i * W + j] - v_all(lr) * m - v_all(li) * r;
+            }
+            A_re[i * w + k] = lr;
+            A_im[i * w + k] = li;
+        }
+    }
+    return 1;
+}
+
+static void solve_shifted(Integrator *I, const double *A_re, const double *A_im, const long *pivot, double *b_re, double *b_im) {
+    long n = I->nx, w = I->state->padded;
+    for (long k = 0; k < n; k++) {
+        long p = pivot[k];
+        double r = b_re[p], m = b_im[p];
+        b_re[p] = b_re[k], b_im[p] = b_im[k];
+        b_re[k] = r, b_im[k] = m;
+    }
+    for (long i = 0; i < n; i++) {
+        double r = b_re[i], m = b_im[i];
+        for (long j = 0; j < i; j++) {
+            r -= A_re[i * w + j] * b_re[j] - A_im[i * w + j] * b_im[j];
+            m -= A_re[i * w + j] * b_im[j] + A_im[i * w + j] * b_re[j];
+        }
+        b_re[i] = r, b_im[i] = m;
+    }
+    for (long i = n - 1; i >= 0; i--) {
+        double r = b_re[i], m = b_im[i];
+        for (long j = i + 1; j < n; j++) {
+            r -= A_re[i * w + j] * b_re[j] - A_im[i * w + j] * b_im[j];
+            m -= A_re[i * w + j] * b_im[j] + A_im[i * w + j] * b_re[j];
+        }
+        double pr = A_re[i * w + i], pi = A_im[i * w + i], d = pr * pr + pi * pi;
+        b_re[i] = (r * pr + m * pi) / d;
+        b_im[i] = (m * pr - r * pi) / d;
+    }
+}
+
+/* Factors 1 - h lambda J for the eigenvalues of the method's A. */
+static int factorise(Integrator *I, const Method *m, double h) {
+    struct State *T = I->state;
+    if (T->factored_h == h && T->factored_method == I->method) return 1;
+    long block = I->nx * T->padded;
+    for (long e = 0; e < m->eigenvalues; e++)
+        if (!factor_shifted(I, h * m->eigen_re[e], h * m->eigen_im[e], T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * I->nx)) return 0;
+    T->factored_h = h;
+    T->factored_method = I->method;
+    I->factorisations++;
+    return 1;
+}
+
+/* dK (stages, nx) = (1 - h A x J)^-1 R for residuals R of the stage equations, given by stage and state. */
+static void newton_direction(Integrator *I, const Method *m, const double *R, double *dK) {
+    struct State *T = I->state;
+    long n = I->nx, s = m->stages, block = n * T->padded;
+    memset(dK, 0, sizeof(double) * (size_t)(s * n));
+    for (long e = 0; e < m->eigenvalues; e++) {
+        double *re = T->rhs_re, *im = T->rhs_im;
+        for (long i = 0; i < n; i++) {
+            re[i] = im[i] = 0;
+            for (long j = 0; j < s; j++) {
+                re[i] += m->W_re[e * s + j] * R[j * n + i];
+                im[i] += m->W_im[e * s + j] * R[j * n + i];
+            }
+        }
+        solve_shifted(I, T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * n, re, im);
+        for (long j = 0; j < s; j++) {
+            double vr = m->V_re[j * m->eigenvalues + e], vi = m->V_im[j * m->eigenvalues + e];
+            for (long i = 0; i < n; i++) dK[j * n + i] += vr * re[i] - vi * im[i];
+        }
+    }
+}
+
+static int newton(Integrator *I, Stages *S, double h, const double *x, const double *factor, Judge *J) {
+    struct State *T = I->state;
+    const Method *m = S->method;
+    long n = I->nx, s = S->s;
+    double *residual = T->residual;
+    if (!factorise(I, m, h)) return 0;
+    for (;;) {
+        for (long b = 0; b < S->blocks; b++)
+            for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->hA + b * S->blocks * LANES, S->K, S->blocks, i, v_all(x[i]));
+        stage_rates(I, S);
+        for (long j = 0; j < s; j++)
+            for (long i = 0; i < n; i++) residual[j * n + i] = S->N[j / LANES][i][j % LANES] - S->K[j / LANES][i][j % LANES];
+        newton_direction(I, m, residual, T->dK);
+        double sum = 0;
+        for (long j = 0; j < S->blocks * LANES; j++) {
+            const double *d = T->dK + (j < s ? j : s - 1) * n;
+            for (long i = 0; i < n; i++) {
+                S->K[j / LANES][i][j % LANES] += d[i];
+                if (j < s) sum += d[i] * factor[i] * d[i] * factor[i];
+            }
+        }
+        enum Verdict v = judge(J, sqrt(sum / (double)s));
+        if (v != GO_ON) return v == DONE;
+    }
+}
+
+/* Error of a Radau step in units of its scale: embedded formula of order s with the rate at the start, filtered by
+   (1 - h gamma J)^-1: Hairer and Wanner II, (IV.8.19), and once more for steps within a boundary layer, (IV.8.20). */
+static double radau_error(Integrator *I, Stages *S, double t, double h, const double *x) {
+    struct State *T = I->state;
+    const Method *m = S->method;
+    long n = I->nx, block = n * T->padded, e = 0;
+    for (long k = 1; k < m->eigenvalues; k++)
+        if (fabs(m->eigen_im[k]) < fabs(m->eigen_im[e])) e = k; /* gamma, the real one */
+    double *re = T->rhs_re, *im = T->rhs_im, norm = 0;
+    for (int again = 0; again < 2; again++) {
+        if (again)
+            for (long i = 0; i < n; i++) T->before[i] = x[i] + re[i];
+        if (!rate_at(I, t, again ? T->before : x, T->rate)) return NAN;
+        for (long i = 0; i < n; i++) {
+            double inner = m->gamma * T->rate[i];
+            for (long j = 0; j < S->s; j++) inner += m->weights[j] * S->K[j / LANES][i][j % LANES];
+            re[i] = h * inner;
+            im[i] = 0;
+        }
+        solve_shifted(I, T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * n, re, im);
+        double sum = 0;
+        for (long i = 0; i < n; i++) sum += (re[i] / T->scale[i]) * (re[i] / T->scale[i]);
+        double here = sqrt(sum / (double)n);
+        if (!again || here < norm) norm = here;
+        if (!(norm > 1)) break;
+    }
+    return norm;
+}

@@ -1,0 +1,77 @@
+/* What the caller and the runtime share. `acausal/runtime/binding.py` mirrors these structures, in the same order. */
+#ifndef ACAUSAL_RUNTIME_H
+#define ACAUSAL_RUNTIME_H
+#include "lanes.h"
+
+/* A function of a model (see acausal/codegen/emit.py): run(in, c, out, w). `prepare` fills c from in, whenever parameters change. */
+typedef void (*KernelFunction)(const V *in, const V *c, V *out, V *w);
+typedef struct {
+    KernelFunction run, prepare;
+    long inputs, outputs, constants, work;
+} Kernel;
+
+/* A collocation method. Matrices are row-major; A = Re(V diag(eigenvalues) W) with one of each conjugate pair. */
+typedef struct {
+    long stages, order, error_order, kind;
+    const double *c, *A, *to_legendre;
+    long eigenvalues;
+    const double *eigen_re, *eigen_im, *V_re, *V_im, *W_re, *W_im;
+    double gamma;           /* of the embedded error formula of Radau */
+    const double *weights;  /* the same, (stages) */
+} Method;
+
+enum Kind { GAUSS, RADAU };
+enum Newton { NEVER, WHERE_SLOW, ALWAYS };
+enum Code {
+    REACHED_END,
+    PAUSED,          /* the time slice is over: call advance again */
+    NEEDS_JACOBIAN,  /* set `jvp`, call advance again */
+    SLOW,            /* the iteration, not accuracy, sets the step size: look for stiffness, call advance again */
+    EVENT,           /* a guard fired: see `event`, `event_time` */
+    STEP_UNDERFLOW,
+    NON_FINITE,
+    NOT_CONVERGED,
+    TOO_MANY_STEPS,
+    INPUT_FAILED,
+    OUT_OF_MEMORY
+};
+
+/* One integration. The caller fills the first part; `begin` makes the rest. */
+typedef struct Integrator {
+    long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards;
+    Kernel rhs;         /* t, x, u, p -> x' */
+    Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
+    Kernel projection;  /* t, x, p -> x nearer to the invariants, invariants (ng) at the given x */
+    Kernel guard;       /* t, x, u, p -> values whose zeros are wanted */
+    const Method *method_list;
+    const double *parameters;
+    int (*input)(double t, double *u); /* null: `u` does not change */
+    double *u;
+    const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
+    double *x;                       /* start and current state */
+    double t, end, rtol, atol, step; /* step 0: adaptive */
+    double slice;                    /* seconds until PAUSED */
+    long record;                     /* whether steps are kept for dense output */
+    /* results */
+    long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst;
+    double h, error, contraction, slowness; /* of the last step; slowness: step size that accuracy allows over that of the iteration */
+    long event;
+    double event_time;
+    struct Memory *memory;
+    struct State *state;
+    /* steps kept: times (steps + 1), states (steps + 1, nx), stages and place of the coefficients of each step */
+    double *times, *states, *coefficients;
+    long *stage_count, *offset;
+    /* sensitivities: directions, S (nx, directions) column by column and dp (np, directions) */
+    long directions;
+    double *S;
+    const double *dp;
+} Integrator;
+
+EXPORT int begin(Integrator *I);
+EXPORT int advance(Integrator *I);
+EXPORT void use_newton(Integrator *I);
+EXPORT void finish(Integrator *I);
+EXPORT int dense(Integrator *I, const Method *fine, long n, const double *t, double *x);
+EXPORT long lanes(void);
+#endif

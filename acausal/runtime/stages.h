@@ -1,0 +1,231 @@
+/* The stage equations K = f(t + c h, x + h A K) of one collocation step, stages side by side in lanes. */
+
+#define EPS 2.220446049250313e-16
+
+/* What belongs to one method: its matrices by columns in lanes, its stage values. Blocks of LANES stages; the last one is padded
+   with copies of the last stage, which no norm counts. */
+typedef struct {
+    const Method *method;
+    long s, blocks;
+    V *A, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
+    V *hA, *c, *counted;
+    V **in, **K, **N, **saved; /* per block: arguments of rhs, rates, new rates, rates to go back to */
+    double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
+} Stages;
+
+typedef struct {
+    double tolerance, floor;
+    int limit, count;
+    double contraction, change, best;
+} Judge;
+
+enum Verdict { GO_ON, DONE, HOPELESS };
+
+static Judge new_judge(double tolerance, double floor, int limit) {
+    Judge j = {tolerance, floor, limit, 0, 0.0, INFINITY, 1.0};
+    return j;
+}
+
+/* When an iteration has converged, and when it never will; see acausal/integrators/convergence.py. */
+static enum Verdict judge(Judge *j, double change) {
+    j->count++;
+    double last = j->change;
+    j->change = change;
+    if (!(change < INFINITY)) return HOPELESS;
+    if (change <= j->floor) return DONE;
+    if (j->count == 1) return change <= 1e-3 * j->tolerance ? DONE : GO_ON;
+    double ratio = last > 0 ? change / last : 0.0;
+    if (ratio >= 0.5 && j->best < 0.3 && change <= 1e4 * j->floor) return DONE;
+    if (j->count == 2) {
+        j->contraction = ratio;
+    } else { /* a single ratio is noisy: the mean of the last two, in logarithms */
+        double mean = sqrt(ratio * j->contraction);
+        j->contraction = ratio > mean ? ratio : mean;
+    }
+    if (ratio < j->best) j->best = ratio;
+    if (ratio >= 1) return j->count > 3 ? HOPELESS : GO_ON;
+    double left = change * ratio / (1 - ratio);
+    if (left <= j->tolerance && ratio < 0.9) return DONE;
+    double goal = j->tolerance > j->floor ? j->tolerance : j->floor;
+    if (j->count >= j->limit) return HOPELESS;
+    if (j->count >= 4 && left * pow(j->contraction, j->limit - j->count) > goal) return HOPELESS;
+    return GO_ON;
+}
+
+/* start + sum over stages k of columns[k] * K[k][i], for the stages of one block */
+INLINE V combined(const V *columns, V *const *K, long blocks, long i, V start) {
+    V r = start;
+    for (long b = 0; b < blocks; b++) {
+        const double *k = (const double *)&K[b][i];
+        for (int l = 0; l < LANES; l++) r = v_fma(v_all(k[l]), columns[b * LANES + l], r);
+    }
+    return r;
+}
+
+/* A matrix (s, s), row-major, as columns in lanes. */
+static void columns_of(V *columns, const double *matrix, long s, long blocks) {
+    for (long b = 0; b < blocks; b++)
+        for (long k = 0; k < s; k++)
+            for (long l = 0; l < LANES; l++) {
+                long row = b * LANES + l;
+                columns[(b * blocks * LANES) + k][l] = matrix[(row < s ? row : s - 1) * s + k];
+            }
+}
+
+/* What `begin` makes. */
+struct State {
+    Stages *stages, *fine;   /* per method; of dense output */
+    long made;               /* methods whose stages are made, as bits */
+    V *rhs_c, *jvp_c, *projection_c, *guard_c, *work;
+    V *point_in, *point_out; /* rhs at one point */
+    V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
+    char *copied;
+    double *carry, *size, *scale, *factor, *rate, *before;
+    double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
+    long last_s, since_switch;
+    int newton_now, begun;
+    long hard, asked;        /* slow steps in a row; how many until stiffness is looked for again */
+    /* Newton */
+    double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual;
+    long *pivots;
+    double factored_h, jacobian_time;
+    long factored_method, padded;
+    int jacobian_fresh;
+    long capacity, coefficient_capacity, coefficient_count;
+};
+
+static int make_stages(Integrator *I, Stages *S, const Method *m) {
+    long s = m->stages, B = (s + LANES - 1) / LANES, n = B * LANES;
+    S->method = m;
+    S->s = s;
+    S->blocks = B;
+    S->A = reserve_lanes(I, B * n);
+    S->hA = reserve_lanes(I, B * n);
+    S->to_legendre = reserve_lanes(I, B * n);
+    S->c = reserve_lanes(I, B);
+    S->counted = reserve_lanes(I, B);
+    S->in = reserve(I, sizeof(V *) * (size_t)B);
+    S->K = reserve(I, sizeof(V *) * (size_t)B);
+    S->N = reserve(I, sizeof(V *) * (size_t)B);
+    S->saved = reserve(I, sizeof(V *) * (size_t)B);
+    S->a = (double *)reserve_lanes(I, B * I->nx);
+    if (!S->in || !S->K || !S->N || !S->saved || !S->A || !S->hA || !S->to_legendre || !S->a) return 0;
+    columns_of(S->A, m->A, s, B);
+    columns_of(S->to_legendre, m->to_legendre, s, B);
+    for (long b = 0; b < B; b++) {
+        S->in[b] = reserve_lanes(I, I->rhs.inputs);
+        S->K[b] = reserve_lanes(I, I->nx);
+        S->N[b] = reserve_lanes(I, I->nx);
+        S->saved[b] = reserve_lanes(I, I->nx);
+        if (!S->in[b] || !S->K[b] || !S->N[b] || !S->saved[b]) return 0;
+        for (long l = 0; l < LANES; l++) {
+            long j = b * LANES + l;
+            S->c[b][l] = m->c[j < s ? j : s - 1];
+            S->counted[b][l] = j < s ? 1.0 : 0.0;
+        }
+        for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i] = v_all(I->u[i]);
+        for (long i = 0; i < I->np; i++) S->in[b][1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
+    }
+    return 1;
+}
+
+/* Times and inputs of the stages. Returns 0 when the input function failed. */
+static int stage_times(Integrator *I, Stages *S, double t, double h) {
+    for (long b = 0; b < S->blocks; b++) {
+        S->in[b][0] = v_fma(v_all(h), S->c[b], v_all(t));
+        if (!I->input) continue;
+        for (long l = 0; l < LANES; l++) {
+            if (b * LANES + l < S->s && !I->input(S->in[b][0][l], I->u)) return 0;
+            for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i][l] = I->u[i];
+        }
+    }
+    for (long k = 0; k < S->blocks * S->blocks * LANES; k++) S->hA[k] = S->A[k] * v_all(h);
+    return 1;
+}
+
+/* All rates from the states in `in`, into N. */
+static void stage_rates(Integrator *I, Stages *S) {
+    for (long b = 0; b < S->blocks; b++) I->rhs.run(S->in[b], I->state->rhs_c, S->N[b], I->state->work);
+    I->evaluations += S->s;
+    I->iterations++;
+}
+
+/* f(t, x) into `out`. Returns 0 when the input function failed. */
+static int rate_at(Integrator *I, double t, const double *x, double *out) {
+    struct State *T = I->state;
+    V *in = T->point_in;
+    in[0] = v_all(t);
+    if (I->input) {
+        if (!I->input(t, I->u)) return 0;
+        for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = v_all(I->u[i]);
+    }
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+    I->rhs.run(in, T->rhs_c, T->point_out, T->work);
+    for (long i = 0; i < I->nx; i++) out[i] = T->point_out[i][0];
+    I->evaluations++;
+    return 1;
+}
+
+/* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. */
+static double replace_rates(Integrator *I, Stages *S, const double *factor) {
+    double sum = 0;
+    for (long b = 0; b < S->blocks; b++) {
+        V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
+        for (long i = 0; i < I->nx; i++) {
+            V d = (N[i] - K[i]) * v_all(factor[i]);
+            part = v_fma(d, d, part);
+        }
+        S->K[b] = N;
+        S->N[b] = K;
+        part = part * S->counted[b];
+        for (long l = 0; l < LANES; l++) sum += part[l];
+    }
+    return sqrt(sum / (double)S->s);
+}
+
+/* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
+static int fixed_point(Integrator *I, Stages *S, const double *x, const double *factor, Judge *J) {
+    const char *copied = I->state->copied;
+    for (;;) {
+        for (long b = 0; b < S->blocks; b++) {
+            const V *hA = S->hA + b * S->blocks * LANES;
+            for (long i = 0; i < I->nx; i++)
+                if (!copied[i]) S->in[b][1 + i] = combined(hA, S->K, S->blocks, i, v_all(x[i]));
+        }
+        for (long b = 0; b < S->blocks; b++) {
+            const V *hA = S->hA + b * S->blocks * LANES;
+            for (long k = 0; k < I->copies; k++) {
+                long to = I->copy_to[k], from = I->copy_from[k];
+                S->in[b][1 + to] = combined(hA, S->in, S->blocks, 1 + from, v_all(x[to]));
+            }
+        }
+        stage_rates(I, S);
+        enum Verdict v = judge(J, replace_rates(I, S, factor));
+        if (v != GO_ON) return v == DONE;
+    }
+}
+
+/* Legendre coefficients a = L K of the rates. */
+static void legendre_coefficients(Integrator *I, Stages *S) {
+    long n = S->blocks * LANES;
+    for (long i = 0; i < I->nx; i++)
+        for (long b = 0; b < S->blocks; b++) {
+            V v = combined(S->to_legendre + b * n, S->K, S->blocks, i, v_all(0.0));
+            memcpy(S->a + i * n + b * LANES, &v, sizeof v);
+        }
+}
+
+/* Legendre polynomials of [0, 1] at theta, degrees 0 .. count - 1. */
+static void legendre_values(double theta, long count, double *P) {
+    double y = 2 * theta - 1;
+    P[0] = 1;
+    if (count > 1) P[1] = y;
+    for (long k = 1; k + 1 < count; k++) P[k + 1] = ((double)(2 * k + 1) * y * P[k] - (double)k * P[k - 1]) / (double)(k + 1);
+}
+
+/* Their integrals from 0 to theta; P has room for count + 1. */
+static void legendre_integrals(double theta, long count, double *P, double *Q) {
+    legendre_values(theta, count + 1, P);
+    Q[0] = theta;
+    for (long k = 1; k < count; k++) Q[k] = (P[k + 1] - P[k - 1]) / (double)(2 * (2 * k + 1));
+}
