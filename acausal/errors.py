@@ -93,6 +93,10 @@ class ExportError(AcausalError):
     """A file or library could not be written, compiled or loaded."""
 
 
+class NoCompilerWarning(UserWarning):
+    """There is no C compiler; simulations run on CasADi's virtual machine."""
+
+
 class SingularWarning(UserWarning):
     """A motion came to a singular position of a loop; what follows is not reliable."""
 

@@ -95,6 +95,7 @@ class Model:
         progress: bool | Progress = True,
         max_steps: int = 1_000_000,
         raise_on_failure: bool = True,
+        compiled: bool = True,
     ) -> Trajectory:
         """The motion from `t0` to `end` [s].
 
@@ -103,11 +104,12 @@ class Model:
         `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
         method has them. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
         Raises `StartValueError`, `UnknownVariableError`, `ParameterError`, and `SimulationError` (with what was computed) unless
-        `raise_on_failure` is off. Ctrl-C stops the run and keeps what was computed.
+        `raise_on_failure` is off. `compiled`: as C, made once and kept in a cache folder; off, or without a C compiler, on CasADi's
+        virtual machine (slower). Ctrl-C stops the run and keeps what was computed.
         """
         from acausal.simulation import Options, simulate
 
-        options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure)
+        options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled)
         return simulate(self.functions, t0, float(end), start or {}, inputs or {}, parameters or {}, options)
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:

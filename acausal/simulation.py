@@ -35,6 +35,7 @@ class Options:
     progress: bool | Progress
     max_steps: int
     raise_on_failure: bool
+    compiled: bool
 
 
 def simulate(
@@ -49,8 +50,11 @@ def simulate(
     """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
     p = parameter_values(functions, parameters)
     signal = input_signal(functions, inputs)
-    initial = initial_state(functions.outputs, start, t0, p, signal(np.array([t0]))[:, 0])
-    problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p)
+    u0 = signal(np.array([t0]))[:, 0]
+    held = None if any(callable(value) for value in inputs.values()) else u0
+    initial = initial_state(functions.outputs, start, t0, p, u0)
+    compiled = functions.compiled if options.compiled else None
+    problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, compiled)
     atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,

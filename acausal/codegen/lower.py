@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import functools
+import warnings
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from acausal.errors import NoCompilerWarning
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.mechanics.newton_euler import newton_euler
 from acausal.reduction.outputs import Outputs
+
+if TYPE_CHECKING:
+    from acausal.runtime.compiled import CompiledProblem
 
 _FOLD = {"cse": True}
 
@@ -129,6 +135,16 @@ class Functions:
         )
 
     @functools.cached_property
+    def compiled(self) -> CompiledProblem | None:
+        """Dynamics, invariants and projection as C in the memory of this process; None without a C compiler (said once)."""
+        from acausal.runtime.compiled import compile_problem
+
+        found = compile_problem(self.explicit_dynamics, self.invariants, self.projection)
+        if found is None:
+            warn_no_compiler()
+        return found
+
+    @functools.cached_property
     def loop_matrix(self) -> ca.Function:
         """(t, x, u, p) -> A M^-1 A' of the kept rows; its rank falls where a loop is singular."""
         return self._function("loop_matrix", [self.outputs.system.delassus], ["D"])
@@ -149,6 +165,17 @@ class Functions:
     def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
         s = self.outputs.system
         return ca.Function(name, [s.t, s.x, s.u, s.p], [ca.densify(r) for r in results], ["t", "x", "u", "p"], names, _FOLD)
+
+
+@functools.cache
+def warn_no_compiler() -> None:
+    """Say, once in a process, that everything is slower than it could be."""
+    warnings.warn(
+        "No C compiler was found (cc, gcc, clang, or ziglang from PyPI): models run on CasADi's virtual machine, many times slower. "
+        "`pip install ziglang` is enough; `compiled=False` silences this.",
+        NoCompilerWarning,
+        stacklevel=5,
+    )
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}

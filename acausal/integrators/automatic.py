@@ -35,7 +35,7 @@ class Automatic(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`. The statistics name the methods that ran."""
-        order, tolerances = self.order or default_order(tolerances.rtol), tolerances.with_step(self.step)
+        order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
         if problem.compiled is not None:
             choice, leave = Choice((gauss_legendre(order // 2),), newton=1), stiffness_of(problem)
             first, stiff = problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)

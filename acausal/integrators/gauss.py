@@ -37,7 +37,7 @@ class Gauss(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`."""
-        order, tolerances = self.order or default_order(tolerances.rtol), tolerances.with_step(self.step)
+        order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
         if problem.compiled is not None:
             choice = Choice((gauss_legendre(order // 2),), newton=1)
             return problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
@@ -45,8 +45,11 @@ class Gauss(AbstractIntegrator):
         return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]
 
 
-def default_order(rtol: float) -> int:
-    """Order at which a tolerance is cheapest."""
+def default_order(rtol: float, problem: Problem) -> int:
+    """Order at which a tolerance is cheapest: stages that fit into the lanes cost no more than one."""
+    lanes = 1 if problem.compiled is None else problem.compiled.lanes
+    if lanes >= 4:
+        return 16 if rtol < 1e-5 else 12 if lanes >= 8 else 8
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
 
 

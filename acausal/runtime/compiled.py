@@ -59,6 +59,7 @@ class CompiledProblem:
         assert found is not None
         self._library, self.kernels = found
         self.library = runtime(command)
+        self.lanes: int = self.library.lanes()
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
         self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
         pairs = copied_states(rhs)

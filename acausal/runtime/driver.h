@@ -134,11 +134,11 @@ static int guess(Integrator *I, Stages *S, double h) {
             if (largest[k] * P[k] < largest[terms - 1] * P[terms - 1]) terms = k + 1;
     }
     for (long b = 0; b < S->blocks; b++) {
-        for (long l = 0; l < LANES; l++) {
-            long j = b * LANES + l < S->s ? b * LANES + l : S->s - 1;
-            legendre_values(1 + S->method->c[j] * ratio, s, P);
-            for (long k = 0; k < terms; k++) columns[k][l] = P[k];
-        }
+        V y = v_all(1.0) + v_all(2 * ratio) * S->c[b];
+        columns[0] = v_all(1.0);
+        columns[1] = y;
+        for (long k = 1; k + 1 < terms; k++)
+            columns[k + 1] = (v_all((double)(2 * k + 1)) * y * columns[k] - v_all((double)k) * columns[k - 1]) * v_all(1 / (double)(k + 1));
         for (long i = 0; i < I->nx; i++) {
             const double *a = T->last_a + i * s;
             V r = v_all(0.0);
@@ -262,7 +262,7 @@ static int first_step(Integrator *I) {
 static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
     double power = 1 / (double)(I->method_list[I->method].error_order + 1);
-    double growth = 0.9 * pow(error, -power);
+    double growth = 0.55 * pow(error, -power);
     if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
     return h * fmin(4.0, fmax(0.3, growth));
 }
@@ -324,7 +324,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
-        int solved = solve_stages(I, S, h, T->scale, 0.01, &contraction);
+        int solved = solve_stages(I, S, h, T->scale, 0.001, &contraction);
         if (solved < 0) return INPUT_FAILED;
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
@@ -339,7 +339,7 @@ static enum Code one_adaptive(Integrator *I) {
         double error = S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
         if (!(error <= 1)) {
             double power = -1 / (double)(S->method->error_order + 1);
-            double growth = error < INFINITY ? 0.9 * pow(error, power) : 0.1;
+            double growth = error < INFINITY ? 0.65 * pow(error, power) : 0.1;
             I->h = h * fmin(0.9, fmax(0.15, growth));
             I->rejected++;
             T->jacobian_fresh = T->jacobian_time == I->t;

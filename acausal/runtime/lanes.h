@@ -51,6 +51,19 @@ INLINE int i_any(I m) {
     return r != 0;
 }
 
+/* The sum of all lanes. */
+INLINE double v_sum(V x) {
+#if LANES == 8
+    return ((x[0] + x[1]) + (x[2] + x[3])) + ((x[4] + x[5]) + (x[6] + x[7]));
+#elif LANES == 4
+    return (x[0] + x[1]) + (x[2] + x[3]);
+#elif LANES == 2
+    return x[0] + x[1];
+#else
+    return x[0];
+#endif
+}
+
 INLINE V v_abs(V x) { return (V)((I)x & i_all(0x7fffffffffffffffLL)); }
 INLINE V v_copysign(V x, V sign) {
     I bit = i_all((long long)0x8000000000000000ULL);

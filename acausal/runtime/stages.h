@@ -27,7 +27,7 @@ static Judge new_judge(double tolerance, double floor, int limit) {
 }
 
 /* When an iteration has converged, and when it never will; see acausal/integrators/convergence.py. */
-static enum Verdict judge(Judge *j, double change) {
+INLINE enum Verdict judge(Judge *j, double change) {
     j->count++;
     double last = j->change;
     j->change = change;
@@ -48,18 +48,22 @@ static enum Verdict judge(Judge *j, double change) {
     if (left <= j->tolerance && ratio < 0.9) return DONE;
     double goal = j->tolerance > j->floor ? j->tolerance : j->floor;
     if (j->count >= j->limit) return HOPELESS;
-    if (j->count >= 4 && left * pow(j->contraction, j->limit - j->count) > goal) return HOPELESS;
+    if (j->count >= 4 && ratio > 0.3 && left * pow(j->contraction, j->limit - j->count) > goal) return HOPELESS;
     return GO_ON;
 }
 
 /* start + sum over stages k of columns[k] * K[k][i], for the stages of one block */
 INLINE V combined(const V *columns, V *const *K, long blocks, long i, V start) {
-    V r = start;
+    V r = start, other = v_all(0.0); /* two sums: half the latency */
     for (long b = 0; b < blocks; b++) {
         const double *k = (const double *)&K[b][i];
-        for (int l = 0; l < LANES; l++) r = v_fma(v_all(k[l]), columns[b * LANES + l], r);
+#pragma GCC unroll 8
+        for (int l = 0; l < LANES; l += 2) {
+            r = v_fma(v_all(k[l]), columns[b * LANES + l], r);
+            if (LANES > 1) other = v_fma(v_all(k[l + 1]), columns[b * LANES + l + 1], other);
+        }
     }
-    return r;
+    return r + other;
 }
 
 /* A matrix (s, s), row-major, as columns in lanes. */
@@ -178,7 +182,7 @@ static double replace_rates(Integrator *I, Stages *S, const double *factor) {
         S->K[b] = N;
         S->N[b] = K;
         part = part * S->counted[b];
-        for (long l = 0; l < LANES; l++) sum += part[l];
+        sum += v_sum(part);
     }
     return sqrt(sum / (double)S->s);
 }

@@ -147,11 +147,11 @@ static inline __attribute__((unused)) unsigned long long vm_wide(unsigned long l
     return ah * bh + (lh >> 32) + (hl >> 32) + (mid >> 32);
 }
 
-/* For 1 < |x|: x 2/pi = n + hi + lo modulo 4, |hi| <= 1/2 (Payne & Hanek, SIGNUM 18, 1983): the significand times the 192 bits
-   of 2/pi that matter, modulo 2^192. */
+/* For finite x > 2^29: x 2/pi = n + hi + lo modulo 4, |hi| <= 1/2 (Payne & Hanek, SIGNUM 18, 1983): the significand times the
+   192 bits of 2/pi that matter, modulo 2^192. */
 static __attribute__((noinline, unused)) void vm_payne_hanek(double x, double *hi, double *lo, long long *n) {
     union { double d; unsigned long long u; } bits = {x};
-    int exponent = (int)(bits.u >> 52 & 0x7ff) - 1023, at = exponent + 10, word = at >> 6, shift = at & 63;
+    int at = (int)(bits.u >> 52) - 1013, word = at >> 6, shift = at & 63;
     unsigned long long m = (bits.u & 0xfffffffffffffULL) | 0x10000000000000ULL, w[3], p[3], h1, h2, low;
     for (int i = 0; i < 3; i++) {
         unsigned long long next = shift ? vm_two_over_pi[word + i + 1] >> (64 - shift) : 0;
@@ -166,16 +166,15 @@ static __attribute__((noinline, unused)) void vm_payne_hanek(double x, double *h
     if (up) { f0 = ~f0; f1 = ~f1; } /* minus the fraction, up to 2^-128 */
     double a = (double)(long long)(f1 >> 32) * 0x1p-32, b = (double)(long long)(f1 & 0xffffffffULL) * 0x1p-64;
     double c = (double)(long long)(f0 >> 11) * 0x1p-117, s = a + b, e = (b - (s - a)) + c;
-    int negative = up != (int)(bits.u >> 63);
-    *hi = negative ? -s : s;
-    *lo = negative ? -e : e;
-    *n = (long long)(bits.u >> 63 ? 0 - (quarter + up) : quarter + up);
+    *hi = up ? -s : s;
+    *lo = up ? -e : e;
+    *n = (long long)quarter + up;
 }
 
-/* The lanes with |x| >= 2^30 or not finite, reduced. */
+/* The lanes with x >= 2^30 or not finite, reduced. */
 OUTLINE void vm_reduce_far(V x, V *r, V *lo, I *n) {
     V h = x - x, l = h, e; /* NaN where x is not finite */
-    I q = i_all(0), far = ~(I)(v_abs(x) < v_all(0x1p30)), finite = (I)(h == h);
+    I q = i_all(0), far = ~(I)(x < v_all(0x1p30)), finite = (I)(h == h);
     for (int i = 0; i < LANES; i++) {
         double a = 0.0, b = 0.0;
         long long k = 0;
@@ -188,14 +187,22 @@ OUTLINE void vm_reduce_far(V x, V *r, V *lo, I *n) {
     *n = (far & q) | (~far & *n);
 }
 
-/* x = n pi/2 + r + lo, |r| <= pi/4 (Cody & Waite, pi/2 in three doubles; the first difference is exact). */
+/* x = n pi/2 + r + lo for x >= 0, |r| <= pi/4 (Cody & Waite, pi/2 in three doubles; the first difference is exact). */
 INLINE V vm_reduce(V x, V *lo, I *n) {
     V e, t = v_fma(x, v_all(0x1.45f306dc9c883p-1), v_all(VM_TO_INT)), k = t - v_all(VM_TO_INT);
-    *n = (I)t;
-    V a = vm_exact_rest(x, k, v_all(0x1.921fb54442d18p+0)), p = vm_product(k, v_all(0x1.1a62633145c07p-54), &e), r = a - p;
-    *lo = v_fma(k, v_all(0x1.f1976b7ed8fbcp-110), ((a - r) - p) - e);
-    I far = ~(I)(v_abs(x) < v_all(0x1p30));
-    if (__builtin_expect(i_any(far), 0)) vm_reduce_far(x, &r, lo, n);
+    V a = vm_exact_rest(x, k, v_all(0.5 * VM_PI_HI)), p = vm_product(k, v_all(0.5 * VM_PI_LO), &e), r = a - p;
+    V l = v_fma(k, v_all(0x1.f1976b7ed8fbcp-110), ((a - r) - p) - e);
+    I q = (I)t, far = ~(I)(x < v_all(0x1p30));
+    if (__builtin_expect(i_any(far), 0)) {
+        V fr = r, fl = l;
+        I fq = q;
+        vm_reduce_far(x, &fr, &fl, &fq);
+        r = fr;
+        l = fl;
+        q = fq;
+    }
+    *lo = l;
+    *n = q;
     return r;
 }
 
@@ -211,40 +218,48 @@ INLINE void vm_sincos_parts(V r, V lo, V *s, V *ch, V *c) {
     *c = v_fma(zz, pc, ((v_all(1.0) - w) - hz) - r * lo);
 }
 
-/* Odd n changes sine and cosine; half of n changes the sign. */
+/* All ones where n is odd: sine and cosine change places. */
 INLINE I vm_odd(I n) { return i_all(0) - (n & i_all(1)); }
-INLINE V vm_turned(V x, I n) { return (V)((I)x ^ ((n & i_all(2)) << 62)); }
+/* The sign bit where n modulo 4 is 2 or 3. */
+INLINE I vm_half_turn(I n) { return (n & i_all(2)) << 62; }
+INLINE I vm_sign_bit(V x) { return (I)x & (I)v_all(-0.0); }
 
-OUTLINE void v_sincos(V x, V *s, V *c) {
+INLINE void vm_sincos(V x, V *s, V *c) {
     I n;
-    V lo, ds, dc, ch, r = vm_reduce(x, &lo, &n);
+    V lo, ds, dc, ch, r = vm_reduce(v_abs(x), &lo, &n);
     vm_sincos_parts(r, lo, &ds, &ch, &dc);
-    V sine = v_select((I)(x == v_all(0.0)), x, r + ds), cosine = ch + dc;
+    V sine = r + ds, cosine = ch + dc;
     I odd = vm_odd(n);
-    *s = vm_turned(v_select(odd, cosine, sine), n);
-    *c = vm_turned(v_select(odd, sine, cosine), n + i_all(1));
+    *s = (V)((I)v_select(odd, cosine, sine) ^ vm_half_turn(n) ^ vm_sign_bit(x));
+    *c = (V)((I)v_select(odd, sine, cosine) ^ vm_half_turn(n + i_all(1)));
+}
+OUTLINE void v_sincos(V x, V *s, V *c) {
+    V sine, cosine;
+    vm_sincos(x, &sine, &cosine);
+    *s = sine;
+    *c = cosine;
 }
 OUTLINE V v_sin(V x) {
     V s, c;
-    v_sincos(x, &s, &c);
+    vm_sincos(x, &s, &c);
     return s;
 }
 OUTLINE V v_cos(V x) {
     V s, c;
-    v_sincos(x, &s, &c);
+    vm_sincos(x, &s, &c);
     return c;
 }
 
 /* Sine over cosine, both as dd. */
 OUTLINE V v_tan(V x) {
     I n;
-    V lo, ds, dc, c, e, r = vm_reduce(x, &lo, &n);
+    V lo, ds, dc, c, e, r = vm_reduce(v_abs(x), &lo, &n);
     vm_sincos_parts(r, lo, &ds, &c, &dc);
     V s = vm_sum_ordered(r, ds, &ds);
     c = vm_sum_ordered(c, dc, &dc);
     I odd = vm_odd(n);
     V q = vm_quotient(v_select(odd, -c, s), v_select(odd, -dc, ds), v_select(odd, s, c), v_select(odd, ds, dc), &e);
-    return v_select((I)(x == v_all(0.0)), x, q + e);
+    return (V)((I)(q + e) ^ vm_sign_bit(x));
 }
 
 /* ---- exponential and hyperbolic functions ---- */
@@ -310,16 +325,16 @@ INLINE void vm_sinh_cosh(V x, V *sh, V *sl, V *ch, V *cl, I *left) {
         0x1.27e4cc0a481cp-22, 0x1.1f8bea9348ba6p-29);
     V ds = v_fma(r * z, ps, lo), dc = v_fma(z * z, pc, v_fma(r, lo, v_all(0.5) * z));
     n = n - (I)v_all(VM_TO_INT);
-    I over = (I)(n > i_all(1000)) & (n - i_all(1000));
+    I over = (I)(n > i_all(800)) & (n - i_all(800));
     *left = over;
     n = n - over;
     V p = vm_scale(v_all(0.5), n), q = vm_scale(v_all(0.5), i_all(0) - n);
     V c = p + q, s = p - q, ce = q - (c - p), se = (p - s) - q;
     V pr = vm_product(c, r, &e), h = vm_sum(s, pr, &el);
-    *sh = vm_sum_ordered(h, el + (e + v_fma(s, dc, v_fma(c, ds, se))), sl);
+    *sh = vm_sum_ordered(h, el + (e + v_fma(s, dc, v_fma(c, ds, v_fma(ce, r, se)))), sl);
     pr = vm_product(s, r, &e);
     h = vm_sum_ordered(c, pr, &el);
-    *ch = vm_sum_ordered(h, el + (e + v_fma(c, dc, v_fma(s, ds, ce))), cl);
+    *ch = vm_sum_ordered(h, el + (e + v_fma(c, dc, v_fma(s, ds, v_fma(se, r, ce)))), cl);
 }
 
 /* |x|, but at most a bound from where on the functions below do not need x itself. */
@@ -652,7 +667,7 @@ OUTLINE V vm_modulo(V x, V y) {
     n = v_select((I)(q < big), n - v_truth((I)(n > q)), q);
     V r = vm_exact_rest(x, n, y);
     r = r + (V)((I)(r < v_all(0.0)) & (I)y);
-    I usual = (I)(q < v_all(0x1p53)) & (I)(y > v_all(0x1p-800)) & (I)(x < v_all(0x1p900));
+    I usual = (I)(q < v_all(0x1p53)) & (I)(y > v_all(0x1p-800)) & (I)(y < v_all(0x1p900)) & (I)(x < v_all(0x1p900));
     I ok = (I)(x < v_all(VM_INF)) & (I)(y > v_all(0.0)) & (I)(y == y);
     if (__builtin_expect(i_any(~(usual & ok)), 0)) {
         for (int i = 0; i < LANES; i++)
@@ -677,26 +692,27 @@ OUTLINE V v_remainder(V x, V y) {
     V once = r - b;
     I again = (small & (I)(once + once >= b)) | (~small & (I)(once >= half * b));
     r = v_select(more, v_select(again, once - b, once), r);
-    return vm_nan_sum(x, y, (V)((I)r ^ ((I)x & (I)v_all(-0.0))));
+    return vm_nan_sum(x, y, (V)((I)r ^ vm_sign_bit(x)));
 }
 
 /* ---- error function ---- */
 
-/* erf(x)/x - 1 of z = x^2, |x| <= 1. */
-INLINE V vm_erf_poly(V z) {
-    V zz = z * z;
-    return v_fma(z, VM_P6(zz, -0x1.812746b03799cp-2, -0x1.b82ce311a3264p-6, -0x1.c02dae8ba103bp-11, -0x1.f4c7e5c97c264p-17,
-        -0x1.5b79a19b3dc2bp-23, -0x1.a0a9dcf2b190ap-31), VM_P6(zz, 0x1.06eba8214db68p-3, 0x1.ce2f21a03f79p-4,
-        0x1.565bcceddccb4p-8, 0x1.f9a292402ce7bp-14, 0x1.b96860ce72bd8p-20, 0x1.d35873388bf39p-27));
+/* erf(x)/x - 1, |x| <= 1: a series in z = x^2, its first two terms in dd. */
+INLINE V vm_erf_poly(V x) {
+    V zl, pl, ul, z = vm_product(x, x, &zl), zz = z * z, c = v_all(-0x1.812746b0379e6p-2), p = vm_product(z, c, &pl);
+    V u = vm_sum(v_all(0x1.06eba8214db69p-3), p, &ul), rest = v_fma(z, VM_P5(zz, -0x1.b82ce312842f6p-6, -0x1.c02db3d3c754fp-11,
+        -0x1.f4d1d0e71b34fp-17, -0x1.5f16348e2f4aep-23, -0x1.376a9611fa64dp-30), VM_P6(zz, 0x1.ce2f21a042b19p-4,
+        0x1.565bcd0d98d86p-8, 0x1.f9a320f4bbe43p-14, 0x1.b9de2ae47281p-20, 0x1.f754aed01b31ap-27, 0x1.02ab156acb385p-34));
+    return u + v_fma(zz, rest, v_fma(c, zl, (pl + ul) + v_all(-0x1.ca38add6025p-57)));
 }
 
 /* e^(x^2) erfc(x), 1 <= x <= 6, in u = (x - 3)/(x + 3). */
 INLINE V vm_erfcx(V x) {
     V u = (x - v_all(3.0)) / (x + v_all(3.0)), z = u * u;
-    return v_fma(u, VM_P7(z, -0x1.4e102b9cf84cfp-2, -0x1.336ffbef0cfdbp-3, -0x1.8fa58eb1273dep-6, 0x1.731018b593376p-11,
-        0x1.7b9decfefe502p-15, -0x1.ae56e275c0577p-17, 0x1.0211846120b88p-19), VM_P8(z, 0x1.6e9827d229d2dp-3,
-        0x1.f6ff204105b87p-3, 0x1.258b13afe9909p-4, 0x1.17c8397485a8p-8, -0x1.39089c81b73d9p-11, 0x1.0cc1764c86c7cp-14,
-        -0x1.0db92d456fd3bp-17, 0x1.45d66d4b6da8fp-20));
+    return v_fma(u, VM_P7(z, -0x1.4e102b9cf84c7p-2, -0x1.336ffbef0d8cap-3, -0x1.8fa58eb07d538p-6, 0x1.73101799c7b15p-11,
+        0x1.7b9e0a0b63c6ep-15, -0x1.ae4752ad69adep-17, 0x1.00ceb4f7e6863p-19), VM_P8(z, 0x1.6e9827d229d2ep-3,
+        0x1.f6ff204105b6fp-3, 0x1.258b13afe71b7p-4, 0x1.17c8397e825ffp-8, -0x1.3908a2ef1ac3ap-11, 0x1.0cc31b2344e85p-14,
+        -0x1.0dd8a67b3e1d3p-17, 0x1.445084b072a4fp-20));
 }
 
 /* e^(-x^2), the square as a dd. */
@@ -707,8 +723,8 @@ INLINE V vm_gauss(V x) {
 
 OUTLINE V v_erf(V x) {
     V a = v_abs(x), one = v_all(1.0), c = v_select((I)(a < v_all(6.0)), a, v_all(6.0));
-    I small = (I)(a < one);
-    V r = v_select(small, v_fma(a, vm_erf_poly(c * c), a), v_fma(-vm_gauss(c), vm_erfcx(c), one));
+    I small = (I)(a < v_all(1.0));
+    V r = v_select(small, v_fma(a, vm_erf_poly(c), a), v_fma(-vm_gauss(c), vm_erfcx(c), one));
     return v_select(vm_is_nan(x), x, v_copysign(r, x));
 }
 
@@ -722,8 +738,8 @@ OUTLINE V v_erfinv(V y) {
     x = v_select((I)(w < v_all(4.0)), x, s + VM_P9(s, 0x1.2240be37937dp-5, -0x1.3271623457a42p-3, -0x1.7cd26e821fd5ep-6,
         0x1.ec29cb7417888p-5, -0x1.c53f42aaef603p-6, 0x1.abd4a8a28aa29p-8, -0x1.cb681c665fc7cp-11, 0x1.0b5c110878fbp-14,
         -0x1.06edfd46f12f6p-19));
-    V g = vm_gauss(x), near = v_fma(x, vm_erf_poly(x * x), x - c), far = v_fma(-g, vm_erfcx(x), below);
-    V t = v_all(0x1.c5bf891b4ef6bp-1) * v_select((I)(x < one), near, far) / g;
+    V g = vm_gauss(x), near = v_fma(x, vm_erf_poly(x), x - c), far = v_fma(-g, vm_erfcx(x), below);
+    V t = v_all(0x1.c5bf891b4ef6bp-1) * v_select((I)(x < v_all(1.0)), near, far) / g;
     x = x - t / v_fma(x, t, one);
     x = v_select((I)(a == one), v_all(VM_INF), v_select((I)(a > one), v_all(VM_NAN), x));
     return v_select(vm_is_nan(y), y, v_copysign(x, y));

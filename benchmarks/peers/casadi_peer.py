@@ -29,7 +29,7 @@ class Casadi(AbstractPeer):
         x = ca.SX.sym("x", f.size1_in(1))
         options: dict[str, object] = {"reltol": setting, "abstol": setting}
         if method != "rosenbrock":
-            options |= {"max_num_steps": 1_000_000, "show_eval_warnings": False}
+            options |= {"max_num_steps": 50_000, "show_eval_warnings": False}
         dae = {"x": x, "ode": f(0, x, [], built.model.system.p_values)}
         integrator = ca.integrator("peer", method, dae, 0.0, built.scene.end, options)
         x0 = ca.DM(built.model.initial_state(built.start).x)

@@ -66,4 +66,5 @@ def _solver(name: str, method: str, end: float) -> tuple[Any, Any]:
         )
         return solution.ys[0], solution.result == diffrax.RESULTS.successful
 
-    return solve, jnp.asarray(by_hand.start().astype(float))
+    start = jnp.asarray(by_hand.start().astype(float))
+    return solve.lower(start, 1e-3).compile(), start

@@ -19,8 +19,8 @@ ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
 
 @dataclass(frozen=True)
 class Budget:
-    """How long to measure: `repeats` of a run; one after the warm-up if that took longer than `slow` [s], which also ends a sweep;
-    no further setting after `sweep` [s]."""
+    """How long to measure: `repeats` of a run, one of a run that takes longer than `slow` [s], which also ends a sweep; no further
+    setting after `sweep` [s] of runs (building and compiling are not counted)."""
 
     repeats: int = 5
     slow: float = 1.0
@@ -43,24 +43,24 @@ class Point:
 def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list[Point]:
     """Points of one method, loosest first, until the error is at rounding, a run is slow or the time is used up."""
     points: list[Point] = []
-    began = time.perf_counter()
+    spent = 0.0
     for setting in peer.settings(built.scene.name, method):
         prepared = peer.prepare(built, method, setting)
         milliseconds, error, repeats = measured(built, prepared, budget)
         points.append(Point(built.scene.name, peer.name, method, setting, milliseconds, error, repeats))
-        if error < 1e-14 or repeats < budget.repeats or time.perf_counter() - began > budget.sweep:
+        spent += 1e-3 * milliseconds * (repeats + 1)
+        if error < 1e-14 or milliseconds > 1e3 * budget.slow or spent > budget.sweep:
             break
     return points
 
 
 def measured(built: Built, prepared: Prepared, budget: Budget) -> tuple[float, float, int]:
-    """Milliseconds (median), error and repeats, after one run to warm up."""
-    prepared.run()
+    """Milliseconds (median), error and repeats; after one run to warm up, unless that was slow or failed."""
     first, result = _timed(prepared)
-    repeats = budget.repeats if first < budget.slow else 1
-    seconds = [first, *(_timed(prepared)[0] for _ in range(repeats - 1))]
+    again = result is not None and first < budget.slow
+    seconds = [_timed(prepared)[0] for _ in range(budget.repeats)] if again else [first]
     error = math.inf if result is None else built.scene.error(prepared.values(result))
-    return 1e3 * statistics.median(seconds), error if np.isfinite(error) else math.inf, repeats
+    return 1e3 * statistics.median(seconds), error if np.isfinite(error) else math.inf, len(seconds)
 
 
 def _timed(prepared: Prepared) -> tuple[float, object]:

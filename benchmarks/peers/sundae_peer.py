@@ -27,8 +27,8 @@ class Sundae(AbstractPeer):
     def prepare(self, built: Built, method: str, setting: float) -> Prepared:
         rate, slope = dynamics(built)
         x0 = built.model.initial_state(built.start).x
-        span = np.array([0.0, built.scene.end])
-        options = {"rtol": setting, "atol": setting, "max_num_steps": 1_000_000}
+        span = np.array([0.0, built.scene.end / 2, built.scene.end])  # of two times, it would keep every step
+        options = {"rtol": setting, "atol": setting, "max_num_steps": 50_000}
         solver = _ida(rate, slope, options) if method == "IDA" else _cvode(rate, slope, method.split()[1], options)
         start = (x0, rate(0.0, x0).copy()) if method == "IDA" else (x0,)
 

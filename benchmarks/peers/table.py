@@ -12,6 +12,7 @@ from pathlib import Path
 from benchmarks.peers import PEERS
 from benchmarks.peers.base import AbstractPeer
 from benchmarks.peers.measure import ERRORS, Budget, Point, sweep, time_at_error
+from benchmarks.peers.quiet import quiet
 from benchmarks.scenes import SCENES, Scene
 
 
@@ -51,7 +52,8 @@ def measure(scene: Scene, peers: Sequence[AbstractPeer]) -> list[Point]:
             print(f"  {peer.name:<30}{peer.refusal(scene.name)}")
         else:
             for method in peer.methods(scene.name):
-                found = sweep(peer, built, method, Budget())
+                with quiet():
+                    found = sweep(peer, built, method, Budget())
                 print(line(found), flush=True)
                 points += found
     return points
