@@ -25,7 +25,18 @@ class Kernel:
         buffer.set_res(0, result.data)
         self.result = result
         self.run = run
-        self._alive = (function, buffer, tuple(arguments))  # their addresses are in use
+        self.arguments = tuple(arguments)
+        self._alive = (function, buffer)  # their addresses are in use
+
+    @staticmethod
+    def of(function: ca.Function) -> Kernel:
+        """A kernel of a function of one column, with arrays of its own; see `at`."""
+        return Kernel(function, (np.empty(function.size1_in(0)),), np.empty(function.numel_out(0)))
+
+    def at(self, argument: np.ndarray) -> np.ndarray:
+        """The result for a value of the first argument; the array is used again by the next call."""
+        self.arguments[0][:] = argument
+        return self()
 
     def __call__(self) -> np.ndarray:
         self.run()

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
+from acausal.integrators.rates import Kernel
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
 from acausal.mechanics.free import FreeJoint
 from acausal.reduction.assembly import Residual, assemble
-from acausal.reduction.outputs import Outputs
 
+if TYPE_CHECKING:
+    from acausal.reduction.outputs import Outputs
+
+_KEPT = 64
 Value = float | Sequence[float] | np.ndarray
 
 
@@ -59,11 +65,25 @@ class InitialState:
 
 @dataclass(frozen=True)
 class _Target:
+    """A variable or expression with a start value, column by column; `place`: of its value among all start values."""
+
     name: str
     expression: ca.SX
-    wanted: np.ndarray
     exact: bool
     periodic: bool
+    place: slice
+
+
+@dataclass(frozen=True)
+class StartProblem:
+    """The search for consistent states from start values of certain variables, whatever the values; made once, used often."""
+
+    targets: tuple[_Target, ...]
+    positions: _Search
+    velocities: _Search
+    got: Kernel | None
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    """Kernels serve one thread at a time."""
 
 
 def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> InitialState:
@@ -71,25 +91,57 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
 
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """
+    for key in start:
+        if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
+            raise StartValueError(
+                f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
+            )
+    known = outputs.start_problems
+    what = tuple((key, not isinstance(value, near)) for key, value in start.items())
+    problem = known.get(what)
+    if problem is None:
+        if len(known) >= _KEPT:
+            known.clear()
+        problem = known[what] = _start_problem(outputs, what)
+    wanted = [_numbers(target, value) for target, value in zip(problem.targets, start.values(), strict=True)]
+    flat = np.concatenate([*wanted, [t0], u, p])
+    with problem.lock:
+        q0 = problem.positions.solve(flat)
+        v0 = problem.velocities.solve(np.concatenate([flat, q0]))
+        x = np.concatenate([q0, v0])
+        if problem.got is None:
+            return InitialState(x, ())
+        got = problem.got.at(np.concatenate([x, flat])).copy()
+    return InitialState(x, tuple(Met(t.name, w, got[t.place], t.exact) for t, w in zip(problem.targets, wanted, strict=True)))
+
+
+def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:
     r = outputs.system
-    nq = r.nq
-    q, v = r.x[:nq], r.x[nq:]
-    targets = [_target(outputs, key, value) for key, value in start.items()]
-    at_velocity = [ca.depends_on(t.expression, v) if v.numel() else False for t in targets]
-    for target, moving in zip(targets, at_velocity, strict=True):
-        if not moving and not (nq and ca.depends_on(target.expression, q)):
+    q, v = r.x[: r.nq], r.x[r.nq :]
+    targets: list[_Target] = []
+    size = 0
+    for key, exact in what:
+        for leaf in key.leaves:
+            _check_settable(leaf)
+        expression = ca.vec(outputs.resolve(key))
+        name = outputs.name(key) if isinstance(key, Symbol) else repr(key)
+        targets.append(_Target(name, expression, exact, outputs.is_angle(key), slice(size, size + expression.numel())))
+        size += expression.numel()
+    moving = [bool(v.numel()) and ca.depends_on(t.expression, v) for t in targets]
+    for target, at_velocity in zip(targets, moving, strict=True):
+        if not at_velocity and not (q.numel() and ca.depends_on(target.expression, q)):
             raise StartValueError(f"{target.name} does not depend on the state: it is not free, so it cannot have a start value.")
-    positions = [t for t, moving in zip(targets, at_velocity, strict=True) if not moving]
-    velocities = [t for t, moving in zip(targets, at_velocity, strict=True) if moving]
-    fixed = ca.vertcat(r.t, r.u, r.p)
-    values = np.concatenate([[t0], u, p])
+    wanted = ca.SX.sym("wanted", size)
+    data = ca.vertcat(wanted, r.t, r.u, r.p)
     free_q, free_v = _free_orientations(outputs)
-    q0 = _solve(q, fixed, values, r.closing, positions, r.q_start, "position", free_q)
-    v0 = _solve(
-        v, ca.vertcat(fixed, q), np.concatenate([values, q0]), r.velocity_closing, velocities, r.rate_start, "velocity", free_v
-    )
-    x = np.concatenate([q0, v0])
-    return InitialState(x, tuple(_met(t, r.t, r.x, r.u, r.p, t0, x, u, p) for t in targets))
+    at_q, at_v = ([t for t, m in zip(targets, moving, strict=True) if m is kind] for kind in (False, True))
+    positions = _search(q, data, wanted, r.closing, at_q, r.q_start, "position", free_q)
+    velocities = _search(v, ca.vertcat(data, q), wanted, r.velocity_closing, at_v, r.rate_start, "velocity", free_v)
+    got = None
+    if targets:
+        results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
+        got = Kernel.of(ca.Function("got", [ca.vertcat(r.x, data)], [results], {"cse": True}))
+    return StartProblem(tuple(targets), positions, velocities, got)
 
 
 def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
@@ -103,27 +155,20 @@ def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
     return q, v
 
 
-def _target(outputs: Outputs, key: Expression, value: Value | exactly | near) -> _Target:
-    if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
-        raise StartValueError(
-            f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
-        )
-    for leaf in key.leaves:
-        _check_settable(leaf)
-    exact = not isinstance(value, near)
+def _numbers(target: _Target, value: Value | exactly | near) -> np.ndarray:
     number = value.value if isinstance(value, exactly | near) else value
+    size = target.place.stop - target.place.start
     try:
         wanted = np.asarray(number, dtype=float).ravel(order="F")
     except (TypeError, ValueError):
-        raise StartValueError(f"start value of {_name(outputs, key)} is {number!r}, not a number.") from None
-    expression = ca.vec(outputs.resolve(key))
-    if wanted.size == 1 and expression.numel() > 1:
-        raise StartValueError(f"start value of {_name(outputs, key)} needs {expression.numel()} numbers, not one.")
-    if wanted.size != expression.numel():
-        raise StartValueError(f"start value of {_name(outputs, key)} needs {expression.numel()} numbers, not {wanted.size}.")
-    if not np.all(np.isfinite(wanted)):
-        raise StartValueError(f"start value of {_name(outputs, key)} is {wanted}. Give finite numbers.")
-    return _Target(_name(outputs, key), expression, wanted, exact, outputs.is_angle(key))
+        raise StartValueError(f"start value of {target.name} is {number!r}, not a number.") from None
+    if wanted.size != size:
+        raise StartValueError(
+            f"start value of {target.name} needs {size} numbers, not {'one' if wanted.size == 1 else wanted.size}."
+        )
+    if not np.isfinite(wanted).all():
+        raise StartValueError(f"start value of {target.name} is {wanted}. Give finite numbers.")
+    return wanted
 
 
 def _check_settable(leaf: Symbol) -> None:
@@ -139,78 +184,103 @@ def _check_settable(leaf: Symbol) -> None:
         raise StartValueError(f"{leaf.name} follows from the equations of motion and is not free: it cannot have a start value.")
 
 
-def _name(outputs: Outputs, key: Expression) -> str:
-    return outputs.name(key) if isinstance(key, Symbol) else repr(key)
+@dataclass(frozen=True)
+class _Search:
+    """Looks for y with `constraints(y, data)` = 0 that keeps to wishes and to the start `guess`.
+
+    `plain`: pairs of a place in y and a place among the start values that is its value. `settled`: the values say it all.
+    """
+
+    constraints: Kernel | None
+    wishes: Kernel | None
+    closing: int
+    exact: tuple[_Target, ...]
+    guess: np.ndarray
+    plain: tuple[tuple[int, int], ...]
+    settled: bool
+    what: str
+
+    def solve(self, data: np.ndarray) -> np.ndarray:
+        """y (n,) for start values, time, inputs and parameters `data`."""
+        first = self.guess.copy()
+        for i, k in self.plain:
+            first[i] = data[k]
+        if self.settled or self.constraints is None:
+            return first
+        data = np.concatenate([data, first])
+        hard = _residual(self.constraints, first.size, data)
+        soft = None if self.wishes is None else _residual(self.wishes, first.size, data)
+        found = assemble(hard, first, soft)
+        rng = np.random.default_rng(0)
+        for attempt in range(8):
+            if found.converged:
+                return found.y
+            trial = assemble(hard, first + rng.normal(scale=0.1 * 1.5**attempt, size=first.size), soft)
+            found = trial if trial.converged or trial.gap < found.gap else found
+        raise StartValueError(self._complaint(hard(found.y)[0], data))
+
+    def _complaint(self, residual: np.ndarray, data: np.ndarray) -> str:
+        n = self.closing
+        gaps: list[str] = []
+        for target in self.exact:
+            size = target.place.stop - target.place.start
+            gap = float(np.max(np.abs(residual[n : n + size])))
+            gaps.append(f"{target.name} = {data[target.place]} (off by {gap:.3g})")
+            n += size
+        return (
+            f"The {self.what} start values contradict each other or the constraints: {'; '.join(gaps) or 'none was given'}; the constraints are "
+            f"open by {float(np.max(np.abs(residual[: self.closing]), initial=0.0)):.3g}. Give fewer exact values, or soften some with ac.near(...)."
+        )
 
 
-def _solve(
+def _search(
     y: ca.SX,
-    fixed: ca.SX,
-    values: np.ndarray,
+    data: ca.SX,
+    wanted: ca.SX,
     closing: ca.SX,
     targets: list[_Target],
     guess: np.ndarray,
     what: str,
     kept: list[int],
-) -> np.ndarray:
+) -> _Search:
     """`kept`: entries of y that rather stay as they are than make up for others."""
     exact = [t for t in targets if t.exact]
     wished = [t for t in targets if not t.exact]
-    if y.numel() == 0:
-        return guess
-    first = _with_plain_values(y, exact + wished, guess)
-    hard = _residual(y, fixed, values, ca.vertcat(closing, *(_difference(t) for t in exact)))
-    stay = y[kept] - ca.DM(first[kept]) if kept and targets else ca.SX(0, 1)
-    soft = _residual(y, fixed, values, ca.vertcat(stay, *(_difference(t) for t in wished))) if wished or stay.numel() else None
-    found = assemble(hard, first, soft)
-    rng = np.random.default_rng(0)
-    for attempt in range(8):
-        if found.converged:
-            return found.y
-        trial = assemble(hard, first + rng.normal(scale=0.1 * 1.5**attempt, size=first.size), soft)
-        found = trial if trial.converged or trial.gap < found.gap else found
-    residual = hard(found.y)[0]
-    n = closing.numel()
-    gaps: list[str] = []
-    for target in exact:
-        gap = float(np.max(np.abs(residual[n : n + target.wanted.size])))
-        gaps.append(f"{target.name} = {target.wanted} (off by {gap:.3g})")
-        n += target.wanted.size
-    raise StartValueError(
-        f"The {what} start values contradict each other or the constraints: {'; '.join(gaps) or 'none was given'}; the constraints are open "
-        f"by {float(np.max(np.abs(residual[: closing.numel()]), initial=0.0)):.3g}. Give fewer exact values, or soften some with ac.near(...)."
-    )
-
-
-def _difference(target: _Target) -> ca.SX:
-    difference = target.expression - ca.DM(target.wanted)
-    return ca.atan2(ca.sin(difference), ca.cos(difference)) if target.periodic else difference
-
-
-def _residual(y: ca.SX, fixed: ca.SX, values: np.ndarray, residual: ca.SX) -> Residual:
-    function = ca.Function("residual", [y, fixed], [ca.densify(residual), ca.densify(ca.jacobian(residual, y))])
-
-    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c, J = function.call([ca.DM(point), ca.DM(values)])
-        return np.array(c).ravel(), np.array(J)
-
-    return evaluate
-
-
-def _with_plain_values(y: ca.SX, targets: list[_Target], guess: np.ndarray) -> np.ndarray:
-    """Targets that are coordinates themselves go straight into the guess, so that large angles need no search."""
     place = {y[i].element_hash(): i for i in range(y.numel())}
-    first = guess.copy()
-    for target in targets:
+    plain: list[tuple[int, int]] = []
+    for target in exact + wished:
         for k in range(target.expression.numel()):
             entry = target.expression[k]
             if entry.is_symbolic() and entry.element_hash() in place:
-                first[place[entry.element_hash()]] = target.wanted[k]
-    return first
+                plain.append((place[entry.element_hash()], target.place.start + k))
+    entries = sum(t.expression.numel() for t in exact)
+    settled = not closing.numel() and not wished and len({i for i, _ in plain}) == len(plain) == entries
+    if y.numel() == 0 or settled:
+        return _Search(None, None, 0, (), guess, tuple(plain), True, what)
+    first = ca.SX.sym("first", y.numel())
+    data = ca.vertcat(data, first)
+    hard = ca.vertcat(closing, *(_difference(t, wanted) for t in exact))
+    stay = y[kept] - first[kept] if kept and targets else ca.SX(0, 1)
+    soft = ca.vertcat(stay, *(_difference(t, wanted) for t in wished))
+    wishes = _with_jacobian(y, data, soft) if soft.numel() else None
+    return _Search(_with_jacobian(y, data, hard), wishes, closing.numel(), tuple(exact), guess, tuple(plain), False, what)
 
 
-def _met(
-    target: _Target, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX, t0: float, x0: np.ndarray, u0: np.ndarray, p0: np.ndarray
-) -> Met:
-    got = ca.Function("got", [t, x, u, p], [ca.densify(target.expression)])(t0, x0, u0, p0)
-    return Met(target.name, target.wanted, np.array(got).ravel(), target.exact)
+def _difference(target: _Target, wanted: ca.SX) -> ca.SX:
+    difference = target.expression - wanted[target.place]
+    return ca.atan2(ca.sin(difference), ca.cos(difference)) if target.periodic else difference
+
+
+def _with_jacobian(y: ca.SX, data: ca.SX, residual: ca.SX) -> Kernel:
+    """(y, data) -> residual, and its Jacobian column by column, in one column."""
+    both = ca.vertcat(ca.densify(residual), ca.vec(ca.densify(ca.jacobian(residual, y))))
+    return Kernel.of(ca.Function("residual", [ca.vertcat(y, data)], [both], {"cse": True}))
+
+
+def _residual(kernel: Kernel, n: int, data: np.ndarray) -> Residual:
+    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        both = kernel.at(np.concatenate([point, data])).copy()
+        m = both.size // (n + 1)
+        return both[:m], both[m:].reshape(n, m).T
+
+    return evaluate

@@ -12,6 +12,7 @@ from acausal.language.connector import Point, Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import symbolic
+from acausal.reduction.initial import StartProblem
 from acausal.reduction.loops import mounted_places, relative_twist
 from acausal.reduction.reactions import Reactions
 from acausal.reduction.reduce import ReducedSystem
@@ -22,6 +23,11 @@ class Outputs:
     """Translates a user's expressions for one reduced system."""
 
     system: ReducedSystem
+
+    @functools.cached_property
+    def start_problems(self) -> dict[tuple[tuple[Expression, bool], ...], StartProblem]:
+        """Searches for start values that have been made, by variables and whether they are met exactly."""
+        return {}
 
     @functools.cached_property
     def reactions(self) -> Reactions:
