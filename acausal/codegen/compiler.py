@@ -22,7 +22,7 @@ from acausal.errors import ExportError
 
 RUNTIME = Path(__file__).resolve().parent.parent / "runtime"
 """Folder of the C sources that come with the package."""
-_FLAGS = ("-fPIC", "-fno-math-errno", "-ffp-contract=off", "-Wno-psabi", "-fvisibility=hidden")
+_FLAGS = ("-O1", "-fPIC", "-fno-math-errno", "-ffp-contract=off", "-Wno-psabi", "-fvisibility=hidden")
 _NATIVE = "-march=native"
 
 
@@ -53,12 +53,12 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "acausal"
 
 
-def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[str, ...], level: str = "-O1") -> Path | None:
+def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[str, ...]) -> Path | None:
     """A shared library of C sources, compiled where the cache has none for `key`; None when it has none and `sources` is None.
 
     `key`: a hash of what the sources are made from. Raises `ExportError` when the compiler fails.
     """
-    name = hashlib.sha256("\0".join((key, level, *command, _machine(command))).encode()).hexdigest()[:32]
+    name = hashlib.sha256("\0".join((key, *command, _machine(command))).encode()).hexdigest()[:32]
     target = cache_folder() / (name + shared_library_suffix())
     if target.exists():
         return target
@@ -67,9 +67,9 @@ def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[st
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         try:
-            made = _build(sources, Path(folder), command, [level, _NATIVE])
+            made = _build(sources, Path(folder), command, [_NATIVE])
         except ExportError:  # a compiler that does not know the processor; another error comes again
-            made = _build(sources, Path(folder), command, [level])
+            made = _build(sources, Path(folder), command, [])
         os.replace(made, target)
     return target
 

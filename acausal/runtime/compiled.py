@@ -6,6 +6,7 @@ import ctypes
 import functools
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,10 +56,12 @@ class CompiledProblem:
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
             wanted.append(Wanted("projection", _projection(invariants, project), (2,)))
-        found = compiled_kernels(wanted, command)
+        with ThreadPoolExecutor(1) as pool:
+            library = pool.submit(runtime, command)
+            found = compiled_kernels(wanted, command)
+            self.library = library.result()
         assert found is not None
         self._library, self.kernels = found
-        self.library = runtime(command)
         self.lanes: int = self.library.lanes()
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
         self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)

@@ -78,5 +78,5 @@ def runtime(command: tuple[str, ...]) -> ctypes.CDLL:
     files = sorted(RUNTIME.glob("*.[ch]"))
     key = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
     text = (RUNTIME / "runtime.c").read_text(encoding="utf-8")
-    path = cached_library(key, [text], command=command, level="-O2")
+    path = cached_library(key, [text], command=command)
     return ctypes.CDLL(str(path))
