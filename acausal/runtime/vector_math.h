@@ -10,7 +10,7 @@
    brackets without one, where it is worse by 0.05 or more):
    sin, cos 0.80  tan 1.02  asin 0.63  acos 0.61  atan 0.73  atan2 0.86  sinh 0.67 (0.73)  cosh 0.65  tanh 0.66 (0.71)
    asinh 0.78  acosh 0.63  atanh 0.62  exp 0.77  expm1 1.27  log 0.65  log1p 0.65  pow 0.75  hypot 0.74  erf 0.95 (1.09)
-   erfinv 1.41 (1.76); floor, ceil, fmod, remainder, fmin, fmax, sign are exact. */
+   erfinv 1.48 (1.76); floor, ceil, fmod, remainder, fmin, fmax, sign are exact. */
 #ifndef ACAUSAL_VECTOR_MATH_H
 #define ACAUSAL_VECTOR_MATH_H
 
@@ -18,8 +18,8 @@ typedef unsigned long long VmU __attribute__((vector_size(8 * LANES)));
 
 #define VM_INF __builtin_inf()
 #define VM_NAN __builtin_nan("")
-#define VM_TINY 0x1p-1022     /* the least normal number */
-#define VM_TO_INT 0x1.8p52    /* x + this: the nearest integer stands in the low bits */
+#define VM_TINY 0x1p-1022 /* the least normal number */
+#define VM_TO_INT 0x1.8p52 /* x + this: the nearest integer stands in the low bits */
 #define VM_LN2_HI 0x1.62e42fefa3800p-1 /* 42 bits: times an exponent, exact */
 #define VM_LN2_LO 0x1.ef35793c76730p-45
 #define VM_PI_HI 0x1.921fb54442d18p+1 /* 50 bits: times 1/4, 1/2, 3/4, exact */
@@ -94,13 +94,6 @@ INLINE V vm_root(V a, V al, V *e) {
     V s = v_sqrt(a), pl, p = vm_product(s, s, &pl);
     *e = (((a - p) - pl) + al) / (s + s);
     return s;
-}
-
-/* The integer nearest x, |x| < 2^51, also as the low bits of *n. */
-INLINE V vm_nearest(V x, I *n) {
-    V t = x + v_all(VM_TO_INT);
-    *n = (I)t;
-    return t - v_all(VM_TO_INT);
 }
 
 /* x 2^n while the result is normal. */
@@ -393,7 +386,7 @@ INLINE V vm_log_poly(V z) {
         0x1.745ce14acbd06p-3, 0x1.3b203bd3c8ca9p-3, 0x1.0f6516a69851cp-3, 0x1.0f22881a6a9c7p-3);
 }
 
-/* k ln 2 + log(1 + f) + extra, extra small, from s = f/(2 + f), 1 + f = (1 + s)/(1 - s). */
+/* k ln 2 + log(1 + f) + extra, extra small (-0 adds nothing), from s = f/(2 + f), 1 + f = (1 + s)/(1 - s). */
 INLINE V vm_log(V f, V k, V extra) {
     V s = f / (v_all(2.0) + f), z = s * s, he, e, half = vm_product(v_all(0.5) * f, f, &he);
     V h = f - half, rest = (((f - h) - half) - he) + extra;
@@ -417,11 +410,11 @@ INLINE V vm_log_edges(V x, V r) {
 OUTLINE V vm_log_far(V x, V r) {
     I small = (I)(x < v_all(VM_TINY)) & (I)(x > v_all(0.0));
     V k, m = vm_split(x * v_all(0x1p54), &k);
-    r = v_select(small, vm_log(m - v_all(1.0), k - v_all(54.0), v_all(0.0)), r);
+    r = v_select(small, vm_log(m - v_all(1.0), k - v_all(54.0), v_all(-0.0)), r);
     return vm_log_edges(x, r);
 }
 OUTLINE V v_log(V x) {
-    V k, m = vm_split(x, &k), r = vm_log(m - v_all(1.0), k, v_all(0.0));
+    V k, m = vm_split(x, &k), r = vm_log(m - v_all(1.0), k, v_all(-0.0));
     I usual = (I)(x >= v_all(VM_TINY)) & (I)(x < v_all(VM_INF));
     if (__builtin_expect(i_any(~usual), 0)) r = vm_log_far(x, r);
     return r;
@@ -564,7 +557,12 @@ OUTLINE V v_atan2(V y, V x) {
     V n = v_select(steep, ax, ay), d = v_select(steep, ay, ax);
     I usual = (I)(d > v_all(0x1p-400)) & (I)(d < v_all(0x1p400)) & ((I)(n > v_all(0x1p-800)) | (I)(n == zero));
     int edges = i_any(~usual);
-    if (__builtin_expect(edges, 0)) vm_atan2_far(&n, &d);
+    if (__builtin_expect(edges, 0)) {
+        V fn = n, fd = d;
+        vm_atan2_far(&fn, &fd);
+        n = fn;
+        d = fd;
+    }
     I wide = (I)(n + n > d);
     V dl, sum = vm_sum_ordered(d, n, &dl), den = v_select(wide, sum, d), num = v_select(wide, n - d, n);
     V t = vm_quotient(num, zero, den, v_select(wide, dl, zero), &e), z = t * t;
@@ -645,8 +643,8 @@ OUTLINE V vm_hypot_far(V x, V y) {
 }
 OUTLINE V v_hypot(V x, V y) {
     V a = v_abs(x), b = v_abs(y), low = v_all(0x1p-400), high = v_all(0x1p400), zero = v_all(0.0);
-    I usual = (I)(a < high) & (I)(b < high) & ((I)(a > low) | (I)(b > low));
-    usual = usual & ((I)(a > low) | (I)(a == zero)) & ((I)(b > low) | (I)(b == zero));
+    I usual = ((I)(a > low) | (I)(a == zero)) & ((I)(b > low) | (I)(b == zero));
+    usual = usual & (I)(a < high) & (I)(b < high) & (I)(a + b > zero);
     V r = vm_hypot(x, y);
     if (__builtin_expect(i_any(~usual), 0)) r = v_select(usual, r, vm_hypot_far(x, y));
     return r;
@@ -693,17 +691,12 @@ INLINE V vm_nan_sum(V x, V y, V r) { return v_select(vm_is_nan(x) | vm_is_nan(y)
 
 OUTLINE V v_fmod(V x, V y) { return vm_nan_sum(x, y, v_copysign(vm_modulo(v_abs(x), v_abs(y)), x)); }
 
-/* Nearest multiple, ties to the even one: modulo 2 y, then one or two subtractions. */
+/* Nearest multiple, ties to the even one: modulo 2 y, then one or two subtractions (b - r is exact where it decides). */
 OUTLINE V v_remainder(V x, V y) {
-    V a = v_abs(x), b = v_abs(y), half = v_all(0.5);
-    I huge = (I)(b >= v_all(0x1p1023)), small = (I)(b < v_all(0x1p-1000));
-    V r = vm_modulo(a, v_select(huge, b, b + b));
-    r = v_select(huge & (I)(b < v_all(VM_INF)) & (I)(a < v_all(VM_INF)), v_select((I)(a < b), a, a - b), r);
-    /* r against y/2, without losing a bit of a subnormal y */
-    I more = (small & (I)(r + r > b)) | (~small & (I)(r > half * b));
-    V once = r - b;
-    I again = (small & (I)(once + once >= b)) | (~small & (I)(once >= half * b));
-    r = v_select(more, v_select(again, once - b, once), r);
+    V a = v_abs(x), b = v_abs(y);
+    I huge = (I)(b >= v_all(0x1p1023)) & (I)(a < v_all(VM_INF));
+    V r = v_select(huge, a, vm_modulo(a, b + b)), once = r - b;
+    r = v_select((I)(r > b - r), v_select((I)(once >= b - once), once - b, once), r);
     return vm_nan_sum(x, y, (V)((I)r ^ vm_sign_bit(x)));
 }
 
