@@ -1,11 +1,14 @@
-"""Hard motions end where their references say; bounds are about five times what was measured."""
+"""Hard motions end where their references say; bounds are about five times the largest error measured near that tolerance."""
 
 from __future__ import annotations
+
+import warnings
 
 import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.errors import SingularWarning
 from tests.hard_cases import (
     CASES,
     REVERSALS,
@@ -17,31 +20,40 @@ from tests.hard_cases import (
 )
 
 BOUNDS = {  # largest error by tolerance
-    "simple_pendulum": {1e-6: 2e-5, 1e-12: 1e-10},
-    "pendulum_through_upright": {1e-6: 7e-2, 1e-12: 5e-7},
-    "andrews": {1e-6: 7e-8, 1e-12: 7e-14},
-    "heavy_top": {1e-6: 5e-7, 1e-12: 5e-13},
-    "fast_top": {1e-6: 1e-7, 1e-12: 3e-12},
-    "dzhanibekov": {1e-6: 1.5e-5, 1e-12: 7e-11},
-    "dzhanibekov_in_a_flip": {1e-6: 7e-4, 1e-12: 7e-7},
-    "rattleback_first": {1e-6: 5e-5, 1e-12: 7e-13},
-    "rattleback_late": {1e-12: 1e-7},
-    "disk_nearly_flat": {1e-6: 3e-6, 1e-12: 5e-11},
-    "bennett": {1e-6: 1e-3, 1e-12: 1.5e-11},
-    "spring_1e4": {1e-6: 7e-6, 1e-12: 3e-11},
-    "spring_1e8": {1e-12: 2e-13},
-    "heavy_below_light": {1e-6: 3e-6, 1e-12: 3e-12},
-    "light_below_heavy": {1e-6: 5e-6, 1e-12: 7e-12},
-    "massless_link": {1e-6: 7e-7, 1e-12: 1.5e-12},
-    "chain_of_50": {1e-6: 3e-10},
-    "kepler_10_turns": {1e-6: 5e-4, 1e-12: 7e-10},
+    "simple_pendulum": {1e-6: 5e-5, 1e-12: 5e-12},
+    "pendulum_through_upright": {1e-9: 5e-4, 1e-12: 7e-7},
+    "andrews": {1e-6: 5e-8, 1e-12: 3e-13},
+    "heavy_top": {1e-6: 3e-8, 1e-12: 5e-14},
+    "fast_top": {1e-6: 5e-10, 1e-12: 2e-12},
+    "dzhanibekov": {1e-6: 1.5e-6, 1e-12: 1.5e-10},
+    "dzhanibekov_in_a_flip": {1e-6: 5e-5, 1e-12: 3e-7},
+    "rattleback_first": {1e-6: 3e-7, 1e-12: 1e-11},
+    "rattleback_late": {1e-9: 1.5e-6, 1e-12: 5e-9},
+    "disk_nearly_flat": {1e-6: 1.5e-6, 1e-12: 1.5e-11},
+    "bennett": {1e-6: 1e-4, 1e-12: 5e-11},
+    "spring_1e4": {1e-6: 3e-8, 1e-12: 2e-13},
+    "spring_1e8": {1e-6: 1.5e-8, 1e-12: 1.5e-14},
+    "micrometres": {1e-6: 2e-8, 1e-12: 5e-13},
+    "heavy_below_light": {1e-6: 2e-7, 1e-12: 2e-13},
+    "light_below_heavy": {1e-6: 2e-7, 1e-12: 2e-12},
+    "massless_link": {1e-6: 3e-7, 1e-12: 1e-13},
+    "chain_of_50": {1e-6: 1e-10, 1e-12: 1.5e-13},
+    "spherical_pendulum_near_pole": {1e-6: 3e-7, 1e-12: 7e-11},
+    "massless_coupler": {1e-6: 1e-8, 1e-12: 3e-13},
+    "nearly_folding": {1e-6: 3e-9, 1e-12: 5e-11},
+    "overdamped": {1e-6: 5e-12, 1e-12: 1e-14},
+    "kepler_10_turns": {1e-6: 7e-5, 1e-12: 1e-10},
+    "kepler_1000_turns": {1e-9: 3e-3, 1e-12: 7e-7},
 }
 
 
 @pytest.mark.parametrize(("name", "rtol", "bound"), [(name, *pair) for name, pairs in BOUNDS.items() for pair in pairs.items()])
 def test_ends_at_the_reference(name, rtol, bound):
     case = CASES[name]()
-    assert case.error(case.simulate(rtol)) < bound
+    with warnings.catch_warnings():
+        if name == "massless_coupler":  # its masses, not its loop, are badly conditioned
+            warnings.simplefilter("ignore", SingularWarning)
+        assert case.error(case.simulate(rtol)) < bound
 
 
 def test_rattleback_reverses_when_it_should():
@@ -60,14 +72,17 @@ def test_chain_of_50_runs_backwards():
 
 
 def test_double_pendulum_keeps_its_energy():
-    found = long_double_pendulum(200.0)
-    assert found.largest < 2e-13
-    assert abs(found.trend) < 5e-14
+    """1e4 s: what is left is a drift of 3e-19 per step, from the method's coefficients being rounded to doubles."""
+    found = long_double_pendulum(1e4)
+    assert found.largest < 5e-13
+    assert abs(found.trend) < 3e-13
+    assert found.scatter < 6e-14
 
 
 def test_kepler_orbit_with_fixed_steps():
-    """The energy comes back after each passage of the sun: an error of each step, but no trend; the phase is what is lost."""
-    case, run, found = long_kepler(20)
-    assert found.largest < 1e-10
-    assert abs(found.trend) < 1e-12
-    assert case.error(run) < 1e-7
+    """1000 revolutions of 400 steps each."""
+    case, run, found = long_kepler(1000)
+    assert found.largest < 4e-12
+    assert abs(found.trend) < 4e-12
+    assert found.scatter < 3e-13
+    assert case.error(run) < 1.5e-6
