@@ -1,6 +1,7 @@
 """Acausal 3-D mechanics: compose a mechanism from parts, get reduced equations, simulations and CasADi functions."""
 
 from acausal import errors
+from acausal.events import Event, when
 from acausal.export.c_source import LoadedModel, load_c
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
@@ -13,6 +14,7 @@ __all__ = [
     "Component",
     "Electrical",
     "Equation",
+    "Event",
     "Expression",
     "Frame",
     "Input",
@@ -33,4 +35,5 @@ __all__ = [
     "load_c",
     "near",
     "time",
+    "when",
 ]  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import casadi as ca
 
 from acausal.codegen.lower import Functions, operations
 from acausal.errors import LockedError, ModelError
+from acausal.events import when
 from acausal.language.component import System
 from acausal.language.expression import Input, Parameter, time
 from acausal.language.flatten import flatten
@@ -96,6 +97,7 @@ class Model:
         max_steps: int = 1_000_000,
         raise_on_failure: bool = True,
         compiled: bool = True,
+        events: Sequence[when] = (),
     ) -> Trajectory:
         """The motion from `t0` to `end` [s].
 
@@ -103,13 +105,16 @@ class Model:
         (atol = rtol in SI units by default). `inputs`: numbers or functions of time. `parameters`: other values than at build.
         `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
         method has them. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
+        `events`: zeros of expressions, `ac.when(...)`, found in `run.events`.
         Raises `StartValueError`, `UnknownVariableError`, `ParameterError`, and `SimulationError` (with what was computed) unless
         `raise_on_failure` is off. `compiled`: as C, made once and kept in a cache folder; off, or without a C compiler, on CasADi's
         virtual machine (slower). Ctrl-C stops the run and keeps what was computed.
         """
         from acausal.simulation import Options, simulate
 
-        options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled)
+        options = Options(
+            rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, tuple(events)
+        )
         return simulate(self.functions, t0, float(end), start or {}, inputs or {}, parameters or {}, options)
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:

@@ -8,12 +8,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.codegen.lower import Functions
-from acausal.errors import SimulationError, SingularWarning, UnknownVariableError
+from acausal.errors import OptionError, SimulationError, SingularWarning, UnknownVariableError
+from acausal.events import when
 from acausal.integrators import integrate
-from acausal.integrators.problem import Problem, StatusKind
+from acausal.integrators.problem import Guards, Problem, StatusKind
 from acausal.language.expression import Input, Parameter, number
 from acausal.reduction.initial import Start, initial_state
 from acausal.trajectory import Trajectory
@@ -36,6 +38,7 @@ class Options:
     max_steps: int
     raise_on_failure: bool
     compiled: bool
+    events: tuple[when, ...]
 
 
 def simulate(
@@ -54,7 +57,8 @@ def simulate(
     held = None if any(callable(value) for value in inputs.values()) else u0
     initial = initial_state(functions.outputs, start, t0, p, u0)
     compiled = functions.compiled if options.compiled else None
-    problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, compiled)
+    guards = _guards(functions, options.events)
+    problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, compiled, guards)
     atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
@@ -70,11 +74,28 @@ def simulate(
         progress=_progress(options.progress),
     )
     times = np.linspace(t0, solution.t[-1], max(2, options.samples))
-    run = Trajectory(functions, problem, solution, initial, times)
+    run = Trajectory(functions, problem, solution, initial, times, options.events)
     _warn_if_singular(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise SimulationError(_failure(functions, run, t1), run)
     return run
+
+
+def _guards(functions: Functions, events: tuple[when, ...]) -> Guards | None:
+    if not events:
+        return None
+    key = tuple(event.expression for event in events)
+    function = functions.guard_functions.get(key)
+    if function is None:
+        for event in events:
+            if functions.outputs.resolve(event.expression).numel() != 1:
+                raise OptionError(f"when: {event.expression!r} is not a scalar; give one event for each entry.")
+        if len(functions.guard_functions) >= 64:
+            functions.guard_functions.clear()
+        function = functions.guard_functions[key] = functions.output(
+            ca.vertcat(*map(functions.outputs.resolve, key)), name="guards"
+        )
+    return Guards(function, tuple(event.sign for event in events), tuple(event.stop for event in events))
 
 
 _SINGULAR = 1e-9

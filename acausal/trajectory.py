@@ -13,6 +13,7 @@ import numpy as np
 
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
+from acausal.events import Event, when
 from acausal.integrators.problem import Solution, Statistics, Status
 from acausal.language.expression import Expression, Symbol
 from acausal.reduction.initial import InitialState
@@ -36,6 +37,15 @@ class Trajectory:
     solution: Solution
     initial: InitialState
     t: np.ndarray
+    watched: tuple[when, ...] = ()
+
+    @functools.cached_property
+    def events(self) -> tuple[Event, ...]:
+        """Zeros of the expressions given as `events`, in order of time."""
+        found = self.solution.crossings
+        x = self.solution.dense(np.array([c.time for c in found])) if found else np.zeros((0, 0))
+        words = {1: "rising", -1: "falling", 0: "touching"}
+        return tuple(Event(self.watched[c.guard], c.time, words[c.direction], x[:, k]) for k, c in enumerate(found))
 
     @functools.cached_property
     def x(self) -> np.ndarray:

@@ -149,6 +149,11 @@ class Functions:
         """(t, x, u, p) -> A M^-1 A' of the kept rows; its rank falls where a loop is singular."""
         return self._function("loop_matrix", [self.outputs.system.delassus], ["D"])
 
+    @functools.cached_property
+    def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
+        """Functions (t, x, u, p) -> values of the expressions of events, as far as they have been asked for."""
+        return {}
+
     def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:
         """(t, x, u, p) -> the values of any expressions of the scene's variables. Raises `UnknownVariableError`."""
         return self._function(name, [self.outputs.resolve(e) for e in expressions], [f"y{i}" for i in range(len(expressions))])

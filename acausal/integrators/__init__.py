@@ -33,4 +33,9 @@ def integrate(
     if not (0 < rtol < 1 and atol > 0) or (step is not None and not step > 0):
         raise OptionError(f"simulate: need 0 < rtol < 1, atol > 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
     tolerances = Tolerances(max(rtol, 1e-15), atol, None, max_steps)
-    return integrator(method, order, step).integrate(problem, x0, t0, t1, tolerances, progress)
+    solution = integrator(method, order, step).integrate(problem, x0, t0, t1, tolerances, progress)
+    if problem.guards is not None and not solution.located:
+        from acausal.integrators.guards import located
+
+        return located(problem, solution)
+    return solution

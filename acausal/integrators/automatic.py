@@ -42,7 +42,7 @@ class Automatic(AbstractIntegrator):
         else:
             scheme = gauss_scheme(order, Newton.WHERE_SLOW)
             first, stiff = drive(problem, scheme, x0, t0, t1, tolerances, progress, leave=is_stiff)
-        if not stiff:
+        if not stiff or first.stopped:
             return first
         done = (float(first.t[-1]) - t0) / (t1 - t0)
         later = None if progress is None else lambda fraction: progress(done + (1 - done) * fraction)
@@ -102,5 +102,12 @@ def joined(first: Solution, second: Solution) -> Solution:
         factorisations=a.factorisations + b.factorisations,
     )
     return Solution(
-        np.concatenate([first.t, second.t[1:]]), np.hstack([first.x, second.x[:, 1:]]), dense, statistics, second.status
+        np.concatenate([first.t, second.t[1:]]),
+        np.hstack([first.x, second.x[:, 1:]]),
+        dense,
+        statistics,
+        second.status,
+        first.crossings + second.crossings,
+        second.stopped,
+        first.located and second.located,
     )

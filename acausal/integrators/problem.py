@@ -17,12 +17,32 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
+class Guards:
+    """Zeros that are wanted: `function` (t, x, u, p) -> values (n,); for each which crossings count (1 rising, -1 falling, 0 both), and
+    whether it ends the motion.
+    """
+
+    function: ca.Function
+    directions: tuple[int, ...]
+    stops: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A zero of guard number `guard` at `time` [s]: 1 rising, -1 falling, 0 touched without crossing."""
+
+    time: float
+    guard: int
+    direction: int
+
+
+@dataclass(frozen=True)
 class Problem:
     """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
-    functions as C; without it they run on CasADi's virtual machine.
+    functions as C; without it they run on CasADi's virtual machine. `guards`: zeros to be located.
     """
 
     rhs: ca.Function
@@ -32,6 +52,7 @@ class Problem:
     parameters: np.ndarray
     constant_inputs: np.ndarray | None = None
     compiled: CompiledProblem | None = None
+    guards: Guards | None = None
 
 
 @dataclass(frozen=True)
@@ -87,10 +108,17 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Solution:
-    """Step points `t` (n,), states there `x` (nx, n), and `dense`: times (m,) -> states (nx, m)."""
+    """Step points `t` (n,), states there `x` (nx, n), and `dense`: times (m,) -> states (nx, m).
+
+    `crossings` of guards in order of time; `stopped`: whether the last one ended the motion before its time; `located`: whether
+    crossings have been looked for.
+    """
 
     t: np.ndarray
     x: np.ndarray
     dense: Callable[[np.ndarray], np.ndarray]
     statistics: Statistics
     status: Status
+    crossings: tuple[Crossing, ...] = ()
+    stopped: bool = False
+    located: bool = False

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.codegen.compiler import compiler
-from acausal.integrators.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.integrators.problem import Crossing, Guards, Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
 from acausal.integrators.rates import copied_states
 from acausal.integrators.tableau import Tableau, gauss_legendre
 from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
@@ -82,7 +82,7 @@ class CompiledProblem:
         return found
 
     @functools.cache  # noqa: B019  # as long as the problem lives
-    def template(self, choice: Choice) -> tuple[Integrator, MethodTable]:
+    def template(self, choice: Choice) -> tuple[Integrator, tuple[MethodTable, ...]]:
         """An integration with everything set that does not change from run to run."""
         table = method_table(choice.tableaus)
         core = Integrator(
@@ -92,12 +92,19 @@ class CompiledProblem:
         )  # fmt: skip
         if self.ng:
             core.projection = self.kernels[1]
-        return core, table
+        if choice.tableaus[0].name == "gauss":
+            s = choice.tableaus[0].stages
+            fine = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
+            core.fine = ctypes.cast(fine.array, ctypes.POINTER(Method))
+            return core, (table, fine)
+        return core, (table,)
 
-    @functools.cached_property
-    def refining(self) -> dict[int, MethodTable]:
-        """For dense output: Gauss on 1.75 s nodes by the stages s of the steps."""
-        return {}
+    @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
+    def guard(self, function: ca.Function) -> tuple[ctypes.CDLL, list[Kernel]]:
+        """Guards (t, x, u, p) -> values as a kernel."""
+        found = compiled_kernels([Wanted("guard", function, (3,))], self.command)
+        assert found is not None
+        return found
 
     def integrate(
         self,
@@ -153,12 +160,20 @@ class Run:
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
+        if problem.guards is not None:
+            self._watch(problem.guards)
         if not compiled.library.begin(ctypes.byref(core)):
             raise MemoryError("integration: not enough memory.")
 
     def __del__(self) -> None:
         if hasattr(self, "core"):
             self.compiled.library.finish(ctypes.byref(self.core))
+
+    def _watch(self, guards: Guards) -> None:
+        n, core = len(guards.directions), self.core
+        self._guards = (ctypes.c_long * n)(*guards.directions), (ctypes.c_long * n)(*guards.stops)
+        core.guards, core.guard = n, self.compiled.guard(guards.function)[1][0]
+        core.guard_direction, core.guard_stops = self._guards
 
     def _input(self, t: float, u: Any) -> int:
         try:
@@ -198,11 +213,13 @@ class Run:
             raise self.error
         if code == Code.OUT_OF_MEMORY:
             raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")
+        if code == Code.EVENT:
+            return self._solution(Status(StatusKind.SUCCESS, core.t), stopped=True), False
         kind, message = _STATUS[Code(code)]
         worst = core.worst if kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0 else None
         return self._solution(Status(kind, core.t, message.format(core.max_steps), worst)), False
 
-    def _solution(self, status: Status) -> Solution:
+    def _solution(self, status: Status, stopped: bool = False) -> Solution:
         core, nx = self.core, self.compiled.nx
         n = core.steps + 1
         if nx == 0:
@@ -216,7 +233,10 @@ class Run:
             tableau.name + newton, tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
             time.perf_counter() - self.started, core.factorisations,
         )  # fmt: skip
-        return Solution(t, x, self.dense, statistics, status)
+        events = (core.event_times, core.event_guards, core.event_directions)
+        found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]
+        crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
+        return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True)
 
     def dense(self, times: np.ndarray) -> np.ndarray:
         """States (nx, n) at times (n,) between the first and the last step."""
@@ -225,20 +245,12 @@ class Run:
         wanted = np.ascontiguousarray(times[order], dtype=float)
         found = np.empty((wanted.size, nx))
         if nx:
-            fine = None if self.choice.tableaus[0].name == "radau" else self._fine()
-            code = self.compiled.library.dense(ctypes.byref(self.core), fine, wanted.size, _address(wanted), _address(found))
+            code = self.compiled.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
             if code == Code.INPUT_FAILED and self.error is not None:
                 raise self.error
         result = np.empty((nx, wanted.size))
         result[:, order] = found.T
         return result
-
-    def _fine(self) -> Any:
-        s = self.choice.tableaus[0].stages
-        tables = self.compiled.refining
-        if s not in tables:
-            tables[s] = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
-        return ctypes.cast(tables[s].array, ctypes.POINTER(Method))
 
 
 def _address(array: np.ndarray) -> Any:

@@ -40,15 +40,20 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     return 1;
 }
 
-/* States (n, nx) at times in ascending order. `fine`: the method whose nodes refine Gauss steps; null: as they are. */
-int dense(Integrator *I, const Method *fine, long n, const double *t, double *x) {
+static int fine_stages(Integrator *I, const Method *fine) {
     struct State *T = I->state;
+    if (T->fine) return 1;
+    T->fine = reserve(I, sizeof(Stages));
+    return T->fine && make_stages(I, T->fine, fine);
+}
+
+/* States (n, nx) at times in ascending order. */
+int dense(Integrator *I, long n, const double *t, double *x) {
+    struct State *T = I->state;
+    const Method *fine = I->fine;
     long nx = I->nx, refined = -1;
     double P[65], Q[64];
-    if (fine && !T->fine) {
-        T->fine = reserve(I, sizeof(Stages));
-        if (!T->fine || !make_stages(I, T->fine, fine)) return OUT_OF_MEMORY;
-    }
+    if (fine && !fine_stages(I, fine)) return OUT_OF_MEMORY;
     for (long m = 0; m < n; m++) {
         if (I->steps == 0) {
             memcpy(x + m * nx, I->states, sizeof(double) * (size_t)nx);

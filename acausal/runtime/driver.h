@@ -28,10 +28,18 @@ int begin(Integrator *I) {
     if (!T->stages || !w) return 0;
     for (long i = 0; i < I->nu; i++) T->point_in[1 + n + i] = v_all(I->u[i]);
     T->work = (V *)w;
+    long longest = I->rhs.work;
     if (I->ng) {
         w = arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n);
         if (!w) return 0;
-        if (I->projection.work > I->rhs.work) T->work = (V *)w;
+        if (I->projection.work > longest) T->work = (V *)w, longest = I->projection.work;
+    }
+    if (I->guards) {
+        w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
+        T->guard_values = reserve_doubles(I, 16 * I->guards);
+        if (!w || !T->guard_values) return 0;
+        for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
+        if (I->guard.work > longest) T->work = (V *)w;
     }
     double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
@@ -391,36 +399,4 @@ static enum Code one_fixed(Integrator *I) {
     }
     legendre_coefficients(I, S);
     return accept_step(I, S, h) ? REACHED_END : OUT_OF_MEMORY;
-}
-
-/* Steps until the end, a failure, or the end of the time slice. */
-int advance(Integrator *I) {
-    struct State *T = I->state;
-    double deadline = now() + I->slice;
-    if (!T->begun) {
-        set_scale(I);
-        if (!keep(I, 0)) return OUT_OF_MEMORY;
-        if (I->end > I->t && I->nx && I->step == 0 && !first_step(I)) return INPUT_FAILED;
-        T->begun = 1;
-    }
-    while (I->t < I->end && I->nx) {
-        if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
-        if (T->newton_now && !I->jvp.run) return NEEDS_JACOBIAN;
-        enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
-        if (code != REACHED_END) return code;
-        if (I->newton == WHERE_SLOW && !T->newton_now && T->hard >= T->asked) {
-            T->asked = T->asked < 1000 ? 4 * T->asked : T->asked;
-            T->hard = 0;
-            return SLOW;
-        }
-        if (now() > deadline && I->t < I->end) return PAUSED;
-    }
-    return REACHED_END;
-}
-
-/* From the next step on, stages are solved by Newton; `jvp` must be set. */
-void use_newton(Integrator *I) {
-    I->state->newton_now = 1;
-    I->state->jacobian_fresh = 0;
-    I->state->hard = 0;
 }

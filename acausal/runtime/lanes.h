@@ -19,6 +19,7 @@
 
 typedef double V __attribute__((vector_size(8 * LANES)));
 typedef long long I __attribute__((vector_size(8 * LANES)));
+typedef I Mask;
 
 #ifndef __has_builtin
 #define __has_builtin(x) 0
@@ -45,11 +46,15 @@ INLINE I i_all(long long x) { return (I)EACH(x); }
 INLINE V v_select(I m, V a, V b) { return (V)((m & (I)a) | (~m & (I)b)); }
 
 /* Whether any lane of a mask is set. */
+#if LANES == 8 && defined(__AVX512DQ__) && !defined(__clang__)
+INLINE int i_any(I m) { return __builtin_ia32_cvtq2mask512(m) != 0; }
+#else
 INLINE int i_any(I m) {
     long long r = 0;
     for (int i = 0; i < LANES; i++) r |= m[i];
     return r != 0;
 }
+#endif
 
 /* The sum of all lanes. */
 INLINE double v_sum(V x) {

@@ -41,7 +41,11 @@ void finish(Integrator *I) {
     free(I->coefficients);
     free(I->stage_count);
     free(I->offset);
+    free(I->event_times);
+    free(I->event_guards);
+    free(I->event_directions);
     I->times = I->states = I->coefficients = 0;
-    I->stage_count = I->offset = 0;
+    I->event_times = 0;
+    I->stage_count = I->offset = I->event_guards = I->event_directions = 0;
     I->state = 0;
 }

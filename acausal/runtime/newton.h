@@ -25,7 +25,7 @@ static int make_newton(Integrator *I) {
     T->dK = reserve_doubles(I, s * n);
     T->residual = reserve_doubles(I, s * n);
     if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->jvp_c || !work || !T->dK || !T->residual) return 0;
-    if (I->jvp.work > I->rhs.work) T->work = work;
+    if (I->jvp.work > I->rhs.work && I->jvp.work > I->projection.work && I->jvp.work > I->guard.work) T->work = work;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
     I->jvp.prepare(T->jvp_in, T->jvp_c, T->jvp_c, T->work);
     return 1;

@@ -9,5 +9,7 @@
 #include "projection.h"
 #include "driver.h"
 #include "dense.h"
+#include "guards.h"
+#include "advance.h"
 
 long lanes(void) { return LANES; }

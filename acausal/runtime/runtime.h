@@ -27,7 +27,7 @@ enum Code {
     PAUSED,          /* the time slice is over: call advance again */
     NEEDS_JACOBIAN,  /* set `jvp`, call advance again */
     SLOW,            /* the iteration, not accuracy, sets the step size: look for stiffness, call advance again */
-    EVENT,           /* a guard fired: see `event`, `event_time` */
+    EVENT,           /* a guard that ends the run has fired: the last event */
     STEP_UNDERFLOW,
     NON_FINITE,
     NOT_CONVERGED,
@@ -55,8 +55,11 @@ typedef struct Integrator {
     /* results */
     long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst;
     double h, error, contraction, slowness; /* of the last step; slowness: step size that accuracy allows over that of the iteration */
-    long event;
-    double event_time;
+    const long *guard_direction, *guard_stops; /* per guard: which crossings count (0 both, 1 rising, -1 falling); whether it ends the run */
+    const Method *fine;                        /* whose nodes refine Gauss steps; null: as they are */
+    long events;                               /* found so far, in order of time */
+    double *event_times;
+    long *event_guards, *event_directions;
     struct Memory *memory;
     struct State *state;
     /* steps kept: times (steps + 1), states (steps + 1, nx), stages and place of the coefficients of each step */
@@ -72,6 +75,6 @@ EXPORT int begin(Integrator *I);
 EXPORT int advance(Integrator *I);
 EXPORT void use_newton(Integrator *I);
 EXPORT void finish(Integrator *I);
-EXPORT int dense(Integrator *I, const Method *fine, long n, const double *t, double *x);
+EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT long lanes(void);
 #endif

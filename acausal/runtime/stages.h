@@ -87,6 +87,8 @@ struct State {
     double *carry, *size, *scale, *factor, *rate, *before;
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
+    double *guard_values;
+    long events_before, event_capacity;
     int newton_now, begun;
     long hard, asked;        /* slow steps in a row; how many until stiffness is looked for again */
     /* Newton */

@@ -1,0 +1,47 @@
+"""Events: moments at which an expression of a scene's variables passes through zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.errors import OptionError
+from acausal.language.expression import Expression
+
+_DIRECTIONS = {"both": 0, "rising": 1, "falling": -1}
+
+
+@dataclass(frozen=True, eq=False)
+class when:
+    """A zero of `expression` that is looked for along a motion, e.g. `ac.when(scene.ball.position[2] - 0.1, "falling", stop=True)`.
+
+    `direction`: "rising", "falling" or "both". `stop`: whether the motion ends there. An expression that is zero at the start counts
+    if it then leaves zero in the direction asked for; "both" takes a start at zero for no event. Where zero is touched but not
+    crossed, it counts for any direction. Raises `OptionError` for another direction.
+    """
+
+    expression: Expression
+    direction: str = "both"
+    stop: bool = False
+
+    def __post_init__(self) -> None:
+        if self.direction not in _DIRECTIONS:
+            raise OptionError(f'when: the direction is "rising", "falling" or "both", not {self.direction!r}.')
+        if not isinstance(self.expression, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise OptionError(f"when: {self.expression!r} is not an expression of a scene's variables.")
+
+    @property
+    def sign(self) -> int:
+        """1 rising, -1 falling, 0 both."""
+        return _DIRECTIONS[self.direction]
+
+
+@dataclass(frozen=True)
+class Event:
+    """`when.expression` is zero at `time` [s], in states `x` (nx,); `direction`: "rising", "falling", or "touching" without crossing."""
+
+    when: when
+    time: float
+    direction: str
+    x: np.ndarray
