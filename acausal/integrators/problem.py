@@ -69,6 +69,15 @@ class Tolerances:
         return self if step is None else replace(self, step=step)
 
 
+@dataclass(frozen=True)
+class Directions:
+    """Directions of derivatives, one a column: of the start state dx (nx, n), of constant inputs du (nu, n), of parameters dp (np, n)."""
+
+    dx: np.ndarray
+    du: np.ndarray
+    dp: np.ndarray
+
+
 class StatusKind(enum.Enum):
     """How an integration ended."""
 

@@ -38,13 +38,14 @@ class Radau(AbstractIntegrator):
         """See `AbstractIntegrator`."""
         rtol, tolerances = tolerances.rtol, tolerances.with_step(self.step)
         if problem.compiled is not None:
-            return problem.compiled.integrate(problem, x0, t0, t1, tolerances, self._choice(rtol), progress)[0]
+            return problem.compiled.integrate(problem, x0, t0, t1, tolerances, self.choice(rtol), progress)[0]
         order = self.order or _order(rtol)
         tableau = radau_iia((order + 1) // 2)
         scheme = Scheme(tableau, radau_error, tableau.stages, Newton.ALWAYS, superconvergent=False)
         return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]
 
-    def _choice(self, rtol: float) -> Choice:
+    def choice(self, rtol: float) -> Choice:
+        """Tableaus for the C runtime: orders 5, 9 and 13 unless one is asked for."""
         if self.order is not None or self.step is not None:
             return Choice((radau_iia(((self.order or _order(rtol)) + 1) // 2),), newton=2)
         tableaus = tuple(radau_iia(s) for s in (3, 5, 7))

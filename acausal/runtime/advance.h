@@ -1,5 +1,45 @@
-/* Steps until the end, a failure, or the end of the time slice. */
-int advance(Integrator *I) {
+/* Allocates and prepares. Returns 0 when memory is short. The caller calls `finish` in any case. */
+int begin(Integrator *I) {
+    long n = I->nx;
+    struct State *T = I->state = reserve(I, sizeof(struct State));
+    if (!T) return 0;
+    T->stages = reserve(I, sizeof(Stages) * (size_t)I->methods);
+    double *w = arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu);
+    if (!T->stages || !w) return 0;
+    for (long i = 0; i < I->nu; i++) T->point_in[1 + n + i] = v_all(I->u[i]);
+    T->work = (V *)w;
+    long longest = I->rhs.work;
+    if (I->ng) {
+        w = arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n);
+        if (!w) return 0;
+        if (I->projection.work > longest) T->work = (V *)w, longest = I->projection.work;
+    }
+    if (I->guards) {
+        w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
+        T->guard_values = reserve_doubles(I, 16 * I->guards);
+        if (!w || !T->guard_values) return 0;
+        for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
+        if (I->guard.work > longest) T->work = (V *)w;
+    }
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before};
+    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
+        if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
+    T->copied = reserve(I, (size_t)n + 1);
+    if (!T->copied) return 0;
+    for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;
+    for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
+    long most = 0;
+    for (long k = 0; k < I->methods; k++)
+        if (I->method_list[k].stages > most) most = I->method_list[k].stages;
+    T->last_a = reserve_doubles(I, most * n + 1);
+    if (!T->last_a) return 0;
+    T->newton_now = I->newton == ALWAYS;
+    if (I->directions && !make_sensitivity(I)) return 0;
+    T->asked = 4;
+    return 1;
+}
+
+static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = now() + I->slice;
     if (!T->begun) {
@@ -22,6 +62,13 @@ int advance(Integrator *I) {
         if (now() > deadline && I->t < I->end) return PAUSED;
     }
     return REACHED_END;
+}
+
+/* Steps until the end, a failure, or the end of the time slice. After the end has been reached it may be set later. */
+int advance(Integrator *I) {
+    enum Code code = run_steps(I);
+    give_directions(I);
+    return code;
 }
 
 /* From the next step on, stages are solved by Newton; `jvp` must be set. */

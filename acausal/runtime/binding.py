@@ -60,7 +60,7 @@ class Integrator(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards")),
-        *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard")),
+        *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard", "variation", "projected")),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", _Double),
         ("input", InputFunction),
@@ -88,6 +88,7 @@ class Integrator(ctypes.Structure):
         ("offset", _Long),
         ("directions", ctypes.c_long),
         ("S", _Double),
+        ("du", _Double),
         ("dp", _Double),
     ]  # fmt: skip
 

@@ -14,13 +14,25 @@ import casadi as ca
 import numpy as np
 
 from acausal.codegen.compiler import compiler
-from acausal.integrators.problem import Crossing, Guards, Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.integrators.problem import (
+    Crossing,
+    Directions,
+    Guards,
+    Problem,
+    Progress,
+    Solution,
+    Statistics,
+    Status,
+    StatusKind,
+    Tolerances,
+)
 from acausal.integrators.rates import copied_states
 from acausal.integrators.tableau import Tableau, gauss_legendre
 from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 
 _SLICE = 0.05
+_GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
 _STATUS = {
     Code.REACHED_END: (StatusKind.SUCCESS, ""),
     Code.STEP_UNDERFLOW: (StatusKind.STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here."),
@@ -45,6 +57,15 @@ Slow = Callable[[float, np.ndarray, float, float], str]
 """(t, x, h, slowness) -> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size."""
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """Where an integration stands: `stopped` by a guard, `left` because it is stiff."""
+
+    status: Status
+    stopped: bool = False
+    left: bool = False
+
+
 class CompiledProblem:
     """rhs, invariants and projection of a problem as kernels. Integrations with it may run side by side in threads."""
 
@@ -52,6 +73,7 @@ class CompiledProblem:
         self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, command: tuple[str, ...]
     ) -> None:
         self.rhs = rhs
+        self._project = project
         self.command = command
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
@@ -72,12 +94,17 @@ class CompiledProblem:
     @functools.cached_property
     def jvp(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """(t, x, u, p, dx) -> df/dx dx."""
-        f = self.rhs
-        symbols = [ca.SX.sym(n, f.size1_in(i)) for i, n in enumerate("txup")]
-        dx = ca.SX.sym("dx", self.nx)
-        product = ca.jtimes(ca.densify(f.call(symbols)[0]), symbols[1], dx)
-        function = ca.Function("jvp", [*symbols, dx], [ca.densify(product)], {"cse": True})
-        found = compiled_kernels([Wanted("jvp", function, (3,))], self.command)
+        found = compiled_kernels([Wanted("jvp", _product(self.rhs, (1,)), (3,))], self.command)
+        assert found is not None
+        return found
+
+    @functools.cached_property
+    def variation(self) -> tuple[ctypes.CDLL, list[Kernel]]:
+        """(t, x, u, p, dx, du, dp) -> change of x', and (t, x, p, dx, dp) -> change of x after projection."""
+        wanted = [Wanted("variation", _product(self.rhs, (1, 2, 3)), (3,))]
+        if self.ng and self._project is not None:
+            wanted.append(Wanted("projected", _product(self._project, (1, 2)), (2,)))
+        found = compiled_kernels(wanted, self.command)
         assert found is not None
         return found
 
@@ -126,11 +153,12 @@ class CompiledProblem:
                 np.array([t0]), x0[:, None], lambda times: np.repeat(x0[:, None], times.size, axis=1), empty, status
             ), False
         run = Run(self, problem, x0, t0, t1, tolerances, choice)
-        return run.go(progress, slow)
+        outcome = run.advance(t1, progress, slow)
+        return run.solution(outcome.status, outcome.stopped), outcome.left
 
 
 class Run:
-    """One integration and the memory that belongs to it."""
+    """One integration and the memory that belongs to it; t1 may be set later by `advance`."""
 
     def __init__(
         self,
@@ -141,17 +169,18 @@ class Run:
         t1: float,
         tolerances: Tolerances,
         choice: Choice,
+        directions: Directions | None = None,
     ) -> None:
         self.started = time.perf_counter()
         self.compiled, self.choice = compiled, choice
         self.error: BaseException | None = None
         template, self._table = compiled.template(choice)
         core = self.core = Integrator.from_buffer_copy(template)
-        self._x = np.array(x0, dtype=float)
+        self.x = np.array(x0, dtype=float)
         self._p = np.ascontiguousarray(problem.parameters, dtype=float)
         self._u = np.zeros(max(1, compiled.nu))
         self._inputs = problem.inputs
-        core.x, core.parameters, core.u = _address(self._x), _address(self._p), _address(self._u)
+        core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, tolerances.rtol, tolerances.atol
         core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
         if compiled.nu:
@@ -162,12 +191,25 @@ class Run:
                 core.input = self._callback
         if problem.guards is not None:
             self._watch(problem.guards)
+        if directions is not None:
+            self._follow(directions)
         if not compiled.library.begin(ctypes.byref(core)):
             raise MemoryError("integration: not enough memory.")
 
     def __del__(self) -> None:
         if hasattr(self, "core"):
             self.compiled.library.finish(ctypes.byref(self.core))
+
+    def _follow(self, directions: Directions) -> None:
+        core = self.core
+        self.S = np.ascontiguousarray(directions.dx.T, dtype=float)
+        self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (directions.du, directions.dp))
+        core.directions = self.S.shape[0]
+        core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
+        kernels = self.compiled.variation[1]
+        core.variation = kernels[0]
+        if self.compiled.ng:
+            core.projected = kernels[1]
 
     def _watch(self, guards: Guards) -> None:
         n, core = len(guards.directions), self.core
@@ -185,41 +227,43 @@ class Run:
             u[i] = value
         return 1
 
-    def go(self, progress: Progress | None, slow: Slow | None) -> tuple[Solution, bool]:
-        """Run to the end, or to what stops it."""
+    def advance(self, end: float, progress: Progress | None = None, slow: Slow | None = None) -> Outcome:
+        """Run until `end`, or what stops it before."""
         core, advance, reference = self.core, self.compiled.library.advance, ctypes.byref(self.core)
+        core.end = end
         t0, shown = core.t, self.started
         try:
-            while True:
-                code = advance(reference)
-                if code <= Code.SLOW and code != Code.REACHED_END:
-                    if code == Code.NEEDS_JACOBIAN:
+            while (code := advance(reference)) in _GO_ON:
+                if code == Code.NEEDS_JACOBIAN:
+                    core.jvp = self.compiled.jvp[1][0]
+                elif code == Code.SLOW and slow is not None:
+                    answer = slow(core.t, self.x.copy(), core.h, core.slowness)
+                    if answer == "leave":
+                        return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
+                    if answer == "newton":
                         core.jvp = self.compiled.jvp[1][0]
-                    elif code == Code.SLOW and slow is not None:
-                        answer = slow(core.t, self._x.copy(), core.h, core.slowness)
-                        if answer == "leave":
-                            return self._solution(Status(StatusKind.SUCCESS, core.t)), True
-                        if answer == "newton":
-                            core.jvp = self.compiled.jvp[1][0]
-                            self.compiled.library.use_newton(reference)
-                    elif progress is not None and time.perf_counter() - shown > 0.2:
-                        shown = time.perf_counter()
-                        progress((core.t - t0) / (core.end - t0))
-                    continue
-                break
+                        self.compiled.library.use_newton(reference)
+                elif progress is not None and time.perf_counter() - shown > 0.2:
+                    shown = time.perf_counter()
+                    progress((core.t - t0) / (end - t0))
         except KeyboardInterrupt:
-            return self._solution(Status(StatusKind.INTERRUPTED, core.t, "Interrupted.")), False
+            return Outcome(Status(StatusKind.INTERRUPTED, core.t, "Interrupted."))
+        return self._outcome(Code(code))
+
+    def _outcome(self, code: Code) -> Outcome:
+        core = self.core
         if code == Code.INPUT_FAILED and self.error is not None:
             raise self.error
         if code == Code.OUT_OF_MEMORY:
             raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")
         if code == Code.EVENT:
-            return self._solution(Status(StatusKind.SUCCESS, core.t), stopped=True), False
-        kind, message = _STATUS[Code(code)]
-        worst = core.worst if kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0 else None
-        return self._solution(Status(kind, core.t, message.format(core.max_steps), worst)), False
+            return Outcome(Status(StatusKind.SUCCESS, core.t), stopped=True)
+        kind, message = _STATUS[code]
+        failed = kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0
+        return Outcome(Status(kind, core.t, message.format(core.max_steps), core.worst if failed else None))
 
-    def _solution(self, status: Status, stopped: bool = False) -> Solution:
+    def solution(self, status: Status, stopped: bool = False) -> Solution:
+        """What has been computed so far."""
         core, nx = self.core, self.compiled.nx
         n = core.steps + 1
         if nx == 0:
@@ -255,6 +299,15 @@ class Run:
 
 def _address(array: np.ndarray) -> Any:
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def _product(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
+    """(all arguments, directions of those named) -> derivative of the first result in these directions, exact."""
+    symbols = [ca.SX.sym(f"a{i}", function.size1_in(i)) for i in range(function.n_in())]
+    directions = [ca.SX.sym(f"d{i}", function.size1_in(i)) for i in arguments]
+    at = ca.vertcat(*(symbols[i] for i in arguments))
+    product = ca.jtimes(ca.densify(function.call(symbols)[0]), at, ca.vertcat(*directions))
+    return ca.Function("product", [*symbols, *directions], [ca.densify(product)], {"cse": True})
 
 
 def _projection(invariants: ca.Function, project: ca.Function) -> ca.Function:

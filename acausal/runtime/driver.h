@@ -6,58 +6,6 @@ static double now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static double *arranged(Integrator *I, const Kernel *k, V **in, V **out, V **c, long fixed) {
-    *in = reserve_lanes(I, k->inputs + 1);
-    *out = reserve_lanes(I, k->outputs + 1);
-    *c = reserve_lanes(I, k->constants + 1);
-    V *w = reserve_lanes(I, k->work + 1);
-    if (!*in || !*out || !*c || !w) return 0;
-    if (fixed >= 0)
-        for (long i = 0; i < I->np; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
-    k->prepare(*in, *c, *c, w);
-    return (double *)w;
-}
-
-/* Allocates and prepares. Returns 0 when memory is short. The caller calls `finish` in any case. */
-int begin(Integrator *I) {
-    long n = I->nx;
-    struct State *T = I->state = reserve(I, sizeof(struct State));
-    if (!T) return 0;
-    T->stages = reserve(I, sizeof(Stages) * (size_t)I->methods);
-    double *w = arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu);
-    if (!T->stages || !w) return 0;
-    for (long i = 0; i < I->nu; i++) T->point_in[1 + n + i] = v_all(I->u[i]);
-    T->work = (V *)w;
-    long longest = I->rhs.work;
-    if (I->ng) {
-        w = arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n);
-        if (!w) return 0;
-        if (I->projection.work > longest) T->work = (V *)w, longest = I->projection.work;
-    }
-    if (I->guards) {
-        w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
-        T->guard_values = reserve_doubles(I, 16 * I->guards);
-        if (!w || !T->guard_values) return 0;
-        for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
-        if (I->guard.work > longest) T->work = (V *)w;
-    }
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before};
-    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
-        if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
-    T->copied = reserve(I, (size_t)n + 1);
-    if (!T->copied) return 0;
-    for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;
-    for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
-    long most = 0;
-    for (long k = 0; k < I->methods; k++)
-        if (I->method_list[k].stages > most) most = I->method_list[k].stages;
-    T->last_a = reserve_doubles(I, most * n + 1);
-    if (!T->last_a) return 0;
-    T->newton_now = I->newton == ALWAYS;
-    T->asked = 4;
-    return 1;
-}
-
 static Stages *stages_of(Integrator *I) {
     struct State *T = I->state;
     if (!(T->made >> I->method & 1)) {
@@ -141,6 +89,7 @@ static int guess(Integrator *I, Stages *S, double h) {
         for (long k = 1; k < s; k++)
             if (largest[k] * P[k] < largest[terms - 1] * P[terms - 1]) terms = k + 1;
     }
+    T->terms = terms;
     for (long b = 0; b < S->blocks; b++) {
         V y = v_all(1.0) + v_all(2 * ratio) * S->c[b];
         columns[0] = v_all(1.0);
@@ -199,9 +148,10 @@ static double gauss_error(Integrator *I, Stages *S, double h) {
 }
 
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
-static int accept_step(Integrator *I, Stages *S, double h) {
+static enum Code accept_step(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, width = S->blocks * LANES;
+    if (I->directions && !propagate(I, S, h)) return NOT_CONVERGED;
     for (long i = 0; i < n; i++) {
         double increment = h * S->a[i * width] + T->carry[i], x = I->x[i] + increment;
         T->carry[i] = increment - (x - I->x[i]);
@@ -210,6 +160,7 @@ static int accept_step(Integrator *I, Stages *S, double h) {
     double t = I->t + h;
     I->t = fabs(I->end - t) <= 4 * EPS * fabs(I->end) ? I->end : t;
     if (project(I, I->t, I->x)) memset(T->carry, 0, sizeof(double) * (size_t)n);
+    if (I->directions && I->ng) project_directions(I);
     for (long i = 0; i < n; i++)
         if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
     I->steps++;
@@ -217,7 +168,7 @@ static int accept_step(Integrator *I, Stages *S, double h) {
     T->last_h = h;
     T->last_s = S->s;
     for (long i = 0; i < n; i++) memcpy(T->last_a + i * S->s, S->a + i * width, sizeof(double) * (size_t)S->s);
-    return keep(I, S);
+    return keep(I, S) ? REACHED_END : OUT_OF_MEMORY;
 }
 
 static enum Code failed_at(Integrator *I, enum Code code) {
@@ -327,7 +278,7 @@ static enum Code one_adaptive(Integrator *I) {
     for (;;) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
-        double h = fmin(I->h, I->end - I->t), contraction;
+        double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
@@ -357,8 +308,10 @@ static enum Code one_adaptive(Integrator *I) {
         double wanted = next_size(I, h, error);
         I->error = error;
         I->contraction = contraction;
-        if (!accept_step(I, S, h)) return OUT_OF_MEMORY;
+        enum Code accepted = accept_step(I, S, h);
+        if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
+        if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
         return REACHED_END;
     }
@@ -398,5 +351,5 @@ static enum Code one_fixed(Integrator *I) {
         return code == STEP_UNDERFLOW ? NOT_CONVERGED : code;
     }
     legendre_coefficients(I, S);
-    return accept_step(I, S, h) ? REACHED_END : OUT_OF_MEMORY;
+    return accept_step(I, S, h);
 }

@@ -7,6 +7,7 @@
 #include "stages.h"
 #include "newton.h"
 #include "projection.h"
+#include "sensitivity.h"
 #include "driver.h"
 #include "dense.h"
 #include "guards.h"

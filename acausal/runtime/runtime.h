@@ -43,6 +43,8 @@ typedef struct Integrator {
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
     Kernel projection;  /* t, x, p -> x nearer to the invariants, invariants (ng) at the given x */
     Kernel guard;       /* t, x, u, p -> values whose zeros are wanted */
+    Kernel variation;   /* t, x, u, p, dx, du, dp -> dx' */
+    Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
     const Method *method_list;
     const double *parameters;
     int (*input)(double t, double *u); /* null: `u` does not change */
@@ -65,10 +67,10 @@ typedef struct Integrator {
     /* steps kept: times (steps + 1), states (steps + 1, nx), stages and place of the coefficients of each step */
     double *times, *states, *coefficients;
     long *stage_count, *offset;
-    /* sensitivities: directions, S (nx, directions) column by column and dp (np, directions) */
+    /* forward sensitivities: S (directions, nx) at the start, then now; inputs du (directions, nu) and dp (directions, np) */
     long directions;
     double *S;
-    const double *dp;
+    const double *du, *dp;
 } Integrator;
 
 EXPORT int begin(Integrator *I);

@@ -88,6 +88,9 @@ struct State {
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
     double *guard_values;
+    V *variation_in, *variation_out, *variation_c, *variation_work, *projected_in, *projected_out, *projected_c, *projected_work;
+    V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
+    long terms;
     long events_before, event_capacity;
     int newton_now, begun;
     long hard, asked;        /* slow steps in a row; how many until stiffness is looked for again */

@@ -1,0 +1,161 @@
+/* Forward sensitivities, directions in lanes: the linear stage equations of the variational equation S' = J S + f_p p', solved after
+   each step at its stage states with the same iteration, so that they are derivatives of the numerical motion itself.
+   The steps are chosen by the motion alone. Hairer, Norsett, Wanner, Solving ODEs I, section II.6. */
+
+static long direction_blocks(const Integrator *I) { return (I->directions + LANES - 1) / LANES; }
+
+static int make_sensitivity(Integrator *I) {
+    struct State *T = I->state;
+    long n = I->nx, B = direction_blocks(I), most = 0, fixed = 1 + n + I->nu;
+    for (long k = 0; k < I->methods; k++)
+        if (I->method_list[k].stages > most) most = I->method_list[k].stages;
+    double *w = arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed);
+    if (!w) return 0;
+    T->variation_work = (V *)w;
+    for (long i = 0; i < I->nu; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
+    if (I->ng) {
+        w = arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n);
+        if (!w) return 0;
+        T->projected_work = (V *)w;
+    }
+    T->D = reserve_lanes(I, B * n);
+    T->D_size = reserve_lanes(I, B * n);
+    T->D_rates = reserve_lanes(I, B * most * n);
+    T->D_last = reserve_lanes(I, B * most * n);
+    T->D_stages = reserve_lanes(I, most * n);
+    T->D_new = reserve_lanes(I, most * n);
+    if (!T->D || !T->D_size || !T->D_rates || !T->D_last || !T->D_stages || !T->D_new) return 0;
+    for (long d = 0; d < B * LANES; d++)
+        for (long i = 0; i < n; i++) T->D[(d / LANES) * n + i][d % LANES] = I->S[(d < I->directions ? d : 0) * n + i];
+    return 1;
+}
+
+/* Directions of inputs and parameters of one block, into the arguments from `at` on. */
+static void set_directions(Integrator *I, V *in, long block, int inputs) {
+    for (long l = 0; l < LANES; l++) {
+        long d = block * LANES + l < I->directions ? block * LANES + l : 0;
+        if (inputs)
+            for (long i = 0; i < I->nu; i++) in[i][l] = I->du[d * I->nu + i];
+        for (long i = 0; i < I->np; i++) in[(inputs ? I->nu : 0) + i][l] = I->dp[d * I->np + i];
+    }
+}
+
+/* d f at stage j of the step, for the direction of the states dx (nx). */
+static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) {
+    struct State *T = I->state;
+    V *in = T->variation_in;
+    const V *stage = S->in[j / LANES];
+    long l = j % LANES, n = I->nx;
+    in[0] = v_all(stage[0][l]);
+    for (long i = 0; i < n + I->nu; i++) in[1 + i] = v_all(stage[1 + i][l]);
+    memcpy(in + 1 + n + I->nu + I->np, dx, sizeof(V) * (size_t)n);
+    I->variation.run(in, T->variation_c, out, T->variation_work);
+}
+
+static V largest_lane(V a, V b) { return v_select(a > b, a, b); }
+
+/* The stage equations of one block of directions; D_rates of the block in, better ones out. Returns whether they converged. */
+static int solve_variation(Integrator *I, Stages *S, double h, long block) {
+    struct State *T = I->state;
+    long n = I->nx, s = S->s;
+    const double *A = S->method->A;
+    V *D = T->D + block * n, *size = T->D_size + block * n, *K = T->D_rates + block * s * n, *X = T->D_stages, *N = T->D_new;
+    set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
+    V top = v_all(1e-300);
+    for (long i = 0; i < n; i++) {
+        size[i] = largest_lane(size[i], v_abs(D[i]));
+        top = largest_lane(top, size[i]);
+    }
+    double tolerance = I->step > 0 ? 0 : 1e-3;
+    Judge judgement = new_judge(tolerance, 4 * EPS / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
+    for (;;) {
+        for (long j = 0; j < s; j++)
+            for (long i = 0; i < n; i++) {
+                if (T->copied[i] && !T->newton_now) continue;
+                V x = v_all(0.0);
+                for (long k = 0; k < s; k++) x = v_fma(v_all(A[j * s + k]), K[k * n + i], x);
+                X[j * n + i] = v_fma(v_all(h), x, D[i]);
+            }
+        for (long c = 0; c < I->copies && !T->newton_now; c++)
+            for (long j = 0; j < s; j++) {
+                long to = I->copy_to[c], from = I->copy_from[c];
+                V x = v_all(0.0);
+                for (long k = 0; k < s; k++) x = v_fma(v_all(A[j * s + k]), X[k * n + from], x);
+                X[j * n + to] = v_fma(v_all(h), x, D[to]);
+            }
+        for (long j = 0; j < s; j++) variation_at(I, S, j, X + j * n, N + j * n);
+        V sum = v_all(0.0);
+        if (T->newton_now)
+            for (long l = 0; l < LANES; l++) {
+                for (long q = 0; q < s * n; q++) T->residual[q] = N[q][l] - K[q][l];
+                newton_direction(I, S->method, T->residual, T->dK);
+                for (long q = 0; q < s * n; q++) N[q][l] = K[q][l] + T->dK[q];
+            }
+        for (long j = 0; j < s; j++)
+            for (long i = 0; i < n; i++) {
+                if (T->copied[i] && !T->newton_now) continue;
+                V scale = (largest_lane(size[i], top * v_all(1e-3))) * v_all(I->step > 0 ? 1.0 : I->rtol);
+                V d = (N[j * n + i] - K[j * n + i]) * v_all(h) / scale;
+                sum = v_fma(d, d, sum);
+            }
+        memcpy(K, N, sizeof(V) * (size_t)(s * n));
+        double change = 0;
+        for (long l = 0; l < LANES; l++) change = sum[l] > change || !(sum[l] == sum[l]) ? sum[l] : change;
+        enum Verdict v = judge(&judgement, sqrt(change / (double)s));
+        if (v != GO_ON) return v == DONE;
+    }
+}
+
+/* Sensitivities over the step whose stages are in S, before x is advanced. */
+static int propagate(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    long n = I->nx, s = S->s;
+    double P[64], ratio = T->last_h > 0 ? h / T->last_h : 0;
+    for (long b = 0; b < direction_blocks(I); b++) {
+        V *K = T->D_rates + b * s * n, *a = T->D_last + b * s * n, *D = T->D + b * n;
+        set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, 1);
+        for (long j = 0; j < s; j++) {
+            if (ratio == 0 || T->last_s != s) {
+                variation_at(I, S, j, D, K + j * n);
+                continue;
+            }
+            legendre_values(1 + S->method->c[j] * ratio, s, P);
+            for (long i = 0; i < n; i++) {
+                V sum = v_all(0.0);
+                for (long k = 0; k < T->terms && k < s; k++) sum = v_fma(v_all(P[k]), a[k * n + i], sum);
+                K[j * n + i] = sum;
+            }
+        }
+        if (!solve_variation(I, S, h, b)) return 0;
+        for (long i = 0; i < n; i++) {
+            for (long k = 0; k < s; k++) {
+                V sum = v_all(0.0);
+                for (long j = 0; j < s; j++) sum = v_fma(v_all(S->method->to_legendre[k * s + j]), K[j * n + i], sum);
+                a[k * n + i] = sum;
+            }
+            D[i] = v_fma(v_all(h), a[i], D[i]);
+        }
+    }
+    return 1;
+}
+
+/* Back to directions along the invariants, at the state that has been projected. */
+static void project_directions(Integrator *I) {
+    struct State *T = I->state;
+    long n = I->nx;
+    V *in = T->projected_in;
+    in[0] = v_all(I->t);
+    for (long i = 0; i < n; i++) in[1 + i] = v_all(I->x[i]);
+    for (long b = 0; b < direction_blocks(I); b++) {
+        memcpy(in + 1 + n + I->np, T->D + b * n, sizeof(V) * (size_t)n);
+        set_directions(I, in + 1 + n + I->np + n, b, 0);
+        I->projected.run(in, T->projected_c, T->projected_out, T->projected_work);
+        memcpy(T->D + b * n, T->projected_out, sizeof(V) * (size_t)n);
+    }
+}
+
+/* The sensitivities so far, into S. */
+static void give_directions(Integrator *I) {
+    for (long d = 0; d < I->directions; d++)
+        for (long i = 0; i < I->nx; i++) I->S[d * I->nx + i] = I->state->D[(d / LANES) * I->nx + i][d % LANES];
+}
