@@ -12,7 +12,6 @@ from acausal.integrators.driver import Newton, Run, drive
 from acausal.integrators.gauss import default_order, gauss_scheme, newton_where_slow
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
-from acausal.integrators.rates import Jacobian
 from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice, Slow
 
@@ -52,12 +51,10 @@ class Automatic(AbstractIntegrator):
 
 def stiffness_of(problem: Problem) -> Slow:
     """Leaves Gauss for Radau where decay makes the iteration slow; solves by Newton where something else does."""
-    jacobian: list[Jacobian] = []
 
     def answer(t: float, x: np.ndarray, h: float, slowness: float) -> str:
-        if not jacobian:
-            jacobian.append(Jacobian(problem))
-        decay, growth = fastest(jacobian[0](t, x))
+        assert problem.compiled is not None
+        decay, growth = fastest(problem.compiled.jacobian_at(problem, t, x))
         return "leave" if decay > 3 * growth and h * decay > 0.5 else newton_where_slow(t, x, h, slowness)
 
     return answer

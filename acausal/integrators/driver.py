@@ -136,7 +136,7 @@ class Run:
     def accept(self, step: Step) -> None:
         """Advance with compensated summation, project onto the invariants, remember the polynomial."""
         h = step.h
-        increment = h * (self.scheme.tableau.b @ step.K) + self._carry
+        increment = ((h * self.scheme.tableau.b)[:, None] * step.K).sum(axis=0) + self._carry
         x = self.x + increment
         self._carry = increment - (x - self.x)
         self.t = self.end if abs(self.end - (self.t + h)) <= 4 * _EPS * abs(self.end) else self.t + h

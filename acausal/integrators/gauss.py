@@ -49,7 +49,7 @@ def default_order(rtol: float, problem: Problem) -> int:
     """Order at which a tolerance is cheapest: stages that fit into the lanes cost no more than one."""
     lanes = 1 if problem.compiled is None else problem.compiled.lanes
     if lanes >= 4:
-        return 16 if rtol < 1e-5 else 12 if lanes >= 8 else 8
+        return 16 if rtol < (2e-4 if lanes >= 8 else 1e-5) else 8
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
 
 

@@ -66,7 +66,7 @@ class StageSolver:
         `scale` (nx,): sizes of the states for norms. Converged when what is left of h K is below `tolerance` in units of scale.
         Positions whose rates are states are advanced with the newest velocities (Gauss-Seidel), which squares the contraction.
         """
-        rates, hA, copies = self.rates, h * self.tableau.A, self._copies
+        rates, mu, hb, copies = self.rates, self.tableau.mu, h * self.tableau.b[:, None], self._copies
         X, new, difference, run = rates.X, rates.K, self._difference, rates.run
         flat = difference.reshape(-1)
         rates.at(t + h * self.tableau.c)
@@ -78,10 +78,10 @@ class StageSolver:
         self._K[:] = K
         K = self._K
         while True:
-            np.dot(hA, K, out=X)
+            np.dot(mu, hb * K, out=X)
             np.add(X, x, out=X)
             if copies is not None:
-                X[:, copies[0]] = hA.dot(X[:, copies[1]])
+                X[:, copies[0]] = mu.dot(hb * X[:, copies[1]])
                 X[:, copies[0]] += x[copies[0]]
             run()
             np.subtract(new, K, out=difference)
@@ -96,7 +96,7 @@ class StageSolver:
         self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
     ) -> tuple[np.ndarray, float] | None:
         """The same by simplified Newton in the eigenvectors of A: Hairer and Wanner II, section IV.8."""
-        rates, hA = self.rates, h * self.tableau.A
+        rates, mu, hb = self.rates, self.tableau.mu, h * self.tableau.b[:, None]
         factor = h / scale
         rates.at(t + h * self.tableau.c)
         inverse = self._inverse(t, h, x, K)
@@ -105,7 +105,7 @@ class StageSolver:
         vectors, vectors_inverse = eigenvectors(self.tableau)[1:]
         judge = Convergence(tolerance, self._floor(h, x, K, scale), 15)
         while True:
-            np.dot(hA, K, out=rates.X)
+            np.dot(mu, hb * K, out=rates.X)
             rates.X += x
             residual = rates.evaluate() - K
             transformed = np.matmul(inverse, (vectors_inverse @ residual)[:, :, None])[:, :, 0]

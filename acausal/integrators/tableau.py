@@ -30,6 +30,18 @@ class Tableau:
         """Number of stages."""
         return self.c.size
 
+    @functools.cached_property
+    def mu(self) -> np.ndarray:
+        """A[i, j] / b[j], (s, s). For Gauss mu + mu' = 1 to the last bit, which keeps a rounded method symplectic.
+
+        Antonana, Makazaga, Murua: Reducing and monitoring round-off error propagation for symplectic implicit Runge-Kutta schemes (2017).
+        """
+        mu = self.A / self.b
+        if self.name != "gauss":
+            return mu
+        upper = np.triu(np.round(mu * 2.0**51) / 2.0**51, 1)
+        return upper + np.tril(1 - upper.T, -1) + 0.5 * np.eye(self.stages)
+
 
 @functools.cache
 def eigenvectors(tableau: Tableau) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

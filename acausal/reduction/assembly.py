@@ -28,11 +28,19 @@ class Assembled:
 
 
 def assemble(
-    constraints: Residual, guess: np.ndarray, wishes: Residual | None = None, *, tolerance: float = 1e-12, limit: int = 100
+    constraints: Residual,
+    guess: np.ndarray,
+    wishes: Residual | None = None,
+    *,
+    tolerance: float = 1e-12,
+    limit: int = 100,
+    stride: float = 0.7,
 ) -> Assembled:
     """Nearest y to `guess` with `constraints(y)` = 0, and with `wishes(y)` as small as then possible.
 
-    Converges quadratically near a solution. Not converged when the residual stops shrinking above `tolerance`.
+    `stride`: largest change of an entry in one iteration (coordinates: 0.7 rad or m; velocities: any).
+    Converges quadratically near a solution. Not converged when the residual stops shrinking above `tolerance`
+    (times the largest entry of y where that is above 1).
     """
     y = np.array(guess, dtype=float)
     best = Assembled(y.copy(), np.inf, False, 0)
@@ -42,15 +50,16 @@ def assemble(
         gap = float(np.max(np.abs(c), initial=0.0))
         if not np.isfinite(gap):
             break
+        enough = tolerance * max(1.0, float(np.max(np.abs(y), initial=0.0)))
         step = _step(c, J, wishes(y) if wishes is not None else None, y - guess)
         settled = float(np.max(np.abs(step), initial=0.0)) <= 1e-10 * (1 + float(np.max(np.abs(y), initial=0.0)))
-        if gap < best.gap or gap <= tolerance:
-            best = Assembled(y.copy(), gap, gap <= tolerance, iteration)
-        if gap <= tolerance and (settled or wishes is None):
+        if gap < best.gap or gap <= enough:
+            best = Assembled(y.copy(), gap, gap <= enough, iteration)
+        if gap <= enough and (settled or wishes is None):
             polish += 1
             if polish > 2:
                 break
-        moved, ok = _line_search(constraints, y, step, gap, tolerance)
+        moved, ok = _line_search(constraints, y, step, gap, enough, stride)
         if not ok:
             break
         y = moved
@@ -75,9 +84,11 @@ def _step(c: np.ndarray, J: np.ndarray, wish: tuple[np.ndarray, np.ndarray] | No
     return step + Z @ z
 
 
-def _line_search(constraints: Residual, y: np.ndarray, step: np.ndarray, gap: float, tolerance: float) -> tuple[np.ndarray, bool]:
+def _line_search(
+    constraints: Residual, y: np.ndarray, step: np.ndarray, gap: float, tolerance: float, stride: float
+) -> tuple[np.ndarray, bool]:
     largest = float(np.max(np.abs(step), initial=0.0))
-    factor = min(1.0, 0.7 / largest) if largest > 0 else 1.0
+    factor = min(1.0, stride / largest) if largest > 0 else 1.0
     for _ in range(12):
         trial = y + factor * step
         value = float(np.max(np.abs(constraints(trial)[0]), initial=0.0))
@@ -85,17 +96,3 @@ def _line_search(constraints: Residual, y: np.ndarray, step: np.ndarray, gap: fl
             return trial, True
         factor *= 0.5
     return y, False
-
-
-def solve_velocities(A: np.ndarray, b: np.ndarray, wish: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, float]:
-    """Smallest v with A v = b, then wishes; and the residual that is left."""
-    U, s, Vt = np.linalg.svd(A, full_matrices=True) if A.shape[0] else (np.zeros((0, 0)), np.zeros(0), np.eye(A.shape[1]))
-    rank = int(np.sum(s > _RANK * max(1e-300, s[0] if s.size else 1.0)))
-    v = Vt[:rank].T @ ((U[:, :rank].T @ b) / s[:rank])
-    for _ in range(2):
-        v = v - Vt[:rank].T @ ((U[:, :rank].T @ (A @ v - b)) / s[:rank])
-    if wish is not None:
-        target, J = wish
-        Z = Vt[rank:].T
-        v = v + Z @ np.linalg.lstsq(J @ Z, target - J @ v, rcond=1e-10)[0]
-    return v, float(np.max(np.abs(A @ v - b), initial=0.0))

@@ -200,6 +200,11 @@ class _Search:
     settled: bool
     what: str
 
+    @property
+    def stride(self) -> float:
+        """Velocities enter linearly, so the search may go anywhere at once."""
+        return np.inf if self.what == "velocity" else 0.7
+
     def solve(self, data: np.ndarray) -> np.ndarray:
         """y (n,) for start values, time, inputs and parameters `data`."""
         first = self.guess.copy()
@@ -210,12 +215,12 @@ class _Search:
         data = np.concatenate([data, first])
         hard = _residual(self.constraints, first.size, data)
         soft = None if self.wishes is None else _residual(self.wishes, first.size, data)
-        found = assemble(hard, first, soft)
+        found = assemble(hard, first, soft, stride=self.stride)
         rng = np.random.default_rng(0)
         for attempt in range(8):
             if found.converged:
                 return found.y
-            trial = assemble(hard, first + rng.normal(scale=0.1 * 1.5**attempt, size=first.size), soft)
+            trial = assemble(hard, first + rng.normal(scale=0.1 * 1.5**attempt, size=first.size), soft, stride=self.stride)
             found = trial if trial.converged or trial.gap < found.gap else found
         raise StartValueError(self._complaint(hard(found.y)[0], data))
 

@@ -41,7 +41,9 @@ class Method(ctypes.Structure):
         ("error_order", ctypes.c_long),
         ("kind", ctypes.c_long),
         ("c", _Double),
+        ("b", _Double),
         ("A", _Double),
+        ("mu", _Double),
         ("to_legendre", _Double),
         ("eigenvalues", ctypes.c_long),
         ("eigen_re", _Double),
@@ -118,7 +120,7 @@ def method_table(tableaus: tuple[Tableau, ...]) -> MethodTable:
         methods.append(
             Method(
                 tableau.stages, tableau.order, tableau.stages if radau else tableau.order, int(radau),
-                pointer(tableau.c), pointer(tableau.A), pointer(tableau.to_legendre), values.size,
+                pointer(tableau.c), pointer(tableau.b), pointer(tableau.A), pointer(tableau.mu), pointer(tableau.to_legendre), values.size,
                 pointer(np.real(values)), pointer(np.imag(values)), pointer(np.real(V)), pointer(np.imag(V)),
                 pointer(np.real(W)), pointer(np.imag(W)), gamma, pointer(weights),
             )

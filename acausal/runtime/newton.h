@@ -174,8 +174,9 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, const dou
     double *residual = T->residual;
     if (!factorise(I, m, h)) return 0;
     for (;;) {
+        scale_rates(I, S);
         for (long b = 0; b < S->blocks; b++)
-            for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->hA + b * S->blocks * LANES, S->K, S->blocks, i, v_all(x[i]));
+            for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, i, v_all(x[i]));
         stage_rates(I, S);
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) residual[j * n + i] = S->N[j / LANES][i][j % LANES] - S->K[j / LANES][i][j % LANES];

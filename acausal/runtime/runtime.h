@@ -13,7 +13,7 @@ typedef struct {
 /* A collocation method. Matrices are row-major; A = Re(V diag(eigenvalues) W) with one of each conjugate pair. */
 typedef struct {
     long stages, order, error_order, kind;
-    const double *c, *A, *to_legendre;
+    const double *c, *b, *A, *mu, *to_legendre; /* A[i][j] = mu[i][j] b[j] */
     long eigenvalues;
     const double *eigen_re, *eigen_im, *V_re, *V_im, *W_re, *W_im;
     double gamma;           /* of the embedded error formula of Radau */

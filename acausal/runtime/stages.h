@@ -7,9 +7,9 @@
 typedef struct {
     const Method *method;
     long s, blocks;
-    V *A, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
-    V *hA, *c, *counted;
-    V **in, **K, **N, **saved; /* per block: arguments of rhs, rates, new rates, rates to go back to */
+    V *mu, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
+    V *c, *b, *hb, *counted;
+    V **in, **K, **N, **L, **saved; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
     double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
 } Stages;
 
@@ -84,7 +84,7 @@ struct State {
     V *point_in, *point_out; /* rhs at one point */
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     char *copied;
-    double *carry, *size, *scale, *factor, *rate, *before;
+    double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate;
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
     double *guard_values;
@@ -92,7 +92,7 @@ struct State {
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     long terms;
     long events_before, event_capacity;
-    int newton_now, begun;
+    int newton_now, begun, start_known;
     long hard, asked;        /* slow steps in a row; how many until stiffness is looked for again */
     /* Newton */
     double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual;
@@ -108,28 +108,32 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->method = m;
     S->s = s;
     S->blocks = B;
-    S->A = reserve_lanes(I, B * n);
-    S->hA = reserve_lanes(I, B * n);
+    S->mu = reserve_lanes(I, B * n);
     S->to_legendre = reserve_lanes(I, B * n);
     S->c = reserve_lanes(I, B);
+    S->b = reserve_lanes(I, B);
+    S->hb = reserve_lanes(I, B);
     S->counted = reserve_lanes(I, B);
     S->in = reserve(I, sizeof(V *) * (size_t)B);
     S->K = reserve(I, sizeof(V *) * (size_t)B);
     S->N = reserve(I, sizeof(V *) * (size_t)B);
+    S->L = reserve(I, sizeof(V *) * (size_t)B);
     S->saved = reserve(I, sizeof(V *) * (size_t)B);
     S->a = (double *)reserve_lanes(I, B * I->nx);
-    if (!S->in || !S->K || !S->N || !S->saved || !S->A || !S->hA || !S->to_legendre || !S->a) return 0;
-    columns_of(S->A, m->A, s, B);
+    if (!S->in || !S->K || !S->N || !S->L || !S->saved || !S->mu || !S->to_legendre || !S->a) return 0;
+    columns_of(S->mu, m->mu, s, B);
     columns_of(S->to_legendre, m->to_legendre, s, B);
     for (long b = 0; b < B; b++) {
         S->in[b] = reserve_lanes(I, I->rhs.inputs);
         S->K[b] = reserve_lanes(I, I->nx);
         S->N[b] = reserve_lanes(I, I->nx);
+        S->L[b] = reserve_lanes(I, I->nx);
         S->saved[b] = reserve_lanes(I, I->nx);
-        if (!S->in[b] || !S->K[b] || !S->N[b] || !S->saved[b]) return 0;
+        if (!S->in[b] || !S->K[b] || !S->N[b] || !S->L[b] || !S->saved[b]) return 0;
         for (long l = 0; l < LANES; l++) {
             long j = b * LANES + l;
             S->c[b][l] = m->c[j < s ? j : s - 1];
+            S->b[b][l] = m->b[j < s ? j : s - 1];
             S->counted[b][l] = j < s ? 1.0 : 0.0;
         }
         for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i] = v_all(I->u[i]);
@@ -148,7 +152,7 @@ static int stage_times(Integrator *I, Stages *S, double t, double h) {
             for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i][l] = I->u[i];
         }
     }
-    for (long k = 0; k < S->blocks * S->blocks * LANES; k++) S->hA[k] = S->A[k] * v_all(h);
+    for (long b = 0; b < S->blocks; b++) S->hb[b] = S->b[b] * v_all(h);
     return 1;
 }
 
@@ -157,6 +161,13 @@ static void stage_rates(Integrator *I, Stages *S) {
     for (long b = 0; b < S->blocks; b++) I->rhs.run(S->in[b], I->state->rhs_c, S->N[b], I->state->work);
     I->evaluations += S->s;
     I->iterations++;
+}
+
+/* L = h b K: stages are x + mu L, and the step is x + sum of L. With mu_ij + mu_ji = 1 exactly, Gauss stays symplectic in spite of
+   rounded coefficients (Antonana, Makazaga, Murua 2017). */
+static void scale_rates(Integrator *I, Stages *S) {
+    for (long b = 0; b < S->blocks; b++)
+        for (long i = 0; i < I->nx; i++) S->L[b][i] = S->hb[b] * S->K[b][i];
 }
 
 /* f(t, x) into `out`. Returns 0 when the input function failed. */
@@ -195,18 +206,16 @@ static double replace_rates(Integrator *I, Stages *S, const double *factor) {
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
 static int fixed_point(Integrator *I, Stages *S, const double *x, const double *factor, Judge *J) {
     const char *copied = I->state->copied;
+    long B = S->blocks;
     for (;;) {
-        for (long b = 0; b < S->blocks; b++) {
-            const V *hA = S->hA + b * S->blocks * LANES;
+        scale_rates(I, S);
+        for (long b = 0; b < B; b++)
             for (long i = 0; i < I->nx; i++)
-                if (!copied[i]) S->in[b][1 + i] = combined(hA, S->K, S->blocks, i, v_all(x[i]));
-        }
-        for (long b = 0; b < S->blocks; b++) {
-            const V *hA = S->hA + b * S->blocks * LANES;
-            for (long k = 0; k < I->copies; k++) {
-                long to = I->copy_to[k], from = I->copy_from[k];
-                S->in[b][1 + to] = combined(hA, S->in, S->blocks, 1 + from, v_all(x[to]));
-            }
+                if (!copied[i]) S->in[b][1 + i] = combined(S->mu + b * B * LANES, S->L, B, i, v_all(x[i]));
+        for (long k = 0; k < I->copies; k++) {
+            long to = I->copy_to[k], from = I->copy_from[k];
+            for (long b = 0; b < B; b++) S->L[b][to] = S->hb[b] * S->in[b][1 + from];
+            for (long b = 0; b < B; b++) S->in[b][1 + to] = combined(S->mu + b * B * LANES, S->L, B, to, v_all(x[to]));
         }
         stage_rates(I, S);
         enum Verdict v = judge(J, replace_rates(I, S, factor));
