@@ -4,8 +4,9 @@ from benchmarks.peers.base import AbstractPeer
 from benchmarks.peers.casadi_peer import Casadi
 from benchmarks.peers.diffrax_peer import Diffrax
 from benchmarks.peers.drake_peer import Drake
+from benchmarks.peers.exudyn_peer import Exudyn
 from benchmarks.peers.mujoco_peer import Mujoco
 from benchmarks.peers.scipy_peer import Scipy
 from benchmarks.peers.sundae_peer import Sundae
 
-PEERS: tuple[AbstractPeer, ...] = (Scipy(), Casadi(), Sundae(), Diffrax(), Mujoco(), Drake())
+PEERS: tuple[AbstractPeer, ...] = (Scipy(), Casadi(), Sundae(), Diffrax(), Mujoco(), Drake(), Exudyn())
