@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib.metadata
 import os
 import platform
 import shutil
@@ -48,7 +49,7 @@ def cache_folder() -> Path:
     """$ACAUSAL_CACHE, or `acausal` in the user's cache folder. May be deleted at any time."""
     given = os.environ.get("ACAUSAL_CACHE")
     if given:
-        return Path(given)
+        return Path(given).expanduser().absolute()
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     return (Path(base) if base else Path.home() / ".cache") / "acausal"
 
@@ -56,21 +57,27 @@ def cache_folder() -> Path:
 def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[str, ...]) -> Path | None:
     """A shared library of C sources, compiled where the cache has none for `key`; None when it has none and `sources` is None.
 
-    `key`: a hash of what the sources are made from. Raises `ExportError` when the compiler fails.
+    `key`: a hash of what the sources are made from. Raises `ExportError` when the compiler fails, or the cache cannot be written.
     """
-    name = hashlib.sha256("\0".join((key, *command, _machine(command))).encode()).hexdigest()[:32]
+    name = hashlib.sha256("\0".join((key, *command, *_FLAGS, _NATIVE, _machine(command))).encode()).hexdigest()[:32]
     target = cache_folder() / (name + shared_library_suffix())
     if target.exists():
         return target
     if sources is None:
         return None
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        try:
-            made = _build(sources, Path(folder), command, [_NATIVE])
-        except ExportError:  # a compiler that does not know the processor; another error comes again
-            made = _build(sources, Path(folder), command, [])
-        os.replace(made, target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+            try:
+                made = _build(sources, Path(folder), command, [_NATIVE])
+            except ExportError:  # a compiler that does not know the processor; another error comes again
+                made = _build(sources, Path(folder), command, [])
+            os.replace(made, target)
+    except OSError as error:
+        raise ExportError(
+            f"Compiled code cannot be kept in '{target.parent}': {error}. "
+            "Set the environment variable ACAUSAL_CACHE to a folder that can be written."
+        ) from error
     return target
 
 
@@ -93,7 +100,10 @@ def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], optio
 
 def run_compiler(command: Sequence[str]) -> None:
     """Run a compiler. Raises `ExportError` with what it printed when it fails."""
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    except OSError as error:
+        raise ExportError(f"The C compiler cannot be run: {' '.join(command)}\n{error}") from error
     if result.returncode != 0:
         raise ExportError(f"The C compiler failed: {' '.join(command)}\n{result.stderr.strip()[-2000:]}")
 
@@ -103,6 +113,8 @@ def _machine(command: tuple[str, ...]) -> str:
     """What compiled code depends on beside sources and flags: compiler, processor, operating system."""
     path = Path(shutil.which(command[0]) or command[0]).resolve()
     facts = [str(path), str(path.stat().st_mtime_ns), platform.platform(), platform.machine(), platform.processor()]
+    if "ziglang" in command:
+        facts.append(importlib.metadata.version("ziglang"))
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         facts.append(next((line for line in lines if line.startswith(("flags", "Features"))), ""))

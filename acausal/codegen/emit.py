@@ -21,11 +21,12 @@ _UNARY = {
     ca.OP_SQRT: "v_sqrt({0})",
     ca.OP_FABS: "v_abs({0})",
     ca.OP_NOT: "v_truth({0} == v_all(0.0))",
+    ca.OP_SIGN: "v_copysign(v_sign({0}), {0})",  # CasADi's sign of -0 is -0
 } | {
     getattr(ca, f"OP_{name.upper()}"): f"v_{name}({{0}})"
     for name in (
         "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
-        "floor", "ceil", "sign", "erf", "erfinv", "log1p", "expm1",
+        "floor", "ceil", "erf", "erfinv", "log1p", "expm1",
     )
 }  # fmt: skip
 _BINARY = {
@@ -122,7 +123,7 @@ def translation_units(sources: Sequence[Source], parts: int) -> list[str]:
 
 
 def _read(function: ca.Function, name: str) -> tuple[list[_Value], list[tuple[int, int]]]:
-    """All values in order, and (output position, value)."""
+    """All values in order, each once, and (output position, value)."""
     if not function.is_a("SXFunction"):
         try:
             function = function.expand()
@@ -135,6 +136,7 @@ def _read(function: ca.Function, name: str) -> tuple[list[_Value], list[tuple[in
     values: list[_Value] = []
     results: list[tuple[int, int]] = []
     now: dict[int, int] = {}  # work vector position -> value
+    known: dict[tuple[int, tuple[int, ...], str, int], int] = {}
     code_of, input_of, output_of = function.instruction_id, function.instruction_input, function.instruction_output
     for k in range(function.n_instructions()):
         code = code_of(k)
@@ -145,17 +147,19 @@ def _read(function: ca.Function, name: str) -> tuple[list[_Value], list[tuple[in
         to = output_of(k)[0]
         if code == ca.OP_INPUT:
             which, entry = input_of(k)
-            values.append(_Value(code, place=places_in[which] + entry))
+            value = _Value(code, place=places_in[which] + entry)
         elif code == ca.OP_CONST:
-            values.append(_Value(code, number=function.instruction_constant(k)))
+            value = _Value(code, number=function.instruction_constant(k))
         elif code in _COPY:
             now[to] = now[input_of(k)[0]]
             continue
         elif code in _UNARY or code in _BINARY:
-            values.append(_Value(code, tuple(now[i] for i in input_of(k))))
+            value = _Value(code, tuple(now[i] for i in input_of(k)))
         else:
             raise ExportError(f"'{name}' cannot be written as C: {_name(code)} has no C here.")
-        now[to] = len(values) - 1
+        now[to] = known.setdefault((value.code, value.args, value.number.hex(), value.place), len(values))
+        if now[to] == len(values):
+            values.append(value)
     return values, results
 
 
@@ -328,10 +332,12 @@ def _formula(values: list[_Value], value: _Value, arguments: list[str]) -> str:
 
 
 def _power(base: str, exponent: float) -> str | None:
-    """x^n for small integers and halves as products and roots; None for any other exponent."""
+    """x^n for small integers and halves as products and roots; None for any other exponent. NaN for halves of x = -inf."""
     if not 0 < abs(exponent) <= 8 or (2 * exponent) % 1:
         return None
     whole = int(abs(exponent))
+    if abs(exponent) % 1:
+        base = f"({base} + v_all(0.0))"  # powers of -0 are those of 0
     factors = [f"v_sqrt({base})"] if abs(exponent) % 1 else []
     product = " * ".join(factors + [base] * whole)
     return product if exponent > 0 else f"v_all(1.0) / ({product})"
