@@ -70,7 +70,9 @@ def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[st
         with tempfile.TemporaryDirectory(dir=target.parent) as folder:
             try:
                 made = _build(sources, Path(folder), command, [_NATIVE])
-            except ExportError:  # a compiler that does not know the processor; another error comes again
+            except ExportError:
+                if _knows_processor(Path(folder), command):
+                    raise
                 made = _build(sources, Path(folder), command, [])
             os.replace(made, target)
     except OSError as error:
@@ -96,6 +98,15 @@ def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], optio
         list(pool.map(run_compiler, jobs))
     run_compiler([*command, "-shared", "-o", str(made), *(str(o) for o in objects), "-lm"])
     return made
+
+
+def _knows_processor(folder: Path, command: tuple[str, ...]) -> bool:
+    """Whether the compiler has -march=native. Without it lanes are fewer: all libraries of a machine must be alike in this."""
+    try:
+        _build(["int nothing;\n"], folder, command, [_NATIVE])
+    except ExportError:
+        return False
+    return True
 
 
 def run_compiler(command: Sequence[str]) -> None:

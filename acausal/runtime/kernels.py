@@ -14,6 +14,7 @@ import casadi as ca
 
 from acausal.codegen.compiler import RUNTIME, cached_library, compiler
 from acausal.codegen.emit import emit, translation_units
+from acausal.errors import ExportError
 
 
 class Kernel(ctypes.Structure):
@@ -41,7 +42,8 @@ class Wanted:
 def compiled_kernels(wanted: Sequence[Wanted], command: tuple[str, ...] | None = None) -> tuple[ctypes.CDLL, list[Kernel]] | None:
     """The functions in lanes, compiled together or found in the cache; None without a compiler.
 
-    The library must be kept as long as the kernels are used. Raises `ExportError` for functions that have no C.
+    The library must be kept as long as the kernels are used. Raises `ExportError` for functions that have no C, and where
+    they cannot be compiled, kept or loaded.
     """
     command = command or compiler()
     if command is None:
@@ -52,9 +54,19 @@ def compiled_kernels(wanted: Sequence[Wanted], command: tuple[str, ...] | None =
     if path is None:
         units = translation_units([emit(w.function, w.name, parameters=w.parameters) for w in wanted], os.cpu_count() or 1)
         path = cached_library(key, units, command=command)
-    assert path is not None
-    library = ctypes.CDLL(str(path))
+    library = _load(path)
     return library, [_kernel(library, w.name) for w in wanted]
+
+
+def _load(path: Path | None) -> ctypes.CDLL:
+    assert path is not None
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as error:
+        raise ExportError(
+            f"The compiled code in '{path}' cannot be loaded: {error}. "
+            "Delete this file, or set the environment variable ACAUSAL_CACHE to another folder."
+        ) from error
 
 
 def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
@@ -78,5 +90,4 @@ def runtime(command: tuple[str, ...]) -> ctypes.CDLL:
     files = sorted(RUNTIME.glob("*.[ch]"))
     key = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
     text = (RUNTIME / "runtime.c").read_text(encoding="utf-8")
-    path = cached_library(key, [text], command=command)
-    return ctypes.CDLL(str(path))
+    return _load(cached_library(key, [text], command=command))
