@@ -104,9 +104,9 @@ class SingularWarning(UserWarning):
 class SimulationError(AcausalError):
     """Integration stopped before the end.
 
-    `trajectory` holds everything computed until then and its `status` says why it stopped.
+    `trajectory` holds everything computed until then and its `status` says why it stopped; None for sensitivities.
     """
 
-    def __init__(self, message: str, trajectory: Trajectory) -> None:
+    def __init__(self, message: str, trajectory: Trajectory | None) -> None:
         super().__init__(message)
         self.trajectory = trajectory

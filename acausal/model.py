@@ -13,8 +13,9 @@ import casadi as ca
 from acausal.codegen.lower import Functions, operations
 from acausal.errors import LockedError, ModelError
 from acausal.events import when
+from acausal.integrators.problem import Tolerances
 from acausal.language.component import System
-from acausal.language.expression import Input, Parameter, time
+from acausal.language.expression import Expression, Input, Parameter, time
 from acausal.language.flatten import flatten
 from acausal.mechanics.system import mechanical_system
 from acausal.reduction.initial import InitialState, Start, initial_state
@@ -23,6 +24,7 @@ from acausal.reduction.reduce import ReducedSystem, reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
+    from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulation import InputValue, Progress
     from acausal.trajectory import Trajectory
 
@@ -116,6 +118,55 @@ class Model:
             rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, tuple(events)
         )
         return simulate(self.functions, t0, float(end), start or {}, inputs or {}, parameters or {}, options)
+
+    def sensitivities(
+        self,
+        times: Sequence[float],
+        wrt: Sequence[Wanted],
+        start: Start | None = None,
+        *,
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+        max_steps: int = 1_000_000,
+        compiled: bool = True,
+    ) -> Sensitivities:
+        """Derivatives of the motion at `times` [s], the first of which is the start, with respect to `wrt`.
+
+        `wrt`: parameters, inputs (as constants), and variables that have an exact value in `start`. Other arguments and errors as for
+        `simulate`. Forward sensitivities of the numerical motion itself, carried along with it: exact to the tolerance.
+        """
+        from acausal.simulation import sensitivity_run
+
+        tolerances = Tolerances(rtol, rtol if atol is None else atol, None, max_steps)
+        return sensitivity_run(self.functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled)
+
+    def trajectory_function(
+        self,
+        times: Sequence[float],
+        outputs: Expression,
+        wrt: Sequence[Wanted],
+        start: Start | None = None,
+        *,
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+        name: str = "trajectory",
+        compiled: bool = True,
+    ) -> TrajectoryFunction:
+        """`outputs` at `times` [s] as a CasADi function of the values of `wrt` (n,): (n,) -> (size of outputs, times).
+
+        It has exact first derivatives (see `sensitivities`) in both directions, for `ca.nlpsol` and `ca.Opti`; give the optimiser
+        `hessian_approximation="limited-memory"`. Keep a reference to it as long as it is used.
+        """
+        from acausal.simulation import trajectory_function
+
+        tolerances = Tolerances(rtol, rtol if atol is None else atol)
+        return trajectory_function(
+            self.functions, name, times, outputs, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled
+        )
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -15,9 +15,10 @@ from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, SimulationError, SingularWarning, UnknownVariableError
 from acausal.events import when
 from acausal.integrators import integrate
-from acausal.integrators.problem import Guards, Problem, StatusKind
-from acausal.language.expression import Input, Parameter, number
+from acausal.integrators.problem import Guards, Problem, Status, StatusKind, Tolerances
+from acausal.language.expression import Expression, Input, Parameter, number
 from acausal.reduction.initial import Start, initial_state
+from acausal.sensitivity import Motion, Sensitivities, TrajectoryFunction, Wanted, sensitivities
 from acausal.trajectory import Trajectory
 
 InputValue = float | Callable[[float], float]
@@ -51,14 +52,10 @@ def simulate(
     options: Options,
 ) -> Trajectory:
     """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
-    p = parameter_values(functions, parameters)
-    signal = input_signal(functions, inputs)
-    u0 = signal(np.array([t0]))[:, 0]
-    held = None if any(callable(value) for value in inputs.values()) else u0
-    initial = initial_state(functions.outputs, start, t0, p, u0)
-    compiled = functions.compiled if options.compiled else None
-    guards = _guards(functions, options.events)
-    problem = Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, compiled, guards)
+    problem = _problem(functions, inputs, parameters, options.compiled)
+    initial = initial_state(functions.outputs, start, t0, problem.parameters, problem.inputs(np.array([t0]))[:, 0])
+    if options.events:
+        problem = replace(problem, guards=_guards(functions, options.events))
     atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
@@ -77,13 +74,66 @@ def simulate(
     run = Trajectory(functions, problem, solution, initial, times, options.events)
     _warn_if_singular(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
-        raise SimulationError(_failure(functions, run, t1), run)
+        raise SimulationError(_failure(functions, run.status, t1), run)
     return run
 
 
-def _guards(functions: Functions, events: tuple[when, ...]) -> Guards | None:
-    if not events:
-        return None
+def sensitivity_run(
+    functions: Functions,
+    times: Sequence[float] | np.ndarray,
+    wrt: Sequence[Wanted],
+    start: Start,
+    inputs: Mapping[Input, InputValue],
+    parameters: Mapping[Parameter, float],
+    tolerances: Tolerances,
+    compiled: bool,
+) -> Sensitivities:
+    """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
+    for entry in wrt:
+        if isinstance(entry, Input) and callable(inputs.get(entry)):
+            raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
+    problem = _problem(functions, inputs, parameters, compiled)
+    found = sensitivities(functions, problem, times, wrt, start, tolerances)
+    status = found.found.status
+    if status.kind is not StatusKind.SUCCESS:
+        raise SimulationError(_failure(functions, status, float(found.t[-1])), None)
+    return found
+
+
+def trajectory_function(
+    functions: Functions,
+    name: str,
+    times: Sequence[float],
+    outputs: Expression,
+    wrt: Sequence[Wanted],
+    start: Start,
+    inputs: Mapping[Input, InputValue],
+    parameters: Mapping[Parameter, float],
+    tolerances: Tolerances,
+    compiled: bool,
+) -> TrajectoryFunction:
+    """The motion as a differentiable CasADi function; see `Model.trajectory_function`."""
+
+    def make(at: Sequence[float], by: Sequence[Wanted], begin: Start, values: Mapping[Parameter, float], held: Mapping[Input, float]) -> Sensitivities:  # fmt: skip
+        return sensitivity_run(functions, at, by, begin, {**inputs, **held}, {**parameters, **values}, tolerances, compiled)
+
+    size = sum(1 if isinstance(item, Parameter | Input) else functions.outputs.resolve(item).numel() for item in wrt)
+    return TrajectoryFunction(
+        name, Motion(functions, make, np.asarray(times, dtype=float), outputs, tuple(wrt), dict(start), size)
+    )
+
+
+def _problem(
+    functions: Functions, inputs: Mapping[Input, InputValue], parameters: Mapping[Parameter, float], compiled: bool
+) -> Problem:
+    signal = input_signal(functions, inputs)
+    held = None if any(callable(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
+    native = functions.compiled if compiled else None
+    p = parameter_values(functions, parameters)
+    return Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native)
+
+
+def _guards(functions: Functions, events: tuple[when, ...]) -> Guards:
     key = tuple(event.expression for event in events)
     function = functions.guard_functions.get(key)
     if function is None:
@@ -155,8 +205,7 @@ def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
     return f"{symbol!r} is not a {kind} of this scene. It has: {', '.join(known) or 'none'}."
 
 
-def _failure(functions: Functions, run: Trajectory, t1: float) -> str:
-    status = run.status
+def _failure(functions: Functions, status: Status, t1: float) -> str:
     worst = ""
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
+from acausal.integrators.problem import Directions
 from acausal.integrators.rates import Kernel
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
@@ -115,6 +116,40 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     return InitialState(x, tuple(Met(t.name, w, got[t.place], t.exact) for t, w in zip(problem.targets, wanted, strict=True)))
 
 
+def initial_derivatives(
+    outputs: Outputs,
+    start: Start,
+    t0: float,
+    p: np.ndarray,
+    u: np.ndarray,
+    starts: Sequence[int | None],
+    inputs: Sequence[int | None],
+    parameters: Sequence[int | None],
+) -> tuple[np.ndarray, Directions]:
+    """The consistent start x (nx,), and its derivatives: a column for each entry of the three lists, which have the same length and
+    name one place each: among the start values, the inputs, the parameters.
+
+    States that start values do not determine change as little as the constraints allow. Errors as for `initial_state`.
+    """
+    found = initial_state(outputs, start, t0, p, u)
+    problem = outputs.start_problems[tuple((key, not isinstance(value, near)) for key, value in start.items())]
+    n = sum(met.wanted.size for met in found.met)
+    count = len(starts)
+    du, dp, change = np.zeros((u.size, count)), np.zeros((p.size, count)), np.zeros((n + 1 + u.size + p.size, count))
+    for k, (at, i, j) in enumerate(zip(starts, inputs, parameters, strict=True)):
+        if at is not None:
+            change[at, k] = 1.0
+        if i is not None:
+            du[i, k] = change[n + 1 + i, k] = 1.0
+        if j is not None:
+            dp[j, k] = change[n + 1 + u.size + j, k] = 1.0
+    nq = outputs.system.nq
+    data = np.concatenate([*(met.wanted for met in found.met), [t0], u, p])
+    dq = problem.positions.derivative(found.x[:nq], data, change)
+    dv = problem.velocities.derivative(found.x[nq:], np.concatenate([data, found.x[:nq]]), np.vstack([change, dq]))
+    return found.x, Directions(np.vstack([dq, dv]), du, dp)
+
+
 def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:
     r = outputs.system
     q, v = r.x[: r.nq], r.x[r.nq :]
@@ -199,6 +234,7 @@ class _Search:
     plain: tuple[tuple[int, int], ...]
     settled: bool
     what: str
+    residual: ca.Function | None = None
 
     @property
     def stride(self) -> float:
@@ -223,6 +259,20 @@ class _Search:
             trial = assemble(hard, first + rng.normal(scale=0.1 * 1.5**attempt, size=first.size), soft, stride=self.stride)
             found = trial if trial.converged or trial.gap < found.gap else found
         raise StartValueError(self._complaint(hard(found.y)[0], data))
+
+    def derivative(self, y: np.ndarray, data: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """dy (n, k) when the data change by the columns of `change` (size of data, k): the start values that y repeats, and then the
+        least change that keeps the constraints.
+        """
+        first = np.zeros((y.size, change.shape[1]))
+        for i, k in self.plain:
+            first[i] = change[k]
+        if self.settled or self.residual is None:
+            return first
+        J, by_data = (
+            np.array(part) for part in self.residual.factory("slopes", ["y", "data"], ["jac:c:y", "jac:c:data"])(y, data)
+        )
+        return first - np.linalg.pinv(J, rcond=1e-9) @ (J @ first + by_data @ change)
 
     def _complaint(self, residual: np.ndarray, data: np.ndarray) -> str:
         n = self.closing
@@ -268,7 +318,10 @@ def _search(
     stay = y[kept] - first[kept] if kept and targets else ca.SX(0, 1)
     soft = ca.vertcat(stay, *(_difference(t, wanted) for t in wished))
     wishes = _with_jacobian(y, data, soft) if soft.numel() else None
-    return _Search(_with_jacobian(y, data, hard), wishes, closing.numel(), tuple(exact), guess, tuple(plain), False, what)
+    residual = ca.Function("residual", [y, data[: data.numel() - y.numel()]], [hard], ["y", "data"], ["c"])
+    return _Search(
+        _with_jacobian(y, data, hard), wishes, closing.numel(), tuple(exact), guess, tuple(plain), False, what, residual
+    )
 
 
 def _difference(target: _Target, wanted: ca.SX) -> ca.SX:

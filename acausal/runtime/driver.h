@@ -178,7 +178,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
 static enum Code accept_step(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, width = S->blocks * LANES;
-    if (I->directions && !propagate(I, S, h)) return NOT_CONVERGED;
+    if (I->directions) advance_directions(I, S, h);
     scale_rates(I, S);
     for (long i = 0; i < n; i++) {
         double sum = 0;
@@ -347,6 +347,12 @@ static enum Code one_adaptive(Integrator *I) {
             misses++;
             continue;
         }
+        if (I->directions && !solve_variations(I, S, h)) {
+            I->h = 0.5 * h;
+            I->rejected++;
+            failed = 1;
+            continue;
+        }
         error = fmax(error, 1e-30);
         double wanted = next_size(I, h, error);
         I->error = error;
@@ -393,6 +399,7 @@ static enum Code one_fixed(Integrator *I) {
         enum Code code = failed_at(I, STEP_UNDERFLOW);
         return code == STEP_UNDERFLOW ? NOT_CONVERGED : code;
     }
+    if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;
     legendre_coefficients(I, S);
     return accept_step(I, S, h);
 }

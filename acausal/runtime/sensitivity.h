@@ -61,11 +61,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
     const double *A = S->method->A;
     V *D = T->D + block * n, *size = T->D_size + block * n, *K = T->D_rates + block * s * n, *X = T->D_stages, *N = T->D_new;
     set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
-    V top = v_all(1e-300);
-    for (long i = 0; i < n; i++) {
-        size[i] = largest_lane(size[i], v_abs(D[i]));
-        top = largest_lane(top, size[i]);
-    }
+    for (long i = 0; i < n; i++) size[i] = largest_lane(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
     Judge judgement = new_judge(tolerance, 4 * EPS / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
     for (;;) {
@@ -84,7 +80,11 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 X[j * n + to] = v_fma(v_all(h), x, D[to]);
             }
         for (long j = 0; j < s; j++) variation_at(I, S, j, X + j * n, N + j * n);
-        V sum = v_all(0.0);
+        V sum = v_all(0.0), top = v_all(1e-300);
+        for (long i = 0; i < n; i++) {
+            for (long j = 0; j < s; j++) size[i] = largest_lane(size[i], v_abs(N[j * n + i]) * v_all(h));
+            top = largest_lane(top, size[i]);
+        }
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
                 for (long q = 0; q < s * n; q++) T->residual[q] = N[q][l] - K[q][l];
@@ -106,17 +106,17 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
     }
 }
 
-/* Sensitivities over the step whose stages are in S, before x is advanced. */
-static int propagate(Integrator *I, Stages *S, double h) {
+/* Rates of all directions over the step whose stages are in S. Returns 0 when some do not converge. */
+static int solve_variations(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, s = S->s;
     double P[64], ratio = T->last_h > 0 ? h / T->last_h : 0;
     for (long b = 0; b < direction_blocks(I); b++) {
-        V *K = T->D_rates + b * s * n, *a = T->D_last + b * s * n, *D = T->D + b * n;
+        V *K = T->D_rates + b * s * n, *a = T->D_last + b * s * n;
         set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, 1);
         for (long j = 0; j < s; j++) {
             if (ratio == 0 || T->last_s != s) {
-                variation_at(I, S, j, D, K + j * n);
+                variation_at(I, S, j, T->D + b * n, K + j * n);
                 continue;
             }
             legendre_values(1 + S->method->c[j] * ratio, s, P);
@@ -127,6 +127,16 @@ static int propagate(Integrator *I, Stages *S, double h) {
             }
         }
         if (!solve_variation(I, S, h, b)) return 0;
+    }
+    return 1;
+}
+
+/* Advance all directions with the rates that have been found. */
+static void advance_directions(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    long n = I->nx, s = S->s;
+    for (long b = 0; b < direction_blocks(I); b++) {
+        V *K = T->D_rates + b * s * n, *a = T->D_last + b * s * n, *D = T->D + b * n;
         for (long i = 0; i < n; i++) {
             for (long k = 0; k < s; k++) {
                 V sum = v_all(0.0);
@@ -136,7 +146,6 @@ static int propagate(Integrator *I, Stages *S, double h) {
             D[i] = v_fma(v_all(h), a[i], D[i]);
         }
     }
-    return 1;
 }
 
 /* Back to directions along the invariants, at the state that has been projected. */

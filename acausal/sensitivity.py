@@ -1,0 +1,241 @@
+"""Derivatives of motions: with respect to parameters, inputs and start values, and motions as differentiable CasADi functions."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.codegen.lower import Functions
+from acausal.errors import OptionError, SimulationError
+from acausal.integrators.problem import Directions, Problem, Tolerances
+from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
+from acausal.language.expression import Expression, Input, Parameter
+from acausal.reduction.initial import Start, Value, initial_derivatives, near
+
+Wanted = Parameter | Input | Expression
+
+
+@dataclass(frozen=True, repr=False)
+class Sensitivities:
+    """States `x` (nx, m) at times `t` (m,) [s] and their derivatives `S` (m, nx, n).
+
+    The n columns belong to `names`: parameters, inputs held constant, and start values, each entry of a vector for itself.
+    `result[expression]` is the derivative of any expression along the motion, (m, size, n), without the middle axis for a scalar.
+    """
+
+    functions: Functions
+    problem: Problem
+    t: np.ndarray
+    names: tuple[str, ...]
+    directions: Directions
+    found: Sensitive
+
+    @property
+    def x(self) -> np.ndarray:
+        """States (nx, m)."""
+        return self.found.x
+
+    @property
+    def S(self) -> np.ndarray:
+        """Derivatives of the states (m, nx, n)."""
+        return self.found.S
+
+    def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
+        value, total = self._outputs(wanted)
+        return total[:, 0] if value.shape[0] == 1 else total
+
+    def _outputs(self, wanted: Expression | ca.SX) -> tuple[np.ndarray, np.ndarray]:
+        """(size, m) values of an expression, and (m, size, n) total derivatives."""
+        s = self.functions.outputs.system
+        y = ca.vec(ca.densify(self.functions.outputs.resolve(wanted)))
+        at = ca.vertcat(s.x, s.u, s.p)
+        both = ca.Function("output", [s.t, s.x, s.u, s.p], [y, ca.densify(ca.jacobian(y, at))], {"cse": True})
+        size, m, u = y.numel(), self.t.size, self.problem.inputs(self.t)
+        p = np.repeat(self.problem.parameters[:, None], m, axis=1)
+        values, slopes = both(self.t[None, :], self.x, u, p)
+        rows = np.array(slopes).reshape(size, m, at.numel()).transpose(1, 0, 2)
+        d = self.directions
+        outer = np.vstack([d.du, d.dp])
+        return np.array(values).reshape(size, m), rows[:, :, : s.x.numel()] @ self.S + rows[:, :, s.x.numel() :] @ outer
+
+
+def sensitivities(
+    functions: Functions,
+    problem: Problem,
+    times: Sequence[float] | np.ndarray,
+    wrt: Sequence[Wanted],
+    start: Start,
+    tolerances: Tolerances,
+) -> Sensitivities:
+    """Derivatives of a motion from start values; see `Model.sensitivities`."""
+    t = np.asarray(times, dtype=float).ravel()
+    if t.size < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
+        raise OptionError("sensitivities: give at least two ascending times, the first one is the start.")
+    what = _columns(functions, wrt, start)
+    u0 = problem.inputs(t[:1])[:, 0]
+    x0, directions = initial_derivatives(
+        functions.outputs, start, float(t[0]), problem.parameters, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
+    )  # fmt: skip
+    found = integrate_sensitivities(problem, x0, t, directions, tolerances)
+    return Sensitivities(functions, problem, t, tuple(c.name for c in what), directions, found)
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One direction: an entry among the start values, the inputs or the parameters."""
+
+    name: str
+    start: int | None = None
+    input: int | None = None
+    parameter: int | None = None
+
+
+def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[_Column]:
+    flat = functions.outputs.system.flat
+    columns: list[_Column] = []
+    offset: dict[Expression, tuple[int, int]] = {}
+    place = 0
+    for key in start:
+        size = functions.outputs.resolve(key).numel()
+        offset[key] = (place, size)
+        place += size
+    for item in wrt:
+        if isinstance(item, Parameter) and item in flat.parameters:
+            columns.append(_Column(functions.outputs.name(item), parameter=flat.parameters.index(item)))
+        elif isinstance(item, Input) and item in flat.inputs:
+            columns.append(_Column(functions.outputs.name(item), input=flat.inputs.index(item)))
+        elif item in offset:
+            if isinstance(start[item], near):
+                raise OptionError(f"sensitivities: the start value of {item!r} is only near; give it exactly.")
+            at, size = offset[item]
+            name = repr(item)
+            columns += [_Column(name + (f"[{k}]" if size > 1 else ""), start=at + k) for k in range(size)]
+        else:
+            raise OptionError(
+                f"sensitivities: {item!r} is not a parameter or an input of this scene, and has no start value in `start`. "
+                "Build with ac.Parameter for what is to vary."
+            )
+    return columns
+
+
+class TrajectoryFunction(ca.Callback):
+    """values of `wrt` (n,) -> outputs at all times, one column a time: a CasADi function with exact first derivatives.
+
+    Values and derivatives come from the same integration, which is not repeated for the same argument. Second derivatives do not
+    exist: use a limited-memory Hessian in optimisers. Where a motion fails, the result is NaN. Keep a reference as long as it is used.
+    """
+
+    def __init__(self, name: str, motion: Motion) -> None:
+        super().__init__()
+        self._motion = motion
+        self._derivatives: list[ca.Callback] = []
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """One."""
+        return 1
+
+    def get_n_out(self) -> int:
+        """One."""
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """(n,)"""
+        return ca.Sparsity.dense(self._motion.size_in, 1)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        """(size of outputs, times)"""
+        return ca.Sparsity.dense(*self._motion.shape_out)
+
+    def eval(self, arg: Sequence[Any]) -> list[Any]:
+        """Outputs for one argument."""
+        return [ca.DM(self._motion(np.array(arg[0]).ravel())[0])]
+
+    def has_jacobian(self) -> bool:
+        """Yes."""
+        return True
+
+    def get_jacobian(self, name: str, inames: Sequence[str], onames: Sequence[str], opts: Mapping[str, Any]) -> ca.Function:
+        """(argument, result) -> derivative of the result, column by column."""
+        made = _TrajectoryJacobian(name, self._motion, opts)
+        self._derivatives.append(made)
+        return made
+
+
+class _TrajectoryJacobian(ca.Callback):
+    def __init__(self, name: str, motion: Motion, opts: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._motion = motion
+        self.construct(name, dict(opts))
+
+    def get_n_in(self) -> int:
+        return 2
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._motion.size_in, 1) if i == 0 else ca.Sparsity.dense(*self._motion.shape_out)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        rows, columns = self._motion.shape_out
+        return ca.Sparsity.dense(rows * columns, self._motion.size_in)
+
+    def eval(self, arg: Sequence[Any]) -> list[Any]:
+        return [ca.DM(self._motion(np.array(arg[0]).ravel())[1])]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Outputs (size, m) at fixed times and their derivatives (size * m, n), as a function of the values of `wrt`."""
+
+    functions: Functions
+    make: Any
+    times: np.ndarray
+    outputs: Expression | ca.SX
+    wrt: tuple[Wanted, ...]
+    start: dict[Expression, Any]
+    size_in: int
+
+    @functools.cached_property
+    def shape_out(self) -> tuple[int, int]:
+        """Size of the outputs, number of times."""
+        return self.functions.outputs.resolve(self.outputs).numel(), self.times.size
+
+    @functools.cached_property
+    def _last(self) -> dict[bytes, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+    def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (size, m) and derivatives (size * m, n); NaN where the motion fails."""
+        key = values.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self._evaluate(values)
+        return self._last[key]
+
+    def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        start: dict[Expression, Value] = dict(self.start)
+        parameters: dict[Parameter, float] = {}
+        inputs: dict[Input, float] = {}
+        at = 0
+        for item in self.wrt:
+            if isinstance(item, Parameter):
+                parameters[item], at = float(values[at]), at + 1
+            elif isinstance(item, Input):
+                inputs[item], at = float(values[at]), at + 1
+            else:
+                size = self.functions.outputs.resolve(item).numel()
+                start[item], at = values[at : at + size], at + size
+        rows, m = self.shape_out
+        try:
+            found: Sensitivities = self.make(self.times, self.wrt, start, parameters, inputs)
+        except SimulationError:
+            return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
+        value, slopes = found._outputs(self.outputs)  # pyright: ignore[reportPrivateUsage]  # of this module
+        return value, slopes.reshape(m * rows, values.size)

@@ -1,0 +1,202 @@
+"""Derivatives of motions: against finite differences, closed forms and a second formulation."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import OptionError, SimulationError
+from components import Force, Particle, Prismatic, Revolute, RigidBody, Spring, SpringDamper, World
+
+
+class AdjustableFourBar(ac.System):
+    """A four-bar whose coupler length, coupler mass and driving torque vary."""
+
+    def __init__(self) -> None:
+        self.world = World()
+        self.length = ac.Parameter(1.2, "m")
+        self.mass = ac.Parameter(2.0, "kg")
+        self.crank = RigidBody.rod(1.0, (0.4, 0, 0))
+        self.coupler = RigidBody(self.mass, (0.01, 0.24, 0.24), (0.6, 0, 0))
+        self.rocker = RigidBody.rod(1.5, (0.8, 0, 0))
+        self.a, self.b, self.c, self.d = (Revolute("y") for _ in range(4))
+        self.connect(self.world.frame, self.a.frame_a)
+        self.connect(self.a.frame_b, self.crank.frame)
+        self.connect(self.crank.tip, self.b.frame_a)
+        self.connect(self.b.frame_b, self.coupler.frame)
+        self.connect(self.coupler.at((self.length, 0, 0)), self.c.frame_a)
+        self.connect(self.c.frame_b, self.rocker.frame)
+        self.connect(self.rocker.tip, self.d.frame_a)
+        self.connect(self.d.frame_b, self.world.at((1.0, 0, 0)))
+
+
+class Oscillator(ac.System):
+    """A mass on a spring on a rail."""
+
+    def __init__(self, damping: float = 0.0) -> None:
+        self.world = World((0, 0, 0))
+        self.stiffness = ac.Parameter(4.0, "N/m")
+        self.mass = ac.Parameter(1.0, "kg")
+        self.push = ac.Input("N")
+        self.rail = Prismatic("x")
+        self.body = Particle(self.mass)
+        self.spring = SpringDamper(self.stiffness, 1.0, damping)
+        self.force = Force((self.push, 0, 0))
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.body.point)
+        self.connect(self.world.at((-1, 0, 0)), self.spring.point_a)
+        self.connect(self.spring.point_b, self.body.point)
+        self.connect(self.force.point, self.body.point)
+
+
+TIMES = (0.0, 0.3, 0.7, 1.6)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_oscillator_has_the_derivatives_of_its_closed_form(compiled):
+    scene = Oscillator()
+    model = ac.build(scene)
+    t = np.array(TIMES)
+    found = model.sensitivities(
+        TIMES, [scene.stiffness, scene.mass, scene.push, scene.rail.q, scene.rail.v], {scene.rail.q: 0.3, scene.rail.v: 0.5},
+        inputs={scene.push: 0.8}, rtol=1e-11, compiled=compiled,
+    )  # fmt: skip
+    k, m, F, x0, v0 = (ca.SX.sym(n) for n in ("k", "m", "F", "x0", "v0"))
+    time = ca.SX.sym("t")
+    w = ca.sqrt(k / m)
+    x = F / k + (x0 - F / k) * ca.cos(w * time) + v0 / w * ca.sin(w * time)
+    symbols = ca.vertcat(k, m, F, x0, v0)
+    slope = ca.Function("slope", [time, symbols], [ca.jacobian(x, symbols)])
+    expected = np.array([np.array(slope(s, [4.0, 1.0, 0.8, 0.3, 0.5])).ravel() for s in t])
+    assert np.max(np.abs(found[scene.rail.q] - expected)) < 2e-10
+
+
+def test_tighter_tolerance_gives_better_derivatives():
+    scene = Oscillator()
+    model = ac.build(scene)
+    errors = []
+    for rtol in (1e-4, 1e-7, 1e-10):
+        found = model.sensitivities((0.0, 20.0), [scene.stiffness], {scene.rail.q: 0.3}, rtol=rtol)
+        w, t = 2.0, 20.0
+        errors.append(abs(found[scene.rail.q][-1, 0] + 0.3 * np.sin(w * t) * t / (2 * w)))
+    assert errors[0] < 1e-2 and errors[1] < 1e-5 and errors[2] < 1e-8
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_loops_have_the_derivatives_of_finite_differences(compiled):
+    """Also of the assembly: with another coupler the other angles and speeds of the start change too."""
+    scene = AdjustableFourBar()
+    model = ac.build(scene)
+    start = {scene.a.q: 1.0, scene.a.v: 2.0}
+    wrt = [scene.length, scene.mass, scene.a.q, scene.a.v]
+    found = model.sensitivities(TIMES, wrt, start, rtol=1e-11, compiled=compiled)
+    tip = scene.coupler.at((scene.length, 0, 0)).position[0]
+    h = 1e-5
+
+    def motion(length: float, mass: float, q: float, v: float) -> np.ndarray:
+        run = model.simulate(
+            TIMES[-1], {scene.a.q: q, scene.a.v: v}, rtol=1e-13, parameters={scene.length: length, scene.mass: mass}
+        )
+        at = run.at(TIMES)
+        return np.array([at[scene.c.q], at[tip]])
+
+    base = np.array([1.2, 2.0, 1.0, 2.0])
+    for column in range(4):
+        step = h * np.eye(4)[column]
+        central = (
+            8 * (motion(*(base + step)) - motion(*(base - step))) - (motion(*(base + 2 * step)) - motion(*(base - 2 * step)))
+        ) / (12 * h)
+        assert np.max(np.abs(found[scene.c.q][:, column] - central[0])) < 3e-7
+        assert np.max(np.abs(found[tip][:, column] - central[1])) < 3e-7
+
+
+def test_directions_stay_along_the_constraints():
+    scene = AdjustableFourBar()
+    model = ac.build(scene)
+    found = model.sensitivities(TIMES, [scene.length, scene.a.v], {scene.a.q: 1.0, scene.a.v: 2.0}, rtol=1e-9)
+    f = model.functions
+    x, p = ca.SX.sym("x", found.x.shape[0]), ca.SX.sym("p", 2)
+    slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, p), ca.vertcat(x, p))])
+    for k in range(len(TIMES)):
+        J = np.array(slope(found.x[:, k], found.problem.parameters))
+        change = np.vstack([found.S[k], found.directions.dp])
+        assert np.max(np.abs(J @ change)) < 1e-12 * (1 + np.max(np.abs(change)))
+
+
+def test_many_directions_fill_several_blocks_of_lanes():
+    """Eleven directions, each the same as alone."""
+    scene = AdjustableFourBar()
+    model = ac.build(scene)
+    start = {scene.a.q: 1.0, scene.a.v: 2.0}
+    wrt = [scene.length, scene.mass, scene.a.q, scene.a.v] * 3
+    together = model.sensitivities(TIMES, wrt[:11], start)
+    for k, item in enumerate(wrt[:4]):
+        alone = model.sensitivities(TIMES, [item], start)
+        for column in range(k, 11, 4):
+            assert np.max(np.abs(together.S[:, :, column] - alone.S[:, :, 0])) < 1e-9
+
+
+def test_stiff_motion_goes_on_with_radau():
+    scene = Oscillator(damping=2e5)
+    model = ac.build(scene)
+    found = model.sensitivities((0.0, 1.0, 1e4), [scene.stiffness, scene.rail.q], {scene.rail.q: 0.3}, rtol=1e-9)
+    k, c = 4.0, 2e5
+    rate = 2 * k / (c + np.sqrt(c**2 - 4 * k))
+    x = 0.3 * np.exp(-rate * 1e4)
+    assert abs(found[scene.rail.q][-1, 0] + x * 1e4 / c) < 1e-8
+    assert abs(found[scene.rail.q][-1, 1] - x / 0.3) < 1e-8
+
+
+def test_trajectory_function_is_differentiable_both_ways():
+    scene = AdjustableFourBar()
+    model = ac.build(scene)
+    f = model.trajectory_function(
+        (0.0, 0.5, 1.0), scene.c.q, [scene.length, scene.a.v], {scene.a.q: 1.0, scene.a.v: 2.0}, rtol=1e-11
+    )
+    w = ca.MX.sym("w", 2)
+    at = [1.2, 2.0]
+    assert f(at).shape == (1, 3)
+    J = np.array(ca.Function("J", [w], [ca.jacobian(f(w), w)])(at))
+    forward = np.array(ca.Function("fwd", [w], [ca.jtimes(ca.vec(f(w)), w, ca.DM([1, -2]))])(at)).ravel()
+    reverse = np.array(ca.Function("rev", [w], [ca.gradient(ca.sumsqr(f(w)), w)])(at)).ravel()
+    value = np.array(f(at)).ravel()
+    h = 1e-5
+    central = (np.array(f([1.2 + h, 2.0])) - np.array(f([1.2 - h, 2.0]))).ravel() / (2 * h)
+    assert np.max(np.abs(J[:, 0] - central)) < 1e-7
+    assert np.allclose(forward, J @ [1, -2], atol=1e-12)
+    assert np.allclose(reverse, 2 * J.T @ value, atol=1e-11)
+
+
+def test_an_optimiser_finds_the_start_speed_that_reaches_a_point():
+    """A ball thrown up on a spring-free rail: the speed at which it is at height h after one second is known."""
+    scene = ac.System()
+    scene.world = World()
+    scene.ball = Particle(1.0)
+    model = ac.build(scene)
+    z, v = scene.ball.point.position, scene.ball.point.velocity
+    f = model.trajectory_function((0.0, 1.0), z[2], [v], {z: (0, 0, 0), v: (0, 0, 1.0)}, rtol=1e-10)
+    w = ca.MX.sym("w", 3)
+    problem = {"x": w, "f": ca.sumsqr(w), "g": f(w)[1]}
+    options = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-10}
+    result = ca.nlpsol("reach", "ipopt", problem, options)(x0=[0.1, 0.2, 1.0], lbg=2.0, ubg=2.0)
+    assert np.max(np.abs(np.array(result["x"]).ravel() - [0, 0, 2 + 9.81 / 2])) < 1e-6
+
+
+def test_wrong_requests_are_explained():
+    scene = Oscillator()
+    model = ac.build(scene)
+    with pytest.raises(OptionError, match="ascending"):
+        model.sensitivities((0.0, 0.0), [scene.mass])
+    with pytest.raises(OptionError, match="start"):
+        model.sensitivities(TIMES, [scene.rail.q])
+    with pytest.raises(OptionError, match="only near"):
+        model.sensitivities(TIMES, [scene.rail.q], {scene.rail.q: ac.near(0.1)})
+    with pytest.raises(OptionError, match="function of time"):
+        model.sensitivities(TIMES, [scene.push], inputs={scene.push: lambda t: t})
+    with pytest.raises(SimulationError):
+        model.sensitivities((0.0, 1.0), [scene.mass], {scene.rail.q: 0.1}, max_steps=1)
+    weak = Spring(1.0)
+    with pytest.raises(OptionError, match="not a parameter"):
+        model.sensitivities(TIMES, [weak.point_a.position])
