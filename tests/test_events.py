@@ -1,0 +1,164 @@
+"""Zeros of expressions along a motion: found by the C runtime and on the virtual machine, compared with closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import OptionError
+from components import Particle, Prismatic, Revolute, RigidBody, Spring, World
+from tests.scenes import FourBar
+
+G = 9.81
+BOTH = pytest.mark.parametrize("compiled", [True, False])
+
+
+class Ball(ac.System):
+    """A particle in the air."""
+
+    def __init__(self) -> None:
+        self.world = World()
+        self.ball = Particle(1.0)
+
+    @property
+    def height(self) -> ac.Expression:
+        return self.ball.point.position[2]
+
+
+def thrown(speed: float, events, *, compiled: bool, end: float = 3.0, height: float = 0.0):
+    scene = Ball()
+    start = {scene.ball.point.position: (0, 0, height), scene.ball.point.velocity: (0, 0, speed)}
+    return ac.build(scene).simulate(end, start, events=events(scene), compiled=compiled, rtol=1e-10)
+
+
+@BOTH
+def test_crossings_of_a_height_in_both_directions(compiled):
+    run = thrown(
+        10.0,
+        lambda s: [ac.when(s.height - 2), ac.when(s.height - 2, "rising"), ac.when(s.height - 2, "falling")],
+        compiled=compiled,
+    )
+    root = np.sqrt(100 - 4 * G)
+    up, down = (10 - root) / G, (10 + root) / G
+    assert [(e.direction, e.when.direction) for e in run.events] == [
+        ("rising", "both"), ("rising", "rising"), ("falling", "both"), ("falling", "falling"),
+    ]  # fmt: skip
+    assert np.max(np.abs(np.array([e.time for e in run.events]) - [up, up, down, down])) < 1e-13
+    assert all(abs(e.x[2] - 2) < 1e-12 for e in run.events)
+
+
+@BOTH
+def test_many_crossings_in_one_step_are_all_found(compiled):
+    """The motion is a parabola, so steps are long; the guard swings sixteen times in each second."""
+    run = thrown(1.0, lambda s: [ac.when(np.sin(100 * ac.time))], compiled=compiled, end=2.0)
+    times = np.array([e.time for e in run.events])
+    assert run.statistics.steps < 30
+    assert np.max(np.abs(times - np.pi / 100 * np.arange(1, 64))) < 1e-13
+
+
+@BOTH
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_grazing_pair_is_found_however_close(compiled, gap):
+    """Just below the top of the parabola: two crossings, 2 sqrt(2 gap / g) apart."""
+    top = 10.0**2 / (2 * G)
+    run = thrown(10.0, lambda s: [ac.when(s.height - (top - gap))], compiled=compiled)
+    half = np.sqrt(2 * gap / G)
+    assert [e.direction for e in run.events] == ["rising", "falling"]
+    assert np.max(np.abs(np.array([e.time for e in run.events]) - (10 / G + np.array([-half, half])))) < 1e-14 / half + 1e-13
+
+
+@BOTH
+def test_touching_counts_once_and_missing_by_little_does_not(compiled):
+    top = 10.0**2 / (2 * G)
+    touch = thrown(10.0, lambda s: [ac.when(s.height - top, "falling")], compiled=compiled)
+    assert len(touch.events) <= 2  # rounding decides between a touch and a pair that falls once
+    assert all(abs(e.time - 10 / G) < 1e-6 for e in touch.events) and touch.events
+    assert not thrown(10.0, lambda s: [ac.when(s.height - top - 1e-9)], compiled=compiled).events
+
+
+@BOTH
+@pytest.mark.parametrize(("speed", "direction"), [(1.0, "rising"), (-1.0, "falling"), (0.0, "falling")])
+def test_a_start_at_zero_counts_in_the_direction_in_which_it_is_left(compiled, speed, direction):
+    events = lambda s: [ac.when(s.height, "rising"), ac.when(s.height, "falling"), ac.when(s.height)]  # noqa: E731
+    run = thrown(speed, events, compiled=compiled, end=0.1)
+    assert [(e.time, e.when.direction) for e in run.events] == [(0.0, direction)]
+
+
+@BOTH
+def test_a_ball_that_starts_on_the_floor_does_not_fall_through(compiled):
+    run = thrown(0.0, lambda s: [ac.when(s.height, "falling", stop=True)], compiled=compiled)
+    assert run.solution.stopped and run.solution.t[-1] == 0.0
+
+
+@BOTH
+def test_a_stopping_event_ends_the_motion_there(compiled):
+    run = thrown(10.0, lambda s: [ac.when(s.height - 2), ac.when(s.height, "falling", stop=True)], compiled=compiled, end=5.0)
+    landing = 2 * 10 / G
+    assert run.solution.stopped and len(run.events) == 3
+    assert abs(run.t[-1] - landing) < 1e-13
+    assert abs(run.x[2, -1]) < 1e-12
+    at = run.at([0.3, landing - 1e-3, run.t[-1]])
+    assert np.max(np.abs(at.x[2] - (10 * at.t - G / 2 * at.t**2))) < 1e-11
+
+
+@BOTH
+def test_a_motion_goes_on_from_where_it_stopped(compiled):
+    """Bounces with restitution 0.8, each a new run: the times of the first five impacts."""
+    scene = Ball()
+    model = ac.build(scene)
+    position, velocity = scene.ball.point.position, scene.ball.point.velocity
+    landing = ac.when(scene.height, "falling", stop=True)
+    t, z, v, impacts = 0.0, 1.0, 0.0, []
+    for _ in range(5):
+        run = model.simulate(
+            t + 5.0, {position: (0, 0, z), velocity: (0, 0, v)}, t0=t, events=[landing], compiled=compiled, rtol=1e-11
+        )
+        t, z, v = run.t[-1], run.x[2, -1], -0.8 * run.x[5, -1]
+        impacts.append(t)
+    fall = np.sqrt(2 / G)
+    expected = fall + 2 * fall * np.array([sum(0.8**k for k in range(1, n + 1)) for n in range(5)])
+    assert np.max(np.abs(np.array(impacts) - expected)) < 1e-11
+
+
+@BOTH
+def test_turning_points_of_a_four_bar_agree_with_its_speed(compiled):
+    """The crank's speed is zero there: guards on states of a loop, with projection."""
+    scene = FourBar()
+    run = ac.build(scene).simulate(5.0, events=[ac.when(scene.a.v)], compiled=compiled, rtol=1e-11)
+    assert run.events
+    at = run.at([e.time for e in run.events])
+    assert np.max(np.abs(at[scene.a.v])) < 1e-10
+    dense = run.at(np.linspace(1e-4, 5, 20001))[scene.a.v]  # it starts at rest
+    assert np.sum(np.diff(np.sign(dense)) != 0) == len(run.events)
+
+
+def test_both_backends_agree_on_a_damped_mixture():
+    scene = ac.System()
+    scene.world, scene.hinge = World(), Revolute("y")
+    scene.rod = RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.rail, scene.mass, scene.spring = Prismatic("x"), Particle(0.5), Spring(30.0, 0.5)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.world.at((1, 0, -1)), scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.mass.point)
+    scene.connect(scene.rod.tip, scene.spring.point_a)
+    scene.connect(scene.mass.point, scene.spring.point_b)
+    model = ac.build(scene)
+    events = [ac.when(scene.hinge.q), ac.when(scene.rail.v, "rising"), ac.when(scene.rail.q * scene.hinge.q - 0.05)]
+    one, two = (model.simulate(6.0, {scene.hinge.q: 0.7}, events=events, compiled=c, rtol=1e-11) for c in (True, False))
+    assert len(one.events) == len(two.events) > 8
+    assert all(
+        a.when is b.when and a.direction == b.direction and abs(a.time - b.time) < 1e-9
+        for a, b in zip(one.events, two.events, strict=True)
+    )
+
+
+def test_wrong_events_are_explained():
+    scene = Ball()
+    with pytest.raises(OptionError, match="rising"):
+        ac.when(scene.height, "up")
+    with pytest.raises(OptionError, match="not an expression"):
+        ac.when(1.0)  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="not a scalar"):
+        ac.build(scene).simulate(1.0, events=[ac.when(scene.ball.point.position)])
