@@ -97,6 +97,10 @@ class NoCompilerWarning(UserWarning):
     """There is no C compiler; simulations run on CasADi's virtual machine."""
 
 
+class RoundingWarning(UserWarning):
+    """A tolerance asks for more than numbers of 53 bits can hold."""
+
+
 class SingularWarning(UserWarning):
     """A motion came to a singular position of a loop; what follows is not reliable."""
 

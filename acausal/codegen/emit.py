@@ -59,7 +59,7 @@ class Source:
     """C of one function `void name(const V *in, const V *c, V *out, V *w)`, and `long name_sizes[4]` with the four sizes.
 
     in: stored entries of all arguments, one after the other; out: of all results. `c` (`constants` values) holds what depends on
-    parameters only, filled by `name_prepare(in, c, w)`. `w`: scratch for `work` values. Nothing may overlap.
+    parameters only, filled by `name_prepare(in, c, c, w)`. `w`: scratch for `work` values. Nothing else may overlap.
     """
 
     name: str

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
-from acausal.errors import OptionError
+from acausal.errors import OptionError, RoundingWarning
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+
+_FINEST = 1e-15
 
 
 def integrate(
@@ -32,7 +36,11 @@ def integrate(
         raise OptionError(f"simulate: the end {t1} s must be finite and not before the start {t0} s.")
     if not (0 < rtol < 1 and atol > 0) or (step is not None and not step > 0):
         raise OptionError(f"simulate: need 0 < rtol < 1, atol > 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
-    tolerances = Tolerances(max(rtol, 1e-15), atol, None, max_steps)
+    if rtol < _FINEST:
+        message = f"rtol={rtol:g} asks for more than double precision holds; {_FINEST:g} is used. Errors stay at rounding."
+        warnings.warn(message, RoundingWarning, stacklevel=4)
+        rtol, atol = _FINEST, max(atol, _FINEST)
+    tolerances = Tolerances(rtol, atol, None, max_steps)
     solution = integrator(method, order, step).integrate(problem, x0, t0, t1, tolerances, progress)
     if problem.guards is not None and not solution.located:
         from acausal.integrators.guards import located
