@@ -1,5 +1,6 @@
 """Other programs on the benchmark scenes: error against time."""
 
+from benchmarks.peers.acausal_peer import Acausal
 from benchmarks.peers.base import AbstractPeer
 from benchmarks.peers.casadi_peer import Casadi
 from benchmarks.peers.diffrax_peer import Diffrax
@@ -9,4 +10,4 @@ from benchmarks.peers.mujoco_peer import Mujoco
 from benchmarks.peers.scipy_peer import Scipy
 from benchmarks.peers.sundae_peer import Sundae
 
-PEERS: tuple[AbstractPeer, ...] = (Scipy(), Casadi(), Sundae(), Diffrax(), Mujoco(), Drake(), Exudyn())
+PEERS: tuple[AbstractPeer, ...] = (Acausal(), Scipy(), Casadi(), Sundae(), Diffrax(), Mujoco(), Drake(), Exudyn())

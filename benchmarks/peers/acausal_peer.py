@@ -1,0 +1,64 @@
+"""This package: the whole call of `simulate`, and the C driver alone."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from acausal.integrators.gauss import default_order
+from acausal.integrators.problem import Problem, Tolerances
+from acausal.integrators.tableau import gauss_legendre
+from acausal.runtime.compiled import Choice, Run
+from benchmarks.peers.base import AbstractPeer, Prepared
+from benchmarks.scenes import Built
+
+
+@final
+class Acausal(AbstractPeer):
+    """`simulate`: from start values to the last state, in Python. `driver`: memory, steps and nothing else, in C, Gauss."""
+
+    name: ClassVar[str] = "acausal"
+    module: ClassVar[str] = "acausal"
+
+    def methods(self, scene: str) -> tuple[str, ...]:
+        return ("simulate", "driver")
+
+    def refusal(self, scene: str) -> str:
+        return ""
+
+    def prepare(self, built: Built, method: str, setting: float) -> Prepared:
+        return (_simulate if method == "simulate" else _driver)(built, setting)
+
+
+def _simulate(built: Built, setting: float) -> Prepared:
+    def run() -> np.ndarray:
+        return built.model.simulate(built.scene.end, built.start, rtol=setting, samples=2, progress=False).solution.x[:, -1]
+
+    return Prepared(run, built.observe)
+
+
+def _driver(built: Built, setting: float) -> Prepared:
+    f, x0 = built.model.functions, built.model.initial_state(built.start).x
+    compiled = f.compiled
+    assert compiled is not None
+    problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
+    choice = Choice((gauss_legendre(default_order(setting, problem) // 2),), newton=1)
+    made = Run(compiled, problem, x0, 0.0, built.scene.end, Tolerances(setting, setting), choice)
+    fresh = type(made.core).from_buffer_copy(made.core)
+    compiled.library.finish(ctypes.byref(made.core))
+    library, slice_ = compiled.library, 1e9
+
+    def run() -> Any:
+        core = made.core
+        ctypes.pointer(core)[0] = fresh
+        core.memory, core.state, core.slice = None, None, slice_
+        made.x[:] = x0
+        library.begin(ctypes.byref(core))
+        while library.advance(ctypes.byref(core)) == 3:  # told that iteration is slow: go on
+            pass
+        library.finish(ctypes.byref(core))
+        return made.x.copy()
+
+    return Prepared(run, built.observe)
