@@ -7,7 +7,7 @@ and singular configurations do no harm.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,16 +47,19 @@ def assemble(
     polish = 0
     for iteration in range(limit):
         c, J = constraints(y)
-        gap = float(np.max(np.abs(c), initial=0.0))
-        if not np.isfinite(gap):
+        gap, size = _largest(c), _largest(y)
+        if not gap < np.inf:
             break
-        enough = tolerance * max(1.0, float(np.max(np.abs(y), initial=0.0)))
+        enough = tolerance * max(1.0, size)
         step = _step(c, J, wishes(y) if wishes is not None else None, y - guess)
-        settled = float(np.max(np.abs(step), initial=0.0)) <= 1e-10 * (1 + float(np.max(np.abs(y), initial=0.0)))
+        settled = _largest(step) <= 1e-10 * (1 + size)
         if gap < best.gap or gap <= enough:
             best = Assembled(y.copy(), gap, gap <= enough, iteration)
         if gap <= enough and (settled or wishes is None):
             polish += 1
+            if settled:  # quadratic convergence: after this step nothing is left
+                last = y + step
+                return best if _largest(constraints(last)[0]) > gap else replace(best, y=last)
             if polish > 2:
                 break
         moved, ok = _line_search(constraints, y, step, gap, enough, stride)
@@ -64,6 +67,11 @@ def assemble(
             break
         y = moved
     return best
+
+
+def _largest(values: np.ndarray) -> float:
+    """max |values|, 0 without any; NaN where one is."""
+    return float(np.abs(values).max(initial=0.0))
 
 
 def _step(c: np.ndarray, J: np.ndarray, wish: tuple[np.ndarray, np.ndarray] | None, moved: np.ndarray) -> np.ndarray:
@@ -87,12 +95,12 @@ def _step(c: np.ndarray, J: np.ndarray, wish: tuple[np.ndarray, np.ndarray] | No
 def _line_search(
     constraints: Residual, y: np.ndarray, step: np.ndarray, gap: float, tolerance: float, stride: float
 ) -> tuple[np.ndarray, bool]:
-    largest = float(np.max(np.abs(step), initial=0.0))
+    largest = _largest(step)
     factor = min(1.0, stride / largest) if largest > 0 else 1.0
     for _ in range(12):
         trial = y + factor * step
-        value = float(np.max(np.abs(constraints(trial)[0]), initial=0.0))
-        if np.isfinite(value) and (value < gap * (1 - 1e-3 * factor) or value <= tolerance):
+        value = _largest(constraints(trial)[0])
+        if value < np.inf and (value < gap * (1 - 1e-3 * factor) or value <= tolerance):
             return trial, True
         factor *= 0.5
     return y, False
