@@ -2,9 +2,9 @@
 
 import os
 
-from benchmarks import chains, integrators
+from benchmarks import dynamics, integrators
 
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-chains.run()
+dynamics.run()
 integrators.run()

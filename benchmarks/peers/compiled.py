@@ -36,7 +36,7 @@ def dynamics(built: Built) -> tuple[Rate, Rate]:
     return _called(wanted[0]), _called(wanted[1])
 
 
-def compiled(functions: list[ca.Function]) -> list[ca.Function]:
+def compiled(functions: list[ca.Function], optimise: str = "-O2") -> list[ca.Function]:
     """The same functions, as C."""
     folder = Path(tempfile.mkdtemp())
     generator = ca.CodeGenerator("peer.c")
@@ -44,7 +44,7 @@ def compiled(functions: list[ca.Function]) -> list[ca.Function]:
         generator.add(function)
     generator.generate(f"{folder}{os.sep}")
     library = folder / "peer.so"
-    subprocess.run([*(compiler() or []), "-O2", "-fPIC", "-shared", "-o", library, folder / "peer.c", "-lm"], check=True)
+    subprocess.run([*(compiler() or []), optimise, "-fPIC", "-shared", "-o", library, folder / "peer.c", "-lm"], check=True)
     return [ca.external(function.name(), str(library)) for function in functions]
 
 

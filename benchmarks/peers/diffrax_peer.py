@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from benchmarks.peers.base import TOLERANCES, AbstractPeer, Prepared
+from benchmarks.peers.base import AbstractPeer, Prepared
 from benchmarks.peers.equations import equations
 from benchmarks.scenes import Built
 
@@ -24,9 +24,6 @@ class Diffrax(AbstractPeer):
 
     def refusal(self, scene: str) -> str:
         return ""
-
-    def settings(self, scene: str, method: str) -> tuple[float, ...]:
-        return TOLERANCES
 
     def prepare(self, built: Built, method: str, setting: float) -> Prepared:
         solve, start = _solver(built.scene.name, method, built.scene.end)
@@ -60,7 +57,7 @@ def _solver(name: str, method: str, end: float) -> tuple[Any, Any]:
             y0,
             stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
             saveat=diffrax.SaveAt(t1=True),
-            max_steps=1_000_000,
+            max_steps=20_000,
             adjoint=diffrax.ForwardMode(),
             throw=False,
         )

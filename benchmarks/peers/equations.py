@@ -287,45 +287,41 @@ CHAIN_ANGLE = "0.3"
 def _chain(real: Real) -> Equations:
     inertia = np.diag(_array(real, "0.1", "0.2", "0.25"))
 
-    def kinematics(q: Array, xp: Any) -> tuple[list[Array], list[Array], list[Array]]:
-        """Orientations, hinge axes and hinge positions (one more: the tip)."""
-        R, p = xp.eye(3, dtype=q.dtype), xp.zeros(3, dtype=q.dtype)
-        orientations, axes, hinges = [], [], [p]
+    upto = np.tril(np.ones((LINKS, LINKS)))[:, :, None]  # hinge j moves link k
+
+    def kinematics(q: Array, xp: Any) -> tuple[Array, Array, Array]:
+        """Orientations (n, 3, 3), hinge axes (n, 3), and hinge positions with the tip (n + 1, 3)."""
+        R, axes, orientations = xp.eye(3, dtype=q.dtype), [], []
         c, s = xp.cos(q), xp.sin(q)
+        one, zero = 0 * q[0] + 1, 0 * q[0]
         for k in range(LINKS):
-            one, zero = 0 * q[k] + 1, 0 * q[k]
             if k % 2 == 0:
-                axes.append(R[:, 1])
                 turn = xp.stack([c[k], zero, s[k], zero, one, zero, -s[k], zero, c[k]]).reshape(3, 3)
             else:
-                axes.append(R[:, 0])
                 turn = xp.stack([one, zero, zero, zero, c[k], -s[k], zero, s[k], c[k]]).reshape(3, 3)
+            axes.append(R[:, 1 - k % 2])
             R = R @ turn
-            p = p - R[:, 2]
             orientations.append(R)
-            hinges.append(p)
-        return orientations, axes, hinges
+        rotations = xp.stack(orientations)
+        ends = -xp.cumsum(rotations[:, :, 2], axis=0)
+        return rotations, xp.stack(axes), xp.concatenate([0 * ends[:1], ends])
 
     def rate(y: Array, xp: Any, solve: Solve) -> Array:
-        q, v = y[:LINKS], y[LINKS:]
-        orientations, axes, hinges = kinematics(q, xp)
-        Z, P = xp.stack(axes), xp.stack(hinges[:-1])
-        M, force = xp.zeros((LINKS, LINKS), dtype=q.dtype), xp.zeros(LINKS, dtype=q.dtype)
-        w, alpha = xp.zeros(3, dtype=q.dtype), xp.zeros(3, dtype=q.dtype)
-        hinge = xp.asarray(_array(real, "0", "0", "9.81")).astype(q.dtype)
-        for k in range(LINKS):
-            alpha = alpha + xp.cross(w, axes[k]) * v[k]
-            w = w + axes[k] * v[k]
-            link = hinges[k + 1] - hinges[k]
-            centre = hinge + xp.cross(alpha, link / 2) + xp.cross(w, xp.cross(w, link / 2))
-            hinge = hinge + xp.cross(alpha, link) + xp.cross(w, xp.cross(w, link))
-            moved = np.array([[1.0]] * (k + 1) + [[0.0]] * (LINKS - k - 1))
-            Jw = Z * moved
-            Jv = xp.cross(Z, (hinges[k] + link / 2)[None, :] - P) * moved
-            I = orientations[k] @ inertia @ orientations[k].T  # noqa: E741
-            M = M + Jv @ Jv.T + Jw @ I @ Jw.T
-            force = force - Jv @ centre - Jw @ (I @ alpha + xp.cross(w, I @ w))
-        return xp.concatenate([v, solve(M, force)])
+        q, v = y[:LINKS], y[LINKS:, None]
+        R, Z, hinges = kinematics(q, xp)
+        link = hinges[1:] - hinges[:-1]
+        w = xp.cumsum(Z * v, axis=0)
+        alpha = xp.cumsum(xp.cross(w, Z) * v, axis=0)  # with all hinges at constant rates
+        swing = xp.cross(alpha, link) + xp.cross(w, xp.cross(w, link))
+        centre = xp.cumsum(swing, axis=0) - swing / 2 + np.array([0, 0, real("9.81")])
+        I = R @ inertia @ xp.swapaxes(R, 1, 2)  # noqa: E741
+        spin = xp.einsum("kab,kb->ka", I, w)
+        torque = xp.einsum("kab,kb->ka", I, alpha) + xp.cross(w, spin)
+        Jw = Z[None] * upto
+        Jv = xp.cross(Z[None], (hinges[:-1] + link / 2)[:, None] - hinges[None, :-1]) * upto
+        M = xp.einsum("kja,kla->jl", Jv, Jv) + xp.einsum("kja,kla->jl", Jw, xp.einsum("kab,kjb->kja", I, Jw))
+        force = -xp.einsum("kja,ka->j", Jv, centre) - xp.einsum("kja,ka->j", Jw, torque)
+        return xp.concatenate([y[LINKS:], solve(M, force)])
 
     def start() -> np.ndarray:
         return np.concatenate([_array(real, *[CHAIN_ANGLE] * LINKS), np.zeros(LINKS, dtype=real)])

@@ -19,12 +19,13 @@ ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
 
 @dataclass(frozen=True)
 class Budget:
-    """How long to measure: `repeats` of a run, one of a run that takes longer than `slow` [s], which also ends a sweep; no further
-    setting after `sweep` [s] of runs (building and compiling are not counted)."""
+    """How long to measure: each run at least `repeats` times and up to 25 times in `short` [s], but once if it takes longer than
+    `slow` [s], which also ends a sweep; no further setting after `sweep` [s] of runs (building and compiling are not counted)."""
 
     repeats: int = 5
-    slow: float = 1.0
-    sweep: float = 5.0
+    short: float = 0.1
+    slow: float = 0.5
+    sweep: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Point:
 
 
 def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list[Point]:
-    """Points of one method, loosest first, until the error is at rounding, a run is slow or the time is used up."""
+    """Points of one method, loosest first, until the error is at rounding, a run is slow, or the time is used up."""
     points: list[Point] = []
     spent = 0.0
     for setting in peer.settings(built.scene.name, method):
@@ -49,7 +50,8 @@ def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list
         milliseconds, error, repeats = measured(built, prepared, budget)
         points.append(Point(built.scene.name, peer.name, method, setting, milliseconds, error, repeats))
         spent += 1e-3 * milliseconds * (repeats + 1)
-        if error < 1e-14 or milliseconds > 1e3 * budget.slow or spent > budget.sweep:
+        slow = math.isfinite(error) and milliseconds > 1e3 * budget.slow
+        if error < 1e-14 or slow or spent > budget.sweep:
             break
     return points
 
@@ -57,8 +59,9 @@ def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list
 def measured(built: Built, prepared: Prepared, budget: Budget) -> tuple[float, float, int]:
     """Milliseconds (median), error and repeats; after one run to warm up, unless that was slow or failed."""
     first, result = _timed(prepared)
+    repeats = max(budget.repeats, min(25, int(budget.short / first)))
     again = result is not None and first < budget.slow
-    seconds = [_timed(prepared)[0] for _ in range(budget.repeats)] if again else [first]
+    seconds = [_timed(prepared)[0] for _ in range(repeats)] if again else [first]
     error = math.inf if result is None else built.scene.error(prepared.values(result))
     return 1e3 * statistics.median(seconds), error if np.isfinite(error) else math.inf, len(seconds)
 
