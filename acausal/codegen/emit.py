@@ -50,7 +50,7 @@ _BINARY = {
 _MULTIPLY = {ca.OP_MUL, ca.OP_SQ}
 _COPY = {ca.OP_ASSIGN, ca.OP_LIFT}
 _ARGUMENTS = "(const V *restrict in, const V *restrict c, V *restrict out, V *restrict w)"
-_CHUNK = 200
+_CHUNK = 400
 """Statements in one C function: compilers take more than linear time in this."""
 
 

@@ -55,7 +55,7 @@ def stiffness_of(problem: Problem) -> Slow:
     def answer(t: float, x: np.ndarray, h: float, slowness: float) -> str:
         assert problem.compiled is not None
         decay, growth = fastest(problem.compiled.jacobian_at(problem, t, x))
-        return "leave" if decay > 3 * growth and h * decay > 0.5 else newton_where_slow(t, x, h, slowness)
+        return "leave" if decay > 3 * growth and h * decay > 0.1 else newton_where_slow(t, x, h, slowness)
 
     return answer
 
