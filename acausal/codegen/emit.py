@@ -227,7 +227,7 @@ def _body(
     for i in inside:
         for a in values[i].args:
             if a in home:
-                last[a] = max(last.get(a, 0), home[i])
+                last[a] = home[i]
     writes: list[list[tuple[int, int]]] = [[] for _ in chunks]
     for place, v in results:
         writes[home.get(v, 0)].append((place, v))

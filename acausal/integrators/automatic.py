@@ -12,7 +12,7 @@ from acausal.integrators.driver import Newton, Run, drive
 from acausal.integrators.gauss import default_order, gauss_scheme, newton_where_slow
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
-from acausal.integrators.tableau import gauss_legendre
+from acausal.integrators.tableau import Tableau, eigenvectors, gauss_legendre
 from acausal.runtime.compiled import Choice, Slow
 
 _CHECK = 25
@@ -36,7 +36,8 @@ class Automatic(AbstractIntegrator):
         """See `AbstractIntegrator`. The statistics name the methods that ran."""
         order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
         if problem.compiled is not None:
-            choice, leave = Choice((gauss_legendre(order // 2),), newton=1), stiffness_of(problem)
+            tableau = gauss_legendre(order // 2)
+            choice, leave = Choice((tableau,), newton=1), stiffness_of(problem, tableau)
             first, stiff = problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
         else:
             scheme = gauss_scheme(order, Newton.WHERE_SLOW)
@@ -49,13 +50,17 @@ class Automatic(AbstractIntegrator):
         return joined(first, rest)
 
 
-def stiffness_of(problem: Problem) -> Slow:
-    """Leaves Gauss for Radau where decay makes the iteration slow; solves by Newton where something else does."""
+def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
+    """Leaves Gauss for Radau where decay explains the contraction of the iteration; solves by Newton where something else does."""
+    radius = float(np.max(np.abs(eigenvectors(tableau)[0])))
 
-    def answer(t: float, x: np.ndarray, h: float, slowness: float) -> str:
+    signs = [0]  # a look at one moment may deceive: decay and growth take turns in many a motion
+
+    def answer(t: float, x: np.ndarray, h: float, slowness: float, contraction: float) -> str:
         assert problem.compiled is not None
         decay, growth = fastest(problem.compiled.jacobian_at(problem, t, x))
-        return "leave" if decay > 3 * growth and h * decay > 0.1 else newton_where_slow(t, x, h, slowness)
+        signs[0] = signs[0] + 1 if decay > 3 * growth and h * decay * radius > 0.15 * contraction else 0
+        return "leave" if signs[0] > 1 else "go on" if signs[0] else newton_where_slow(t, x, h, slowness, contraction)
 
     return answer
 

@@ -53,7 +53,7 @@ def default_order(rtol: float, problem: Problem) -> int:
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
 
 
-def newton_where_slow(t: float, x: np.ndarray, h: float, slowness: float) -> str:
+def newton_where_slow(t: float, x: np.ndarray, h: float, slowness: float, contraction: float) -> str:
     """Newton costs a Jacobian and linear algebra: worth it where it makes steps several times larger."""
     return "newton" if slowness > 5 else "go on"
 

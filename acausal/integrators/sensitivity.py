@@ -43,8 +43,8 @@ def _compiled(
     x = np.full((x0.size, times.size), np.nan)
     S = np.full((times.size, *directions.dx.shape), np.nan)
     x[:, 0], S[0] = x0, directions.dx
-    slow = stiffness_of(problem)
-    choice = Choice((gauss_legendre(default_order(tolerances.rtol, problem) // 2),), newton=1)
+    tableau = gauss_legendre(default_order(tolerances.rtol, problem) // 2)
+    slow, choice = stiffness_of(problem, tableau), Choice((tableau,), newton=1)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), tolerances, choice, directions)
     status = Status(StatusKind.SUCCESS, float(times[0]))
     for k, end in enumerate(times[1:], start=1):

@@ -53,8 +53,8 @@ class Choice:
     adapt_order: bool = False
 
 
-Slow = Callable[[float, np.ndarray, float, float], str]
-"""(t, x, h, slowness) -> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size."""
+Slow = Callable[[float, np.ndarray, float, float, float], str]
+"""(t, x, h, slowness, contraction) -> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class Run:
                 if code == Code.NEEDS_JACOBIAN:
                     core.jvp = self.compiled.jvp[1][0]
                 elif code == Code.SLOW and slow is not None:
-                    answer = slow(core.t, self.x.copy(), core.h, core.slowness)
+                    answer = slow(core.t, self.x.copy(), core.h, core.slowness, core.contraction)
                     if answer == "leave":
                         return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
                     if answer == "newton":

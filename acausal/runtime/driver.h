@@ -271,7 +271,7 @@ static void choose_size(Integrator *I, double h, double wanted, double contracti
     I->h = fmin(wanted, limit);
     I->slowness = wanted / I->h;
     if (T->newton_now && !failed && I->h >= h && I->h < 1.2 * h) I->h = h; /* the factors serve again */
-    T->hard = slow ? T->hard + 1 : 0;
+    T->hard = slow ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0;
     if (T->newton_now) T->jacobian_fresh = contraction < 0.03;
 }
 

@@ -93,7 +93,7 @@ struct State {
     long terms;
     long events_before, event_capacity;
     int newton_now, begun, start_known;
-    long hard, asked;        /* slow steps in a row; how many until stiffness is looked for again */
+    long hard, asked;        /* slow steps, less those that are not; how many until stiffness is looked for */
     /* Newton */
     double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual;
     long *pivots;
