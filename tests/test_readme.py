@@ -27,10 +27,27 @@ def test_first_scene(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "angles.png").exists()
 
 
+def test_events_and_derivatives(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    space: dict[str, object] = {}
+    exec(BLOCKS[0], space)
+    exec(BLOCKS[1].replace("model.simulate(", "going_over = model.simulate(", 1), space)
+    scene, model, change = space["scene"], space["model"], space["change"]
+    going_over = space["going_over"]
+    assert len(going_over) == 1 and going_over[0].direction == "rising"
+    slope = change[scene.lower.tip.position]
+    assert slope.shape == (3, 3, 1)
+    h = 1e-5
+    ends = [model.simulate(1.0, {scene.shoulder.q: 0.6 + d}, rtol=1e-12)[scene.lower.tip.position][-1] for d in (-h, h)]
+    assert np.max(np.abs(slope[1, :, 0] - (ends[1] - ends[0]) / (2 * h))) < 1e-6
+    expected = model.simulate(1.0, {scene.shoulder.q: 0.7}, rtol=1e-12)[scene.lower.tip.position][-1]
+    assert np.max(np.abs(np.array(space["reach"]([0.7]))[:, 1] - expected)) < 1e-6
+
+
 def test_joint_of_ones_own_in_one_short_class():
     """A body on a helix: (I + m (r^2 + h^2)) q'' = -m g h about its centre on the helix."""
     space = {"ac": ac, "ca": ca, "AbstractJoint": AbstractJoint, "Pose": Pose, "rotation_about_z": rotation_about_z}
-    exec(BLOCKS[1], space)
+    exec(BLOCKS[2], space)
     scene = ac.System()
     scene.world, scene.helix, scene.bead = World(), space["Helix"](), RigidBody.ball(2.0, 0.03)
     scene.connect(scene.world.frame, scene.helix.frame_a)
