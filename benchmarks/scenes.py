@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 import acausal as ac
-from benchmarks.chains import chain
 from components import Particle, Revolute, RigidBody, RollingDisk, Spherical, Spring, World
 from examples.andrews import Andrews
 
@@ -92,8 +91,15 @@ def _top() -> ac.System:
 
 
 def _chain() -> ac.System:
-    scene = chain(10)
-    scene.middle, scene.tip = scene.links[4].at((0, 0, -1)), scene.links[9].at((0, 0, -1))
+    scene = ac.System()
+    scene.world = World()
+    scene.joints = [Revolute("yx"[k % 2]) for k in range(10)]
+    scene.links = [RigidBody(1.0, (0.1, 0.2, 0.25), (0, 0, -0.5)) for _ in range(10)]
+    ends = [scene.world.frame, *(link.at((0, 0, -1)) for link in scene.links)]
+    for joint, end, link in zip(scene.joints, ends, scene.links, strict=False):
+        scene.connect(end, joint.frame_a)
+        scene.connect(joint.frame_b, link.frame)
+    scene.middle, scene.tip = ends[5], ends[10]
     return scene
 
 

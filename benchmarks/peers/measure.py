@@ -30,7 +30,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Point:
-    """One setting: median time of a run [ms], error at the end (infinite if the integrator gave up), and how many runs."""
+    """One setting: median processor time of a run [ms], error at the end (infinite if the integrator gave up), and how many runs."""
 
     scene: str
     peer: str
@@ -59,7 +59,7 @@ def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list
 def measured(built: Built, prepared: Prepared, budget: Budget) -> tuple[float, float, int]:
     """Milliseconds (median), error and repeats; after one run to warm up, unless that was slow or failed."""
     first, result = _timed(prepared)
-    repeats = max(budget.repeats, min(25, int(budget.short / first)))
+    repeats = max(budget.repeats, min(25, int(budget.short / max(first, 1e-6))))
     again = result is not None and first < budget.slow
     seconds = [_timed(prepared)[0] for _ in range(repeats)] if again else [first]
     error = math.inf if result is None else built.scene.error(prepared.values(result))
@@ -67,9 +67,10 @@ def measured(built: Built, prepared: Prepared, budget: Budget) -> tuple[float, f
 
 
 def _timed(prepared: Prepared) -> tuple[float, object]:
-    began = time.perf_counter()
+    """Seconds of the processor, all threads together: on an idle core the same as by the clock, and less disturbed on a shared one."""
+    began = time.process_time()
     result = prepared.run()
-    return time.perf_counter() - began, result
+    return time.process_time() - began, result
 
 
 def time_at_error(points: Sequence[Point], error: float) -> float | None:

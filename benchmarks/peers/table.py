@@ -42,7 +42,7 @@ def finite(error: float) -> float | None:
 def measure(scene: Scene, peers: Sequence[AbstractPeer]) -> list[Point]:
     """Sweep all methods of all peers on a scene; prints its table."""
     built = scene.build()
-    print(f"\n{scene.title}: milliseconds of a run at an error of the {scene.error_kind}")
+    print(f"\n{scene.title}: milliseconds of a run at an error of the {scene.error_kind}; - not reached")
     print(f"{'':<32}" + "".join(f"{e:>10.0e}" for e in ERRORS) + f"{'best error':>14}{'ms':>9}{'setting':>10}")
     points: list[Point] = []
     for peer in peers:
