@@ -136,7 +136,7 @@ def _read(function: ca.Function, name: str) -> tuple[list[_Value], list[tuple[in
     values: list[_Value] = []
     results: list[tuple[int, int]] = []
     now: dict[int, int] = {}  # work vector position -> value
-    known: dict[tuple[int, tuple[int, ...], str, int], int] = {}
+    known: dict[tuple[int, tuple[int, ...], float, int], int] = {}
     code_of, input_of, output_of = function.instruction_id, function.instruction_input, function.instruction_output
     for k in range(function.n_instructions()):
         code = code_of(k)
@@ -157,7 +157,7 @@ def _read(function: ca.Function, name: str) -> tuple[list[_Value], list[tuple[in
             value = _Value(code, tuple(now[i] for i in input_of(k)))
         else:
             raise ExportError(f"'{name}' cannot be written as C: {_name(code)} has no C here.")
-        now[to] = known.setdefault((value.code, value.args, value.number.hex(), value.place), len(values))
+        now[to] = known.setdefault((value.code, value.args, value.number, value.place), len(values))
         if now[to] == len(values):
             values.append(value)
     return values, results
