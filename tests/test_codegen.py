@@ -781,3 +781,22 @@ def test_the_compiler_is_the_one_that_is_asked_for(no_compiler: None, tmp_path: 
     monkeypatch.setitem(sys.modules, "ziglang", sys)
     compiler.compiler.cache_clear()
     assert compiler.compiler() == (sys.executable, "-m", "ziglang", "cc")
+
+
+def test_with_a_compiler_that_fails_models_run_on_the_virtual_machine(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For example without the C library's headers: the warning says what the compiler said."""
+    broken = tmp_path / "broken-cc"
+    broken.write_text("#!/bin/sh\necho 'fatal error: math.h: No such file' >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CC", f"{broken} -some -option")
+    compiler.compiler.cache_clear()
+    try:
+        assert compiler.compiler() == (str(broken), "-some", "-option")
+        scene = Pendulum()
+        with pytest.warns(NoCompilerWarning, match=r"math\.h: No such file"):
+            run = ac.build(scene).simulate(0.2, {scene.hinge.q: 0.3})
+        assert run.t[-1] == 0.2
+    finally:
+        compiler.compiler.cache_clear()

@@ -11,6 +11,7 @@ import hashlib
 import importlib.metadata
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
@@ -30,9 +31,10 @@ _NATIVE = "-march=native"
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
     """The C compiler that is used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return (name,)
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        words = shlex.split(name)
+        if words and shutil.which(words[0]):
+            return tuple(words)
     try:
         import ziglang  # noqa: F401  # pyright: ignore[reportMissingImports, reportUnusedImport]
     except ImportError:

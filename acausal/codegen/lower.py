@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from acausal.errors import NoCompilerWarning
+from acausal.errors import ExportError, NoCompilerWarning
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.mechanics.newton_euler import newton_euler
@@ -136,12 +136,16 @@ class Functions:
 
     @functools.cached_property
     def compiled(self) -> CompiledProblem | None:
-        """Dynamics, invariants and projection as C in the memory of this process; None without a C compiler (said once)."""
+        """Dynamics, invariants and projection as C in the memory of this process; None, said once, where that is not possible."""
         from acausal.runtime.compiled import compile_problem
 
-        found = compile_problem(self.explicit_dynamics, self.invariants, self.projection)
+        try:
+            found = compile_problem(self.explicit_dynamics, self.invariants, self.projection)
+        except ExportError as error:
+            warn_no_compiler(f"{error}\n")
+            return None
         if found is None:
-            warn_no_compiler()
+            warn_no_compiler("No C compiler was found (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). ")
         return found
 
     @functools.cached_property
@@ -173,14 +177,10 @@ class Functions:
 
 
 @functools.cache
-def warn_no_compiler() -> None:
-    """Say, once in a process, that everything is slower than it could be."""
-    warnings.warn(
-        "No C compiler was found (cc, gcc, clang, or ziglang from PyPI): models run on CasADi's virtual machine, many times slower. "
-        "`pip install ziglang` is enough; `compiled=False` silences this.",
-        NoCompilerWarning,
-        stacklevel=5,
-    )
+def warn_no_compiler(reason: str) -> None:
+    """Say, once in a process for each reason, that everything is slower than it could be."""
+    message = f"{reason}Models run on CasADi's virtual machine, many times slower; `compiled=False` silences this."
+    warnings.warn(message, NoCompilerWarning, stacklevel=5)
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}
