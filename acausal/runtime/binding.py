@@ -64,12 +64,12 @@ class Integrator(ctypes.Structure):
         *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards")),
         *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard", "variation", "projected")),
         ("method_list", ctypes.POINTER(Method)),
-        ("parameters", _Double),
+        ("parameters", ctypes.c_void_p),
         ("input", InputFunction),
-        ("u", _Double),
+        ("u", ctypes.c_void_p),
         ("copy_to", _Long),
         ("copy_from", _Long),
-        ("x", _Double),
+        ("x", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "slice")),
         ("record", ctypes.c_long),
         *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst")),
@@ -89,9 +89,9 @@ class Integrator(ctypes.Structure):
         ("stage_count", _Long),
         ("offset", _Long),
         ("directions", ctypes.c_long),
-        ("S", _Double),
-        ("du", _Double),
-        ("dp", _Double),
+        ("S", ctypes.c_void_p),
+        ("du", ctypes.c_void_p),
+        ("dp", ctypes.c_void_p),
     ]  # fmt: skip
 
 

@@ -143,6 +143,16 @@ class CompiledProblem:
         assert found is not None
         return found
 
+    def projected(self, t: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """States (nx, n) at times (n,), brought onto the invariants where that is possible."""
+        if not self.ng or not t.size:
+            return x
+        rows = np.ascontiguousarray(x.T)
+        times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
+        kernel = ctypes.byref(self.kernels[1])
+        self.library.project_states(kernel, self.nx, self.np, _address(parameters), times.size, _address(times), _address(rows))
+        return rows.T
+
     def integrate(
         self,
         problem: Problem,
@@ -307,8 +317,8 @@ class Run:
         return result
 
 
-def _address(array: np.ndarray) -> Any:
-    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+def _address(array: np.ndarray) -> int:
+    return array.ctypes.data
 
 
 def _product(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:

@@ -90,4 +90,11 @@ def runtime(command: tuple[str, ...]) -> ctypes.CDLL:
     files = sorted(RUNTIME.glob("*.[ch]"))
     key = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
     text = (RUNTIME / "runtime.c").read_text(encoding="utf-8")
-    return _load(cached_library(key, [text], command=command))
+    library = _load(cached_library(key, [text], command=command))
+    pointer, number = ctypes.c_void_p, ctypes.c_long
+    library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = library.use_newton.argtypes = [pointer]
+    library.dense.argtypes = [pointer, number, pointer, pointer]
+    library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
+    library.lanes.restype = number
+    library.finish.restype = library.use_newton.restype = None
+    return library

@@ -78,5 +78,6 @@ EXPORT int advance(Integrator *I);
 EXPORT void use_newton(Integrator *I);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
+EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
 EXPORT long lanes(void);
 #endif
