@@ -77,7 +77,7 @@ class CompiledProblem:
         self.command = command
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
-            wanted.append(Wanted("projection", _projection(invariants, project), (2,)))
+            wanted.append(Wanted("projection", projection_with_invariants(invariants, project), (2,)))
         with ThreadPoolExecutor(1) as pool:
             library = pool.submit(runtime, command)
             found = compiled_kernels(wanted, command)
@@ -94,7 +94,7 @@ class CompiledProblem:
     @functools.cached_property
     def jvp(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """(t, x, u, p, dx) -> df/dx dx."""
-        found = compiled_kernels([Wanted("jvp", _product(self.rhs, (1,)), (3,))], self.command)
+        found = compiled_kernels([Wanted("jvp", directional_derivative(self.rhs, (1,)), (3,))], self.command)
         assert found is not None
         return found
 
@@ -111,9 +111,9 @@ class CompiledProblem:
     @functools.cached_property
     def variation(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """(t, x, u, p, dx, du, dp) -> change of x', and (t, x, p, dx, dp) -> change of x after projection."""
-        wanted = [Wanted("variation", _product(self.rhs, (1, 2, 3)), (3,))]
+        wanted = [Wanted("variation", directional_derivative(self.rhs, (1, 2, 3)), (3,))]
         if self.ng and self._project is not None:
-            wanted.append(Wanted("projected", _product(self._project, (1, 2)), (2,)))
+            wanted.append(Wanted("projected", directional_derivative(self._project, (1, 2)), (2,)))
         found = compiled_kernels(wanted, self.command)
         assert found is not None
         return found
@@ -321,7 +321,7 @@ def _address(array: np.ndarray) -> int:
     return array.ctypes.data
 
 
-def _product(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
+def directional_derivative(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
     """(all arguments, directions of those named) -> derivative of the first result in these directions, exact."""
     symbols = [ca.SX.sym(f"a{i}", function.size1_in(i)) for i in range(function.n_in())]
     directions = [ca.SX.sym(f"d{i}", function.size1_in(i)) for i in arguments]
@@ -330,7 +330,8 @@ def _product(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
     return ca.Function("product", [*symbols, *directions], [ca.densify(product)], {"cse": True})
 
 
-def _projection(invariants: ca.Function, project: ca.Function) -> ca.Function:
+def projection_with_invariants(invariants: ca.Function, project: ca.Function) -> ca.Function:
+    """(t, x, p) -> x nearer to the invariants, and the invariants at the given x."""
     symbols = [ca.SX.sym(n, invariants.size1_in(i)) for i, n in enumerate("txp")]
     results = [ca.densify(f.call(symbols)[0]) for f in (project, invariants)]
     return ca.Function("projection", symbols, results, {"cse": True})
