@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import RoundingWarning, SimulationError
+from acausal.errors import OptionError, RoundingWarning, SimulationError
 from acausal.integrators import integrate
 from acausal.integrators.problem import Problem, StatusKind
 from acausal.runtime.compiled import compile_problem
@@ -252,3 +252,18 @@ def test_signal_handlers_are_left_as_they_were():
     before = signal.getsignal(signal.SIGINT)
     pendulum()[0].simulate(0.1)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize(("method", "order"), [("gauss", 3), ("gauss", 62), ("auto", 62), ("auto", 1), ("radau", 4), ("radau", 61)])
+def test_orders_that_do_not_exist_are_refused(method, order):
+    model, start = pendulum()
+    with pytest.raises(OptionError, match="orders from"):
+        model.simulate(1.0, start, method=method, order=order)
+
+
+@pytest.mark.parametrize(("method", "order"), [("gauss", 60), ("gauss", 18), ("radau", 59), ("radau", 17)])
+def test_more_stages_than_lanes(method, order):
+    model, start = pendulum()
+    fine = model.simulate(2.0, start, rtol=1e-13)
+    run = model.simulate(2.0, start, method=method, order=order, rtol=1e-10)
+    assert np.max(np.abs(run.x - fine.x)) < 1e-8

@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.driver import Newton, Run, drive
-from acausal.integrators.gauss import default_order, gauss_scheme, newton_where_slow
+from acausal.integrators.gauss import Gauss, default_order, gauss_scheme, newton_where_slow
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
 from acausal.integrators.tableau import Tableau, eigenvectors, gauss_legendre
@@ -29,6 +29,9 @@ class Automatic(AbstractIntegrator):
     name: ClassVar[str] = "auto"
     order: int | None = None
     step: float | None = None
+
+    def __post_init__(self) -> None:
+        Gauss(self.order, self.step)  # raises for an order that Gauss does not have
 
     def integrate(
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
