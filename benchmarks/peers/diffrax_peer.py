@@ -57,7 +57,7 @@ def _solver(name: str, method: str, end: float) -> tuple[Any, Any]:
             y0,
             stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
             saveat=diffrax.SaveAt(t1=True),
-            max_steps=20_000,
+            max_steps=100_000,
             adjoint=diffrax.ForwardMode(),
             throw=False,
         )

@@ -25,7 +25,7 @@ class Budget:
     repeats: int = 5
     short: float = 0.1
     slow: float = 0.5
-    sweep: float = 3.0
+    sweep: float = 2.5
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list
         prepared = peer.prepare(built, method, setting)
         milliseconds, error, repeats = measured(built, prepared, budget)
         points.append(Point(built.scene.name, peer.name, method, setting, milliseconds, error, repeats))
-        spent += 1e-3 * milliseconds * (repeats + 1)
+        spent += 1e-3 * milliseconds * (repeats + 1 if repeats > 1 else 1)
         slow = math.isfinite(error) and milliseconds > 1e3 * budget.slow
         if error < 1e-14 or slow or spent > budget.sweep:
             break
