@@ -206,6 +206,14 @@ class Model:
 
         return export_c(self, folder)
 
+    def export_simulator(
+        self, folder: str | Path, start: Start | None = None, parameters: Mapping[Parameter, float] | None = None
+    ) -> Path:
+        """Write a program in C that simulates the model from `start` and needs nothing else; returns the folder."""
+        from acausal.export.simulator import export_simulator
+
+        return export_simulator(self, folder, start, parameters)
+
     def __repr__(self) -> str:
         return f"<Model {self}>"
 

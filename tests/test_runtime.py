@@ -254,14 +254,14 @@ def test_signal_handlers_are_left_as_they_were():
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize(("method", "order"), [("gauss", 3), ("gauss", 62), ("auto", 62), ("auto", 1), ("radau", 4), ("radau", 61)])
+@pytest.mark.parametrize(("method", "order"), [("gauss", 3), ("gauss", 34), ("auto", 34), ("auto", 1), ("radau", 4), ("radau", 27)])
 def test_orders_that_do_not_exist_are_refused(method, order):
     model, start = pendulum()
     with pytest.raises(OptionError, match="orders from"):
         model.simulate(1.0, start, method=method, order=order)
 
 
-@pytest.mark.parametrize(("method", "order"), [("gauss", 60), ("gauss", 18), ("radau", 59), ("radau", 17)])
+@pytest.mark.parametrize(("method", "order"), [("gauss", 32), ("gauss", 18), ("radau", 25), ("radau", 17)])
 def test_more_stages_than_lanes(method, order):
     model, start = pendulum()
     fine = model.simulate(2.0, start, rtol=1e-13)

@@ -22,7 +22,7 @@ class Gauss(AbstractIntegrator):
 
     Fixed-point iteration from an extrapolated start, simplified Newton where that would hold the step size down. Quadratic
     invariants such as unit quaternions are kept to rounding. `order`: None chooses 8, 12 or 16 by the tolerance.
-    Hairer, Lubich, Wanner: Geometric Numerical Integration, sections II.1 and VIII.6. Raises `OptionError` for an odd order or one above 60.
+    Hairer, Lubich, Wanner: Geometric Numerical Integration, sections II.1 and VIII.6. Raises `OptionError` for an odd order or one above 32.
     """
 
     name: ClassVar[str] = "gauss"
@@ -30,8 +30,8 @@ class Gauss(AbstractIntegrator):
     step: float | None = None
 
     def __post_init__(self) -> None:
-        if self.order is not None and (not 2 <= self.order <= 60 or self.order % 2):
-            raise OptionError(f"simulate: gauss has even orders from 2 to 60, not {self.order}.")
+        if self.order is not None and (not 2 <= self.order <= 32 or self.order % 2):
+            raise OptionError(f"simulate: gauss has even orders from 2 to 32, not {self.order}.")
 
     def integrate(
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None

@@ -21,7 +21,7 @@ class Radau(AbstractIntegrator):
     """Radau IIA collocation of an odd order: stiffly accurate, L-stable, simplified Newton; adaptive, or with a fixed step [s].
 
     `order`: None chooses 5, 9 or 13 by the tolerance. Hairer and Wanner II, sections IV.5 and IV.8.
-    Raises `OptionError` for an even order or one above 59.
+    Raises `OptionError` for an even order or one above 25.
     """
 
     name: ClassVar[str] = "radau"
@@ -29,8 +29,8 @@ class Radau(AbstractIntegrator):
     step: float | None = None
 
     def __post_init__(self) -> None:
-        if self.order is not None and (not 1 <= self.order <= 59 or self.order % 2 == 0):
-            raise OptionError(f"simulate: radau has odd orders from 1 to 59, not {self.order}.")
+        if self.order is not None and (not 1 <= self.order <= 25 or self.order % 2 == 0):
+            raise OptionError(f"simulate: radau has odd orders from 1 to 25, not {self.order}.")
 
     def integrate(
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
