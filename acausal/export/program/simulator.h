@@ -1,0 +1,74 @@
+/* Simulates the model that this folder holds. Plain C: no library but libm. See README.txt.
+
+       double times[3] = {0.0, 0.5, 1.0}, *states = malloc(3 * model_states * sizeof(double));
+       SimulatorReport report;
+       if (simulate(0, 0.0, 0, 0, 0, 3, times, states, &report)) puts(report.message);
+
+   Calls do not share anything: they may run side by side in threads. */
+#ifndef SIMULATOR_H
+#define SIMULATOR_H
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The model: how many numbers of each kind, their names (0 behind the last), and their values when it was exported. */
+extern const char model_title[];
+extern const long model_states, model_inputs, model_parameters;
+extern const char *const model_state_names[], *const model_input_names[], *const model_parameter_names[];
+extern const double model_start[], model_input_values[], model_parameter_values[];
+
+typedef enum {
+    SIMULATOR_GAUSS, /* Gauss-Legendre collocation: for everything that is not stiff */
+    SIMULATOR_RADAU  /* Radau IIA collocation: for stiff models */
+} SimulatorMethod;
+
+typedef struct {
+    SimulatorMethod method;
+    long order;     /* gauss 8, 12, 16; radau 5, 9, 13; 0: by the tolerance */
+    double rtol;    /* relative error per step, 0 < rtol < 1; no less than 1e-15 is used */
+    double atol;    /* absolute error per step, in SI units; 0: the same as rtol */
+    double step;    /* size of fixed steps [s]; 0: as the tolerances allow */
+    long max_steps; /* the run fails when these are not enough */
+    /* Fills the inputs u at time t, also times ahead of the motion; returns 0 to give up. 0: inputs stay what `simulate` got. */
+    int (*input)(double t, double *u);
+} SimulatorOptions;
+
+/* gauss, order by the tolerance, rtol = atol = 1e-8, no fixed step, at most a million steps, constant inputs. */
+SimulatorOptions simulator_defaults(void);
+
+typedef enum {
+    SIMULATOR_SUCCESS,
+    SIMULATOR_STEP_UNDERFLOW, /* the step size became too small */
+    SIMULATOR_NON_FINITE,     /* a rate or a start value is infinite or not a number */
+    SIMULATOR_NOT_CONVERGED,  /* the implicit equations of a fixed step could not be solved */
+    SIMULATOR_MAX_STEPS,
+    SIMULATOR_INPUT_FAILED,   /* options->input returned 0 */
+    SIMULATOR_OUT_OF_MEMORY,
+    SIMULATOR_BAD_ARGUMENT    /* nothing was done */
+} SimulatorStatus;
+
+typedef struct {
+    SimulatorStatus status;
+    char message[160];          /* what happened, in words; empty after success */
+    double time;                /* reached [s] */
+    long samples;               /* rows of `states` that are filled */
+    const char *failed_state;   /* name of the state that failed first; 0: none, or not known */
+    long steps, rejected;       /* steps taken, and tried in vain */
+    long newton_steps;          /* of these, solved by Newton's iteration */
+    long evaluations;           /* of the rates at one point */
+    long factorisations;        /* of the equations of Newton's iteration */
+    long order;                 /* of the last step */
+} SimulatorReport;
+
+/* The motion from time t0 [s] on, at n times in ascending order, not before t0; the last one is the end of the run.
+
+   x0: start state (model_states numbers), which has to close the loops of the model; u: inputs; p: parameters. Each may be 0: the
+   exported values. options: 0 for simulator_defaults(). states: n rows of model_states numbers; rows after the time that was reached
+   are not written. report: may be 0. Returns the status, 0 for success. All steps stay in memory until the run has ended. */
+int simulate(const SimulatorOptions *options, double t0, const double *x0, const double *u, const double *p, long n,
+             const double *times, double *states, SimulatorReport *report);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,192 @@
+"""A simulator of one model in C that stands by itself: its kernels, the integrators, and a program that prints its motion."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from acausal.codegen.compiler import RUNTIME
+from acausal.codegen.emit import Source, emit, translation_units
+from acausal.errors import ExportError
+from acausal.integrators.rates import copied_states
+from acausal.integrators.tableau import Tableau, gauss_legendre, radau_iia
+from acausal.language.expression import Parameter
+from acausal.reduction.initial import Start
+from acausal.runtime.binding import Method, method_table
+from acausal.runtime.compiled import directional_derivative, projection_with_invariants
+from acausal.simulation import input_signal, parameter_values
+
+if TYPE_CHECKING:
+    from acausal.model import Model
+
+PROGRAM = Path(__file__).resolve().parent / "program"
+"""Folder of the C sources that are the same for all models."""
+_GAUSS = tuple(gauss_legendre(s) for s in (4, 6, 8))
+_RADAU = tuple(radau_iia(s) for s in (3, 5, 7))
+_README = """\
+{heading}
+{line}
+
+    cc -O2 -march=native -ffp-contract=off -fno-math-errno -o simulator main.c simulator.c model.c runtime.c -lm
+    ./simulator 10 > motion.csv
+
+It needs a C99 compiler with vector extensions (GCC, Clang) and libm, nothing else. Leave out -march=native for a program that runs on
+other processors too. All files must be compiled with the same flags; with -Wall, add -Wno-psabi.
+
+    ./simulator end [samples] [rtol] [method]
+
+prints the states at equally spaced times from 0 to `end` seconds, separated by commas. `method`: gauss, or radau for stiff models.
+
+{nx} states, {nu} inputs, {np} parameters; names and values are in model.json. To simulate from a program of your own, see `simulate`
+in simulator.h: other start values, parameters and inputs, fixed steps, what to do when a run fails.
+
+main.c                    the program
+simulator.h, simulator.c  one run
+model.h, model.c          the model
+methods.h                 coefficients of the integrators
+runtime.h, runtime.c      the integrators; the other headers belong to them
+"""
+
+
+def export_simulator(
+    model: Model, folder: str | Path, start: Start | None = None, parameters: Mapping[Parameter, float] | None = None
+) -> Path:
+    """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
+
+    `start`, `parameters`: what it starts from, as for `simulate`. The numbers are those of `model.simulate` with method "gauss" or
+    "radau", to the bit where compiler and processor are the same. Raises `StartValueError` and others as `simulate` does, and
+    `ExportError` for functions that have no C, and when a file cannot be written.
+    """
+    target = Path(folder)
+    facts = _Facts(
+        title=model.system.flat.name,
+        states=model.state_names,
+        inputs=model.input_names,
+        parameters=model.parameter_names,
+        start=tuple(model.initial_state(start, parameters=parameters).x.tolist()),
+        input_values=tuple(input_signal(model.functions, {})(np.zeros(1))[:, 0].tolist()),
+        parameter_values=tuple(parameter_values(model.functions, parameters or {}).tolist()),
+    )
+    heading = f"{facts.title}: a simulator in C"
+    texts = {
+        "model.c": _model_c(model, facts),
+        "methods.h": _methods_h(),
+        "model.json": json.dumps({"functions": ["simulate"], **asdict(facts)}, indent=2),
+        "README.txt": _README.format(
+            heading=heading, line="=" * len(heading), nx=len(facts.states), nu=len(facts.inputs), np=len(facts.parameters)
+        ),
+    }
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for source in sorted([*RUNTIME.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]):
+            shutil.copyfile(source, target / source.name)
+        for name, text in texts.items():
+            (target / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ExportError(f"export_simulator: cannot write to '{target}': {error}.") from error
+    return target
+
+
+@dataclass(frozen=True)
+class _Facts:
+    title: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    start: tuple[float, ...]
+    input_values: tuple[float, ...]
+    parameter_values: tuple[float, ...]
+
+
+def _model_c(model: Model, facts: _Facts) -> str:
+    """Kernels, names and values of a model; what model.h and simulator.h declare."""
+    f = model.functions
+    rhs = f.explicit_dynamics
+    sources = [
+        emit(rhs, "model_rhs", parameters=(3,)),
+        emit(directional_derivative(rhs, (1,)), "model_jvp", parameters=(3,)),
+    ]
+    invariants = 0
+    if f.invariants is not None and f.projection is not None:
+        invariants = f.invariants.size1_out(0)
+        sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
+    kernels = {source.name: source for source in sources}
+    copies = copied_states(rhs)
+    lines = [
+        '#include "model.h"',
+        f"const char model_title[] = {_string(facts.title)};",
+        *(
+            f"const long model_{kind} = {len(names)};\nconst char *const model_{kind[:-1]}_names[] = {_array([*map(_string, names), '0'])};"
+            for kind, names in (("states", facts.states), ("inputs", facts.inputs), ("parameters", facts.parameters))
+        ),
+        *(
+            f"const double model_{kind}[] = {_array([v.hex() for v in values] or ['0'])};"
+            for kind, values in (
+                ("start", facts.start), ("input_values", facts.input_values), ("parameter_values", facts.parameter_values)
+            )
+        ),
+        *(_kernel(name, kernels.get(name)) for name in ("model_rhs", "model_jvp", "model_projection")),
+        f"const long model_lanes = LANES, model_invariants = {invariants}, model_copies = {len(copies)};",
+        *(
+            f"const long model_copy_{word}[] = {_array([str(pair[k]) for pair in copies] or ['0'])};"
+            for k, word in enumerate(("to", "from"))
+        ),
+    ]  # fmt: skip
+    return f"/* The model: functions, names, values. */\n{translation_units(sources, 1)[0]}\n" + "\n".join(lines) + "\n"
+
+
+def _kernel(name: str, source: Source | None) -> str:
+    """A `Kernel` of runtime.h; empty without a source."""
+    if source is None:
+        return f"const Kernel {name}_kernel = {{0, 0, 0, 0, 0, 0}};"
+    sizes = f"{source.inputs}, {source.outputs}, {source.constants}, {source.work}"
+    return f"const Kernel {name}_kernel = {{{name}, {name}_prepare, {sizes}}};"
+
+
+def _methods_h() -> str:
+    refining = tuple(gauss_legendre(max(t.stages + 1, round(1.75 * t.stages))) for t in _GAUSS)
+    return (
+        "/* Coefficients of collocation methods, and for each Gauss method the one that refines its dense output. */\n"
+        + _methods("gauss_methods", _GAUSS)
+        + _methods("gauss_refining", refining)
+        + _methods("radau_methods", _RADAU)
+    )
+
+
+def _methods(name: str, tableaus: tuple[Tableau, ...]) -> str:
+    """An array of `Method` of runtime.h, as `method_table` makes it."""
+    arrays: list[str] = []
+    rows: list[str] = []
+    table = method_table(tableaus)  # holds what its pointers point to
+    for method in table.array:
+        s, m = method.stages, method.eigenvalues
+        sizes = {"A": s * s, "mu": s * s, "to_legendre": s * s, "eigen_re": m, "eigen_im": m}
+        sizes |= dict.fromkeys(("V_re", "V_im", "W_re", "W_im"), s * m)
+        fields: list[str] = []
+        for field in (entry[0] for entry in Method._fields_):
+            value: Any = getattr(method, field)
+            if isinstance(value, int):
+                fields.append(str(value))
+            elif isinstance(value, float):
+                fields.append(value.hex())
+            else:
+                fields.append(f"{name}_{len(rows)}_{field}")
+                numbers = _array([v.hex() for v in value[: sizes.get(field, s)]])
+                arrays.append(f"static const double {fields[-1]}[] = {numbers};\n")
+        rows.append(f"{{{', '.join(fields)}}}")
+    return f"{''.join(arrays)}static const Method {name}[] = {_array(rows)};\n"
+
+
+def _array(entries: Sequence[str]) -> str:
+    return "{" + ", ".join(entries) + "}"
+
+
+def _string(text: str) -> str:
+    """A string literal of C."""
+    return json.dumps(text, ensure_ascii=False)

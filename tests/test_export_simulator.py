@@ -1,0 +1,243 @@
+"""The exported simulator: the numbers of the package from a C program that stands by itself."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.codegen.compiler import compiler
+from acausal.errors import ExportError, UnknownVariableError
+from components import Force, Particle, Prismatic, World
+from tests.scenes import DoublePendulum, FourBar
+from tests.test_sensitivity import Oscillator
+
+WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wno-psabi", "-Werror")
+
+
+def pendulum():
+    scene = DoublePendulum()
+    return ac.build(scene), {scene.shoulder.q: 0.6, scene.elbow.v: 5.0}, 4.0
+
+
+def four_bar():
+    scene = FourBar()
+    return ac.build(scene), {scene.a.q: 1.0, scene.a.v: 6.0}, 2.0
+
+
+def stiff():
+    scene = Oscillator(damping=1e5)
+    return ac.build(scene), {scene.rail.q: 0.3, scene.rail.v: 1.0}, 2.0
+
+
+SCENES = {scene.__name__: scene for scene in (pendulum, four_bar, stiff)}
+
+
+def compiled(
+    folder: Path, *flags: str, command: tuple[str, ...] | None = None, program: str = "simulator", **other: str | Path
+) -> Path:
+    """The program, made by the line in README.txt, without any warning. `other`: files to take instead of `main`.c, `runtime`.c."""
+    lines = (folder / "README.txt").read_text().splitlines()
+    words = next(line for line in lines if line.strip().startswith("cc ")).split()[1:]
+    command = command or compiler()
+    assert command is not None
+    words[words.index("simulator")] = program
+    words = [str(other.get(word.removesuffix(".c"), word)) for word in words]
+    made = subprocess.run([*command, *WARNINGS, *flags, *words], cwd=folder, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    assert not made.stderr
+    return folder / program
+
+
+@pytest.fixture(scope="module")
+def runtime(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The integrators as an object file: the same for all models, and the longest to compile."""
+    folder = ac.build(DoublePendulum()).export_simulator(tmp_path_factory.mktemp("runtime"))
+    command = compiler()
+    assert command is not None
+    flags = (*WARNINGS, "-O2", "-march=native", "-ffp-contract=off", "-fno-math-errno")
+    subprocess.run([*command, *flags, "-c", "runtime.c"], cwd=folder, check=True)
+    return folder / "runtime.o"
+
+
+def printed(program: Path, *words: object) -> tuple[list[str], np.ndarray]:
+    """Header and values of a run in an empty environment."""
+    command = [str(program), *map(str, words)]
+    run = subprocess.run(command, cwd="/", env={}, capture_output=True, text=True, check=True)
+    head, *rows = run.stdout.splitlines()
+    return head.split(","), np.array([row.split(",") for row in rows], dtype=float)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory, runtime: Path):
+    """name -> model, start, end and program of a scene."""
+    made = {}
+
+    def get(name: str):
+        if name not in made:
+            model, start, end = SCENES[name]()
+            folder = model.export_simulator(tmp_path_factory.mktemp(name), start)
+            made[name] = model, start, end, compiled(folder, runtime=runtime)
+        return made[name]
+
+    return get
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "rtol"),
+    [("pendulum", "gauss", 1e-3), ("pendulum", "gauss", 1e-10), ("pendulum", "radau", 1e-7), ("four_bar", "gauss", 1e-10),
+     ("four_bar", "radau", 1e-8), ("stiff", "gauss", 1e-6), ("stiff", "radau", 1e-3), ("stiff", "radau", 1e-12)],
+)  # fmt: skip
+def test_prints_the_numbers_of_the_package_to_the_last_bit(exported, name, method, rtol):
+    model, start, end, program = exported(name)
+    head, table = printed(program, end, 57, rtol, method)
+    run = model.simulate(end, start, rtol=rtol, method=method)
+    assert head == ["t", *model.state_names]
+    assert np.array_equal(table[:, 0], np.linspace(0, end, 57))
+    assert np.array_equal(table[:, 1:].T, run.at(table[:, 0]).x)
+
+
+def test_a_stiff_model_makes_gauss_solve_by_newton(exported):
+    """Otherwise the comparison above would not see the decision between the two."""
+    model, start, end, _ = exported("stiff")
+    statistics = model.simulate(end, start, rtol=1e-6, method="gauss").statistics
+    assert statistics.method == "gauss with Newton"
+
+
+@pytest.mark.slow
+def test_lanes_do_not_matter(exported):
+    model, _, end, program = exported("four_bar")
+    native = printed(program, end, 40, 1e-13)[1]
+    for lanes in {2, 4, 8} - {model.functions.compiled.lanes}:
+        other = compiled(program.parent, f"-DLANES={lanes}", program=f"lanes{lanes}")
+        assert np.max(np.abs(printed(other, end, 40, 1e-13)[1] - native)) < 1e-12
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("ziglang"), reason="ziglang is not installed")
+def test_another_compiler_gives_the_same_without_warnings(exported):
+    _, _, end, program = exported("four_bar")
+    other = compiled(program.parent, command=(sys.executable, "-m", "ziglang", "cc"), program="other")
+    assert np.max(np.abs(printed(other, end, 40, 1e-12)[1] - printed(program, end, 40, 1e-12)[1])) < 1e-12
+
+
+USE = r"""
+#include <stdio.h>
+#include <string.h>
+#include "simulator.h"
+static int push(double t, double *u) { u[0] = 3 - 2 * t; return 1; }
+static int none(double t, double *u) { return t < 0.5 || !u; }
+static void show(const char *name, SimulatorReport *r, const double *x) {
+    printf("%s;%d;%s;%s;%ld;%ld;%.17g", name, (int)r->status, r->message, r->failed_state ? r->failed_state : "", r->samples, r->steps, r->time);
+    for (int i = 0; i < 6; i++) printf(";%.17g", x[i]);
+    printf("\n");
+}
+int main(void) {
+    double times[3] = {1, 1.5, 3}, bad[2] = {2, 1}, x[6] = {0}, x0[2] = {0.25, -1}, p[2] = {9, 2}, u[1] = {1.5}, worse[2] = {0.5, 1};
+    SimulatorReport r;
+    worse[1] /= 0.0;
+    simulate(0, 0, 0, 0, 0, 3, times, x, &r); show("default", &r, x);
+    simulate(0, 1, x0, u, p, 3, times, x, &r); show("values", &r, x);
+    SimulatorOptions o = simulator_defaults();
+    o.input = push; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("input", &r, x);
+    o.step = 0.03; o.order = 8; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("fixed", &r, x);
+    o.method = SIMULATOR_RADAU; o.order = 5; o.step = 0.02; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("radau", &r, x);
+    o = simulator_defaults(); o.max_steps = 4; memset(x, 0, sizeof x);
+    simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("short", &r, x);
+    o = simulator_defaults(); o.input = none; simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("stopped", &r, x);
+    o.order = 7; simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("order", &r, x);
+    o.order = 0; o.rtol = 2; simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("rtol", &r, x);
+    simulate(0, 0, 0, 0, 0, 2, bad, x, &r); show("times", &r, x);
+    simulate(0, 0, worse, 0, 0, 3, times, x, &r); show("start", &r, x);
+    return simulate(0, 0, 0, 0, 0, 3, times, x, 0);
+}
+"""
+
+
+def test_called_from_a_program(tmp_path, runtime):
+    scene = Oscillator(damping=0.1)
+    model = ac.build(scene)
+    start, p = {scene.rail.q: 0.25, scene.rail.v: -1.0}, {scene.stiffness: 9.0, scene.mass: 2.0}
+    (model.export_simulator(tmp_path, {scene.rail.q: 0.3}) / "use.c").write_text(USE)
+    text = subprocess.run(
+        [str(compiled(tmp_path, main="use.c", runtime=runtime))], env={}, capture_output=True, text=True, check=True
+    ).stdout
+    rows = {line.split(";")[0]: line.split(";")[1:] for line in text.splitlines()}
+    times = [1.0, 1.5, 3.0]
+
+    def states(name: str) -> np.ndarray:
+        assert rows[name][:4] == ["0", "", "", "3"]
+        return np.array(rows[name][6:], dtype=float).reshape(3, 2).T
+
+    def same(name: str, begin=start, **options) -> bool:
+        run = model.simulate(3.0, begin, **options)
+        assert rows[name][4] == str(run.statistics.steps)
+        return np.array_equal(states(name), run.at(times).x)
+
+    slope = {scene.push: lambda t: 3 - 2 * t}
+    assert same("default", {scene.rail.q: 0.3})
+    assert same("values", t0=1.0, parameters=p, inputs={scene.push: 1.5})
+    assert same("input", parameters=p, inputs=slope)
+    assert same("fixed", parameters=p, inputs=slope, step=0.03, order=8, method="gauss")
+    assert same("radau", parameters=p, inputs=slope, step=0.02, order=5, method="radau")
+    short = model.simulate(3.0, {scene.rail.q: 0.3}, max_steps=4, raise_on_failure=False)
+    assert rows["short"][:3] == ["4", "4 steps were not enough.", ""]
+    assert rows["short"][4:6] == ["4", f"{short.status.time:.17g}"]
+    assert int(rows["short"][3]) == sum(t <= short.status.time for t in times)
+    assert rows["stopped"][0] == "5"
+    assert float(rows["stopped"][5]) < 0.5
+    assert rows["order"][:2] == ["7", "There is no method of that order."]
+    assert rows["rtol"][:2] == ["7", "rtol must lie between 0 and 1."]
+    assert rows["times"][:2] == ["7", "Times must be in ascending order."]
+    assert rows["start"][:3] == ["2", "The start values are not finite.", "rail.v"]
+
+
+def test_a_run_that_fails_says_where_and_names_the_state(tmp_path):
+    """sqrt(1 - t) has no value after one second."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.body = World((0, 0, 0)), Prismatic("x"), Particle(1.0)
+    scene.force = Force(lambda t: ((1 - t) ** 0.5, 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.point)
+    scene.connect(scene.force.point, scene.body.point)
+    model = ac.build(scene)
+    program = compiled(model.export_simulator(tmp_path))
+    status = model.simulate(3.0, raise_on_failure=False).status
+    run = subprocess.run([str(program), "3", "4"], env={}, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert len(run.stdout.splitlines()) == 2  # header and start
+    assert f"System: {status.message} Stopped at t = 1 s of 3 s" in run.stderr
+    assert f"The state that failed first: {model.state_names[status.worst]}." in run.stderr
+
+
+@pytest.mark.parametrize("words", [(), ("x",), ("1", "1"), ("1", "2.5"), ("1", "5", "7"), ("1", "5", "1e-8", "euler"), ("-1",)])
+def test_wrong_words_show_the_usage(exported, words):
+    run = subprocess.run([str(exported("pendulum")[3]), *words], capture_output=True, text=True)
+    assert run.returncode == 2
+    assert run.stderr.startswith("usage:")
+    assert not run.stdout
+
+
+def test_facts_and_parameters(tmp_path):
+    scene = Oscillator()
+    model = ac.build(scene)
+    folder = model.export_simulator(tmp_path / "new" / "folder", {scene.rail.q: 0.2}, {scene.mass: 3.0})
+    facts = json.loads((folder / "model.json").read_text())
+    assert facts["states"] == ["rail.q", "rail.v"]
+    assert facts["start"] == [0.2, 0.0]
+    assert facts["parameters"] == ["stiffness", "mass"]
+    assert facts["parameter_values"] == [4.0, 3.0]
+    assert facts["inputs"] == ["push"]
+    with pytest.raises(UnknownVariableError, match="parameter"):
+        model.export_simulator(tmp_path, parameters={ac.Parameter(1.0): 2.0})
+
+
+def test_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ExportError, match="cannot write"):
+        ac.build(DoublePendulum()).export_simulator(tmp_path / "file")
