@@ -49,10 +49,12 @@ def sweep(peer: AbstractPeer, built: Built, method: str, budget: Budget) -> list
         prepared = peer.prepare(built, method, setting)
         milliseconds, error, repeats = measured(built, prepared, budget)
         points.append(Point(built.scene.name, peer.name, method, setting, milliseconds, error, repeats))
-        spent += 1e-3 * milliseconds * (repeats + 1 if repeats > 1 else 1)
-        slow = math.isfinite(error) and milliseconds > 1e3 * budget.slow
-        if error < 1e-14 or slow or spent > budget.sweep:
+        if error < 1e-14:
             break
+        if math.isfinite(error):  # a loose tolerance may fail, and take long, where a tighter one does not
+            spent += 1e-3 * milliseconds * (repeats + 1)
+            if milliseconds > 1e3 * budget.slow or spent > budget.sweep:
+                break
     return points
 
 
