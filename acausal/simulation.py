@@ -152,16 +152,24 @@ _SINGULAR = 1e-9
 
 
 def _warn_if_singular(functions: Functions, run: Trajectory) -> None:
-    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon."""
+    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
+
+    Rows of the loop's matrix are scaled to the largest diagonal that they meet. Where the reduction knows of singular positions,
+    momentum leads through them; the motion is only in doubt where there is none.
+    """
     system = functions.outputs.system
     if not system.constraints.jacobian.shape[0] or system.constraints.damped:
         return
     n, t, x = len(run.solution.t), run.solution.t, run.solution.x
-    p = np.repeat(run.problem.parameters[:, None], n, axis=1)
+    u, p = run.problem.inputs(t), np.repeat(run.problem.parameters[:, None], n, axis=1)
     m = system.constraints.jacobian.shape[0]
-    values = np.array(functions.loop_matrix(t[None, :], x, run.problem.inputs(t), p)).reshape(m, n, m).transpose(1, 0, 2)
-    spectrum = np.linalg.eigvalsh(np.nan_to_num(values))
+    values = np.nan_to_num(np.array(functions.loop_matrix(t[None, :], x, u, p))).reshape(m, n, m).transpose(1, 0, 2)
+    scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
+    spectrum = np.linalg.eigvalsh(values / scale[:, None] / scale)
     smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
+    if system.constraints.singular and np.min(smallest) < _SINGULAR:
+        kinetic = np.array(functions.kinetic_energy(t[None, :], x, u, p)).ravel()
+        smallest = np.where(kinetic <= _SINGULAR * np.max(kinetic), smallest, np.inf)
     worst = int(np.argmin(smallest))
     if smallest[worst] < _SINGULAR:
         joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)

@@ -223,6 +223,19 @@ def solve_positive(A: ca.SX, B: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
+def solve_damped(A: ca.SX, B: ca.SX, damping: ca.SX, refinements: int) -> ca.SX:
+    """A \\ B for a symmetric semidefinite A, its components along small eigenvalues left out; straight-line code.
+
+    A + diag(damping) is solved, and refined against A: along an eigenvector with eigenvalue s, in units where the damping d is the
+    same for all rows, the result is the exact one times 1 - (d / (s + d))^(1 + refinements).
+    """
+    damped = A + ca.diag(damping)
+    X = solve_positive(damped, B)
+    for _ in range(refinements):
+        X = X + solve_positive(damped, B - A @ X)
+    return X
+
+
 def solve_semidefinite(A: ca.SX, B: ca.SX) -> ca.SX:
     """The smallest X with A X = B for a symmetric A that may have dependent rows, and B in its range; straight-line code.
 
@@ -230,9 +243,4 @@ def solve_semidefinite(A: ca.SX, B: ca.SX) -> ca.SX:
     the range of A (factor 1e-9 / eigenvalue each), while nothing grows along its null space.
     """
     n = A.shape[0]
-    damping = 1e-9 / n * ca.trace(A)
-    damped = A + damping * ca.SX.eye(n)
-    X = solve_positive(damped, B)
-    for _ in range(3):
-        X = X + solve_positive(damped, B - A @ X)
-    return X
+    return solve_damped(A, B, 1e-9 / n * ca.trace(A) * ca.SX.ones(n), 3)

@@ -13,6 +13,7 @@ from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.assembly import assemble
 from acausal.reduction.loops import LoopRows, loop_rows
 from acausal.reduction.redundancy import RankReport, independent_rows
+from acausal.reduction.singular import Walk, has_singular_position
 
 _SAMPLES = 8
 _STRIDE = 0.35
@@ -25,6 +26,7 @@ class Constraints:
     `position` (np, 1) and `velocity` (m, 1) residuals of the kept rows; `jacobian` A (m, nv) of `velocity` in v; `bias` (m, 1) so
     that A v' + bias = 0. `damped`: rows depend on one another in a way that only holds when assembled. The kept
     ones alone may then be met on other branches too, so all rows are used, with a rank-tolerant solve.
+    `singular`: fewer rows are independent at some positions than elsewhere. `samples`: some assembled configurations (nq,).
     `joint_invariants`: of the tree's joints (quaternion norms, gaps). `kept` and `redundant` are names.
     """
 
@@ -40,8 +42,13 @@ class Constraints:
     vanishing: tuple[str, ...]
     rank: RankReport
     damped: bool
-    q_start: np.ndarray
-    """An assembled configuration (nq,), where searches begin."""
+    singular: bool
+    samples: tuple[np.ndarray, ...]
+
+    @property
+    def q_start(self) -> np.ndarray:
+        """An assembled configuration (nq,), where searches begin."""
+        return self.samples[0]
 
 
 def joint_invariants(system: MechanicalSystem) -> ca.SX:
@@ -68,9 +75,10 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     if not loops:
         none = ca.SX(0, 1)
         return Constraints(
-            (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), False, start
-        )
+            (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), False, False, (start,)
+        )  # fmt: skip
     A_all = ca.Function("A", [tree.q, tree.t, parameters], [ca.densify(ca.jacobian(velocity, tree.v))])
+    samples: list[np.ndarray] = []
     # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
     for reach in (1, _SAMPLES):
         samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values, reach)
@@ -83,6 +91,8 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
             f"The mechanism is locked: {tree.v.numel()} freedoms of its joints meet {rank.rank} independent constraints from closing "
             f"{', '.join(repr(r.edge.name) for r in loops)}. Remove a joint or give one of them more freedom."
         )
+    walk = Walk(system.tree, parameters, values, ca.vertcat(invariants, position), ca.jacobian(velocity, tree.v))
+    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, samples, rank.rank))
     damped = len(kept) < len(names)
     chosen = list(range(len(names))) if damped else list(kept)
     velocity_kept = velocity[chosen]
@@ -91,7 +101,7 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     return Constraints(
         loops, position_kept, velocity_kept, ca.densify(ca.jacobian(velocity_kept, tree.v)), system.kinematics.rate(velocity_kept),
         invariants, tuple(names[i] for i in kept), tuple(chosen), tuple(names[i] for i in range(len(names)) if i not in kept),
-        tuple(name for rows in loops for name in rows.dropped), rank, damped, start,
+        tuple(name for rows in loops for name in rows.dropped), rank, damped, singular, tuple(samples),
     )  # fmt: skip
 
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from acausal.language.expression import Symbol, Variable, time
 from acausal.language.flatten import FlatSystem
-from acausal.mechanics.forward_dynamics import forward_dynamics, zero_wrenches
-from acausal.mechanics.kernels import solve_positive, solve_semidefinite
+from acausal.mechanics.forward_dynamics import forward_dynamics
 from acausal.mechanics.system import MechanicalSystem
 from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.constraints import Constraints, analyse_constraints
+from acausal.reduction.loop_forces import loop_forces, on_branch, projection
 from acausal.reduction.loops import mounted_places
 from acausal.reduction.scalar_domains import Driven, ScalarReduction, has_scalar_parts, reduce_scalar
 
@@ -111,7 +111,9 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
     constraints = analyse_constraints(mechanics, p, values)
     tau = ca.SX.sym("tau", tree.v.numel())
     free = forward_dynamics(mechanics.kinematics, tau, list(mechanics.wrenches))
-    v_dot, multipliers, flexibility, delassus = _constrained(mechanics, constraints, free)
+    forces = loop_forces(mechanics, constraints, p, values)
+    multipliers = forces.multipliers(free)
+    v_dot = free + forces.flexibility @ multipliers
     scalar, tau_value = _with_scalar(mechanics, tau, v_dot)
     acceleration_values = [(d.acceleration, _second_rate(d, mechanics, v_dot)) for d in scalar.driven]
     v_dot, multipliers = _put(tau, tau_value, v_dot), _put(tau, tau_value, multipliers)
@@ -121,11 +123,14 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
         rates = [ca.substitute(r, symbol, actual) for r in rates]
         solved = {k: ca.substitute(s, symbol, actual) for k, s in solved.items()}
     states = _column([s.sx for s in scalar.reduction.states])
+    x, second = ca.vertcat(tree.q, tree.v, states), ca.vertcat(v_dot, *rates)
+    if constraints.singular:
+        second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
     return ReducedSystem(
-        flat, mechanics, constraints, time.sx, ca.vertcat(tree.q, tree.v, states), u, p, values,
-        np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, v_dot, *rates), v_dot, multipliers, tau_value,
+        flat, mechanics, constraints, time.sx, x, u, p, values,
+        np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, second), v_dot, multipliers, tau_value,
         ca.vertcat(constraints.joint_invariants, constraints.position), constraints.velocity,
-        _projection(mechanics, constraints, flexibility, delassus, states), delassus, scalar.reduction.states, solved,
+        projection(forces, states), forces.delassus, scalar.reduction.states, solved,
     )  # fmt: skip
 
 
@@ -197,48 +202,3 @@ def _driven(mechanics: MechanicalSystem) -> tuple[tuple[Driven, ...], list[ca.SX
 
 def _column(parts: list[ca.SX]) -> ca.SX:
     return ca.vertcat(*parts) if parts else ca.SX(0, 1)
-
-
-def _constrained(mechanics: MechanicalSystem, constraints: Constraints, free: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """v', multipliers, M^-1 A' and A M^-1 A': (A M^-1 A') lambda = -bias - A v'_free."""
-    A = constraints.jacobian
-    m = A.shape[0]
-    if m == 0:
-        return free, ca.SX(0, 1), ca.SX(free.numel(), 0), ca.SX(0, 0)
-    none = zero_wrenches(mechanics.tree)
-    columns = [forward_dynamics(mechanics.kinematics, A[i, :].T, none, at_rest=True, gravity=False) for i in range(m)]
-    flexibility = ca.horzcat(*columns)
-    delassus = ca.tril2symm(ca.tril(A @ flexibility))
-    solve = solve_semidefinite if constraints.damped else solve_positive
-    multipliers = solve(delassus, -constraints.bias - A @ free)
-    return free + flexibility @ multipliers, multipliers, flexibility, delassus
-
-
-def _projection(
-    mechanics: MechanicalSystem, constraints: Constraints, flexibility: ca.SX, delassus: ca.SX, states: ca.SX
-) -> ca.SX | None:
-    """x one Newton step nearer to the invariants; None without invariants."""
-    tree = mechanics.tree
-    invariants = constraints.joint_invariants
-    A = constraints.jacobian
-    if invariants.numel() == 0 and A.shape[0] == 0:
-        return None
-    q, v = tree.q, tree.v
-    dq = ca.SX.zeros(q.numel())
-    for joint in tree.joints:
-        own = joint.edge.joint.invariants(q[joint.q], tree.t)
-        if own.numel():
-            G = ca.jacobian(own, q[joint.q])
-            dq[joint.q] -= G.T @ solve_positive(ca.densify(G @ G.T), own)
-    dv = ca.SX.zeros(v.numel())
-    solve = solve_semidefinite if constraints.damped else solve_positive
-    if A.shape[0]:
-        all_names = [name for rows in constraints.loops for name in rows.names]
-        position_rows = [k for k, i in enumerate(constraints.kept_index) if ".rolling[" not in all_names[i]]
-        A_h, W_h = A[position_rows, :], flexibility[:, position_rows]
-        if position_rows:
-            step = -(W_h @ solve(ca.densify(A_h @ W_h), constraints.position))
-            N = ca.jacobian(tree.rates, v)
-            dq += N @ step
-        dv = -(flexibility @ solve(delassus, constraints.velocity))
-    return ca.vertcat(q + dq, v + dv, states)

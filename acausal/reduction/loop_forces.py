@@ -1,0 +1,137 @@
+"""Forces that keep loops closed, and the way back to closed loops; through singular positions too.
+
+At a singular position branches of the motion cross, like the lines of x y = 0, whose gradient (y, x) vanishes there. A motion
+along y = 0 stays on its branch, the one that its momentum selects, by three means:
+
+- On the branch the acceleration has no singularity. Beside it it is wrong by about 2 y (x'/x)^2, and no step across x = 0 would
+  converge. So rates are taken at the nearest point with closed loops: they are smooth where y < x, and constant across the branch.
+- Such a point is found to rounding errors of 1e-16 / x, and not at all where x < y. So corrections fade out, nearer than 5e-3 to x = 0
+  in the rates, 5e-4 after a step. There the constraint forces alone keep the branch, in smaller steps if a step must end there.
+- Nearer than 3e-5 the constraint forces fade out too. A part of about 1e-9 of the energy may be lost or won on the way.
+
+These x are roots of the eigenvalues of A M^-1 A', against their usual size. Damping is Bayo's penalty, and refinement his augmented
+Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and Kovecses, Multibody System Dynamics 29, 2013).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.mechanics.forward_dynamics import forward_dynamics, zero_wrenches
+from acausal.mechanics.kernels import solve_damped, solve_positive, solve_semidefinite
+from acausal.mechanics.system import MechanicalSystem
+from acausal.reduction.constraints import Constraints
+
+_FORCE_DAMPING = 1e-9
+_FORCE_REFINEMENTS = 3
+_CORRECTION_DAMPING = 3e-5
+_PROJECTION_DAMPING = 3e-7
+_CORRECTIONS = 2
+
+
+@dataclass(frozen=True, repr=False)
+class LoopForces:
+    """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
+
+    `sizes` (m,): of the diagonal of `delassus` at some configurations.
+    """
+
+    mechanics: MechanicalSystem
+    constraints: Constraints
+    flexibility: ca.SX
+    delassus: ca.SX
+    sizes: np.ndarray
+
+    def multipliers(self, free: ca.SX) -> ca.SX:
+        """Of the rows (m, 1), for accelerations `free` (nv, 1) without them: (A M^-1 A') lambda = -bias - A v'_free."""
+        c = self.constraints
+        if not c.jacobian.shape[0]:
+            return ca.SX(0, 1)
+        right = -c.bias - c.jacobian @ free
+        if c.singular:
+            return solve_damped(self.delassus, right, _FORCE_DAMPING * self._scale, _FORCE_REFINEMENTS)
+        return (solve_semidefinite if c.damped else solve_positive)(self.delassus, right)
+
+    def position_correction(self, gap: ca.SX, damping: float) -> ca.SX:
+        """Change of q (nq, 1) that closes position residuals `gap`, to first order and in the mass metric."""
+        tree, names = self.mechanics.tree, [name for rows in self.constraints.loops for name in rows.names]
+        rows = [k for k, i in enumerate(self.constraints.kept_index) if ".rolling[" not in names[i]]
+        if not rows:
+            return ca.SX.zeros(tree.q.numel())
+        A, W = self.constraints.jacobian[rows, :], self.flexibility[:, rows]
+        return -(ca.jacobian(tree.rates, tree.v) @ (W @ self._correct(ca.densify(A @ W), gap, rows, damping)))
+
+    def velocity_correction(self, damping: float) -> ca.SX:
+        """Change of v (nv, 1) that closes the velocity residuals, in the mass metric."""
+        c = self.constraints
+        if not c.jacobian.shape[0]:
+            return ca.SX.zeros(self.mechanics.tree.v.numel())
+        return -(self.flexibility @ self._correct(self.delassus, c.velocity, list(range(c.velocity.numel())), damping))
+
+    def _correct(self, matrix: ca.SX, gap: ca.SX, rows: list[int], damping: float) -> ca.SX:
+        if self.constraints.singular:
+            return solve_damped(matrix, gap, damping * self._scale[rows], 0)
+        return (solve_semidefinite if self.constraints.damped else solve_positive)(matrix, gap)
+
+    @property
+    def _scale(self) -> ca.SX:
+        """The diagonal on average, in the ratios of `sizes`: no entry vanishes where a row does."""
+        ratios = ca.diag(self.delassus) / self.sizes
+        return ca.sum1(ratios) / ratios.numel() * ca.SX(self.sizes)
+
+
+def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray) -> LoopForces:
+    """For the `parameters` of a model, near these `values`. Cost: one forward dynamics at rest for each row."""
+    A, tree = constraints.jacobian, mechanics.tree
+    m = A.shape[0]
+    if m == 0:
+        return LoopForces(mechanics, constraints, ca.SX(tree.v.numel(), 0), ca.SX(0, 0), np.zeros(0))
+    none = zero_wrenches(tree)
+    columns = [forward_dynamics(mechanics.kinematics, A[i, :].T, none, at_rest=True, gravity=False) for i in range(m)]
+    flexibility = ca.horzcat(*columns)
+    delassus = ca.tril2symm(ca.tril(A @ flexibility))
+    sizes = np.ones(m)
+    if constraints.singular:
+        diagonal = ca.Function("diagonal", [tree.q, tree.t, parameters], [ca.densify(ca.diag(delassus))])
+        sizes = np.max([np.array(diagonal(q, 0.0, values)).ravel() for q in constraints.samples], axis=0)
+        sizes = np.maximum(sizes, 1e-12 * np.max(sizes))
+    return LoopForces(mechanics, constraints, flexibility, delassus, sizes)
+
+
+def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
+    """(q, v, states) one Newton step nearer to the invariants, in the mass metric; None without invariants."""
+    tree, constraints = forces.mechanics.tree, forces.constraints
+    if constraints.joint_invariants.numel() == 0 and constraints.jacobian.shape[0] == 0:
+        return None
+    q, v = tree.q, tree.v
+    dq = ca.SX.zeros(q.numel())
+    for joint in tree.joints:
+        own = joint.edge.joint.invariants(q[joint.q], tree.t)
+        if own.numel():
+            G = ca.jacobian(own, q[joint.q])
+            dq[joint.q] -= G.T @ solve_positive(ca.densify(G @ G.T), own)
+    return ca.vertcat(
+        q + dq + forces.position_correction(constraints.position, _PROJECTION_DAMPING),
+        v + forces.velocity_correction(_PROJECTION_DAMPING),
+        states,
+    )
+
+
+def on_branch(rates: ca.SX, forces: LoopForces, arguments: list[ca.SX]) -> ca.SX:
+    """`rates`, which depend on `arguments` (t, q, v, states, u, p), at the nearest q and v with closed loops.
+
+    Positions first, all corrections with the matrix of the first one, then velocities.
+    """
+    t, q, v, states, u, p = arguments
+    position = ca.Function("position", [t, q, p], [ca.densify(forces.constraints.position)])
+    gap = ca.SX.sym("gap", forces.constraints.position.numel())
+    correction = ca.Function("correction", [t, q, p, gap], [ca.densify(forces.position_correction(gap, _CORRECTION_DAMPING))])
+    velocity = ca.Function("velocity", [t, q, v, p], [ca.densify(v + forces.velocity_correction(_CORRECTION_DAMPING))])
+    q_on = q
+    for _ in range(_CORRECTIONS):
+        q_on = q_on + correction(t, q, p, position(t, q_on, p))
+    v_on = velocity(t, q_on, v, p)
+    return ca.Function("rates", arguments, [ca.densify(rates)])(t, q_on, v_on, states, u, p)
