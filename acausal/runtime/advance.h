@@ -27,6 +27,10 @@ int begin(Integrator *I) {
     T->copied = reserve(I, (size_t)n + 1);
     if (!T->copied) return 0;
     for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;
+    T->own = reserve(I, sizeof(long) * (size_t)(n + 1));
+    if (!T->own) return 0;
+    for (long i = 0, k = 0; i < n; i++)
+        if (!T->copied[i]) T->own[k++] = i;
     for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
     long most = 0;
     for (long k = 0; k < I->methods; k++)

@@ -108,17 +108,13 @@ static int guess(Integrator *I, Stages *S, double h) {
 
 /* The change that rounding alone can make, in units of the scale. */
 static double rounding_floor(Integrator *I, Stages *S, double h, const double *scale) {
-    double worst = 0;
-    for (long i = 0; i < I->nx; i++) {
-        double size = fabs(I->x[i]);
-        for (long b = 0; b < S->blocks; b++)
-            for (long l = 0; l < LANES; l++) {
-                double k = fabs(h * S->K[b][i][l]);
-                if (k > size) size = k;
-            }
-        if (size / scale[i] > worst) worst = size / scale[i];
-    }
-    return 2 * EPS * worst;
+    V worst = v_all(0.0);
+    for (long b = 0; b < S->blocks; b++)
+        for (long i = 0; i < I->nx; i++) {
+            V size = v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(scale[i]);
+            worst = v_larger(worst, size);
+        }
+    return 2 * EPS * v_largest(worst);
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
@@ -127,11 +123,11 @@ static double gauss_error(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
     double sizes[64] = {0}, largest = 0;
-    for (long i = 0; i < I->nx; i++)
-        for (long k = 0; k < s; k++) {
-            double here = fabs(S->a[i * n + k]) * (h / T->scale[i]);
-            if (!(here <= sizes[k])) sizes[k] = here;
-        }
+    for (long b = 0; b < S->blocks; b++) {
+        V most = v_all(0.0);
+        for (long i = 0; i < I->nx; i++) most = v_larger(most, v_abs(((const V *)(S->a + i * n))[b]) * v_all(h / T->scale[i]));
+        memcpy(sizes + b * LANES, &most, sizeof most);
+    }
     for (long k = 0; k < s; k++)
         if (!(sizes[k] <= largest)) largest = sizes[k];
     if (largest == 0) return 0;

@@ -56,6 +56,9 @@ INLINE int i_any(I m) {
 }
 #endif
 
+/* Lane by lane the larger one; not a number where a is not. */
+INLINE V v_larger(V a, V b) { return v_select(b > a, b, a); }
+
 /* The sum of all lanes. */
 INLINE double v_sum(V x) {
 #if LANES == 8
@@ -67,6 +70,13 @@ INLINE double v_sum(V x) {
 #else
     return x[0];
 #endif
+}
+
+/* The largest lane; not a number where one is. */
+INLINE double v_largest(V x) {
+    double r = x[0];
+    for (int i = 1; i < LANES; i++) r = x[i] <= r ? r : x[i];
+    return r;
 }
 
 INLINE V v_abs(V x) { return (V)((I)x & i_all(0x7fffffffffffffffLL)); }

@@ -52,7 +52,7 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     I->variation.run(in, T->variation_c, out, T->variation_work);
 }
 
-static V largest_lane(V a, V b) { return v_select(a > b, a, b); }
+
 
 /* The stage equations of one block of directions; D_rates of the block in, better ones out. Returns whether they converged. */
 static int solve_variation(Integrator *I, Stages *S, double h, long block) {
@@ -61,7 +61,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
     const double *A = S->method->A;
     V *D = T->D + block * n, *size = T->D_size + block * n, *K = T->D_rates + block * s * n, *X = T->D_stages, *N = T->D_new;
     set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
-    for (long i = 0; i < n; i++) size[i] = largest_lane(size[i], v_abs(D[i]));
+    for (long i = 0; i < n; i++) size[i] = v_larger(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
     Judge judgement = new_judge(tolerance, 4 * EPS / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
     for (;;) {
@@ -82,8 +82,8 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
         for (long j = 0; j < s; j++) variation_at(I, S, j, X + j * n, N + j * n);
         V sum = v_all(0.0), top = v_all(1e-300);
         for (long i = 0; i < n; i++) {
-            for (long j = 0; j < s; j++) size[i] = largest_lane(size[i], v_abs(N[j * n + i]) * v_all(h));
-            top = largest_lane(top, size[i]);
+            for (long j = 0; j < s; j++) size[i] = v_larger(size[i], v_abs(N[j * n + i]) * v_all(h));
+            top = v_larger(top, size[i]);
         }
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
@@ -94,7 +94,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) {
                 if (T->copied[i] && !T->newton_now) continue;
-                V scale = (largest_lane(size[i], top * v_all(1e-3))) * v_all(I->step > 0 ? 1.0 : I->rtol);
+                V scale = (v_larger(size[i], top * v_all(1e-3))) * v_all(I->step > 0 ? 1.0 : I->rtol);
                 V d = (N[j * n + i] - K[j * n + i]) * v_all(h) / scale;
                 sum = v_fma(d, d, sum);
             }

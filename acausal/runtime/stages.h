@@ -84,6 +84,7 @@ struct State {
     V *point_in, *point_out; /* rhs at one point */
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     char *copied;
+    long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate;
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
@@ -203,20 +204,39 @@ static double replace_rates(Integrator *I, Stages *S, const double *factor) {
     return sqrt(sum / (double)S->s);
 }
 
+/* in[1 + i] = x[i] + mu L[i] for the states of a list. */
+INLINE void combine_states(Stages *S, const long *list, long count, const double *x) {
+    long B = S->blocks;
+    if (B > 1) {
+        for (long b = 0; b < B; b++)
+            for (long k = 0; k < count; k++) S->in[b][1 + list[k]] = combined(S->mu + b * B * LANES, S->L, B, list[k], v_all(x[list[k]]));
+        return;
+    }
+    V m[LANES], *in = S->in[0] + 1; /* one block: the matrix stays in registers */
+    const V *L = S->L[0];
+    for (int l = 0; l < LANES; l++) m[l] = S->mu[l];
+    for (long k = 0; k < count; k++) {
+        long i = list[k];
+        const double *v = (const double *)&L[i];
+        V r = v_all(x[i]), other = v_all(0.0);
+#pragma GCC unroll 8
+        for (int l = 0; l < LANES; l += 2) {
+            r = v_fma(v_all(v[l]), m[l], r);
+            if (LANES > 1) other = v_fma(v_all(v[l + 1]), m[l + 1], other);
+        }
+        in[i] = r + other;
+    }
+}
+
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
 static int fixed_point(Integrator *I, Stages *S, const double *x, const double *factor, Judge *J) {
-    const char *copied = I->state->copied;
-    long B = S->blocks;
+    const struct State *T = I->state;
     for (;;) {
         scale_rates(I, S);
-        for (long b = 0; b < B; b++)
-            for (long i = 0; i < I->nx; i++)
-                if (!copied[i]) S->in[b][1 + i] = combined(S->mu + b * B * LANES, S->L, B, i, v_all(x[i]));
-        for (long k = 0; k < I->copies; k++) {
-            long to = I->copy_to[k], from = I->copy_from[k];
-            for (long b = 0; b < B; b++) S->L[b][to] = S->hb[b] * S->in[b][1 + from];
-            for (long b = 0; b < B; b++) S->in[b][1 + to] = combined(S->mu + b * B * LANES, S->L, B, to, v_all(x[to]));
-        }
+        combine_states(S, T->own, I->nx - I->copies, x);
+        for (long b = 0; b < S->blocks; b++)
+            for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
+        combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
         enum Verdict v = judge(J, replace_rates(I, S, factor));
         if (v != GO_ON) return v == DONE;
