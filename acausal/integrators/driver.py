@@ -71,7 +71,8 @@ class Run:
     """Of the last step, in units of the tolerance."""
     hard: int = 0
     """Steps whose size was set by the convergence of the iteration and not by accuracy, less the others."""
-    stiff: bool = False
+    contraction: float = 0.0
+    """Of the iteration in the last step."""
     newton_steps: int = 0
     times: list[float] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
@@ -195,7 +196,7 @@ def _advance(run: Run) -> Status | None:
         return Status(StatusKind.MAX_STEPS, run.t, f"{run.tolerances.max_steps} steps were not enough.")
     if run.tolerances.step is not None:
         return _advance_fixed(run, run.tolerances.step)
-    order, failed, misses = run.scheme.error_order, False, 0
+    order, failed, misses, tries = run.scheme.error_order, False, 0, 0
     scale = run.scale()
     while True:
         h = min(run.h, run.end - run.t)
@@ -206,7 +207,9 @@ def _advance(run: Run) -> Status | None:
         solve = run.solver.newton if run.newton else run.solver.fixed_point
         solved = solve(run.t, h, run.x, run.guess(h), scale, _LEFT)
         if solved is None:
-            run.h, run.rejected, failed = 0.4 * h, run.rejected + 1, True
+            # where it converged well until now, something local is in the way: other nodes may miss it
+            shrink = 0.85 if run.contraction < 0.1 and tries < 4 else 0.4
+            run.h, run.rejected, failed, tries = shrink * h, run.rejected + 1, True, tries + 1
             continue
         K, contraction = solved
         step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale)
@@ -219,7 +222,7 @@ def _advance(run: Run) -> Status | None:
             run.h, run.rejected, misses = 0.3 * h, run.rejected + 1, misses + 1
             continue
         wanted = _next_size(run, h, max(error, 1e-30))
-        run.error = max(error, 1e-30)
+        run.error, run.contraction = max(error, 1e-30), contraction
         run.accept(step)
         _limit_by_contraction(run, h, wanted, contraction, failed)
         return None

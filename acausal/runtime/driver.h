@@ -185,7 +185,12 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     }
     double t = I->t + h;
     I->t = fabs(I->end - t) <= 4 * EPS * fabs(I->end) ? I->end : t;
-    if (project(I, I->t, I->x)) memset(T->carry, 0, sizeof(double) * (size_t)n);
+    memcpy(T->factor, I->x, sizeof(double) * (size_t)n);
+    if (project(I, I->t, I->x)) {
+        memset(T->carry, 0, sizeof(double) * (size_t)n);
+        for (long i = 0; i < n; i++) /* the rates at the end of the step are then not those at the start of the next */
+            if (fabs(I->x[i] - T->factor[i]) > 0.01 * T->scale[i]) T->start_known = 0;
+    }
     if (I->directions && I->ng) project_directions(I);
     for (long i = 0; i < n; i++)
         if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
@@ -303,7 +308,7 @@ static int refresh_jacobian(Integrator *I) {
 
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int failed = 0, misses = 0;
+    int failed = 0, misses = 0, tries = 0;
     set_scale(I);
     for (;;) {
         Stages *S = stages_of(I);
@@ -318,7 +323,8 @@ static enum Code one_adaptive(Integrator *I) {
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
             if (old) continue; /* again with a new Jacobian */
-            I->h = 0.4 * h;
+            /* where it converged well until now, something local is in the way: other nodes may miss it */
+            I->h = (I->contraction < 0.1 && tries++ < 4 ? 0.85 : 0.4) * h;
             I->rejected++;
             failed = 1;
             choose_order(I, 1, 1);
