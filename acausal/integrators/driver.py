@@ -239,9 +239,12 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
     signs = (-1.0) ** np.arange(tableau.stages)
     first = np.abs((signs @ step.a - solver.rate(step.t, step.x)) * unit).max()
     last = np.abs((step.a.sum(axis=0) - solver.rate(step.t + step.h, end)) * unit).max()
-    tail = np.abs(step.a[-2:] * unit).max()
     worst = max(float(first), float(last))
-    return float(tableau.c[0]) * worst > 1 and (strict or worst > 2 * float(tail))
+    if tableau.c[0] * worst <= 1:
+        return False
+    sizes = np.abs(step.a * unit).max(axis=1)
+    neglected = float(sizes[-1]) * float(sizes[-1] / sizes.max()) ** (1 / (tableau.stages - 1))
+    return strict or worst > 6 * neglected
 
 
 def _next_size(run: Run, h: float, error: float) -> float:

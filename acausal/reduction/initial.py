@@ -152,7 +152,7 @@ def initial_derivatives(
 
 def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:
     r = outputs.system
-    q, v = r.x[: r.nq], r.x[r.nq :]
+    q, v = r.x[: r.nq, :], r.x[r.nq :, :]
     targets: list[_Target] = []
     size = 0
     for key, exact in what:

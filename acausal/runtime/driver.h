@@ -148,7 +148,7 @@ static double gauss_error(Integrator *I, Stages *S, double h) {
 static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
-    double first = 0, last = 0, tail = 0;
+    double first = 0, last = 0, tail = 0, largest = 0;
     scale_rates(I, S);
     for (long i = 0; i < I->nx; i++) {
         double sum = 0;
@@ -164,10 +164,13 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
         first = fmax(first, fabs(even - odd - T->start_rate[i]) * unit);
         last = fmax(last, fabs(even + odd - T->end_rate[i]) * unit);
-        tail = fmax(tail, fmax(fabs(a[s - 1]), s > 2 ? fabs(a[s - 2]) : 0) * unit);
+        tail = fmax(tail, fabs(a[s - 1]) * unit);
+        for (long k = 0; k < s; k++) largest = fmax(largest, fabs(a[k]) * unit);
     }
     double worst = fmax(first, last);
-    return S->method->c[0] * worst > 1 && (strict || worst > 2 * tail);
+    if (S->method->c[0] * worst <= 1) return 0;
+    double next = tail * pow(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
+    return strict || worst > 6 * next;
 }
 
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
