@@ -29,7 +29,9 @@ def report(model: Model) -> str:
     lines += _loops(model)
     invariants = system.position_invariants.numel() + system.velocity_invariants.numel()
     if invariants:
-        lines.append(f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions).")
+        lines.append(
+            f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions, nonlinear equations)."
+        )
     lines.append(f"States: {', '.join(model.state_names) or 'none'}")
     lines.append(f"Operations: {operations(model.functions.explicit_dynamics)} for the rates of all states.")
     return "\n".join(lines)
@@ -37,13 +39,15 @@ def report(model: Model) -> str:
 
 def _freedoms(model: Model) -> list[str]:
     system = model.system
+    held = f" and {system.scalar.rows} by sources or gears on their flanges" if system.scalar.rows else ""
     rows = [
-        f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops, are {model.degrees_of_freedom}."
+        f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops{held}, are {model.degrees_of_freedom}."
     ]
     configuration = int(
         system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints)
     )
     holonomic = sum(".rolling[" not in name for name in system.constraints.kept)
+    configuration -= system.scalar.position.numel()
     if configuration - holonomic != model.degrees_of_freedom:
         rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
     rows += [
@@ -124,6 +128,6 @@ def planar_normal(model: Model) -> np.ndarray | None:
         X = system.mechanics.kinematics.pose(link) @ place
         axes.append(symbolic(X.rotation) @ symbolic(joint.mounting())[:, 2])
     function = ca.Function("axes", [system.t, system.x, system.p], [ca.horzcat(*axes)])
-    x = np.concatenate([system.q_start, np.zeros(system.tree_velocities)])
+    x = np.concatenate([system.q_start, np.zeros(system.x.numel() - system.nq)])
     values = np.array(function(0.0, x, system.p_values))
     return values[:, 0] if np.max(np.abs(np.abs(values[:, 0] @ values) - 1)) < 1e-9 else None

@@ -3,12 +3,25 @@
 Bodies: World, RigidBody, Particle, Fixed. Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free. Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, TorqueSource, RotationalGround; along lines: SlidingMass, TranslationalSpring, TranslationalDamper,
-ForceSource, TranslationalGround.
+RotationalDamper, Gear, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
+TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
+VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
+PID, RotationSensor, TranslationSensor, SignalTorque, SignalForce.
 """
 
 from components.bodies import Fixed, Particle, RigidBody
 from components.contacts.rolling import RollingBall, RollingDisk, RollingEllipsoid, RollingTorus
+from components.electrical import (
+    Capacitor,
+    CurrentSource,
+    Diode,
+    ElectromotiveForce,
+    Ground,
+    Inductor,
+    Resistor,
+    SignalVoltage,
+    VoltageSource,
+)
 from components.forces.applied import Force, Torque
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
 from components.joints.cartesian_translation import CartesianTranslation
@@ -20,13 +33,46 @@ from components.joints.revolute import Revolute
 from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
-from components.rotational import Gear, Inertia, RotationalDamper, RotationalGround, RotationalSpring, TorqueSource
-from components.translational import ForceSource, SlidingMass, TranslationalDamper, TranslationalGround, TranslationalSpring
+from components.rotational import (
+    AngleSource,
+    Gear,
+    Inertia,
+    RotationalDamper,
+    RotationalGround,
+    RotationalSpring,
+    SpeedSource,
+    TorqueSource,
+)
+from components.signals import (
+    PID,
+    Constant,
+    Gain,
+    Integrator,
+    RotationSensor,
+    SignalForce,
+    SignalTorque,
+    Sum,
+    Table,
+    TimeFunction,
+    TranslationSensor,
+)
+from components.translational import (
+    ForceSource,
+    PositionSource,
+    SlidingMass,
+    TranslationalDamper,
+    TranslationalGround,
+    TranslationalSpring,
+    VelocitySource,
+)
 from components.world import World
 
 __all__ = [
-    "CartesianTranslation", "Cylindrical", "Damper", "Fixed", "Force", "ForceSource", "Free", "Gear", "Inertia", "NonlinearDamper",
-    "NonlinearSpring", "Particle", "Planar", "Prismatic", "Revolute", "RigidBody", "RollingBall", "RollingDisk", "RollingEllipsoid",
-    "RollingTorus", "RotationalDamper", "RotationalGround", "RotationalSpring", "Screw", "SlidingMass", "Spherical", "Spring",
-    "SpringDamper", "Torque", "TorqueSource", "TranslationalDamper", "TranslationalGround", "TranslationalSpring", "Universal", "World",
+    "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSource", "Cylindrical", "Damper", "Diode",
+    "ElectromotiveForce", "Fixed", "Force", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
+    "NonlinearDamper", "NonlinearSpring", "Particle", "Planar", "PositionSource", "Prismatic", "Resistor", "Revolute", "RigidBody",
+    "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
+    "RotationalSpring", "Screw", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
+    "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSource", "TranslationSensor", "TranslationalDamper",
+    "TranslationalGround", "TranslationalSpring", "Universal", "VelocitySource", "VoltageSource", "World",
 ]  # fmt: skip

@@ -133,3 +133,43 @@ class TorqueSource(Component):
 
     def supplied_power(self) -> Expression:
         return self.torque * der(self.flange.phi)
+
+
+@final
+class AngleSource(Component):
+    """A given angle: phi = angle [rad], constant, parameter, or function of time, whose rates follow. Supplies -tau der(phi).
+
+    An input cannot be given where a rate of it is needed: give its speed instead (SpeedSource), or put a spring between.
+
+    scene.crank = AngleSource(lambda t: 2 * np.sin(t))
+    """
+
+    flange = Rotational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or an inertia.")
+
+    def __init__(self, angle: Scalar | Callable[[Any], Any]) -> None:
+        self.angle = scalar(language.of_time(angle), "AngleSource's angle")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange.phi, self.angle)
+
+    def supplied_power(self) -> Expression:
+        return -1.0 * self.flange.tau * der(self.flange.phi)
+
+
+@final
+class SpeedSource(Component):
+    """A given speed: der(phi) = speed [rad/s], constant, parameter, input, or function of time; phi is a state. Supplies -tau speed.
+
+    scene.spindle = SpeedSource(10.0)
+    """
+
+    flange = Rotational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or an inertia.")
+
+    def __init__(self, speed: Scalar | Callable[[Any], Any]) -> None:
+        self.speed = scalar(language.of_time(speed), "SpeedSource's speed")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(der(self.flange.phi), self.speed)
+
+    def supplied_power(self) -> Expression:
+        return -1.0 * self.flange.tau * self.speed

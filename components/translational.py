@@ -115,3 +115,43 @@ class ForceSource(Component):
 
     def supplied_power(self) -> Expression:
         return self.force * der(self.flange.s)
+
+
+@final
+class PositionSource(Component):
+    """A given position: s = position [m], constant, parameter, or function of time, whose rates follow. Supplies -f der(s).
+
+    An input cannot be given where a rate of it is needed: give its velocity instead (VelocitySource), or put a spring between.
+
+    scene.shaker = PositionSource(lambda t: 0.01 * np.sin(50 * t))
+    """
+
+    flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
+
+    def __init__(self, position: Scalar | Callable[[Any], Any]) -> None:
+        self.position = scalar(language.of_time(position), "PositionSource's position")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange.s, self.position)
+
+    def supplied_power(self) -> Expression:
+        return -1.0 * self.flange.f * der(self.flange.s)
+
+
+@final
+class VelocitySource(Component):
+    """A given velocity: der(s) = velocity [m/s], constant, parameter, input, or function of time; s is a state. Supplies -f velocity.
+
+    scene.belt = VelocitySource(0.5)
+    """
+
+    flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
+
+    def __init__(self, velocity: Scalar | Callable[[Any], Any]) -> None:
+        self.velocity = scalar(language.of_time(velocity), "VelocitySource's velocity")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(der(self.flange.s), self.velocity)
+
+    def supplied_power(self) -> Expression:
+        return -1.0 * self.flange.f * self.velocity

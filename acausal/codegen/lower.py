@@ -55,13 +55,13 @@ class Functions:
         rate = ca.SX.sym("x_dot", s.x.numel())
         force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
         tree = s.mechanics.tree
-        q_dot, v_dot = rate[: s.nq], rate[s.nq : s.nq + tree.v.numel()]
+        q_dot, v_dot = rate[: s.nq, :], rate[s.nq : s.nq + tree.v.numel(), :]
         motion = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches))
         A = s.constraints.jacobian
         balance = motion.tau - s.tau
         if A.shape[0]:
             balance -= A.T @ force
-        rest = rate[s.nq + tree.v.numel() :] - s.x_dot[s.nq + tree.v.numel() :]
+        rest = rate[s.nq + tree.v.numel() :, :] - s.x_dot[s.nq + tree.v.numel() :, :]
         rows = [q_dot - tree.rates, balance, rest]
         if A.shape[0]:
             rows.append(A @ v_dot + s.constraints.bias)

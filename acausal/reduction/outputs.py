@@ -158,7 +158,10 @@ class Outputs:
         return joint.velocities(rows.pose, *relative_twist(placement, a, b, rows.pose))
 
     def _derivative(self, symbol: Derivative) -> ca.SX:
-        """By the chain rule through the dynamics."""
+        """By the chain rule through the dynamics, where scalar equations do not give it."""
+        solved = self.system.solved.get(symbol)
+        if solved is not None:
+            return solved
         return self.rate(self.symbol(symbol.of))
 
     def rate(self, value: ca.SX) -> ca.SX:
