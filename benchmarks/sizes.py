@@ -56,7 +56,7 @@ def run() -> None:
         measure(1, folder)  # the runtime itself, once for a machine
         for count in COUNTS:
             fresh, cached = measure(count, folder), measure(count, folder)
-            virtual = measure(count, folder, compiled=False) if count <= 300 else [0.0, float("nan")]
+            virtual = measure(count, folder, compiled=False) if count <= 100 else [0.0, float("nan")]
             print(
                 f"{count:>6}{fresh[0]:>9.3f}{fresh[1]:>9.3f}{cached[1]:>9.3f}{virtual[1]:>9.3f}{1e3 * cached[2]:>10.2f}{fresh[3]:>8.0f}{int(fresh[4]):>7}",
                 flush=True,

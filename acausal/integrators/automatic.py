@@ -12,10 +12,13 @@ from acausal.integrators.driver import Newton, Run, drive
 from acausal.integrators.gauss import Gauss, default_order, gauss_scheme, newton_where_slow
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
+from acausal.integrators.rates import difference_jacobian
 from acausal.integrators.tableau import Tableau, eigenvectors, gauss_legendre
 from acausal.runtime.compiled import Choice, Slow
 
 _CHECK = 25
+_LARGEST = 400
+"""States up to which eigenvalues are looked at."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,9 @@ def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
     signs = [0]  # a look at one moment may deceive: decay and growth take turns in many a motion
 
     def answer(t: float, x: np.ndarray, h: float, slowness: float, contraction: float) -> str:
-        assert problem.compiled is not None
-        decay, growth = fastest(problem.compiled.jacobian_at(problem, t, x))
+        if x.size > _LARGEST:
+            return newton_where_slow(t, x, h, slowness, contraction)
+        decay, growth = fastest(difference_jacobian(problem, t, x))
         signs[0] = signs[0] + 1 if decay > 3 * growth and h * decay * radius > 0.15 * contraction else 0
         return "leave" if signs[0] > 1 else "go on" if signs[0] else newton_where_slow(t, x, h, slowness, contraction)
 
@@ -76,9 +80,13 @@ def fastest(jacobian: np.ndarray) -> tuple[float, float]:
 
 def is_stiff(run: Run) -> bool:
     """Whether the fastest decay, not accuracy, holds the step size down, or is so fast that iteration holds on by luck only."""
-    if run.tolerances.step is not None or not (run.hard == 4 or run.newton or len(run.times) % _CHECK == 0):
+    if (
+        run.tolerances.step is not None
+        or run.x.size > _LARGEST
+        or not (run.hard == 4 or run.newton or len(run.times) in (_CHECK, 4 * _CHECK, 16 * _CHECK))
+    ):
         return False
-    decay, growth = (run.h * rate for rate in fastest(run.solver.jacobian(run.t, run.x)))
+    decay, growth = (run.h * rate for rate in fastest(difference_jacobian(run.problem, run.t, run.x)))
     return decay > 3 * growth and (decay > 8 or (decay > 0.5 and (run.hard >= 4 or run.error < 1e-3)))
 
 

@@ -99,16 +99,6 @@ class CompiledProblem:
         return found
 
     @functools.cached_property
-    def _jacobian(self) -> ca.Function:
-        symbols = [ca.SX.sym(n, self.rhs.size1_in(i)) for i, n in enumerate("txup")]
-        return ca.Function("jacobian", symbols, [ca.densify(ca.jacobian(self.rhs.call(symbols)[0], symbols[1]))], {"cse": True})
-
-    def jacobian_at(self, problem: Problem, t: float, x: np.ndarray) -> np.ndarray:
-        """df/dx (nx, nx) at one point, on CasADi's virtual machine: for a look now and then."""
-        u = problem.inputs(np.array([t]))[:, 0]
-        return np.array(self._jacobian(t, x, u, problem.parameters))
-
-    @functools.cached_property
     def variation(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """(t, x, u, p, dx, du, dp) -> change of x', and (t, x, p, dx, dp) -> change of x after projection."""
         wanted = [Wanted("variation", directional_derivative(self.rhs, (1, 2, 3)), (3,))]
