@@ -183,6 +183,42 @@ def test_rectifier_with_capacitor():
     assert run.energy_error() < 1e-6
 
 
+def test_bridge_of_four_diodes():
+    """A block of several nonlinear equations; no current goes back, and the energy is accounted for."""
+    scene = ac.System()
+    scene.source, scene.diodes = VoltageSource(lambda t: 5 * np.sin(10 * t)), [Diode(1e-6, 0.05) for _ in range(4)]
+    scene.inner, scene.smoother, scene.load, scene.ground = Resistor(0.5), Capacitor(0.05), Resistor(10.0), Ground()
+    a, b, c, d = scene.diodes
+    scene.connect(scene.source.pin_a, scene.inner.pin_a)
+    scene.connect(scene.inner.pin_b, a.pin_a, b.pin_b)
+    scene.connect(scene.source.pin_b, c.pin_a, d.pin_b)
+    scene.connect(a.pin_b, c.pin_b, scene.smoother.pin_a, scene.load.pin_a)
+    scene.connect(b.pin_a, d.pin_a, scene.smoother.pin_b, scene.load.pin_b, scene.ground.pin)
+    model = ac.build(scene)
+    assert model.state_names[0] == "smoother.v"
+    run = model.simulate(1.0, rtol=1e-8)
+    assert run.constraint_error() < 1e-11
+    assert run.energy_error() < 1e-7
+    assert np.min(run[a.i]) > -2e-6
+    assert 2 < run[scene.smoother.v][-1] < 4
+    for diode in scene.diodes:
+        assert np.max(np.abs(run[diode.i] - 1e-6 * np.expm1(run[diode.v] / 0.05))) < 1e-9
+
+
+def test_sensitivities_through_a_nonlinear_loop():
+    """Also of the unknown of the loop at the start; against central differences."""
+    R = ac.Parameter(50.0, "Ohm")
+    scene = series(VoltageSource(lambda t: 2 * np.sin(t) + 0.5), Resistor(R), diode=Diode(), capacitor=Capacitor(0.1))
+    model = ac.build(scene)
+    start = {scene.capacitor.v: 0.1}
+    found = model.sensitivities([0.0, 1.0], [R], start, rtol=1e-10)
+    above, below = (model.simulate(1.0, start, parameters={R: 50 + d}, rtol=1e-11) for d in (0.01, -0.01))
+    for variable in (scene.capacitor.v, scene.diode.v):
+        for k in (0, -1):
+            difference = (above[variable][k] - below[variable][k]) / 0.02
+            assert abs(found[variable][k, 0] - difference) < 1e-6 * (1e-3 + abs(difference))
+
+
 def motor_arm() -> Pendulum:
     """A pendulum arm on a motor with gear: circuit of source, winding and electromotive force."""
     scene = Pendulum()

@@ -384,6 +384,88 @@ def test_columns_of_unknowns():
     assert np.max(np.abs(run[scene.net.y][-1] - K @ expm(-K) @ [1, 2, 3])) < 1e-10
 
 
+class Governor(ac.Component):
+    """A rotor whose inertia depends on the angle: (0.2 + phi^2) w' + phi w^2 = tau; coefficients of joints' accelerations change."""
+
+    flange = ac.Rotational.port()
+    w = ac.Variable("rad/s")
+
+    def equations(self):
+        yield ac.equal(ac.der(self.flange.phi), self.w)
+        yield ac.equal(self._inertia() * ac.der(self.w) + self.flange.phi * self.w * self.w, self.flange.tau)
+
+    def stored_energy(self):
+        return 0.5 * self._inertia() * self.w * self.w
+
+    def _inertia(self):
+        return 0.2 + self.flange.phi * self.flange.phi
+
+
+def test_inertia_that_changes_with_the_angle():
+    scene = Pendulum()
+    scene.governor = Governor()
+    scene.connect(scene.governor.flange, scene.hinge.flange)
+    model = ac.build(scene)
+    assert model.state_names == ("hinge.q", "hinge.v")
+    run = model.simulate(3.0, {scene.hinge.q: 1.0}, rtol=1e-10)
+    assert run.energy_error() < 1e-9
+
+
+class Soft(ac.Component):
+    """A torque f that is a nonlinear function of the acceleration itself: f + f^3 / 10 = 0.3 phi''."""
+
+    flange = ac.Rotational.port()
+    f = ac.Variable("N*m")
+
+    def equations(self):
+        yield ac.equal(self.flange.tau, self.f)
+        yield ac.equal(self.f + 0.1 * self.f * self.f * self.f, 0.3 * ac.der(ac.der(self.flange.phi)))
+
+
+def test_nonlinear_loop_through_the_acceleration_of_a_joint():
+    scene = Pendulum()
+    scene.soft = Soft()
+    scene.connect(scene.soft.flange, scene.hinge.flange)
+    run = ac.build(scene).simulate(3.0, {scene.hinge.q: 1.0}, rtol=1e-10)
+    f, a = run[scene.soft.f], run[ac.der(scene.hinge.v)]
+    assert np.max(np.abs(f + 0.1 * f**3 - 0.3 * a)) < 1e-13
+    assert np.max(np.abs(a / 3 + G / 2 * np.sin(run[scene.hinge.q]) + f)) < 1e-13
+
+
+class Planetary(ac.Component):
+    """Ideal planetary gear: 3 phi_carrier = phi_sun + 2 phi_ring; tau_ring = 2 tau_sun, all torques sum to zero."""
+
+    sun = ac.Rotational.port()
+    ring = ac.Rotational.port()
+    carrier = ac.Rotational.port()
+
+    def equations(self):
+        yield ac.equal(3.0 * self.carrier.phi, self.sun.phi + 2.0 * self.ring.phi)
+        yield ac.equal(self.ring.tau, 2.0 * self.sun.tau)
+        yield ac.equal(self.sun.tau + self.ring.tau + self.carrier.tau, 0.0)
+
+
+def test_planetary_gear_on_a_joint():
+    """Three inertias with one relation: two freedoms, the joint's and one more; accelerations by Lagrange's equations."""
+    scene = Pendulum()
+    scene.gear, scene.sun, scene.ring, scene.motor = Planetary(), Inertia(0.1), Inertia(0.2), TorqueSource(0.5)
+    scene.connect(scene.gear.sun, scene.sun.flange_a)
+    scene.connect(scene.gear.ring, scene.ring.flange_a)
+    scene.connect(scene.gear.carrier, scene.hinge.flange)
+    scene.connect(scene.motor.flange, scene.sun.flange_b)
+    model = ac.build(scene)
+    assert len(model.state_names) == 4
+    assert model.state_names[:2] == ("hinge.q", "hinge.v")
+    run = model.simulate(2.0, {scene.hinge.q: 1.0}, rtol=1e-10)
+    assert np.max(np.abs(3 * run[scene.hinge.v] - run[scene.sun.w] - 2 * run[scene.ring.w])) < 1e-12
+    # sun s, carrier c, ring r = (3 c - s) / 2: kinetic energy 0.05 s'^2 + 0.1 r'^2 + c'^2 / 6
+    M = np.array([[0.1 + 0.2 / 4, -0.2 * 3 / 4], [-0.2 * 3 / 4, 1 / 3 + 0.2 * 9 / 4]])
+    a = np.linalg.solve(M, np.array([0.5 * np.ones_like(run.t), -G / 2 * np.sin(run[scene.hinge.q])]))
+    assert np.max(np.abs(run[ac.der(scene.sun.w)] - a[0])) < 1e-10
+    assert np.max(np.abs(run[ac.der(scene.hinge.v)] - a[1])) < 1e-10
+    assert run.energy_error() < 1e-9
+
+
 def random_circuit(seed: int) -> ac.System:
     """Resistors, capacitors, inductors and sources between random nodes, all nodes reached by resistors."""
     rng = np.random.default_rng(seed)

@@ -55,6 +55,8 @@ class _Elimination:
     dropped: list[ScalarEquation] = field(default_factory=list)
     occurrences: dict[int, set[int]] = field(default_factory=dict)
     """Root -> equations of `affine` it is in."""
+    top: int = 0
+    """Highest derivative that any equation of `affine` has held."""
 
     def run(self) -> None:
         self.general = dict(enumerate(equation.residual for equation in self.system.equations))
@@ -73,12 +75,12 @@ class _Elimination:
         symbols = {s.element_hash(): s for residual in self.general.values() for s in ca.symvar(residual)}
         members = [(key, s) for key, s in symbols.items() if key in self.chains.members]
         known = [s for key, s in symbols.items() if key not in self.chains.members]
-        variables = [s for _, s in members]
+        variables, keys = [s for _, s in members], [key for key, _ in members]
         found: list[int] = []
         for k, form in zip(list(self.general), forms(list(self.general.values()), variables, known), strict=True):
             if not form.other:
                 residual = self.general.pop(k)
-                self.affine[k] = self._in_levels(form, [key for key, _ in members])
+                self.affine[k] = self._in_levels(form, keys)
                 if form.opaque:
                     own = [variables[i] for i in form.linear]
                     self.affine[k].rest = ca.substitute([residual], own, [ca.SX(0)] * len(own))[0] - form.constant
@@ -120,6 +122,7 @@ class _Elimination:
     def _add(self, equation: Affine, level: Level, coefficient: float) -> None:
         number = self.chains.value(level)
         if number is None:
+            self.top = max(self.top, level[1])
             equation.add(level, coefficient)
         else:
             equation.add_number(coefficient * number)
@@ -136,19 +139,20 @@ class _Elimination:
 
     def _eliminate(self, k: int, equation: Affine) -> int | None:
         """Uses an equation with at most two levels; returns the root that is gone, if one is."""
-        levels = sorted(equation.coefficients.items(), key=lambda item: (item[0][1], self._size(item[0][0])))
-        if not levels:
+        count = len(equation.coefficients)
+        if not count:
             self._drop(k, equation)
             return None
-        if len(levels) > 2 or equation.open or (len(levels) == 2 and equation.combined):
+        if count > 2 or equation.open or (count == 2 and equation.combined):
             return None
+        levels = sorted(equation.coefficients.items(), key=lambda item: (item[0][1], self._size(item[0][0])))
         if levels[0][0][0] in self.chains.outer:
             levels.reverse()
         (root, order), a = levels[0]
-        if order > 0 or root in self.chains.outer or (len(levels) == 2 and levels[1][0][0] == root):
+        if order > 0 or root in self.chains.outer or (count == 2 and levels[1][0][0] == root):
             return None
         del self.affine[k]
-        if len(levels) == 1:
+        if count == 1:
             self.chains.constants[root] = -equation.constant / a
         else:
             other, b = levels[1]
@@ -174,7 +178,7 @@ class _Elimination:
         touched = {k for k in self.occurrences.pop(gone, set()) if k in self.affine}
         for k in touched:
             equation = self.affine[k]
-            for level in [level for level in equation.coefficients if level[0] == gone]:
+            for level in [(gone, k) for k in range(self.top + 1) if (gone, k) in equation.coefficients]:
                 coefficient = equation.coefficients.pop(level)
                 number = self.chains.value(level)
                 if number is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -43,10 +44,13 @@ class Collection:
     elements: dict[Symbol, tuple[Symbol, ...]]
     """Scalars of each declared symbol in the equations; itself where it is one."""
 
+    @functools.cached_property
+    def _symbols(self) -> dict[int, Symbol]:
+        return {s.sx.element_hash(): s for scalars in self.elements.values() for s in scalars}
+
     def symbol_of(self, unknown: Unknown) -> Symbol:
         """The declared symbol of a scalar."""
-        key = unknown.symbol.element_hash()
-        return next(s for scalars in self.elements.values() for s in scalars if s.sx.element_hash() == key)
+        return self._symbols[unknown.symbol.element_hash()]
 
 
 def has_scalar_parts(flat: FlatSystem) -> bool:

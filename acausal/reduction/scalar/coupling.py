@@ -90,7 +90,7 @@ class _Coupling:
         rates, residuals = everything[:n], everything[n + m :]
         solved = dict(zip(values, everything[n : n + m], strict=True))
         invariants = self._invariants()
-        states = [u for b in ((self.reduced.states,), (b.unknowns for b in self.reduced.algebraic)) for own in b for u in own]
+        states = [*self.reduced.states, *(u for b in self.reduced.algebraic for u in b.unknowns)]
         symbols = tuple(self.collection.symbol_of(u) for u in states)
         return ScalarPart(
             symbols, ca.vertcat(ca.SX(0, 1), *self._with_algebraic(rates, residuals, tau)), self._solved(solved), tau,
@@ -259,8 +259,8 @@ def _groups(rows: Sequence[tuple[list[ca.SX], ca.SX]]) -> list[tuple[list[ca.SX]
             graph.add_edge(("row", k), ("symbol", symbol.element_hash()))
     found: list[tuple[list[ca.SX], list[ca.SX]]] = []
     for group in nx.connected_components(graph):
-        keys = sorted(k for kind, k in group if kind == "symbol")
-        found.append(([symbols[k] for k in keys], [rows[k][1] for k in sorted(k for kind, k in group if kind == "row")]))
+        own = [symbol for key, symbol in symbols.items() if ("symbol", key) in group]
+        found.append((own, [row for k, (_, row) in enumerate(rows) if ("row", k) in group]))
     return found
 
 

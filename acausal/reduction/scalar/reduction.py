@@ -170,8 +170,8 @@ class _Reduction:
         self, stages: Sequence[Sequence[_Row]], chosen: dict[int, int], offsets: Offsets, roots: Sequence[int]
     ) -> ReducedEquations:
         taken = {j: offsets.equations[i] for i, j in chosen.items()}
+        # root -> lowest derivative that is not a state
         first = {root: offsets.unknowns[j] - taken.get(j, 0) for j, root in enumerate(roots)}
-        """Root -> lowest derivative that is not a state."""
         unknown = [(root, k) for j, root in enumerate(roots) for k in range(first[root], offsets.unknowns[j] + 1)]
         index = {level: u for u, level in enumerate(unknown)}
         rows = [row for i, own in enumerate(stages) for row in (own if i in chosen else own[-1:])]
