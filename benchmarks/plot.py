@@ -32,27 +32,24 @@ def grouped(points: list[Point]) -> dict[tuple[str, str, str], list[Point]]:
 
 
 def table(points: list[Point]) -> str:
-    """Markdown: for each scene and error our time, the best peer's, and the ratio."""
+    """Markdown: for each scene and error our time, heyoka's, and that of the best of all others with its ratio to ours."""
     groups = grouped(points)
     lines = [
-        "| scene | error | driver ms | `simulate` ms | best other | ms | times driver | times `simulate` |",
-        "|---|---|---|---|---|---|---|---|",
+        "| scene | error | driver ms | `simulate` ms | heyoka ms | best of the others | ms | times driver | times `simulate` |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for scene in SCENES:
         for error in ERRORS:
             times = {key[1:]: time_at_error(found, error) for key, found in groups.items() if key[0] == scene.name}
-            driver, whole = times.get((OURS, "driver")), times.get((OURS, "simulate"))
-            others = {key: t for key, t in times.items() if key[0] != OURS and t is not None}
+            ours = [times.get((OURS, method)) for method in ("driver", "simulate")]
+            taylor = times.get(("heyoka", "Taylor"))
+            others = {key: t for key, t in times.items() if key[0] not in (OURS, "heyoka") and t is not None}
             best = min(others, key=lambda key: others[key], default=None)
-            cells = [f"{t:.2f}" if t else "-" for t in (driver, whole)]
+            cells = [f"{t:.2f}" if t else "-" for t in (*ours, taylor)]
             if best is None:
                 cells += ["none reaches it", "", "", ""]
             else:
-                cells += [
-                    " ".join(best),
-                    f"{others[best]:.2f}",
-                    *(f"{others[best] / t:.1f}" if t else "" for t in (driver, whole)),
-                ]
+                cells += [" ".join(best), f"{others[best]:.2f}", *(f"{others[best] / t:.1f}" if t else "" for t in ours)]
             lines.append(f"| {scene.name} | {error:.0e} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -76,6 +73,8 @@ def draw(points: list[Point], path: Path) -> None:
                 style = (
                     {"color": "black", "lw": 2.2, "ls": "-" if method == "driver" else "--", "zorder": 5}
                     if peer == OURS
+                    else {"color": "crimson", "lw": 1.8}
+                    if peer == "heyoka"
                     else {"color": colours[peer, method], "lw": 1.0}
                 )
                 axis.loglog(
