@@ -727,6 +727,14 @@ def free_motor() -> ac.System:
     return scene
 
 
+def gear_in_a_four_bar() -> ac.System:
+    scene = FourBar()
+    scene.gear = Gear(2.0)
+    scene.connect(scene.a.flange, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.d.flange)
+    return scene
+
+
 MESSAGES: list[tuple[str, Callable[[], ac.System], type[Exception], tuple[str, ...]]] = [
     ("no ground", floating, errors.UnderdeterminedError, ("1 variable has no equation", "[V]", HERE, "without a Ground")),
     ("two sources that differ", lambda: parallel_sources(2.0), errors.OverdeterminedError, ("spare.v [V]", HERE, "0 = ", "given twice")),
@@ -745,6 +753,7 @@ MESSAGES: list[tuple[str, Callable[[], ac.System], type[Exception], tuple[str, .
     ("an input in a nonlinear loop", diode_on_an_input, errors.OverdeterminedError, ("'volts'", "differentiated", "capacitor")),
     ("jerk of a joint", jerk_of_a_joint, errors.OverdeterminedError, ("jerk.j", "differentiated", "hinge")),
     ("two sources on a joint", two_cranks, errors.OverdeterminedError, ("1 equation is too many", "of two", "hinge.flange.phi [rad]", "one.flange.tau [N*m]")),
+    ("a gear in a four-bar", gear_in_a_four_bar, errors.LockedError, ("gear.flange_b", "3 freedoms", "2 constraints of loops")),
     ("gears in a loop", free_motor, errors.OverdeterminedError, ("0 = ", "given twice")),
 ]  # fmt: skip
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.errors import LockedError
 from acausal.language.expression import Symbol, time
 from acausal.language.flatten import FlatSystem
 from acausal.mechanics.forward_dynamics import forward_dynamics
@@ -123,6 +124,7 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
     multipliers = forces.multipliers(free)
     v_dot = free + forces.flexibility @ multipliers
     scalar = add_scalar_domains(mechanics, tau, v_dot)
+    _check_free(mechanics, constraints, scalar)
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
     states = _column([s.sx for s in scalar.states])
     x, second = ca.vertcat(tree.q, tree.v, states), ca.vertcat(v_dot, scalar.rates)
@@ -134,6 +136,17 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
         ca.vertcat(constraints.velocity, scalar.velocity), _corrected(projection(forces, states), x, scalar), forces.delassus, scalar,
     )  # fmt: skip
+
+
+def _check_free(mechanics: MechanicalSystem, constraints: Constraints, scalar: ScalarPart) -> None:
+    """Gears between joints may leave nothing free; a source may take the last freedom, since it moves."""
+    free = mechanics.tree.v.numel() - constraints.rank.rank - scalar.rows
+    moved = ca.depends_on(ca.vertcat(scalar.position, scalar.velocity, constraints.velocity), mechanics.tree.t)
+    if scalar.rows and (free < 0 or (free == 0 and not moved)):
+        raise LockedError(
+            f"Joints cannot move: {mechanics.tree.v.numel()} freedoms meet {constraints.rank.rank} constraints of loops and "
+            f"{scalar.rows} of {', '.join(scalar.holding[:4])}. Remove a source or a gear, or put a spring between."
+        )
 
 
 def _corrected(projected: ca.SX | None, x: ca.SX, scalar: ScalarPart) -> ca.SX | None:

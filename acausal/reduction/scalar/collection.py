@@ -104,7 +104,8 @@ class _Collector:
             yield e.residual.sx, e.residual.leaves, f"equation {k} of {part.path}", origin
 
     def _of_connection(self, group: tuple[Connector, ...]) -> list[tuple[ca.SX, frozenset[Symbol], str, str]]:
-        kind, label = type(group[0]), f"connection at {self.flat.connector_paths[group[0]]}"
+        kind, paths = type(group[0]), [self.flat.connector_paths[c] for c in group]
+        label = f"connection of {' and '.join(paths[:3])}" + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
         potential, flow = FLOWS.get(kind, ("value", ""))
         symbols: list[Variable] = [getattr(c, potential) for c in group]
         found: list[tuple[ca.SX, frozenset[Symbol], str, str]] = [

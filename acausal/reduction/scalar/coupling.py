@@ -37,7 +37,7 @@ class ScalarPart:
     """What scalar domains add to a mechanical system, in t, q, v, the scalar states, u and p.
 
     `position` and `velocity`: invariants, those that hold for q alone and all others. `correction`: (dq, dv, dstates), one Newton
-    step towards both. `tau` (nv, 1): joint forces. `rows`: velocity constraints on the joints.
+    step towards both. `tau` (nv, 1): joint forces. `holding`: the equations that hold joints' velocities, in words.
     """
 
     states: tuple[Symbol, ...]
@@ -47,8 +47,13 @@ class ScalarPart:
     position: ca.SX
     velocity: ca.SX
     correction: tuple[ca.SX, ca.SX, ca.SX] | None
-    rows: int = 0
+    holding: tuple[str, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        """Number of freedoms of the joints that scalar equations take."""
+        return len(self.holding)
 
     @property
     def start(self) -> list[float]:
@@ -96,7 +101,7 @@ class _Coupling:
             symbols, ca.vertcat(ca.SX(0, 1), *self._with_algebraic(rates, residuals, tau)), self._solved(solved), tau,
             ca.vertcat(ca.SX(0, 1), *(i.residual for i in invariants if i.by_q)),
             ca.vertcat(ca.SX(0, 1), *(i.residual for i in invariants if not i.by_q), *residuals),
-            self._correction(symbols, invariants, residuals), sum(i.of_joints and not i.by_q for i in invariants), self.collection.names,
+            self._correction(symbols, invariants, residuals), tuple(str(i.source) for i in invariants if i.of_joints and not i.by_q), self.collection.names,
         )  # fmt: skip
 
     @property
