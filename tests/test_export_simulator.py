@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -119,7 +118,6 @@ def test_lanes_do_not_matter(exported):
         assert np.max(np.abs(printed(other, end, 40, 1e-13)[1] - native)) < 1e-12
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("ziglang"), reason="ziglang is not installed")
 def test_another_compiler_gives_the_same_without_warnings(exported):
     _, _, end, program = exported("four_bar")
     other = compiled(program.parent, command=(sys.executable, "-m", "ziglang", "cc"), program="other")

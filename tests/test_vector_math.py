@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 import math
 import subprocess
 import sys
@@ -21,7 +20,6 @@ from acausal.export.c_source import compiler
 
 Array = NDArray[np.float64]
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 RUNTIME = Path(acausal.__file__).parent / "runtime"
 FLAGS = ["-std=gnu11", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wno-psabi", "-Werror"]
@@ -460,7 +458,6 @@ def test_neighbours_do_not_matter(builds: dict[str, Build]) -> None:
         assert (_bits(shuffled) == _bits(builds["native8"](name, *args))[order]).all(), name
 
 
-@pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="no second compiler")
 def test_another_compiler_gives_the_same_bits(builds: dict[str, Build], tmp_path: Path) -> None:
     process = _start([sys.executable, "-m", "ziglang", "cc"], 8, ["-O2", NATIVE], _source(tmp_path), tmp_path / "zig.so")
     assert _differences(builds["native8"], _finish(process, tmp_path / "zig.so")) == []
