@@ -161,11 +161,26 @@ class Model:
         It has exact first derivatives (see `sensitivities`) in both directions, for `ca.nlpsol` and `ca.Opti`; give the optimiser
         `hessian_approximation="limited-memory"`. Keep a reference to it as long as it is used.
         """
-        from acausal.simulation import trajectory_function
+        import numpy as np
 
-        tolerances = Tolerances(rtol, rtol if atol is None else atol)
-        return trajectory_function(
-            self.functions, name, times, outputs, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled
+        from acausal.sensitivity import Motion, TrajectoryFunction
+
+        held, fixed = inputs or {}, parameters or {}
+
+        def run(begin: Start, values: Mapping[Parameter, float], given: Mapping[Input, float]) -> Sensitivities:
+            return self.sensitivities(
+                times,
+                wrt,
+                begin,
+                rtol=rtol,
+                atol=atol,
+                inputs={**held, **given},
+                parameters={**fixed, **values},
+                compiled=compiled,
+            )
+
+        return TrajectoryFunction(
+            name, Motion(self.functions, run, np.asarray(times, dtype=float), outputs, tuple(wrt), dict(start or {}))
         )
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:

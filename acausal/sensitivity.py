@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,11 @@ from acausal.errors import OptionError, SimulationError
 from acausal.integrators.problem import Directions, Problem, Tolerances
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.reduction.initial import Start, Value, initial_derivatives, near
+from acausal.reduction.initial import Start, initial_derivatives, near
 
 Wanted = Parameter | Input | Expression
+Run = Callable[[Start, Mapping[Parameter, float], Mapping[Input, float]], "Sensitivities"]
+"""Derivatives of a motion for other start values, parameters and inputs."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,10 +48,10 @@ class Sensitivities:
         return self.found.S
 
     def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
-        value, total = self._outputs(wanted)
+        value, total = self.total_derivative(wanted)
         return total[:, 0] if value.shape[0] == 1 else total
 
-    def _outputs(self, wanted: Expression | ca.SX) -> tuple[np.ndarray, np.ndarray]:
+    def total_derivative(self, wanted: Expression | ca.SX) -> tuple[np.ndarray, np.ndarray]:
         """(size, m) values of an expression, and (m, size, n) total derivatives."""
         s = self.functions.outputs.system
         y = ca.vec(ca.densify(self.functions.outputs.resolve(wanted)))
@@ -195,12 +197,19 @@ class Motion:
     """Outputs (size, m) at fixed times and their derivatives (size * m, n), as a function of the values of `wrt`."""
 
     functions: Functions
-    make: Any
+    run: Run
     times: np.ndarray
     outputs: Expression | ca.SX
     wrt: tuple[Wanted, ...]
-    start: dict[Expression, Any]
-    size_in: int
+    start: Start
+
+    @functools.cached_property
+    def size_in(self) -> int:
+        """Entries of `wrt`."""
+        return sum(map(self._size, self.wrt))
+
+    def _size(self, item: Wanted) -> int:
+        return 1 if isinstance(item, Parameter | Input) else self.functions.outputs.resolve(item).numel()
 
     @functools.cached_property
     def shape_out(self) -> tuple[int, int]:
@@ -220,22 +229,23 @@ class Motion:
         return self._last[key]
 
     def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        start: dict[Expression, Value] = dict(self.start)
+        start = dict(self.start)
         parameters: dict[Parameter, float] = {}
         inputs: dict[Input, float] = {}
         at = 0
         for item in self.wrt:
+            size = self._size(item)
             if isinstance(item, Parameter):
-                parameters[item], at = float(values[at]), at + 1
+                parameters[item] = float(values[at])
             elif isinstance(item, Input):
-                inputs[item], at = float(values[at]), at + 1
+                inputs[item] = float(values[at])
             else:
-                size = self.functions.outputs.resolve(item).numel()
-                start[item], at = values[at : at + size], at + size
+                start[item] = values[at : at + size]
+            at += size
         rows, m = self.shape_out
         try:
-            found: Sensitivities = self.make(self.times, self.wrt, start, parameters, inputs)
+            found = self.run(start, parameters, inputs)
         except SimulationError:
             return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
-        value, slopes = found._outputs(self.outputs)  # pyright: ignore[reportPrivateUsage]  # of this module
+        value, slopes = found.total_derivative(self.outputs)
         return value, slopes.reshape(m * rows, values.size)

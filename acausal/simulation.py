@@ -16,9 +16,9 @@ from acausal.errors import OptionError, SimulationError, SingularWarning, Unknow
 from acausal.events import when
 from acausal.integrators import integrate
 from acausal.integrators.problem import Guards, Problem, Status, StatusKind, Tolerances
-from acausal.language.expression import Expression, Input, Parameter, number
+from acausal.language.expression import Input, Parameter, number
 from acausal.reduction.initial import Start, initial_state
-from acausal.sensitivity import Motion, Sensitivities, TrajectoryFunction, Wanted, sensitivities
+from acausal.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.trajectory import Trajectory
 
 InputValue = float | Callable[[float], float]
@@ -98,29 +98,6 @@ def sensitivity_run(
     if status.kind is not StatusKind.SUCCESS:
         raise SimulationError(_failure(functions, status, float(found.t[-1])), None)
     return found
-
-
-def trajectory_function(
-    functions: Functions,
-    name: str,
-    times: Sequence[float],
-    outputs: Expression,
-    wrt: Sequence[Wanted],
-    start: Start,
-    inputs: Mapping[Input, InputValue],
-    parameters: Mapping[Parameter, float],
-    tolerances: Tolerances,
-    compiled: bool,
-) -> TrajectoryFunction:
-    """The motion as a differentiable CasADi function; see `Model.trajectory_function`."""
-
-    def make(at: Sequence[float], by: Sequence[Wanted], begin: Start, values: Mapping[Parameter, float], held: Mapping[Input, float]) -> Sensitivities:  # fmt: skip
-        return sensitivity_run(functions, at, by, begin, {**inputs, **held}, {**parameters, **values}, tolerances, compiled)
-
-    size = sum(1 if isinstance(item, Parameter | Input) else functions.outputs.resolve(item).numel() for item in wrt)
-    return TrajectoryFunction(
-        name, Motion(functions, make, np.asarray(times, dtype=float), outputs, tuple(wrt), dict(start), size)
-    )
 
 
 def _problem(

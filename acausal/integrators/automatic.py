@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import Newton, Run, drive
+from acausal.integrators.driver import Run, drive
 from acausal.integrators.gauss import Gauss, default_order, gauss_scheme, newton_where_slow
-from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+from acausal.integrators.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
 from acausal.integrators.rates import difference_jacobian
 from acausal.integrators.tableau import Tableau, eigenvectors, gauss_legendre
@@ -43,7 +43,7 @@ class Automatic(AbstractIntegrator):
         order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
         if problem.compiled is not None:
             tableau = gauss_legendre(order // 2)
-            choice, leave = Choice((tableau,), newton=1), stiffness_of(problem, tableau)
+            choice, leave = Choice((tableau,), Newton.WHERE_SLOW), stiffness_of(problem, tableau)
             first, stiff = problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
         else:
             scheme = gauss_scheme(order, Newton.WHERE_SLOW)

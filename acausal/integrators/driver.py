@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import functools
 import time
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from acausal.integrators.dense import CollocationPolynomial, refined
-from acausal.integrators.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.integrators.problem import Newton, Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
 from acausal.integrators.projection import Projection
 from acausal.integrators.stages import StageSolver
 from acausal.integrators.tableau import Tableau, legendre_values
@@ -21,14 +20,6 @@ _HARD = 8
 _LEFT = 1e-3
 """What the iteration may leave of the error of a step."""
 _CHECK = 25
-
-
-class Newton(enum.Enum):
-    """When the stage equations are solved by simplified Newton in place of fixed-point iteration."""
-
-    NEVER = 0
-    WHERE_SLOW = 1
-    ALWAYS = 2
 
 
 @dataclass(frozen=True)

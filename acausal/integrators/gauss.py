@@ -9,8 +9,8 @@ import numpy as np
 
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import Newton, Scheme, Step, drive
-from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+from acausal.integrators.driver import Scheme, Step, drive
+from acausal.integrators.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.integrators.stages import StageSolver
 from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice
@@ -21,7 +21,7 @@ class Gauss(AbstractIntegrator):
     """Gauss-Legendre collocation of an even order, adaptive, or with a fixed step [s], where it is symplectic.
 
     Fixed-point iteration from an extrapolated start, simplified Newton where that would hold the step size down. Quadratic
-    invariants such as unit quaternions are kept to rounding. `order`: None chooses 8, 12 or 16 by the tolerance.
+    invariants such as unit quaternions are kept to rounding. `order`: None chooses 8, 12 or 16 by tolerance and lanes.
     Hairer, Lubich, Wanner: Geometric Numerical Integration, sections II.1 and VIII.6. Raises `OptionError` for an odd order or one above 32.
     """
 
@@ -39,7 +39,7 @@ class Gauss(AbstractIntegrator):
         """See `AbstractIntegrator`."""
         order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
         if problem.compiled is not None:
-            choice = Choice((gauss_legendre(order // 2),), newton=1)
+            choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
             return problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
         scheme = gauss_scheme(order, Newton.WHERE_SLOW)
         return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]

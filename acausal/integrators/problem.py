@@ -78,6 +78,14 @@ class Directions:
     dp: np.ndarray
 
 
+class Newton(enum.Enum):
+    """When the stage equations are solved by simplified Newton in place of fixed-point iteration."""
+
+    NEVER = 0
+    WHERE_SLOW = 1
+    ALWAYS = 2
+
+
 class StatusKind(enum.Enum):
     """How an integration ended."""
 

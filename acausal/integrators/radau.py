@@ -9,8 +9,8 @@ import numpy as np
 
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import Newton, Scheme, Step, drive
-from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
+from acausal.integrators.driver import Scheme, Step, drive
+from acausal.integrators.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.integrators.stages import StageSolver
 from acausal.integrators.tableau import embedded_formula, radau_iia
 from acausal.runtime.compiled import Choice
@@ -47,9 +47,9 @@ class Radau(AbstractIntegrator):
     def choice(self, rtol: float) -> Choice:
         """Tableaus for the C runtime: orders 5, 9 and 13 unless one is asked for."""
         if self.order is not None or self.step is not None:
-            return Choice((radau_iia(((self.order or _order(rtol)) + 1) // 2),), newton=2)
+            return Choice((radau_iia(((self.order or _order(rtol)) + 1) // 2),), Newton.ALWAYS)
         tableaus = tuple(radau_iia(s) for s in (3, 5, 7))
-        return Choice(tableaus, newton=2, start=0 if rtol > 1e-4 else 1, adapt_order=True)
+        return Choice(tableaus, Newton.ALWAYS, start=0 if rtol > 1e-4 else 1, adapt_order=True)
 
 
 def _order(rtol: float) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.integrators.automatic import Automatic, stiffness_of
 from acausal.integrators.gauss import default_order
-from acausal.integrators.problem import Directions, Problem, Status, StatusKind, Tolerances
+from acausal.integrators.problem import Directions, Newton, Problem, Status, StatusKind, Tolerances
 from acausal.integrators.radau import Radau
 from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice, CompiledProblem, Run
@@ -44,7 +44,7 @@ def _compiled(
     S = np.full((times.size, *directions.dx.shape), np.nan)
     x[:, 0], S[0] = x0, directions.dx
     tableau = gauss_legendre(default_order(tolerances.rtol, problem) // 2)
-    slow, choice = stiffness_of(problem, tableau), Choice((tableau,), newton=1)
+    slow, choice = stiffness_of(problem, tableau), Choice((tableau,), Newton.WHERE_SLOW)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), tolerances, choice, directions)
     status = Status(StatusKind.SUCCESS, float(times[0]))
     for k, end in enumerate(times[1:], start=1):

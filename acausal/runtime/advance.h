@@ -16,12 +16,14 @@ int begin(Integrator *I) {
     }
     if (I->guards) {
         w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
-        T->guard_values = reserve_doubles(I, 16 * I->guards);
-        if (!w || !T->guard_values) return 0;
+        T->guard_values = reserve_doubles(I, POINTS * I->guards);
+        T->chebyshev = reserve_doubles(I, POINTS * POINTS);
+        if (!w || !T->guard_values || !T->chebyshev) return 0;
+        chebyshev_cosines(T->chebyshev);
         for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
         if (I->guard.work > longest) T->work = (V *)w;
     }
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate};
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
         if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
     T->copied = reserve(I, (size_t)n + 1);

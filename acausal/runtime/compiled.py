@@ -18,6 +18,7 @@ from acausal.integrators.problem import (
     Crossing,
     Directions,
     Guards,
+    Newton,
     Problem,
     Progress,
     Solution,
@@ -44,11 +45,11 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Choice:
-    """Which methods run: tableaus (the first one starts), where Newton replaces fixed-point iteration (0 never, 1 where slow,
-    2 always), and whether the order adapts along the list."""
+    """Which methods run: tableaus (the first one starts), where Newton replaces fixed-point
+    iteration, and whether the order adapts along the list."""
 
     tableaus: tuple[Tableau, ...]
-    newton: int
+    newton: Newton
     start: int = 0
     adapt_order: bool = False
 
@@ -114,8 +115,8 @@ class CompiledProblem:
         table = method_table(choice.tableaus)
         core = Integrator(
             nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
-            newton=choice.newton, adapt_order=choice.adapt_order, copies=self.copies, rhs=self.kernels[0],
-            method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE, record=1,
+            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, rhs=self.kernels[0],
+            method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
         )  # fmt: skip
         if self.ng:
             core.projection = self.kernels[1]
@@ -282,7 +283,7 @@ class Run:
             t = np.ctypeslib.as_array(core.times, (n,)).copy()
             x = np.ctypeslib.as_array(core.states, (n, nx)).T.copy()
         tableau = self.choice.tableaus[core.method]
-        newton = " with Newton" if core.newton_steps and self.choice.newton == 1 else ""
+        newton = " with Newton" if core.newton_steps and self.choice.newton is Newton.WHERE_SLOW else ""
         statistics = Statistics(
             tableau.name + newton, tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
             time.perf_counter() - self.started, core.factorisations,

@@ -27,11 +27,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
         }
     }
     for (long i = 0; i < I->nx; i++) T->factor[i] = h / (I->step > 0 ? 1e-3 + fabs(x[i]) : I->atol + I->rtol * T->size[i]);
-    for (long q = 0; q < I->copies; q++) {
-        double other = h * T->factor[I->copy_to[q]], *mine = &T->factor[I->copy_from[q]];
-        if (other > *mine) *mine = other;
-        T->factor[I->copy_to[q]] = 0;
-    }
+    count_copies_through(I, h);
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
     Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, I->step > 0 ? 4 * EPS : 4 * EPS / I->rtol, 30);
     if (!fixed_point(I, F, x, T->factor, &J))
@@ -47,12 +43,22 @@ static int fine_stages(Integrator *I, const Method *fine) {
     return T->fine && make_stages(I, T->fine, fine);
 }
 
+/* x (nx) on a step of size h from `start`, with Legendre coefficients a (nx, width) of the rates, of which s count. */
+static void state_within(long nx, const double *start, const double *a, long s, long width, double theta, double h, double *x) {
+    double P[65], Q[64];
+    legendre_integrals(theta, s, P, Q);
+    for (long i = 0; i < nx; i++) {
+        double sum = 0;
+        for (long q = s - 1; q >= 0; q--) sum += Q[q] * a[i * width + q];
+        x[i] = start[i] + h * sum;
+    }
+}
+
 /* States (n, nx) at times in ascending order. */
 int dense(Integrator *I, long n, const double *t, double *x) {
     struct State *T = I->state;
     const Method *fine = I->fine;
     long nx = I->nx, refined = -1;
-    double P[65], Q[64];
     if (fine && !fine_stages(I, fine)) return OUT_OF_MEMORY;
     for (long m = 0; m < n; m++) {
         if (I->steps == 0) {
@@ -73,12 +79,7 @@ int dense(Integrator *I, long n, const double *t, double *x) {
             s = T->fine->s;
             width = T->fine->blocks * LANES;
         }
-        legendre_integrals(theta, s, P, Q);
-        for (long i = 0; i < nx; i++) {
-            double sum = 0;
-            for (long q = s - 1; q >= 0; q--) sum += Q[q] * a[i * width + q];
-            x[m * nx + i] = start[i] + h * sum;
-        }
+        state_within(nx, start, a, s, width, theta, h, x + m * nx);
     }
     return REACHED_END;
 }

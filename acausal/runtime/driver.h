@@ -25,7 +25,6 @@ static int grow(void *array, size_t bytes) {
 static int keep(Integrator *I, const Stages *S) {
     struct State *T = I->state;
     long k = I->steps, n = I->nx;
-    if (!I->record) return 1;
     if (k + 1 >= T->capacity) {
         long c = T->capacity = k < 64 ? 128 : 2 * k;
         if (!grow(&I->times, sizeof(double) * (size_t)c) || !grow(&I->states, sizeof(double) * (size_t)(c * n) + 8)) return 0;
@@ -51,16 +50,11 @@ static void set_scale(Integrator *I) {
     for (long i = 0; i < I->nx; i++) T->scale[i] = I->atol + I->rtol * T->size[i];
 }
 
-/* Sizes of changes in units of the scale; positions that are integrals of velocities count through these. */
+/* Sizes of changes in units of the scale. */
 static void set_factor(Integrator *I, double h, const double *scale) {
     struct State *T = I->state;
     for (long i = 0; i < I->nx; i++) T->factor[i] = h / scale[i];
-    if (T->newton_now) return;
-    for (long k = 0; k < I->copies; k++) {
-        double other = h * T->factor[I->copy_to[k]], *mine = &T->factor[I->copy_from[k]];
-        if (other > *mine) *mine = other;
-    }
-    for (long k = 0; k < I->copies; k++) T->factor[I->copy_to[k]] = 0;
+    if (!T->newton_now) count_copies_through(I, h);
 }
 
 /* Stage rates by extrapolating the last step's polynomial; the rate at the start for the first step. Extrapolated Legendre
@@ -92,10 +86,7 @@ static int guess(Integrator *I, Stages *S, double h) {
     T->terms = terms;
     for (long b = 0; b < S->blocks; b++) {
         V y = v_all(1.0) + v_all(2 * ratio) * S->c[b];
-        columns[0] = v_all(1.0);
-        columns[1] = y;
-        for (long k = 1; k + 1 < terms; k++)
-            columns[k + 1] = (v_all((double)(2 * k + 1)) * y * columns[k] - v_all((double)k) * columns[k - 1]) * v_all(1 / (double)(k + 1));
+        legendre_lanes(y, terms, columns);
         for (long i = 0; i < I->nx; i++) {
             const double *a = T->last_a + i * s;
             V r = v_all(0.0);
@@ -149,12 +140,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
     double first = 0, last = 0, tail = 0, largest = 0;
-    scale_rates(I, S);
-    for (long i = 0; i < I->nx; i++) {
-        double sum = 0;
-        for (long j = s - 1; j >= 0; j--) sum += S->L[j / LANES][i][j % LANES];
-        T->before[i] = I->x[i] + sum;
-    }
+    for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->start_known && !rate_at(I, I->t, I->x, T->start_rate)) return -1;
     if (!rate_at(I, I->t + h, T->before, T->end_rate)) return -1;
     T->start_known = 1;
@@ -178,11 +164,8 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, width = S->blocks * LANES;
     if (I->directions) advance_directions(I, S, h);
-    scale_rates(I, S);
     for (long i = 0; i < n; i++) {
-        double sum = 0;
-        for (long j = S->s - 1; j >= 0; j--) sum += S->L[j / LANES][i][j % LANES];
-        double increment = sum + T->carry[i], x = I->x[i] + increment;
+        double increment = T->increment[i] + T->carry[i], x = I->x[i] + increment;
         T->carry[i] = increment - (x - I->x[i]);
         I->x[i] = x;
     }
@@ -334,6 +317,7 @@ static enum Code one_adaptive(Integrator *I) {
             continue;
         }
         legendre_coefficients(I, S);
+        step_increments(I, S);
         double error = S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
         if (!(error <= 1)) {
             double power = -1 / (double)(S->method->error_order + 1);
@@ -406,5 +390,6 @@ static enum Code one_fixed(Integrator *I) {
     }
     if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;
     legendre_coefficients(I, S);
+    step_increments(I, S);
     return accept_step(I, S, h);
 }

@@ -27,10 +27,7 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
         for (int l = 0; l < LANES; l++) at[l] = theta[k + l < count ? k + l : count - 1];
         in[0] = v_fma(at, v_all(p->h), v_all(p->t));
         V P[65], Q[64], y = at + at - v_all(1.0);
-        P[0] = v_all(1.0);
-        P[1] = y;
-        for (long q = 1; q < p->s; q++)
-            P[q + 1] = (v_all((double)(2 * q + 1)) * y * P[q] - v_all((double)q) * P[q - 1]) * v_all(1 / (double)(q + 1));
+        legendre_lanes(y, p->s + 1, P);
         Q[0] = at;
         for (long q = 1; q < p->s; q++) Q[q] = (P[q + 1] - P[q - 1]) * v_all(1 / (double)(2 * (2 * q + 1)));
         Mask m0 = at == v_all(0.0), m1 = at == v_all(1.0);
@@ -57,12 +54,18 @@ static double one_value(const Path *p, double theta) {
     return guard_values(p, &theta, 1, values) ? values[p->guard] : NAN;
 }
 
-/* Chebyshev coefficients of the interpolant of POINTS values at Lobatto points. */
-static void chebyshev_coefficients(const double *values, double *c) {
+/* cos(pi j k / (POINTS - 1)), (POINTS, POINTS). */
+static void chebyshev_cosines(double *table) {
+    for (int k = 0; k < POINTS; k++)
+        for (int j = 0; j < POINTS; j++) table[k * POINTS + j] = cos(PI * j * k / (POINTS - 1));
+}
+
+/* Chebyshev coefficients of the interpolant of POINTS values at Lobatto points, by the table of cosines. */
+static void chebyshev_coefficients(const double *table, const double *values, double *c) {
     const int n = POINTS - 1;
     for (int k = 0; k <= n; k++) {
         double sum = 0;
-        for (int j = 0; j <= n; j++) sum += (j == 0 || j == n ? 0.5 : 1.0) * values[j] * cos(PI * j * k / n);
+        for (int j = 0; j <= n; j++) sum += (j == 0 || j == n ? 0.5 : 1.0) * values[j] * table[k * POINTS + j];
         c[k] = sum * (k == 0 || k == n ? 1.0 : 2.0) / n * (k & 1 ? -1 : 1);
     }
 }
@@ -149,7 +152,7 @@ static int zeros_within(const Path *p, double lo, double hi, int depth) {
     }
     double g_lo = values[0], g_hi = values[POINTS - 1];
     int at_start = p->first && lo == 0 && fabs(g_lo) <= 1e-12 * p->largest;
-    chebyshev_coefficients(values, c);
+    chebyshev_coefficients(I->state->chebyshev, values, c);
     if (excludes_zero(c) && !at_start) return 1;
     if (largest <= TOUCH * p->largest || depth > 40) {
         if (at_start) return 1;
@@ -171,19 +174,14 @@ static int zeros_within(const Path *p, double lo, double hi, int depth) {
 static void cut_step(Integrator *I, const Path *p, double theta) {
     struct State *T = I->state;
     long k = I->steps - 1, nx = I->nx, s = I->stage_count[k];
-    double P[65], Q[64], K[64], *a = I->coefficients + I->offset[k];
+    double P[64], K[64], values[64 * 64], *a = I->coefficients + I->offset[k];
     const Method *m = &I->method_list[I->method];
-    legendre_integrals(theta, p->s, P, Q);
-    for (long i = 0; i < nx; i++) {
-        double sum = 0;
-        for (long q = p->s - 1; q >= 0; q--) sum += Q[q] * p->a[i * p->width + q];
-        I->x[i] = p->start[i] + p->h * sum;
-    }
+    state_within(nx, p->start, p->a, p->s, p->width, theta, p->h, I->x);
+    for (long j = 0; j < s; j++) legendre_values(theta * m->c[j], s, values + j * s);
     for (long i = 0; i < nx; i++) {
         for (long j = 0; j < s; j++) {
-            legendre_values(theta * m->c[j], s, P);
             K[j] = 0;
-            for (long q = 0; q < s; q++) K[j] += P[q] * a[i * s + q];
+            for (long q = 0; q < s; q++) K[j] += values[j * s + q] * a[i * s + q];
         }
         for (long q = 0; q < s; q++) {
             P[q] = 0;
@@ -220,7 +218,7 @@ static enum Code watch(Integrator *I) {
                 if (!isfinite(values[j])) return REACHED_END;
                 p.largest = fmax(p.largest, fabs(values[j]));
             }
-            chebyshev_coefficients(values, c);
+            chebyshev_coefficients(T->chebyshev, values, c);
             if (excludes_zero(c) && !(p.first && fabs(values[0]) <= 1e-12 * p.largest)) break;
             if (!refined && I->fine) {
                 if (!fine_stages(I, I->fine) || !refine_step(I, T->fine, k)) return INPUT_FAILED;

@@ -53,7 +53,6 @@ typedef struct Integrator {
     double *x;                       /* start and current state */
     double t, end, rtol, atol, step; /* step 0: adaptive */
     double slice;                    /* seconds until PAUSED */
-    long record;                     /* whether steps are kept for dense output */
     /* results */
     long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst;
     double h, error, contraction, slowness; /* of the last step; slowness: step size that accuracy allows over that of the iteration */

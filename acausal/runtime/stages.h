@@ -85,10 +85,10 @@ struct State {
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     char *copied;
     long *own; /* states that are not copied */
-    double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate;
+    double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
-    double *guard_values;
+    double *guard_values, *chebyshev;
     V *variation_in, *variation_out, *variation_c, *variation_work, *projected_in, *projected_out, *projected_c, *projected_work;
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     long terms;
@@ -204,6 +204,16 @@ static double replace_rates(Integrator *I, Stages *S, const double *factor) {
     return sqrt(sum / (double)S->s);
 }
 
+/* In fixed-point iteration, positions that are integrals of velocities count through these. */
+static void count_copies_through(Integrator *I, double h) {
+    double *factor = I->state->factor;
+    for (long k = 0; k < I->copies; k++) {
+        double other = h * factor[I->copy_to[k]], *mine = &factor[I->copy_from[k]];
+        if (other > *mine) *mine = other;
+    }
+    for (long k = 0; k < I->copies; k++) factor[I->copy_to[k]] = 0;
+}
+
 /* in[1 + i] = x[i] + mu L[i] for the states of a list. */
 INLINE void combine_states(Stages *S, const long *list, long count, const double *x) {
     long B = S->blocks;
@@ -213,18 +223,11 @@ INLINE void combine_states(Stages *S, const long *list, long count, const double
         return;
     }
     V m[LANES], *in = S->in[0] + 1; /* one block: the matrix stays in registers */
-    const V *L = S->L[0];
+    V *const L = S->L[0];
     for (int l = 0; l < LANES; l++) m[l] = S->mu[l];
     for (long k = 0; k < count; k++) {
         long i = list[k];
-        const double *v = (const double *)&L[i];
-        V r = v_all(x[i]), other = v_all(0.0);
-#pragma GCC unroll 8
-        for (int l = 0; l < LANES; l += 2) {
-            r = v_fma(v_all(v[l]), m[l], r);
-            if (LANES > 1) other = v_fma(v_all(v[l + 1]), m[l + 1], other);
-        }
-        in[i] = r + other;
+        in[i] = combined(m, &L, 1, i, v_all(x[i]));
     }
 }
 
@@ -240,6 +243,16 @@ static int fixed_point(Integrator *I, Stages *S, const double *x, const double *
         stage_rates(I, S);
         enum Verdict v = judge(J, replace_rates(I, S, factor));
         if (v != GO_ON) return v == DONE;
+    }
+}
+
+/* The step from the rates that were found, into the vector of increments. */
+static void step_increments(Integrator *I, Stages *S) {
+    scale_rates(I, S);
+    for (long i = 0; i < I->nx; i++) {
+        double sum = 0;
+        for (long j = S->s - 1; j >= 0; j--) sum += S->L[j / LANES][i][j % LANES];
+        I->state->increment[i] = sum;
     }
 }
 
@@ -259,6 +272,14 @@ static void legendre_values(double theta, long count, double *P) {
     P[0] = 1;
     if (count > 1) P[1] = y;
     for (long k = 1; k + 1 < count; k++) P[k + 1] = ((double)(2 * k + 1) * y * P[k] - (double)k * P[k - 1]) / (double)(k + 1);
+}
+
+/* The same in lanes, at y = 2 theta - 1; at least two. */
+static void legendre_lanes(V y, long count, V *P) {
+    P[0] = v_all(1.0);
+    P[1] = y;
+    for (long k = 1; k + 1 < count; k++)
+        P[k + 1] = (v_all((double)(2 * k + 1)) * y * P[k] - v_all((double)k) * P[k - 1]) * v_all(1 / (double)(k + 1));
 }
 
 /* Their integrals from 0 to theta; P has room for count + 1. */

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from acausal.integrators.gauss import default_order
-from acausal.integrators.problem import Problem, Tolerances
+from acausal.integrators.problem import Newton, Problem, Tolerances
 from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice, Run
 from benchmarks.peers.base import AbstractPeer, Prepared
@@ -44,7 +44,7 @@ def _driver(built: Built, setting: float) -> Prepared:
     compiled = f.compiled
     assert compiled is not None
     problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
-    choice = Choice((gauss_legendre(default_order(setting, problem) // 2),), newton=1)
+    choice = Choice((gauss_legendre(default_order(setting, problem) // 2),), Newton.WHERE_SLOW)
     made = Run(compiled, problem, x0, 0.0, built.scene.end, Tolerances(setting, setting), choice)
     fresh = type(made.core).from_buffer_copy(made.core)
     compiled.library.finish(ctypes.byref(made.core))

@@ -120,7 +120,7 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
 
     Integrator I = {.nx = model_states, .nu = model_inputs, .np = model_parameters, .ng = model_invariants,
                     .rhs = model_rhs_kernel, .jvp = model_jvp_kernel, .projection = model_projection_kernel,
-                    .copies = model_copies, .copy_to = model_copy_to, .copy_from = model_copy_from, .record = 1, .slice = INFINITY,
+                    .copies = model_copies, .copy_to = model_copy_to, .copy_from = model_copy_from, .slice = INFINITY,
                     .t = t0, .end = times[n - 1], .step = options->step, .max_steps = options->max_steps};
     I.rtol = fmax(options->rtol, FINEST);
     I.atol = fmax(options->atol > 0 ? options->atol : options->rtol, options->rtol < FINEST ? FINEST : 0.0);
