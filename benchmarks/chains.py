@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import acausal as ac
+from benchmarks.timing import median_time
 from components import Revolute, RigidBody, World
 
 OFFSET = np.array([0.3, -0.2, -0.9])
@@ -39,8 +40,6 @@ def pinocchio_chain(count: int, q: np.ndarray, v: np.ndarray, askew: bool = Fals
     """Seconds of a call of Pinocchio's articulated-body algorithm, and its accelerations."""
     import pinocchio as pin
 
-    from benchmarks.dynamics import median_time
-
     model = pin.Model()
     parent = 0
     for k in range(count):
@@ -60,8 +59,6 @@ def pinocchio_chain(count: int, q: np.ndarray, v: np.ndarray, askew: bool = Fals
 def mujoco_time(count: int, q: np.ndarray, v: np.ndarray) -> tuple[float, np.ndarray]:
     """MuJoCo's mj_forward, and its accelerations."""
     import mujoco
-
-    from benchmarks.dynamics import median_time
 
     text = (
         "".join(

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-import statistics
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ from acausal.codegen.compiler import cached_library, compiler
 from acausal.codegen.emit import emit, translation_units
 from acausal.codegen.lower import operations
 from benchmarks.chains import chain, mujoco_time, pinocchio_chain
+from benchmarks.timing import median_time
 from components import Prismatic, Revolute, RigidBody, World
 
 CHAINS = (1, 2, 5, 10, 20, 50, 100)
@@ -41,22 +40,6 @@ EXPORT void repeat(const double *a, double *b, long n) {
     for (long i = 0; i < rhs_sizes[1]; i++) b[i] = out[i][0];
 }
 """
-
-
-def median_time(call: Callable[[], object], budget: float = 0.2) -> float:
-    """Median seconds of one call, over batches."""
-    call()
-    once = time.perf_counter()
-    call()
-    batch = max(1, int(0.01 / max(time.perf_counter() - once, 1e-7)))
-    times: list[float] = []
-    end = time.perf_counter() + budget
-    while time.perf_counter() < end or len(times) < 3:
-        start = time.perf_counter()
-        for _ in range(batch):
-            call()
-        times.append((time.perf_counter() - start) / batch)
-    return statistics.median(times)
 
 
 class Compiled:

@@ -37,7 +37,7 @@ from components import (
     World,
 )  # fmt: skip
 from examples.andrews import REFERENCE, Andrews
-from tests.scenes import DoublePendulum, PointPendulum
+from tests.scenes import DoublePendulum, PointPendulum, bennett_linkage
 
 G = 9.81
 Start = Mapping[Any, Any]
@@ -323,20 +323,7 @@ def disk_nearly_flat() -> HardCase:
 @hard_case
 def bennett() -> HardCase:
     """Bennett's linkage, three redundant constraints, 10 s: the centres of mass; quadruple precision."""
-    points = np.array([(0, 0, 0), (0.5, np.sqrt(3) / 2, 0), (-1.2, 0, 0.6), (-2.0, 0, 0)])
-    axes = np.array([(0, 0, 1), (np.sqrt(3) / 4, -0.25, np.sqrt(3) / 2), (-0.3, np.sqrt(3) / 2, 0.4), (0, 1, 0)])
-    scene = ac.System()
-    scene.world, scene.links, scene.joints = World(), [], []
-    for k in range(3):
-        length = np.linalg.norm(points[k + 1] - points[k])
-        along = (points[k + 1] - points[k]) / length
-        up = axes[k] - (axes[k] @ along) * along
-        R = np.column_stack([along, np.cross(up / np.linalg.norm(up), along), up / np.linalg.norm(up)])
-        moments = length / 12 * np.array([2 * 0.05**2, length**2 + 0.05**2, length**2 + 0.05**2])
-        scene.links.append(RigidBody(length, R @ np.diag(moments) @ R.T, (points[k] + points[k + 1]) / 2))
-    bodies = [scene.world, *scene.links, scene.world]
-    for k in range(4):
-        scene.joints.append(Revolute.between(bodies[k], bodies[k + 1], at=tuple(points[k]), axis=tuple(axes[k])))
+    scene = bennett_linkage()
     reference = digits(
         "0.0076167635158221903575", "-0.49994198154740343944", 0, "-0.73671384625198859713", "-0.49994198154740343722",
         "-0.42968961227646673408", "-1.7443306097678104599", 0, "-0.42968961227646683063",

@@ -95,3 +95,22 @@ def rotation(seed: int = 0) -> np.ndarray:
     Q, R = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     Q = Q * np.sign(np.diag(R))
     return Q if np.linalg.det(Q) > 0 else -Q
+
+
+def bennett_linkage() -> ac.System:
+    """Bars of 1 kg a metre and a square section of 5 cm along the sides of Bennett's linkage; three of its constraints are redundant."""
+    points = np.array([(0, 0, 0), (0.5, np.sqrt(3) / 2, 0), (-1.2, 0, 0.6), (-2.0, 0, 0)])
+    axes = np.array([(0, 0, 1), (np.sqrt(3) / 4, -0.25, np.sqrt(3) / 2), (-0.3, np.sqrt(3) / 2, 0.4), (0, 1, 0)])
+    scene = ac.System()
+    scene.world, scene.links, scene.joints = World(), [], []
+    for k in range(3):
+        length = np.linalg.norm(points[k + 1] - points[k])
+        along = (points[k + 1] - points[k]) / length
+        up = axes[k] - (axes[k] @ along) * along
+        R = np.column_stack([along, np.cross(up / np.linalg.norm(up), along), up / np.linalg.norm(up)])
+        moments = length / 12 * np.array([2 * 0.05**2, length**2 + 0.05**2, length**2 + 0.05**2])
+        scene.links.append(RigidBody(length, R @ np.diag(moments) @ R.T, (points[k] + points[k + 1]) / 2))
+    bodies = [scene.world, *scene.links, scene.world]
+    for k in range(4):
+        scene.joints.append(Revolute.between(bodies[k], bodies[k + 1], at=tuple(points[k]), axis=tuple(axes[k])))
+    return scene

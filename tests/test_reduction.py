@@ -27,7 +27,7 @@ from components import (
     World,
 )  # fmt: skip
 from components.orientation import rotation_about
-from tests.scenes import DoublePendulum, FourBar, chain, rotation
+from tests.scenes import DoublePendulum, FourBar, bennett_linkage, chain, rotation
 
 SKEW = rotation_about(np.array([1.0, 2.0, 3.0]) / np.sqrt(14), 0.7)
 
@@ -276,20 +276,7 @@ def test_declaration_order_and_names_do_not_matter():
 
 def test_bennett_linkage_has_constraints_that_are_redundant_only_when_assembled():
     """Four hinges in space that a count of freedoms would lock; 10 s under gravity against quadruple precision."""
-    points = np.array([(0, 0, 0), (0.5, np.sqrt(3) / 2, 0), (-1.2, 0, 0.6), (-2.0, 0, 0)])
-    axes = np.array([(0, 0, 1), (np.sqrt(3) / 4, -0.25, np.sqrt(3) / 2), (-0.3, np.sqrt(3) / 2, 0.4), (0, 1, 0)])
-    scene = ac.System()
-    scene.world, scene.links, scene.joints = World(), [], []
-    for k in range(3):  # bars of 1 kg a metre and a square section of 5 cm, along the sides of the linkage
-        length = np.linalg.norm(points[k + 1] - points[k])
-        along = (points[k + 1] - points[k]) / length
-        up = axes[k] - (axes[k] @ along) * along
-        R = np.column_stack([along, np.cross(up / np.linalg.norm(up), along), up / np.linalg.norm(up)])
-        moments = length / 12 * np.array([2 * 0.05**2, length**2 + 0.05**2, length**2 + 0.05**2])
-        scene.links.append(RigidBody(length, R @ np.diag(moments) @ R.T, (points[k] + points[k + 1]) / 2))
-    bodies = [scene.world, *scene.links, scene.world]
-    for k in range(4):
-        scene.joints.append(Revolute.between(bodies[k], bodies[k + 1], at=tuple(points[k]), axis=tuple(axes[k])))
+    scene = bennett_linkage()
     model = ac.build(scene)
     assert model.degrees_of_freedom == 1
     assert len(model.system.constraints.redundant) == 3
