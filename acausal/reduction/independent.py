@@ -1,0 +1,56 @@
+"""Independent coordinates: which entries of a constrained column may move freely, and how the others follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+_RANK = 1e-9
+
+
+@dataclass(frozen=True)
+class Independent:
+    """A split of n entries by a constraint Jacobian G (m, n): G dy = 0.
+
+    `free` and `dependent`: indices in ascending order, together 0 ... n-1. `tangent` (n, k): dy for unit changes of the free entries.
+    `conditioning` in (0, 1]: smallest over largest singular value of the dependent columns of G; 1 without constraints.
+    """
+
+    free: tuple[int, ...]
+    dependent: tuple[int, ...]
+    tangent: np.ndarray
+    conditioning: float
+
+
+def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> Independent:
+    """The dependent entries are those whose columns are most independent (QR with column pivoting, first among the entries that are not
+    `preferred`); all others are free. Dependent rows of `jacobian` do no harm. Cost: O(m^2 n).
+    """
+    import scipy.linalg
+
+    m, n = jacobian.shape
+    rank = int(np.linalg.matrix_rank(jacobian, tol=_RANK * max(1.0, float(np.linalg.norm(jacobian)))) if m and n else 0)
+    if rank == 0:
+        return Independent(tuple(range(n)), (), np.eye(n), 1.0)
+    wanted = set(preferred)
+    dependent: list[int] = []
+    rest = jacobian.copy()
+    for group in ([i for i in range(n) if i not in wanted], sorted(wanted)):
+        if not group or len(dependent) == rank:
+            continue
+        _, R, order = scipy.linalg.qr(rest[:, group], mode="economic", pivoting=True)
+        size = np.abs(np.diag(R))
+        count = min(int(np.sum(size > _RANK * max(1.0, float(np.linalg.norm(jacobian))))), rank - len(dependent))
+        chosen = [group[i] for i in order[:count]]
+        dependent += chosen
+        basis = np.linalg.qr(jacobian[:, dependent])[0]
+        rest = jacobian - basis @ (basis.T @ jacobian)
+    dependent.sort()
+    free = [i for i in range(n) if i not in set(dependent)]
+    tangent = np.zeros((n, len(free)))
+    tangent[free, range(len(free))] = 1.0
+    tangent[dependent, :] = -np.linalg.lstsq(jacobian[:, dependent], jacobian[:, free], rcond=None)[0]
+    s = np.linalg.svd(jacobian[:, dependent], compute_uv=False)
+    return Independent(tuple(free), tuple(dependent), tangent, float(s[-1] / s[0]))
