@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
     for group in ([i for i in range(n) if i not in wanted], sorted(wanted)):
         if not group or len(dependent) == rank:
             continue
-        _, R, order = scipy.linalg.qr(rest[:, group], mode="economic", pivoting=True)
+        R, order = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.qr(rest[:, group], mode="r", pivoting=True))
         size = np.abs(np.diag(R))
         count = min(int(np.sum(size > _RANK * max(1.0, float(np.linalg.norm(jacobian))))), rank - len(dependent))
         chosen = [group[i] for i in order[:count]]
