@@ -37,6 +37,11 @@ class Inertia:
     def __add__(self, other: Inertia) -> Inertia:
         return Inertia(self.mass + other.mass, total(self.moment, other.moment), total(self.second_moment, other.second_moment))
 
+    def shared(self, parts: int) -> Inertia:
+        """One of `parts` equal shares, all of them in the same place."""
+        share = 1.0 / parts
+        return Inertia(share * self.mass, scaled(share, self.moment), scaled(share, self.second_moment))
+
     def seen_from(self, X_AB: Pose) -> Inertia:
         """The inertia about and in A of what is given about and in B."""
         R, p = X_AB.rotation, X_AB.position

@@ -3,49 +3,26 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Self, final
+from typing import Any, final
 
 import casadi as ca
-import numpy as np
 
-from acausal.language.component import Component, add_connection
-from acausal.language.connector import Frame
-from acausal.language.expression import Scalar, Variable
+from acausal.language.expression import Expression, Variable
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.motion import Motion, motion_from_pose
-from acausal.mechanics.pose import Matrix, Pose
-from acausal.mechanics.rigid import AbstractRigidPart
-from acausal.mechanics.sketch import sketched_frame
+from acausal.mechanics.pose import Pose, symbolic
 from acausal.mechanics.steps import AbstractStep, chained_pose
 
-_LOOSE = "A joint holds two parts: connect both of its frames."
 
-
-class AbstractJoint(Component, ABC):
+class AbstractJoint(AbstractConstraint, ABC):
     """Two frames and how one may move against the other.
 
     Must declare the variables `q` (configuration, nq entries) and `v` (velocity, nv entries) and provide `pose`.
     With nq = nv and q' = v nothing else is needed; otherwise `rates` gives q' = N(q) v.
     """
 
-    frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
-    frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     q: Variable
     v: Variable
-
-    @classmethod
-    def between(
-        cls, a: AbstractRigidPart | Frame, b: AbstractRigidPart | Frame, *, at: Scalar | None = None, **options: Any
-    ) -> Self:
-        """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
-
-        `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch
-        where their `position` and `rotation` say, else at the world's origin. `options` go to the joint: axes are then world axes.
-        Raises `ParameterError` when no place is given.
-        """
-        joint = cls(**options)
-        for own, other in ((joint.frame_a, a), (joint.frame_b, b)):
-            add_connection(joint, own, sketched_frame(other, at))
-        return joint
 
     @abstractmethod
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -59,16 +36,10 @@ class AbstractJoint(Component, ABC):
         """What stays zero along every motion because of how q' is made: a quaternion's norm, a gap. (n, 1), empty by default."""
         return ca.SX(0, 1)
 
-    def mounting(self) -> Matrix:
-        """R (3, 3): `closure` and `coordinates` see the poses of frames turned by R in frame_a and frame_b (an axis becomes z)."""
-        return np.eye(3)
-
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
-        """Residuals (at least 6 - nq rows) that vanish when frame_b may have the pose X_ab; None if there is no closed form."""
-        return None
-
-    def closure_sign(self, X_ab: Pose) -> ca.SX | None:
-        """Positive on the branch of `closure` that is meant (a hinge's axes point the same way, not opposite); None: one branch."""
+        """Residuals (at least 6 - nq rows) that vanish when frame_b may have the pose X_ab; None if there is no closed form: then the
+        joint keeps its coordinates also where it closes a loop.
+        """
         return None
 
     def coordinates(self, X_ab: Pose) -> ca.SX | None:
@@ -85,16 +56,22 @@ class AbstractJoint(Component, ABC):
         S = ca.substitute(motion.subspace, q, found)
         return ca.solve(S.T @ S, S.T @ ca.vertcat(w_ab_b, v_ab_b))
 
-    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
-        """Further residuals in the velocities that are not rates of `closure` (rolling). (n, 1), empty by default.
-
-        w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
-        """
-        return ca.SX(0, 1)
-
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
         """The joint as a chain of motions, outermost last; a single one by default, by differentiation of `pose`."""
         return (motion_from_pose(self.pose, self.rates, q, v, t),)
+
+    @final
+    def supplied_power(self) -> Expression | float:
+        """What the joint gives to its ends where its pose depends on time [W]: less the wrenches into it times their twists."""
+        t = ca.SX.sym("t")
+        X = self.pose(self.q.sx, t)
+        if not ca.depends_on(ca.vertcat(ca.vec(symbolic(X.rotation)), symbolic(X.position)), t):
+            return 0.0
+        power = Expression(ca.SX(0), frozenset())
+        for frame in (self.frame_a, self.frame_b):
+            for effort, flow in ((frame.torque, frame.angular_velocity), (frame.force, frame.velocity)):
+                power = power - Expression(ca.dot(effort.sx, flow.sx), frozenset((effort, flow)))
+        return power
 
     def start_q(self) -> tuple[float, ...]:
         """Configuration in which a search for initial values begins; zeros unless `q.start` says otherwise."""
@@ -102,10 +79,6 @@ class AbstractJoint(Component, ABC):
         if start is None:
             return (0.0,) * self.q.size
         return tuple(float(s) for s in start) if isinstance(start, list | tuple) else (float(start),) * self.q.size
-
-    def shapes(self) -> tuple[Any, ...]:
-        """What to draw at frame_a; see `acausal.visual.shapes`."""
-        return ()
 
 
 class AbstractStepJoint(AbstractJoint, ABC):

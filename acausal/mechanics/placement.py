@@ -6,10 +6,12 @@ import casadi as ca
 
 from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.kinematics import Kinematics
 from acausal.mechanics.pose import Pose, symbolic
 from acausal.mechanics.rigid import AbstractRigidPart
-from acausal.mechanics.tree import Tree
+from acausal.mechanics.tree import Tree, place_of
+from acausal.topology.mechanism import Edge
 
 Place = tuple[int, Pose]
 """A link (-1: the ground) and a pose in its frame."""
@@ -40,6 +42,11 @@ class Placement:
         if found is None:
             found = self._places[connector] = self._place_on_part(connector)
         return found
+
+    def ends(self, edge: Edge[AbstractConstraint]) -> tuple[Place, Place]:
+        """Where a joint's frame_a and frame_b sit; of a joint that ends on half of a split body, on that half."""
+        tree = self.kinematics.tree
+        return place_of(tree, edge.a, edge.pose_a), place_of(tree, edge.b, edge.pose_b)
 
     def _place_on_part(self, connector: Point) -> Place:
         tree = self.kinematics.tree

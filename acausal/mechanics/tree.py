@@ -9,6 +9,7 @@ import numpy as np
 
 from acausal.language.expression import Expression
 from acausal.mechanics.inertia import Inertia
+from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.motion import Motion, reversed_motion
 from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
 from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
@@ -36,7 +37,7 @@ class Link:
 class JointSymbols:
     """Symbols of one joint of the tree and their places in q and v."""
 
-    edge: Edge
+    edge: Edge[AbstractJoint]
     q: slice
     v: slice
     link: int
@@ -99,10 +100,10 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
             mounting = Pose(motion.mounting, np.zeros(3))
             columns = _columns(v, motion.v, nv)
             links.append(Link(item.edge.name, parent, cleaned(base @ mounting), motion, columns, Inertia.zero(), where))
-            parent, base = len(links) - 1, mounting.inverse()
+            parent, base = len(links) - 1, Pose(motion.spin, np.zeros(3)) @ mounting.inverse()
         group_pose = base @ far.inverse()
         places[item.child] = (parent, cleaned(group_pose))
-        inertia = _clean_inertia(mechanism.groups[item.child].inertia.seen_from(group_pose))
+        inertia = _clean_inertia(_balanced(mechanism.groups[item.child].inertia.seen_from(group_pose), q))
         links[parent] = replace(links[parent], inertia=inertia)
         symbols.append(JointSymbols(item.edge, slice(nq, nq + joint.q.size), slice(nv, nv + joint.v.size), parent, backwards))
         q_parts.append(q)
@@ -144,6 +145,24 @@ def _ground_rotation(mechanism: Mechanism) -> np.ndarray:
         if isinstance(rotation, np.ndarray) and np.count_nonzero(snapped(rotation)) > 3:
             return rotation
     return np.eye(3)
+
+
+def _balanced(inertia: Inertia, q: ca.SX) -> Inertia:
+    """The same, without q where it only seems to depend on q: a balanced wheel in axes that do not spin with it."""
+    moment, second = symbolic(inertia.moment), symbolic(inertia.second_moment)
+    entries = ca.densify(ca.vertcat(moment, ca.vec(second)))
+    if not (q.numel() and ca.depends_on(entries, q)):
+        return inertia
+    at_zero = ca.substitute(entries, q, ca.SX.zeros(q.numel()))
+    symbols = ca.symvar(entries)
+    both = ca.Function("both", [ca.vertcat(*symbols)], [entries, at_zero])
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        turned, still = (np.array(part) for part in both(rng.uniform(0.5, 2.0, len(symbols))))
+        if not np.max(np.abs(turned - still)) <= 1e-14 * np.max(np.abs(still)):
+            return inertia
+    constant = [np.array(ca.DM(part)) if part.is_constant() else part for part in (at_zero[:3], ca.reshape(at_zero[3:], 3, 3))]
+    return Inertia(inertia.mass, constant[0].ravel() if isinstance(constant[0], np.ndarray) else constant[0], constant[1])
 
 
 def _clean_inertia(inertia: Inertia) -> Inertia:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ModelError
-from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.placement import Place, Placement
 from acausal.mechanics.pose import Pose, cleaned, symbolic
 from acausal.topology.mechanism import Edge
@@ -23,7 +23,7 @@ class LoopRows:
     branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure.
     """
 
-    edge: Edge
+    edge: Edge[AbstractConstraint]
     pose: Pose
     position: ca.SX
     velocity: ca.SX
@@ -33,10 +33,10 @@ class LoopRows:
     dropped: tuple[str, ...]
 
 
-def loop_rows(edge: Edge, placement: Placement) -> LoopRows:
+def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
     """The rows of a cut joint. Cost: linear in the length of the loop."""
     joint, t = edge.joint, placement.t
-    a, b = mounted_places(joint, placement)
+    a, b = mounted_places(edge, placement)
     X = placement.between(a, b)
     R, p = symbolic(X.rotation), symbolic(X.position)
     w, v = relative_twist(placement, a, b, X)
@@ -75,7 +75,7 @@ def loop_rows(edge: Edge, placement: Placement) -> LoopRows:
     )
 
 
-def _explicit_rate(joint: AbstractJoint, X: Pose, t: ca.SX) -> ca.SX:
+def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:
     """Rate of the closure at a pose held fixed, for joints whose closure depends on time."""
     R, p = ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
     closure = joint.closure(Pose(R, p), t)
@@ -84,10 +84,10 @@ def _explicit_rate(joint: AbstractJoint, X: Pose, t: ca.SX) -> ca.SX:
     return ca.densify(ca.substitute(ca.substitute(rate, R, symbolic(X.rotation)), p, symbolic(X.position)))
 
 
-def mounted_places(joint: AbstractJoint, placement: Placement) -> tuple[Place, Place]:
+def mounted_places(edge: Edge[AbstractConstraint], placement: Placement) -> tuple[Place, Place]:
     """Places of frame_a and frame_b turned by the joint's mounting; constants without rounding errors, so that they fold."""
-    mounting = Pose(joint.mounting(), np.zeros(3))
-    (link_a, pose_a), (link_b, pose_b) = placement.place(joint.frame_a), placement.place(joint.frame_b)
+    mounting = Pose(edge.joint.mounting(), np.zeros(3))
+    (link_a, pose_a), (link_b, pose_b) = placement.ends(edge)
     return (link_a, cleaned(pose_a @ mounting)), (link_b, cleaned(pose_b @ mounting))
 
 

@@ -39,7 +39,8 @@ class Outputs:
     def _joint_symbols(self) -> dict[Symbol, tuple[AbstractJoint, str]]:
         """q and v of every joint, those of implicit joints included."""
         mechanics = self.system.mechanics
-        joints = [item.edge.joint for item in mechanics.tree.joints] + [cut.joint for cut in mechanics.mechanism.cuts]
+        cuts = [cut.joint for cut in mechanics.mechanism.cuts]
+        joints = [item.edge.joint for item in mechanics.tree.joints] + [j for j in cuts if isinstance(j, AbstractJoint)]
         return {s: (j, kind) for j in joints for s, kind in ((j.q, "q"), (j.v, "v"))}
 
     def resolve(self, value: Expression | ca.SX) -> ca.SX:
@@ -154,7 +155,7 @@ class Outputs:
             return q
         if joint.v.size == joint.q.size:
             return placement.rate(q)
-        a, b = mounted_places(joint, placement)
+        a, b = mounted_places(rows.edge, placement)
         return joint.velocities(rows.pose, *relative_twist(placement, a, b, rows.pose))
 
     def _derivative(self, symbol: Derivative) -> ca.SX:

@@ -12,9 +12,9 @@ from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point
 from acausal.language.flatten import Part
 from acausal.mechanics import kernels
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.force import AbstractForce
 from acausal.mechanics.inertia import Inertia, skew
-from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.newton_euler import NewtonEuler, newton_euler
 from acausal.mechanics.placement import Place
 from acausal.mechanics.pose import Pose, symbolic
@@ -67,8 +67,7 @@ class Reactions:
                 if first + i in kept:
                     on_b += rows.wrench_basis[:, i] * self.multipliers[kept[first + i]]
             first += len(rows.names)
-            joint = rows.edge.joint
-            a, b = mounted_places(joint, self.system.placement)
+            a, b = mounted_places(rows.edge, self.system.placement)
             R, p = symbolic(rows.pose.rotation), symbolic(rows.pose.position)
             torque, force = kernels.move_wrench(R, p, on_b[:3], on_b[3:])
             result[rows.edge.name] = ((a, (-torque, -force)), (b, (on_b[:3], on_b[3:])))
@@ -89,7 +88,7 @@ class Reactions:
         """The flow in the connector's own axes."""
         if isinstance(part.component, AbstractForce):
             return _negated(self._force_on(part.component, connector))
-        if isinstance(part.component, AbstractJoint):
+        if isinstance(part.component, AbstractConstraint):
             return self._into_joint(part.component, connector)
         return self._into_rigid(part, connector)
 
@@ -100,10 +99,10 @@ class Reactions:
                 torque, push = torque + action.torque, push + action.force
         return torque, push
 
-    def _into_joint(self, joint: AbstractJoint, connector: Point) -> Wrench:
-        own = self.system.placement.place(connector)
+    def _into_joint(self, joint: AbstractConstraint, connector: Point) -> Wrench:
         for item in self.system.tree.joints:
             if item.edge.joint is joint:
+                own = self.system.placement.ends(item.edge)[connector is joint.frame_b]
                 links = self.system.tree.links
                 torque, force = self.motion.transmitted[item.link]
                 near_side = (connector is joint.frame_a) != item.reversed
@@ -121,11 +120,12 @@ class Reactions:
                 return _seen_from(own[1], torque, force)
         on_a, on_b = self.cut_wrenches[self._name(joint)]
         (_, pose), wrench = on_a if connector is joint.frame_a else on_b
+        own = self.system.placement.place(connector)
         turn = own[1].inverse() @ pose
         torque, force = kernels.move_wrench(symbolic(turn.rotation), symbolic(turn.position), *wrench)
         return -torque, -force
 
-    def _name(self, joint: AbstractJoint) -> str:
+    def _name(self, joint: AbstractConstraint) -> str:
         return next(part.path for part in self.system.flat.parts if part.component is joint)
 
     def _into_rigid(self, part: Part, connector: Point) -> Wrench:

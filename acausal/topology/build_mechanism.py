@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
-from acausal.language.connector import Point
+from acausal.language.connector import Point, Rotational
 from acausal.language.flatten import FlatSystem, Part
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.force import AbstractForce
 from acausal.mechanics.free import FreeJoint, FreePoint
 from acausal.mechanics.inertia import Inertia
@@ -17,11 +17,9 @@ from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
 from acausal.mechanics.pose import Pose
 from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
 from acausal.mechanics.steps import Shift, Slide
-from acausal.topology.mechanism import Edge, Group, Mechanism, TreeEdge
+from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
-
-if TYPE_CHECKING:
-    import networkx as nx
+from acausal.topology.spanning_tree import spanning_tree
 
 
 def build_mechanism(flat: FlatSystem) -> Mechanism:
@@ -31,17 +29,24 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     group, `IncompatibleError` for a joint held by points only.
     """
     joints = [part for part in flat.parts if isinstance(part.component, AbstractJoint)]
+    others = [part for part in flat.parts if isinstance(part.component, AbstractConstraint) and part not in joints]
     forces = tuple(part for part in flat.parts if isinstance(part.component, AbstractForce))
     rigid = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart)]
     gravity = _gravity(rigid) if joints or forces or rigid else None
     groups = rigid_groups(flat)
     index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
-    edges = [_edge(part, groups, index) for part in joints]
-    _check_points(edges, groups)
-    graph = _joint_graph(len(groups), edges)
-    edges += _free_edges(graph, groups)
-    tree, cuts = _spanning_tree(len(groups), edges)
-    return Mechanism(flat, groups, tree, cuts, forces, gravity)
+    edges = [_edge(part.path, part.component, groups, index) for part in joints if isinstance(part.component, AbstractJoint)]
+    held = [_edge(part.path, part.component, groups, index) for part in others if isinstance(part.component, AbstractConstraint)]
+    _check_points([*edges, *held], groups)
+    edges += _free_edges(len(groups), edges, groups)
+    found = spanning_tree(groups, edges, _driven(flat))
+    return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
+
+
+def _driven(flat: FlatSystem) -> set[AbstractJoint]:
+    """Joints on whose angle something acts."""
+    connected = [c for members in flat.connection_sets if len(members) > 1 for c in members if isinstance(c, Rotational)]
+    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)}
 
 
 def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
@@ -59,32 +64,24 @@ def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
     return values[0]
 
 
-def _edge(part: Part, groups: Sequence[Group], index: dict[Point, int]) -> Edge:
-    joint = part.component
-    assert isinstance(joint, AbstractJoint)
+def _edge(path: str, joint: Kind, groups: Sequence[Group], index: dict[Point, int]) -> Edge[Kind]:
     a, b = index[joint.frame_a], index[joint.frame_b]
     if a == b:
         raise LockedError(
-            f"Both ends of joint {part.where} are fixed to the same rigid group ({', '.join(p.path for p in groups[a].parts)}), "
+            f"Both ends of joint '{path}' ({joint.created_at}) are fixed to the same rigid group ({', '.join(p.path for p in groups[a].parts)}), "
             "so it cannot move. Connect one end to another part."
         )
-    return Edge(part.path, joint, a, b, pose_a=groups[a].poses[joint.frame_a], pose_b=groups[b].poses[joint.frame_b])
+    return Edge(path, joint, a, b, pose_a=groups[a].poses[joint.frame_a], pose_b=groups[b].poses[joint.frame_b])
 
 
-def _joint_graph(count: int, edges: Sequence[Edge]) -> nx.MultiGraph[int]:
+def _free_edges(count: int, joints: Sequence[Edge[AbstractJoint]], groups: Sequence[Group]) -> list[Edge[AbstractJoint]]:
+    """A free joint from the ground to the heaviest group of every part of the graph that the ground does not reach."""
     import networkx as nx
 
     graph: nx.MultiGraph[int] = nx.MultiGraph()
     graph.add_nodes_from(range(count))
-    graph.add_edges_from((edge.a, edge.b) for edge in edges)
-    return graph
-
-
-def _free_edges(graph: nx.MultiGraph[int], groups: Sequence[Group]) -> list[Edge]:
-    """A free joint from the ground to the heaviest group of every part of the graph that the ground does not reach."""
-    import networkx as nx
-
-    edges: list[Edge] = []
+    graph.add_edges_from((edge.a, edge.b) for edge in joints)
+    edges: list[Edge[AbstractJoint]] = []
     for island in nx.connected_components(graph):
         if 0 in island:
             continue
@@ -109,7 +106,7 @@ def _central_pose(inertia: Inertia) -> Pose:
     return Pose.identity()
 
 
-def _check_points(edges: Sequence[Edge], groups: Sequence[Group]) -> None:
+def _check_points(edges: Sequence[Edge[AbstractConstraint]], groups: Sequence[Group]) -> None:
     """A joint that lets its ends turn against one another needs a frame at both."""
     for edge in edges:
         for end, connector in ((edge.a, edge.joint.frame_a), (edge.b, edge.joint.frame_b)):
@@ -121,27 +118,7 @@ def _check_points(edges: Sequence[Edge], groups: Sequence[Group]) -> None:
                 )
 
 
-def _turns(joint: AbstractJoint) -> bool:
+def _turns(joint: AbstractConstraint) -> bool:
+    if joint.between_points:
+        return False
     return not isinstance(joint, AbstractStepJoint) or not all(isinstance(step, Slide | Shift) for step in joint.steps())
-
-
-def _spanning_tree(count: int, edges: Sequence[Edge]) -> tuple[tuple[TreeEdge, ...], tuple[Edge, ...]]:
-    """Spanning tree of least total freedom; among equals the one whose edges lie nearest to the ground (Kruskal)."""
-    import networkx as nx
-
-    graph = _joint_graph(count, edges)
-    depth = nx.single_source_shortest_path_length(graph, 0)
-    order = sorted(range(len(edges)), key=lambda i: (edges[i].joint.v.size, max(depth[edges[i].a], depth[edges[i].b]), i))
-    weighted: nx.MultiGraph[int] = nx.MultiGraph()
-    for rank, i in enumerate(order):
-        weighted.add_edge(edges[i].a, edges[i].b, key=i, weight=rank)
-    chosen = {key for _, _, key in nx.minimum_spanning_edges(weighted, keys=True, data=False)}
-    tree_graph: nx.MultiGraph[int] = nx.MultiGraph()
-    tree_graph.add_nodes_from(range(count))
-    for i in sorted(chosen):
-        tree_graph.add_edge(edges[i].a, edges[i].b, key=i)
-    tree: list[TreeEdge] = []
-    for parent, child in nx.bfs_edges(tree_graph, 0):
-        key = min(k for a, b, k in tree_graph.edges(parent, keys=True) if child in (a, b))
-        tree.append(TreeEdge(edges[key], parent, child))
-    return tuple(tree), tuple(edges[i] for i in range(len(edges)) if i not in chosen)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from acausal.language.connector import Point
 from acausal.language.flatten import FlatSystem, Part
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import Pose
 
 if TYPE_CHECKING:
     import networkx as nx
+
+
+Kind = TypeVar("Kind", bound=AbstractConstraint, covariant=True)
 
 
 @dataclass(frozen=True)
@@ -32,11 +36,11 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Edge:
-    """A joint between two groups; frame_a at `a`, frame_b at `b`."""
+class Edge(Generic[Kind]):
+    """A joint or constraint between two groups; frame_a at `a`, frame_b at `b`."""
 
     name: str
-    joint: AbstractJoint
+    joint: Kind
     a: int
     b: int
     implicit: bool = False
@@ -54,7 +58,7 @@ class Edge:
 class TreeEdge:
     """An edge of the spanning tree, from the group nearer to the ground to the farther one."""
 
-    edge: Edge
+    edge: Edge[AbstractJoint]
     parent: int
     child: int
 
@@ -66,7 +70,7 @@ class Mechanism:
     flat: FlatSystem
     groups: tuple[Group, ...]
     tree: tuple[TreeEdge, ...]
-    cuts: tuple[Edge, ...]
+    cuts: tuple[Edge[AbstractConstraint], ...]
     forces: tuple[Part, ...]
     gravity: np.ndarray | None
     welds: tuple[str, ...] = ()

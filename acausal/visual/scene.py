@@ -113,7 +113,7 @@ def _link(run: Trajectory, name: str, force: AbstractLineForce) -> MovingLink:
 def _joints(run: Trajectory) -> tuple[JointMarker, ...]:
     mechanics = run.outputs.system.mechanics
     joints = [(item.edge.name, item.edge.joint) for item in mechanics.tree.joints if not item.edge.implicit]
-    joints += [(cut.name, cut.joint) for cut in mechanics.mechanism.cuts]
+    joints += [(cut.name, cut.joint) for cut in mechanics.mechanism.cuts if isinstance(cut.joint, AbstractJoint)]
     shown = [(name, joint, kind) for name, joint in joints if (kind := _joint_kind(joint)) is not None]
     poses: list[Pose] = []
     for _, joint, _ in shown:

@@ -11,6 +11,7 @@ import casadi as ca
 from acausal.errors import LockedError
 from acausal.language.connector import Connector
 from acausal.language.expression import Symbol, Variable, time
+from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.kernels import solve_positive
 from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.loops import mounted_places
@@ -274,17 +275,16 @@ def _driven(mechanics: MechanicalSystem) -> tuple[Driven, ...]:
     connected = {c for group in mechanics.flat.connection_sets if len(group) > 1 for c in group}
     found: list[Driven] = []
     tree = mechanics.tree
-    edges = [(item.edge, tree.q[item.q], tree.v[item.v]) for item in tree.joints] + [
-        (cut, None, None) for cut in mechanics.mechanism.cuts
+    held: list[tuple[str, AbstractJoint, ca.SX, ca.SX]] = [
+        (item.edge.name, item.edge.joint, tree.q[item.q], tree.v[item.v]) for item in tree.joints
     ]
-    for edge, q, v in edges:
-        flange = getattr(edge.joint, "flange", None)
-        if flange is None or flange not in connected:
-            continue
-        if q is None or v is None:
-            a, b = mounted_places(edge.joint, mechanics.placement)
-            q = edge.joint.coordinates(mechanics.placement.between(a, b))
+    for cut in mechanics.mechanism.cuts:
+        if isinstance(cut.joint, AbstractJoint) and getattr(cut.joint, "flange", None) in connected:
+            q = cut.joint.coordinates(mechanics.placement.between(*mounted_places(cut, mechanics.placement)))
             assert q is not None
-            v = mechanics.kinematics.rate(q)
-        found.append(Driven(flange, q, v, ca.jacobian(v, tree.v), edge.name))
+            held.append((cut.name, cut.joint, q, mechanics.kinematics.rate(q)))
+    for name, joint, q, v in held:
+        flange = getattr(joint, "flange", None)
+        if flange is not None and flange in connected:
+            found.append(Driven(flange, q, v, ca.jacobian(v, tree.v), name))
     return tuple(found)
