@@ -236,7 +236,7 @@ SCENES = (
         10.0,
         "position of the centre [m] and orientation (direction cosines)",
         _disk,
-        lambda s: {s.contact.q: (*_quaternion(0, 0.3), 0.0, 0.0), s.contact.v: (0.2, 12.0, 0.5)},
+        lambda s: {s.contact.q: (0.0, 0.3, 0.0, 0.0, 0.0), s.contact.v: (0.2, 12.0, 0.5)},
         lambda s: [(s.coin.frame.position, (0, 1, 2)), (s.coin.frame.rotation, _ALL)],
         np.array(_REFERENCES["disk"]),
     ),

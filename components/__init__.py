@@ -10,7 +10,8 @@ PID, RotationSensor, TranslationSensor, SignalTorque, SignalForce.
 """
 
 from components.bodies import Fixed, Particle, RigidBody
-from components.contacts.rolling import RollingBall, RollingDisk, RollingEllipsoid, RollingTorus
+from components.contacts.rolling_body import RollingBall, RollingEllipsoid
+from components.contacts.rolling_wheel import RollingDisk, RollingTorus
 from components.electrical import (
     Capacitor,
     CurrentSource,

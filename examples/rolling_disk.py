@@ -20,9 +20,7 @@ def main(folder: str = "out") -> float:
     model = ac.build(scene)
     print(model)
     lean = 0.3
-    run = model.simulate(
-        5.0, {scene.contact.q: (np.cos(lean / 2), np.sin(lean / 2), 0, 0, 0, 0), scene.contact.v: (0.2, 12.0, 0.5)}, rtol=1e-10
-    )
+    run = model.simulate(5.0, {scene.contact.q: (0, lean, 0, 0, 0), scene.contact.v: (0.2, 12.0, 0.5)}, rtol=1e-10)
     centre, w = run[scene.coin.frame.velocity], run[scene.coin.frame.angular_velocity]
     axis = run[scene.coin.frame.rotation][:, :, 1]
     down = -np.array([0, 0, 1.0]) + axis * axis[:, 2:]

@@ -309,7 +309,7 @@ def disk_nearly_flat() -> HardCase:
     scene.world, scene.disk, scene.contact = World(), RigidBody.disk(1.0, 0.3, axis="y"), RollingDisk(0.3, "y")
     scene.connect(scene.world.frame, scene.contact.frame_a)
     scene.connect(scene.contact.frame_b, scene.disk.frame)
-    start = {scene.contact.q: (0.8, 0.6, 0, 0, 0, 0), scene.contact.v: (0, 0.2, 0)}
+    start = {scene.contact.q: (0, 2 * np.arcsin(0.6), 0, 0, 0), scene.contact.v: (0, 0.2, 0)}
 
     def seen(run: Trajectory) -> np.ndarray:
         return np.append(run[scene.disk.frame.position][-1, :2], run[scene.disk.frame.rotation][-1, [0, 2], 1])

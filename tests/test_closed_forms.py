@@ -128,36 +128,25 @@ def test_ball_rolls_down_an_incline():
 
 
 def test_disk_rolls_in_a_steady_circle():
-    """O'Reilly 10.8: a disk tilted by b rolls around with rate W and spin s when the moments about its centre balance."""
-    m, r, tilt, W = 1.0, 0.3, 0.4, 2.0
+    """O'Reilly 10.8: a disk that leans by b rolls around with rate W and spin s when the moments about the contact balance:
+    (C + m r^2) (s + W sin b) W cos b = A W^2 sin b cos b - m g r sin b."""
+    m, r, lean, W = 1.0, 0.3, 0.4, 1.0
     A, C = m * r * r / 4, m * r * r / 2
-    sin, cos = np.sin(tilt), np.cos(tilt)
+    sin, cos = np.sin(lean), np.cos(lean)
     scene = ac.System()
     scene.world, scene.disk, scene.contact = World(), RigidBody.disk(m, r, axis="y"), RollingDisk(r, "y")
     scene.connect(scene.world.frame, scene.contact.frame_a)
     scene.connect(scene.contact.frame_b, scene.disk.frame)
-    model = ac.build(scene)
-    q = (np.cos(tilt / 2), np.sin(tilt / 2), 0, 0, 0, 0)
-    # body axes: y = e (tilted up by `tilt`), x = h, z = u; find s with zero initial tilt acceleration, then it must stay
-    f = model.functions.explicit_dynamics
-
-    def excess(s: float) -> float:
-        """Tilt acceleration beyond that of a steady motion."""
-        w = (0.0, s + W * sin, W * cos)
-        # at a steady motion the body-fixed rates of w are those of the turning: w' = -s e x w
-        rate = np.array(f(0.0, [*q, *w], [], [])).ravel()[6:]
-        return float(rate[0] + s * W * cos)
-
-    low, high = excess(-50.0), excess(50.0)
-    slope = (high - low) / 100.0
-    spin = -50.0 - low / slope
-    assert abs(excess(spin)) < 1e-10
-    run = model.simulate(5.0, {scene.contact.q: q, scene.contact.v: (0.0, spin + W * sin, W * cos)}, rtol=1e-12)
-    height = run[scene.disk.frame.position][:, 2]
-    assert np.max(np.abs(height - r * cos)) < 1e-9
-    # closed form: (C + m r^2) (s + W sin) cos W = A W^2 sin cos - m g r sin, with signs of this tilt
-    left = (C + m * r * r) * (spin + W * sin) * W * cos
-    assert abs(left - (A * W * W * sin * cos - m * G * r * sin)) < 1e-9 * abs(left)
+    along = (A * W * W * sin * cos - m * G * r * sin) / ((C + m * r * r) * W * cos)
+    start = {scene.contact.q: (0, lean, 0, 0, 0), scene.contact.v: (0.0, along, W * cos)}
+    run = ac.build(scene).simulate(5.0, start, rtol=1e-12)
+    q, spin = run[scene.contact.q], along - W * sin
+    assert np.max(np.abs(run[scene.contact.v] - [0, along, W * cos])) < 1e-12
+    assert np.max(np.abs(q[:, 0] - W * run.t)) < 1e-12
+    assert np.max(np.abs(q[:, 1] - lean)) < 1e-12
+    assert np.max(np.abs(q[:, 2] - spin * run.t)) < 1e-11
+    assert np.max(np.abs(q[:, 3:] - r * along / W * np.stack([np.sin(W * run.t), 1 - np.cos(W * run.t)], axis=1))) < 1e-12
+    assert np.max(np.abs(run[scene.disk.frame.position][:, 2] - r * cos)) < 1e-13
 
 
 def test_rattleback_reverses_its_spin():

@@ -65,8 +65,10 @@ def test_rolling_disk_has_three_velocities_and_no_multiplier():
     scene.connect(scene.contact.frame_b, scene.disk.frame)
     model = ac.build(scene)
     assert model.degrees_of_freedom == 3
+    assert model.system.x.numel() == 8
     assert model.system.tree_velocities == 3
     assert model.system.constraints.jacobian.shape[0] == 0
+    assert acceleration_operations(model) <= 40
 
 
 @pytest.mark.parametrize("count", [10, 20, 40])

@@ -21,6 +21,8 @@ class Motion:
     (its third axis is the axis of a hinge): X_AB = mounting pose mounting'.
     `axes`: if not None, `subspace` is `sign` times these columns of the 6 x 6 identity.
     `angle`: of a turn about the third axis, None for other motions.
+    `spin`: R_CB where all this is given in axes C that share B's origin but not its turning (the heading axes of a wheel):
+    then `pose` is X_AC, and twist and bias, of B as ever, are resolved in C.
     """
 
     pose: Pose
@@ -33,6 +35,7 @@ class Motion:
     sign: float = 1.0
     mounting: np.ndarray | ca.SX = field(default_factory=lambda: np.eye(3))
     angle: ca.SX | None = None
+    spin: np.ndarray | ca.SX = field(default_factory=lambda: np.eye(3))
 
     @property
     def nv(self) -> int:
@@ -69,7 +72,7 @@ def reversed_motion(motion: Motion) -> Motion:
     Steps along or about z stay of their kind with the sign turned; any other motion is transformed.
     """
     R, p = symbolic(motion.pose.rotation), symbolic(motion.pose.position)
-    back = Pose(R.T, -(R.T @ p))
+    back = Pose(R.T, -(R.T @ p))  # of A in the axes C
     if motion.axes in ((2,), (5,), (3, 4, 5)):
         angle = None if motion.angle is None else -motion.angle
         return replace(motion, pose=back, subspace=-motion.subspace, twist=-motion.twist, sign=-motion.sign, angle=angle)
@@ -84,4 +87,7 @@ def reversed_motion(motion: Motion) -> Motion:
     subspace = ca.vertcat(-(R @ S_w), -(R @ (S_v - ca.skew(position) @ S_w)))
     twist = ca.vertcat(wA, R @ velocity_B)
     bias = ca.vertcat(-(R @ aw), R @ acceleration_B)
-    return replace(motion, pose=back, subspace=ca.sparsify(subspace), twist=twist, bias=bias, axes=None, angle=None)
+    pose = Pose(motion.spin, np.zeros(3)).inverse() @ back
+    return replace(
+        motion, pose=pose, subspace=ca.sparsify(subspace), twist=twist, bias=bias, axes=None, angle=None, spin=np.eye(3)
+    )

@@ -1,4 +1,4 @@
-"""Rolling without slipping on a plane: a joint with the angular velocity as its only velocity."""
+"""Rolling without slipping on a plane: what bodies of any shape have in common."""
 
 from __future__ import annotations
 
@@ -6,63 +6,21 @@ from abc import ABC, abstractmethod
 from typing import final
 
 import casadi as ca
-import numpy as np
 
-from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, Variable, scalar, sx, vector
-from acausal.language.origin import origin
 from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.motion import Motion
-from acausal.mechanics.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
-from components.orientation import Axis, axis_vector
+from acausal.mechanics.pose import Pose, symbolic
 
 
 class AbstractRolling(AbstractJoint, ABC):
     """A convex body, fixed in frame_b, rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
-    q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in frame_a [m]; its height follows from the
-    shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Three velocities and no multiplier in a tree
-    (Kane's form); closing a loop, one position row (touching) and two velocity rows (no slip). Reactions are not limited: the
-    contact can pull. Must provide `contact_point`.
+    Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows
+    (no slip). Reactions are not limited: the contact can pull. Must provide `contact_point`, and what a joint does.
     """
-
-    q = Variable(
-        "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
-    )
-    v = Variable("rad/s", "angular velocity in frame_b", size=3)
 
     @abstractmethod
     def contact_point(self, n: ca.SX) -> ca.SX:
         """The body's lowest point (3, 1) [m] in frame_b, when the unit vector `n` (3, 1) of frame_b points up."""
-
-    @final
-    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
-        R = rotation_from_quaternion(q[:4])
-        n = R[2, :].T
-        return Pose(R, ca.vertcat(q[4], q[5], -ca.dot(n, self.contact_point(n))))
-
-    @final
-    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
-        R = rotation_from_quaternion(q[:4])
-        velocity = R @ ca.cross(self.contact_point(R[2, :].T), v)
-        return ca.vertcat(quaternion_rate(q[:4], v), velocity[:2])
-
-    @final
-    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
-        return 0.5 * (ca.sumsqr(q[:4]) - 1)
-
-    @final
-    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
-        X = self.pose(q, t)
-        n = symbolic(X.rotation)[2, :].T
-        normal = ca.SX.sym("n", 3)
-        c_of_n = self.contact_point(normal)
-        c = ca.substitute(c_of_n, normal, n)
-        c_rate = ca.substitute(ca.jtimes(c_of_n, normal, ca.cross(normal, v)), normal, n)
-        velocity = ca.cross(c, v)
-        bias = ca.cross(v, velocity) + ca.cross(c_rate, v)
-        subspace = ca.vertcat(ca.SX.eye(3), ca.skew(c))
-        return (Motion(X, self.rates(q, v, t), subspace, ca.vertcat(v, velocity), ca.vertcat(ca.SX.zeros(3), bias), v),)
 
     @final
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
@@ -74,88 +32,3 @@ class AbstractRolling(AbstractJoint, ABC):
         R = symbolic(X_ab.rotation)
         slip = R @ (v_ab_b + ca.cross(w_ab_b, self.contact_point(R[2, :].T)))
         return slip[:2]
-
-    @final
-    def coordinates(self, X_ab: Pose) -> ca.SX:
-        return ca.vertcat(quaternion_from_matrix(symbolic(X_ab.rotation)), symbolic(X_ab.position)[:2])
-
-    @final
-    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
-        return w_ab_b
-
-
-@final
-class RollingBall(AbstractRolling):
-    """A ball of `radius` [m] > 0 with its centre at frame_b rolls on the plane z = 0 of frame_a.
-
-    scene.contact = RollingBall(radius=0.1)
-    """
-
-    def __init__(self, radius: Scalar) -> None:
-        self.radius = scalar(radius, "RollingBall's radius", positive=True)
-
-    def contact_point(self, n: ca.SX) -> ca.SX:
-        return -sx(self.radius) * n
-
-
-@final
-class RollingDisk(AbstractRolling):
-    """A thin disk of `radius` [m] > 0 about `axis`, with its centre at frame_b, rolls on its edge on the plane z = 0 of frame_a.
-
-    Lying flat it has no lowest point, and the equations are singular.
-
-        scene.contact = RollingDisk(radius=0.3, axis="y")
-    """
-
-    def __init__(self, radius: Scalar, axis: Axis = "y") -> None:
-        self.radius = scalar(radius, "RollingDisk's radius", positive=True)
-        self.axis = axis_vector(axis, "RollingDisk's axis")
-        _stand_up(self, self.axis)
-
-    def contact_point(self, n: ca.SX) -> ca.SX:
-        e = sx(self.axis)
-        across = n - e * ca.dot(e, n)
-        return -sx(self.radius) * across / ca.norm_2(across)
-
-
-@final
-class RollingTorus(AbstractRolling):
-    """A wheel with a round rim: circle of `radius` about `axis` with a tube of radius `tube` [m] > 0 rolls on the plane z = 0 of frame_a.
-
-    scene.contact = RollingTorus(radius=0.3, tube=0.02, axis="y")
-    """
-
-    def __init__(self, radius: Scalar, tube: Scalar, axis: Axis = "y") -> None:
-        self.radius = scalar(radius, "RollingTorus's radius", positive=True)
-        self.tube = scalar(tube, "RollingTorus's tube", positive=True)
-        self.axis = axis_vector(axis, "RollingTorus's axis")
-        _stand_up(self, self.axis)
-
-    def contact_point(self, n: ca.SX) -> ca.SX:
-        e = sx(self.axis)
-        across = n - e * ca.dot(e, n)
-        return -sx(self.radius) * across / ca.norm_2(across) - sx(self.tube) * n
-
-
-@final
-class RollingEllipsoid(AbstractRolling):
-    """An ellipsoid with `semi_axes` (3,) [m] > 0 along the axes of frame_b, its centre at frame_b, rolls on the plane z = 0 of frame_a.
-
-    scene.contact = RollingEllipsoid(semi_axes=(0.2, 0.03, 0.02))
-    """
-
-    def __init__(self, semi_axes: Scalar) -> None:
-        self.semi_axes = vector(semi_axes, "RollingEllipsoid's semi_axes")
-        if isinstance(self.semi_axes, np.ndarray) and np.any(self.semi_axes <= 0):
-            raise ParameterError(f"RollingEllipsoid's semi_axes are {self.semi_axes} ({origin()}). They must be positive.")
-
-    def contact_point(self, n: ca.SX) -> ca.SX:
-        squares = sx(self.semi_axes) ** 2
-        return -squares * n / ca.sqrt(ca.dot(squares * n, n))
-
-
-def _stand_up(joint: AbstractRolling, axis: np.ndarray | Expression) -> None:
-    """Begin the search for start values with the wheel upright: its axis horizontal."""
-    if isinstance(axis, np.ndarray) and abs(axis[2]) > 0.7:
-        half = float(np.sqrt(0.5))
-        joint.q.start = (half, half, 0.0, 0.0, 0.0, 0.0)

@@ -70,7 +70,8 @@ def composed(joint: AbstractJoint, q: ca.SX, v: ca.SX, t: ca.SX, back: bool = Fa
         motions = tuple(reversed_motion(m) for m in reversed(motions))
     for motion in motions:
         M = Pose(motion.mounting, np.zeros(3))
-        for pose, twist in ((M, ca.SX.zeros(6)), (motion.pose, motion.twist), (M.inverse(), ca.SX.zeros(6))):
+        at_rest, spin = ca.SX.zeros(6), Pose(motion.spin, np.zeros(3))
+        for pose, twist in ((M, at_rest), (motion.pose, motion.twist), (spin, at_rest), (M.inverse(), at_rest)):
             R, p = symbolic(pose.rotation), symbolic(pose.position)
             vel = R.T @ (vel + ca.cross(w, p)) + twist[3:]
             w = R.T @ w + twist[:3]

@@ -1,0 +1,97 @@
+"""Balls and ellipsoids that roll on a plane: any orientation is as good as any other."""
+
+from __future__ import annotations
+
+from abc import ABC
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Scalar, Variable, scalar, sx, vector
+from acausal.language.origin import origin
+from acausal.mechanics.motion import Motion
+from acausal.mechanics.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
+from components.contacts.rolling import AbstractRolling
+
+
+class AbstractRollingBody(AbstractRolling, ABC):
+    """Rolls in any orientation.
+
+    q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in frame_a [m]; its height follows from the
+    shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point`.
+    """
+
+    q = Variable(
+        "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
+    )
+    v = Variable("rad/s", "angular velocity in frame_b", size=3)
+
+    @final
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        R = rotation_from_quaternion(q[:4])
+        n = R[2, :].T
+        return Pose(R, ca.vertcat(q[4], q[5], -ca.dot(n, self.contact_point(n))))
+
+    @final
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        R = rotation_from_quaternion(q[:4])
+        velocity = R @ ca.cross(self.contact_point(R[2, :].T), v)
+        return ca.vertcat(quaternion_rate(q[:4], v), velocity[:2])
+
+    @final
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        return 0.5 * (ca.sumsqr(q[:4]) - 1)
+
+    @final
+    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
+        X = self.pose(q, t)
+        n = symbolic(X.rotation)[2, :].T
+        normal = ca.SX.sym("n", 3)
+        c_of_n = self.contact_point(normal)
+        c = ca.substitute(c_of_n, normal, n)
+        c_rate = ca.substitute(ca.jtimes(c_of_n, normal, ca.cross(normal, v)), normal, n)
+        velocity = ca.cross(c, v)
+        bias = ca.cross(v, velocity) + ca.cross(c_rate, v)
+        subspace = ca.vertcat(ca.SX.eye(3), ca.skew(c))
+        return (Motion(X, self.rates(q, v, t), subspace, ca.vertcat(v, velocity), ca.vertcat(ca.SX.zeros(3), bias), v),)
+
+    @final
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        return ca.vertcat(quaternion_from_matrix(symbolic(X_ab.rotation)), symbolic(X_ab.position)[:2])
+
+    @final
+    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return w_ab_b
+
+
+@final
+class RollingBall(AbstractRollingBody):
+    """A ball of `radius` [m] > 0 with its centre at frame_b rolls on the plane z = 0 of frame_a.
+
+    scene.contact = RollingBall(radius=0.1)
+    """
+
+    def __init__(self, radius: Scalar) -> None:
+        self.radius = scalar(radius, "RollingBall's radius", positive=True)
+
+    def contact_point(self, n: ca.SX) -> ca.SX:
+        return -sx(self.radius) * n
+
+
+@final
+class RollingEllipsoid(AbstractRollingBody):
+    """An ellipsoid with `semi_axes` (3,) [m] > 0 along the axes of frame_b, its centre at frame_b, rolls on the plane z = 0 of frame_a.
+
+    scene.contact = RollingEllipsoid(semi_axes=(0.2, 0.03, 0.02))
+    """
+
+    def __init__(self, semi_axes: Scalar) -> None:
+        self.semi_axes = vector(semi_axes, "RollingEllipsoid's semi_axes")
+        if isinstance(self.semi_axes, np.ndarray) and np.any(self.semi_axes <= 0):
+            raise ParameterError(f"RollingEllipsoid's semi_axes are {self.semi_axes} ({origin()}). They must be positive.")
+
+    def contact_point(self, n: ca.SX) -> ca.SX:
+        squares = sx(self.semi_axes) ** 2
+        return -squares * n / ca.sqrt(ca.dot(squares * n, n))

@@ -1,0 +1,137 @@
+"""Wheels that roll on a plane, seen from axes that yaw and lean with the wheel and do not spin."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
+from acausal.mechanics.motion import Motion
+from acausal.mechanics.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
+from components.contacts.rolling import AbstractRolling
+from components.orientation import Axis, axis_vector, mounting
+
+_TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))
+
+
+class AbstractRollingWheel(AbstractRolling, ABC):
+    """A body of revolution about `axis` of frame_b rolls on its rim; frame_b's origin is on the axis.
+
+    Heading axes C go with the wheel and do not spin: x along the way it rolls, y the axle, z up in the wheel's plane.
+    q: yaw, lean, spin [rad], then x and y of frame_b's origin in frame_a [m]; its height follows from the shape.
+    R_ab = R_z(yaw) R_x(lean) R_y(spin) R_0: at zero the wheel stands upright, `axis` along y of frame_a (R_0 takes it there and is
+    the identity for axis "y"), and rolls along x. Positive yaw turns to the left; positive lean lifts the axle's positive end, so
+    that the top tips to the right; positive spin rolls forward.
+    v: angular velocity of frame_b against frame_a in the heading axes (3) [rad/s]: (lean', along the axle, cos(lean) yaw').
+    yaw' = v[2] / cos(lean), spin' = v[1] - sin(lean) yaw'. Of a balanced wheel nothing depends on the spin, and v is constant where
+    it rolls straight or around a circle. Singular only where the wheel lies flat, as the contact is.
+    O'Reilly, Intermediate Dynamics for Engineers (2nd ed.), 10.8. Must provide `lowest_point`, and an `axis` in its constructor.
+    """
+
+    q = Variable("", "yaw, lean, spin [rad] (3); x and y of the centre in frame_a [m] (2)", size=5)
+    v = Variable("rad/s", "angular velocity along the heading, the axle, and up in the wheel's plane", size=3)
+    axis: np.ndarray | Expression
+
+    @abstractmethod
+    def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
+        """Of the wheel that leans by the angle of this `sine` and `cosine` > 0: (along the axle, up in its plane) (2, 1) [m]."""
+
+    @final
+    def contact_point(self, n: ca.SX) -> ca.SX:
+        e = sx(self.axis)
+        sine = ca.dot(e, n)
+        across = n - e * sine
+        cosine = ca.norm_2(across)
+        lowest = self.lowest_point(sine, cosine)
+        return e * lowest[0] + across / cosine * lowest[1]
+
+    @final
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        X = self._heading(q)
+        return Pose(symbolic(X.rotation) @ self._spin(q[2]), X.position)
+
+    @final
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        sine, cosine = ca.sin(q[1]), ca.cos(q[1])
+        yaw = v[2] / cosine
+        velocity = symbolic(self._heading(q).rotation) @ ca.cross(self._arm(sine, cosine), v)
+        return ca.vertcat(yaw, v[0], v[1] - sine * yaw, velocity[:2])
+
+    @final
+    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
+        rates = self.rates(q, v, t)
+        arm = self._arm(ca.sin(q[1]), ca.cos(q[1]))
+        arm_rate = ca.jtimes(arm, q[1], v[0])
+        turning = ca.vertcat(v[0], v[1] - rates[2], v[2])  # angular velocity of the heading axes
+        velocity = ca.cross(arm, v)
+        bias_w = rates[2] * ca.vertcat(-v[2], 0, v[0])  # turning x v
+        bias_v = ca.cross(arm_rate, v) + ca.cross(turning, velocity)
+        subspace = ca.sparsify(ca.vertcat(ca.SX.eye(3), ca.skew(arm)))
+        twist, bias = ca.vertcat(v, velocity), ca.vertcat(bias_w, bias_v)
+        return (Motion(self._heading(q), rates, subspace, twist, bias, v, spin=self._spin(q[2])),)
+
+    @final
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        R = symbolic(X_ab.rotation) @ symbolic(self._upright()).T
+        lean = ca.atan2(R[2, 1], ca.sqrt(R[0, 1] ** 2 + R[1, 1] ** 2))
+        return ca.vertcat(ca.atan2(-R[0, 1], R[1, 1]), lean, ca.atan2(-R[2, 0], R[2, 2]), symbolic(X_ab.position)[:2])
+
+    @final
+    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return self._spin(self.coordinates(X_ab)[2]) @ w_ab_b
+
+    def _heading(self, q: ca.SX) -> Pose:
+        """X_aC of the heading axes at the wheel's centre."""
+        sine, cosine = ca.sin(q[1]), ca.cos(q[1])
+        lean = ca.SX(3, 3)
+        lean[0, 0], lean[1, 1], lean[1, 2], lean[2, 1], lean[2, 2] = 1, cosine, -sine, sine, cosine
+        arm = self._arm(sine, cosine)
+        return Pose(rotation_about_z(q[0]) @ lean, ca.vertcat(q[3:5], -(sine * arm[1] + cosine * arm[2])))
+
+    def _arm(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
+        """From the centre to the point of contact, in heading axes (3, 1) [m]."""
+        return ca.vertcat(0, self.lowest_point(sine, cosine))
+
+    def _spin(self, angle: ca.SX) -> ca.SX:
+        """R_Cb: frame_b in the heading axes."""
+        return symbolic(product(product(_TO_Y, rotation_about_z(angle)), product(_TO_Y.T, self._upright())))
+
+    def _upright(self) -> Matrix:
+        """R_0, which takes the axis to y."""
+        axis = self.axis
+        turned = Expression(symbolic(_TO_Y.T) @ axis.sx, axis.leaves) if isinstance(axis, Expression) else _TO_Y.T @ axis
+        return product(product(_TO_Y, mounting(turned).T), _TO_Y.T)
+
+
+@final
+class RollingDisk(AbstractRollingWheel):
+    """A thin disk of `radius` [m] > 0 about `axis`, with its centre at frame_b, rolls on its edge on the plane z = 0 of frame_a.
+
+    scene.contact = RollingDisk(radius=0.3, axis="y")
+    """
+
+    def __init__(self, radius: Scalar, axis: Axis = "y") -> None:
+        self.radius = scalar(radius, "RollingDisk's radius", positive=True)
+        self.axis = axis_vector(axis, "RollingDisk's axis")
+
+    def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
+        return ca.vertcat(0, -sx(self.radius))
+
+
+@final
+class RollingTorus(AbstractRollingWheel):
+    """A wheel with a round rim: circle of `radius` about `axis` with a tube of radius `tube` [m] > 0 rolls on the plane z = 0 of frame_a.
+
+    scene.contact = RollingTorus(radius=0.3, tube=0.02, axis="y")
+    """
+
+    def __init__(self, radius: Scalar, tube: Scalar, axis: Axis = "y") -> None:
+        self.radius = scalar(radius, "RollingTorus's radius", positive=True)
+        self.tube = scalar(tube, "RollingTorus's tube", positive=True)
+        self.axis = axis_vector(axis, "RollingTorus's axis")
+
+    def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
+        return ca.vertcat(-sx(self.tube) * sine, -sx(self.radius) - sx(self.tube) * cosine)
