@@ -1,0 +1,159 @@
+"""Scenes of Modelica.Mechanics.MultiBody.Examples with their parameters (Modelica Standard Library 4.0), composed from our parts.
+
+Steel bodies have 7700 kg/m^3, the library's default; gravity is (0, -9.81, 0), its default too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import acausal as ac
+from components import (
+    Fixed,
+    Gear,
+    Particle,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    Spherical,
+    Spring,
+    SpringDamper,
+    TranslationalDamper,
+    TranslationalGround,
+    Universal,
+    World,
+)
+from examples.engine import steel_bar, steel_cylinder
+
+DOWN = (0.0, -9.81, 0.0)
+
+
+def join(scene: ac.System, a: ac.Point, joint: ac.System | object, b: ac.Point) -> None:
+    """Connect a to the joint's frame_a and its frame_b to b."""
+    scene.connect(a, joint.frame_a)
+    scene.connect(joint.frame_b, b)
+
+
+def square_bar(tip: tuple[float, float, float], side: float) -> RigidBody:
+    """A steel bar in the plane of x and y with a square section."""
+    return steel_bar(tip, side, side, (0.0, 0.0, 1.0))
+
+
+def fourbar1() -> ac.System:
+    """Loops.Fourbar1: a spatial loop of six hinges and a slider. `j1.q` turns the crank, `j2.q` is where the slider is."""
+    scene = ac.System()
+    scene.world = World(gravity=DOWN)
+    scene.j1, scene.j2, scene.rev, scene.rev1 = Revolute("x"), Prismatic("x"), Revolute("y"), Revolute("z")
+    scene.j3, scene.j4, scene.j5 = Revolute("x"), Revolute("y"), Revolute("z")
+    scene.b1, scene.b2, scene.b3 = (steel_cylinder(tip, 0.05) for tip in ((0, 0.5, 0.1), (0, 0.2, 0), (-1, 0.3, 0.1)))
+    join(scene, scene.world.frame, scene.j1, scene.b1.frame)
+    join(scene, scene.world.at((1.2, 0, 0)), scene.j2, scene.b2.frame)
+    scene.connect(scene.b2.tip, scene.rev.frame_a)
+    scene.connect(scene.rev.frame_b, scene.rev1.frame_a)
+    scene.connect(scene.rev1.frame_b, scene.b3.frame)
+    scene.connect(scene.b1.tip, scene.j3.frame_a)
+    scene.connect(scene.j3.frame_b, scene.j4.frame_a)
+    scene.connect(scene.j4.frame_b, scene.j5.frame_a)
+    scene.connect(scene.j5.frame_b, scene.b3.tip)
+    return scene
+
+
+def fourbar2() -> ac.System:
+    """Loops.Fourbar2: the coupler is a rod without mass between a universal and a spherical joint."""
+    scene = ac.System()
+    scene.world = World(gravity=DOWN)
+    scene.j1, scene.j2 = Revolute("x"), Prismatic("x")
+    scene.b1, scene.b2 = (steel_cylinder(tip, 0.05) for tip in ((0, 0.5, 0.1), (0, 0.2, 0)))
+    rod = np.array((-1, 0.3, 0.1))
+    scene.cardan, scene.ball, scene.rod = Universal("y", tuple(np.cross(rod, (0, 1, 0)))), Spherical(), Fixed(tuple(rod))
+    join(scene, scene.world.frame, scene.j1, scene.b1.frame)
+    join(scene, scene.world.at((1.2, 0, 0)), scene.j2, scene.b2.frame)
+    join(scene, scene.b2.tip, scene.cardan, scene.rod.frame_a)
+    join(scene, scene.rod.frame_b, scene.ball, scene.b1.tip)
+    return scene
+
+
+def planar_fourbar() -> ac.System:
+    """Loops.PlanarFourbar: four hinges about z, a damper on the first."""
+    scene = ac.System()
+    scene.world = World(gravity=DOWN)
+    scene.crank, scene.coupler, scene.rocker = (square_bar(tip, 0.05) for tip in ((0.4, 0, 0), (0.1, 1.1, 0), (0.65, 0.1, 0)))
+    scene.a, scene.b, scene.c, scene.d = (Revolute("z") for _ in range(4))
+    scene.damper, scene.ground = RotationalDamper(0.1), RotationalGround()
+    join(scene, scene.world.frame, scene.a, scene.crank.frame)
+    join(scene, scene.crank.at((0.4, 0, 0)), scene.b, scene.coupler.frame)
+    join(scene, scene.world.at((-0.15, 1, 0)), scene.c, scene.rocker.frame)
+    join(scene, scene.rocker.at((0.65, 0.1, 0)), scene.d, scene.coupler.at((0.1, 1.1, 0)))
+    scene.connect(scene.a.flange, scene.damper.flange_b)
+    scene.connect(scene.ground.flange, scene.damper.flange_a)
+    return scene
+
+
+def line_force_with_two_masses() -> ac.System:
+    """Elementary.LineForceWithTwoMasses: a bar on a hinge, held by a strut of two point masses with a damper between them."""
+    scene = ac.System()
+    scene.world = World(gravity=DOWN)
+    scene.hinge, scene.bar = Revolute("z"), square_bar((0.7, 0, 0), 0.035)
+    along = np.array((0.7, 1.2, 0)) / np.hypot(0.7, 1.2)
+    scene.cardan, scene.ram, scene.ball = Universal("z", tuple(np.cross(along, (0, 0, 1)))), Prismatic(tuple(along)), Spherical()
+    scene.lower, scene.upper = Fixed(tuple(0.2 * along)), Fixed(tuple(-0.2 * along))
+    scene.mass_a, scene.mass_b = Particle(1.0), Particle(1.0)
+    scene.damper, scene.ground = TranslationalDamper(3.0), TranslationalGround()
+    join(scene, scene.world.at((0, 0.3, 0)), scene.hinge, scene.bar.frame)
+    join(scene, scene.world.at((0, -0.9, 0)), scene.cardan, scene.lower.frame_a)
+    join(scene, scene.lower.frame_a, scene.ram, scene.upper.frame_a)
+    join(scene, scene.upper.frame_a, scene.ball, scene.bar.at((0.7, 0, 0)))
+    scene.connect(scene.lower.frame_b, scene.mass_a.point)
+    scene.connect(scene.upper.frame_b, scene.mass_b.point)
+    scene.connect(scene.ram.flange, scene.damper.flange_b)
+    scene.connect(scene.ground.flange, scene.damper.flange_a)
+    return scene
+
+
+def gyroscopic_effects() -> ac.System:
+    """Rotational3DEffects.GyroscopicEffects: a rotor on a bar that hangs on a ball joint; its axis at 45 degrees."""
+    scene = ac.System()
+    scene.world, scene.ball = World(gravity=DOWN), Spherical()
+    scene.bar, scene.rotor = steel_cylinder((0.25, 0, 0), 0.05), steel_cylinder((0.2, 0, 0), 0.1)
+    scene.spin = Revolute("x")
+    join(scene, scene.world.frame, scene.ball, scene.bar.frame)
+    join(scene, scene.bar.at((0.25, 0, 0), rotation=("y", np.pi / 4)), scene.spin, scene.rotor.at((0.1, 0, 0)))
+    return scene
+
+
+def bevel_gear(ratio: float = 10.0, gravity: tuple[float, float, float] | None = None) -> ac.System:
+    """As Rotational3DEffects.BevelGear1D, with disks for rotors: a free carrier, two shafts at right angles, a gear between them."""
+    scene = ac.System()
+    scene.world, scene.carrier = World(gravity=gravity), RigidBody.box(7.7, (0.3, 0.4, 0.5))
+    scene.first, scene.second, scene.gear = Revolute("x"), Revolute("y"), Gear(ratio)
+    scene.pinion, scene.wheel = RigidBody(3.0, (0.11, 0.06, 0.06)), RigidBody(5.0, (0.9, 1.7, 0.9))
+    join(scene, scene.carrier.at((0.2, 0, 0.1)), scene.first, scene.pinion.frame)
+    join(scene, scene.carrier.at((0, 0.3, -0.1)), scene.second, scene.wheel.frame)
+    scene.connect(scene.first.flange, scene.gear.flange_a)
+    scene.connect(scene.second.flange, scene.gear.flange_b)
+    return scene
+
+
+def free_body() -> ac.System:
+    """Elementary.FreeBody: a body on two springs without natural length."""
+    scene = ac.System()
+    scene.world = World(gravity=DOWN)
+    scene.body = RigidBody(1.0, (1.0, 1.0, 1.0), (0.2, 0, 0))
+    scene.left, scene.right = Spring(20.0), Spring(20.0)
+    scene.connect(scene.left.point_a, scene.world.frame)
+    scene.connect(scene.left.point_b, scene.body.frame)
+    scene.connect(scene.right.point_a, scene.world.at((0.8, 0, 0)))
+    scene.connect(scene.right.point_b, scene.body.at((0.4, 0, 0)))
+    return scene
+
+
+def spring_damper_system() -> ac.System:
+    """Elementary.SpringDamperSystem: a body at the end of a bar on a spring and a damper."""
+    scene = ac.System()
+    scene.world, scene.body = World(gravity=DOWN), RigidBody(1.0, (0.1, 0.1, 0.1), (0, -0.2, 0))
+    scene.strut = SpringDamper(stiffness=30.0, natural_length=0.1, damping=2.0)
+    scene.connect(scene.strut.point_a, scene.world.at((0.3, 0, 0)))
+    scene.connect(scene.strut.point_b, scene.body.frame)
+    return scene
