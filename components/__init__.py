@@ -1,9 +1,9 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed. Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free. Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid. Forces: Spring, Damper,
+CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
+RotationalDamper, Gear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, RotationSensor, TranslationSensor, SignalTorque, SignalForce.
@@ -25,12 +25,15 @@ from components.electrical import (
 )
 from components.forces.applied import Force, Torque
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
+from components.gears import PlanetaryGear, RackAndPinion
 from components.joints.cartesian_translation import CartesianTranslation
 from components.joints.cylindrical import Cylindrical
 from components.joints.free import Free
 from components.joints.planar import Planar
+from components.joints.prescribed_motion import PrescribedMotion
 from components.joints.prismatic import Prismatic
 from components.joints.revolute import Revolute
+from components.joints.rod import Rod
 from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
@@ -71,7 +74,7 @@ from components.world import World
 __all__ = [
     "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSource", "Cylindrical", "Damper", "Diode",
     "ElectromotiveForce", "Fixed", "Force", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
-    "NonlinearDamper", "NonlinearSpring", "Particle", "Planar", "PositionSource", "Prismatic", "Resistor", "Revolute", "RigidBody",
+    "NonlinearDamper", "NonlinearSpring", "Particle", "Planar", "PlanetaryGear", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "Resistor", "Revolute", "RigidBody", "Rod",
     "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
     "RotationalSpring", "Screw", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
     "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSource", "TranslationSensor", "TranslationalDamper",
