@@ -24,6 +24,7 @@ from acausal.reduction.reduce import ReducedSystem, reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
+    from acausal.analysis.linearize import Linearization
     from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulation import InputValue, Progress
     from acausal.trajectory import Trajectory
@@ -182,6 +183,28 @@ class Model:
         return TrajectoryFunction(
             name, Motion(self.functions, run, np.asarray(times, dtype=float), outputs, tuple(wrt), dict(start or {}))
         )
+
+    def linearize(
+        self,
+        start: Start | Sequence[float] | None = None,
+        *,
+        states: Sequence[Expression] | None = None,
+        outputs: Sequence[Expression] = (),
+        t: float = 0.0,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+    ) -> Linearization:
+        """The linear system A, B, C, D of small deviations, with eigenvalues, frequencies, modes and stability.
+
+        `start`: of the point, found as by `simulate`, or all states (nx,). The linear system has independent states only; the small turn
+        of a quaternion is `...rotation`. `states`: other ones, expressions with one entry for each freedom, or fewer where the rest is
+        ignorable (a wheel's place and heading). `outputs`: expressions; the states by default. Derivatives are exact.
+        Raises `OptionError` (states that are dependent or too few, singular loops), `StartValueError`, `UnknownVariableError`.
+        """
+        from acausal.analysis.linearize import linearize
+        from acausal.analysis.point import operating_point
+
+        return linearize(self.functions, operating_point(self.functions, start, t, inputs, parameters), states, outputs)
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).

@@ -1,0 +1,255 @@
+"""Linear systems for small deviations from a state or a motion, with all constraints respected and exact derivatives."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.analysis.chart import Chart, Tangent, chart_at
+from acausal.analysis.modes import Mode, Modes, modes_of
+from acausal.analysis.point import Differentiable, OperatingPoint, labels
+from acausal.codegen.lower import Functions
+from acausal.errors import OptionError
+from acausal.language.expression import Expression
+
+_CLOSED = 1e-8
+_STEADY = 1e-9
+_STRIDE = 1e-3
+_CONSTANT = 3e-8
+
+
+@dataclass(frozen=True, repr=False)
+class Linearization:
+    """dy' = A dy + B du, outputs C dy + D du, for small deviations dy of `states` (k) and du of `inputs` from `point`.
+
+    `expand` (nx, k): the change of all states, dx = expand dy. `rates` (k,): of the states at the point itself. `steady`: they vanish,
+    so that the point is an equilibrium or a steady motion. `constant`: A stays the same along the motion through the point, so that its
+    eigenvalues say what deviations from this motion do; otherwise they belong to the system frozen at this instant.
+    """
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    expand: np.ndarray
+    rates: np.ndarray
+    point: OperatingPoint
+    steady: bool
+    constant: bool
+    scene: str
+
+    @property
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(A, B, C, D), as python-control's `ss(*result.matrices)` and scipy take them."""
+        return self.A, self.B, self.C, self.D
+
+    def to_scipy(self) -> Any:
+        """As `scipy.signal.StateSpace`. Raises `OptionError` without inputs, which scipy asks for."""
+        import scipy.signal
+
+        if not self.inputs:
+            raise OptionError(f"to_scipy: the scene '{self.scene}' has no ac.Input, and scipy needs one. Use .A and .C.")
+        return scipy.signal.StateSpace(*self.matrices)
+
+    @functools.cached_property
+    def eigenvalues(self) -> np.ndarray:
+        """Of A, (k,) complex [1/s], by size."""
+        both = [[m.eigenvalue] if not m.eigenvalue.imag else [m.eigenvalue, m.eigenvalue.conjugate()] for m in self.modes()]
+        return np.array([value for pair in both for value in pair], dtype=complex)
+
+    @property
+    def oscillations(self) -> tuple[Mode, ...]:
+        """The modes that oscillate, slowest first."""
+        return tuple(m for m in self.modes() if m.eigenvalue.imag)
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Of the oscillations [Hz], slowest first; rad/s and damping ratios are in `modes()`."""
+        return np.array([m.frequency for m in self.oscillations])
+
+    def modes(self) -> Modes:
+        """Eigenvalues with frequencies, damping ratios and shapes; prints as a table."""
+        return self._modes
+
+    @functools.cached_property
+    def _modes(self) -> Modes:
+        return modes_of(self.A, self.states)
+
+    @property
+    def stability(self) -> str:
+        """ "asymptotically stable", "unstable", or "neutral": some eigenvalue has no real part, and first order does not decide."""
+        real = [m.eigenvalue.real for m in self.modes()]
+        if any(r > 0 for r in real):
+            return "unstable"
+        return "asymptotically stable" if all(r < 0 for r in real) else "neutral"
+
+    def __repr__(self) -> str:
+        return (
+            f"<Linearization of {self.scene}: {len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs>"
+        )
+
+    def __str__(self) -> str:
+        head = f"{self.scene}, linear in {', '.join(self.states) or 'no state'}"
+        if self.inputs:
+            head += f"; inputs {', '.join(self.inputs)}"
+        return "\n".join([head, f"{self._about()}; {self.stability}", str(self.modes())])
+
+    def _about(self) -> str:
+        if self.steady:
+            return "steady: the states stay as they are" + ("" if self.constant else ", but the system changes with time")
+        moving = [f"{n}' = {r:.4g}" for n, r in zip(self.states, self.rates, strict=True) if abs(r) > _STEADY][:4]
+        if self.constant:
+            return f"a motion ({', '.join(moving)}) along which the linear system stays the same"
+        return f"not an equilibrium ({', '.join(moving)}): eigenvalues are those of the system frozen at this instant"
+
+
+def linearize(
+    functions: Functions,
+    point: OperatingPoint,
+    states: Sequence[Expression] | None,
+    outputs: Sequence[Expression],
+) -> Linearization:
+    """See `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
+    s = functions.outputs.system
+    chart = chart_at(functions, point)
+    wanted = _Wanted(functions, states, outputs)
+    chosen = chart.names if states is None else wanted.names(states)
+    names = chosen if not outputs else wanted.names(outputs)
+    linear = _Linear(chart, wanted, chosen, names)
+    found = linear.at(point, check=True)
+    scale = 1.0 + np.abs(found.A) @ np.abs(found.values) + np.abs(found.values)
+    steady = bool(np.all(np.abs(found.rates) <= _STEADY * scale))
+    inputs = tuple(functions.outputs.name(entry) for entry in s.flat.inputs)
+    return Linearization(
+        chosen, inputs, names, found.A, found.B, found.C, found.D, found.expand, found.rates, point, steady,
+        linear.is_constant(point, found.A), s.flat.name,
+    )  # fmt: skip
+
+
+class _Wanted:
+    """What was asked for, as columns: states h and their rates, outputs."""
+
+    def __init__(self, functions: Functions, states: Sequence[Expression] | None, outputs: Sequence[Expression]) -> None:
+        self._functions = functions
+        s = functions.outputs.system
+        column = self._column("states", states or ())
+        if states is not None and not column.numel():
+            raise OptionError("linearize: `states` is empty. Leave it out, or name expressions such as scene.hinge.q.")
+        if ca.depends_on(column, s.u):
+            raise OptionError(
+                "linearize: a state must not depend on an input. Choose variables that keep their value when an input jumps."
+            )
+        self.given = states is not None
+        self.states = Differentiable(s, column)
+        self.rates = Differentiable(s, functions.outputs.rate(column))
+        self.outputs = Differentiable(s, self._column("outputs", outputs)) if outputs else None
+
+    def names(self, wanted: Sequence[Expression]) -> tuple[str, ...]:
+        """Of all entries of expressions."""
+        return tuple(name for e in wanted for name in labels(self._functions.outputs, e))
+
+    def _column(self, what: str, wanted: Sequence[Expression]) -> ca.SX:
+        if isinstance(wanted, Expression | ca.SX | str):
+            raise OptionError(f"linearize: `{what}` must be a list of expressions, e.g. {what}=[scene.hinge.q, scene.hinge.v].")
+        for entry in wanted:
+            if not isinstance(entry, Expression | ca.SX):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
+                raise OptionError(f"linearize: {entry!r} in `{what}` is not a variable or an expression; use e.g. scene.hinge.q.")
+        return ca.vertcat(ca.SX(0, 1), *(ca.vec(self._functions.outputs.resolve(e)) for e in wanted))
+
+
+@dataclass(frozen=True)
+class _Matrices:
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    expand: np.ndarray
+    values: np.ndarray
+    rates: np.ndarray
+
+
+class _Linear:
+    """The matrices at any point, in one chart."""
+
+    def __init__(self, chart: Chart, wanted: _Wanted, chosen: tuple[str, ...], output_names: tuple[str, ...]) -> None:
+        self._chart, self._wanted, self._chosen, self._output_names = chart, wanted, chosen, output_names
+        self._x_dot = Differentiable(chart.system, chart.system.x_dot)
+
+    def at(self, at: OperatingPoint, *, check: bool = False) -> _Matrices:
+        x_dot = self._x_dot.value(at)
+        tangent = self._chart.tangent(at, x_dot)
+        by_input = np.eye(at.u.size)
+        if not self._wanted.given:
+            # deviations are seen in axes that go along with the motion, hence the rate of `pick`
+            A = tangent.pick @ self._x_dot.along(at, tangent.expand) + tangent.pick_rate @ tangent.expand
+            B = tangent.pick @ self._x_dot.along(at, du=by_input)
+            expand, values, rates = tangent.expand, tangent.pick @ at.x, tangent.pick @ x_dot
+        else:
+            A, B, expand = self._chosen_states(at, tangent, by_input, check)
+            values, rates = self._wanted.states.value(at), self._wanted.rates.value(at)
+        if self._wanted.outputs is None:
+            return _Matrices(A, B, np.eye(len(A)), np.zeros_like(B), expand, values, rates)
+        C_all = self._wanted.outputs.along(at, tangent.expand)
+        D = self._wanted.outputs.along(at, du=by_input)
+        if check:
+            H = self._wanted.states.along(at, tangent.expand) if self._wanted.given else np.eye(len(A))
+            self._check_closed(C_all, H, self._output_names, "the output {0} also depends")
+        return _Matrices(A, B, self._wanted.outputs.along(at, expand), D, expand, values, rates)
+
+    def _chosen_states(
+        self, at: OperatingPoint, tangent: Tangent, by_input: np.ndarray, check: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and dx/dy for states h(x): with dh = H dy and dh' = R dy, A = R H^+ where R vanishes along H dy = 0."""
+        H = self._wanted.states.along(at, tangent.expand)
+        R = self._wanted.rates.along(at, tangent.expand)
+        if check:
+            self._check_independent(H)
+            self._check_closed(R, H, self._chosen, "the rate of {0} also depends")
+        inverse = np.linalg.pinv(H, rcond=1e-13)
+        return R @ inverse, self._wanted.rates.along(at, du=by_input), tangent.expand @ inverse
+
+    def _check_independent(self, H: np.ndarray) -> None:
+        size = np.linalg.norm(H, axis=1)
+        still = [n for n, length in zip(self._chosen, size, strict=True) if length <= 1e-12]
+        if still:
+            raise OptionError(f"linearize: {', '.join(still)} cannot change in first order here, so it cannot be a state.")
+        U, values, _ = np.linalg.svd(H / size[:, None])
+        if len(H) > H.shape[1] or values[-1] < 1e-9:
+            together = [n for n, part in zip(self._chosen, U[:, -1], strict=True) if abs(part) > 1e-6]
+            raise OptionError(
+                f"linearize: the states {', '.join(together)} depend on one another here. There are {H.shape[1]} independent ones, "
+                f"for example {', '.join(self._chart.names[:12])}."
+            )
+
+    def _check_closed(self, R: np.ndarray, H: np.ndarray, names: tuple[str, ...], what: str) -> None:
+        """Rows of R must vanish along all changes that leave the chosen states alone."""
+        rest = R - R @ np.linalg.pinv(H, rcond=1e-13) @ H
+        worst = np.max(np.abs(rest), axis=1, initial=0.0)
+        if not R.size or np.all(worst <= _CLOSED * (1.0 + np.max(np.abs(R), axis=1))):
+            return
+        i = int(np.argmax(worst))
+        on = [self._chart.names[k] for k in np.argsort(-np.abs(rest[i])) if abs(rest[i, k]) > 0.1 * worst[i]][:4]
+        raise OptionError(
+            f"linearize: {what.format(names[i])} on {', '.join(on)} (by {worst[i]:.3g}), which the {len(H)} chosen states leave open. "
+            f"Add such a quantity to `states`, or leave `states` out to keep all {H.shape[1]}."
+        )
+
+    def is_constant(self, at: OperatingPoint, A: np.ndarray) -> bool:
+        """Whether A is the same a little before and after, on the motion through the point, in first and second order."""
+        x_dot = self._x_dot.value(at)
+        second = self._x_dot.along(at, x_dot[:, None], dt=1.0)[:, 0]
+        h = _STRIDE / max(1.0, float(np.max(np.abs(x_dot) / (1.0 + np.abs(at.x)), initial=0.0)))
+        size = 1.0 + np.abs(A)
+        for step in (h, -h):
+            moved = OperatingPoint(at.t + step, at.x + step * x_dot + step**2 / 2 * second, at.u, at.p)
+            if np.any(np.abs(self.at(moved).A - A) > _CONSTANT * size):
+                return False
+        return True

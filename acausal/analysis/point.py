@@ -1,0 +1,108 @@
+"""An operating point of a model, and exact directional derivatives of expressions there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.codegen.lower import Functions
+from acausal.errors import OptionError, StartValueError
+from acausal.language.expression import Expression, Input, Parameter, Symbol
+from acausal.reduction.initial import Start, initial_state
+from acausal.reduction.outputs import Outputs
+from acausal.reduction.reduce import ReducedSystem
+from acausal.simulation import InputValue, input_signal, parameter_values
+
+_CONSISTENT = 1e-6
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Time `t` [s], states `x` (nx,), inputs `u` (nu,) and parameters `p` (np,) of a model."""
+
+    t: float
+    x: np.ndarray
+    u: np.ndarray
+    p: np.ndarray
+
+
+def operating_point(
+    functions: Functions,
+    start: Start | Sequence[float] | np.ndarray | None,
+    t: float,
+    inputs: Mapping[Input, InputValue] | None,
+    parameters: Mapping[Parameter, float] | None,
+) -> OperatingPoint:
+    """Consistent states from start values as for a simulation, or from an array of all states (nx,).
+
+    Raises `StartValueError` when the array has another length, or when it violates the constraints; `OptionError` for a time that
+    is not finite.
+    """
+    if not np.isfinite(t):
+        raise OptionError(f"The time is {t}. Give a finite number of seconds.")
+    u = input_signal(functions, inputs or {})(np.array([float(t)]))[:, 0]
+    p = parameter_values(functions, parameters or {})
+    if start is None or isinstance(start, Mapping):
+        return OperatingPoint(float(t), initial_state(functions.outputs, start or {}, float(t), p, u).x, u, p)
+    x = np.array(start, dtype=float).ravel()
+    names = functions.state_names
+    if x.size != len(names) or not np.isfinite(x).all():
+        raise StartValueError(
+            f"The states must be {len(names)} finite numbers, not {x}: {', '.join(names[:12])}. Or give start={{variable: value}}."
+        )
+    gap = 0.0 if functions.invariants is None else float(np.max(np.abs(np.array(functions.invariants(t, x, p))), initial=0.0))
+    if gap > _CONSISTENT:
+        raise StartValueError(
+            f"The states {x} violate the constraints by {gap:.3g} (loops, lengths of quaternions, or their rates). Give values of the "
+            "independent variables instead, start={variable: value}, and the others follow."
+        )
+    return OperatingPoint(float(t), x, u, p)
+
+
+class Differentiable:
+    """A column of `SX` in t, x, u and p: its values and its derivatives along given directions, by forward differentiation."""
+
+    def __init__(self, system: ReducedSystem, column: ca.SX) -> None:
+        self.size = column.numel()
+        arguments = [system.t, system.x, system.u, system.p]
+        self._function = ca.Function("column", arguments, [ca.densify(column)], {"cse": True}) if self.size else None
+        self._forward = None if self._function is None else self._function.forward(1)
+
+    def value(self, at: OperatingPoint) -> np.ndarray:
+        """(size,)."""
+        return np.zeros(0) if self._function is None else np.array(self._function(at.t, at.x, at.u, at.p)).ravel()
+
+    def along(
+        self,
+        at: OperatingPoint,
+        dx: np.ndarray | None = None,
+        *,
+        dt: float = 0.0,
+        du: np.ndarray | None = None,
+        dp: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """(size, k) for k changes: dx (nx, k), du (nu, k), dp (np, k), zero where not given; all together with the same `dt`."""
+        k = next((d.shape[1] for d in (dx, du, dp) if d is not None), 1)
+        if self._forward is None or k == 0:
+            return np.zeros((self.size, k))
+        seeds = [np.full((1, k), dt)]
+        seeds += [np.zeros((n.size, k)) if d is None else d for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
+        return np.array(self._forward(at.t, at.x, at.u, at.p, np.zeros((self.size, 1)), *seeds)).reshape(self.size, k)
+
+
+def labels(outputs: Outputs, wanted: Expression | ca.SX) -> tuple[str, ...]:
+    """A name for every entry of an expression, with the full names of its variables."""
+    if isinstance(wanted, Symbol):
+        name, size = outputs.name(wanted), wanted.sx.numel()
+        return (name,) if size == 1 else tuple(f"{name}[{i}]" for i in range(size))
+    expression = wanted if isinstance(wanted, ca.SX) else wanted.sx
+    for leaf in () if isinstance(wanted, ca.SX) else wanted.leaves:
+        names = labels(outputs, leaf)
+        named = ca.reshape(ca.vertcat(*(ca.SX.sym(n) for n in names)), *leaf.shape)
+        expression = ca.substitute(expression, leaf.sx, named)
+    entries = ca.vec(ca.densify(expression))
+    texts = [str(entries[i]) for i in range(entries.numel())]
+    return tuple(t if len(t) <= 60 else f"expression {i}" for i, t in enumerate(texts))
