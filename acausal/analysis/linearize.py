@@ -122,7 +122,7 @@ def linearize(
     chart = chart_at(functions, point)
     wanted = _Wanted(functions, states, outputs)
     chosen = chart.names if states is None else wanted.names(states)
-    names = chosen if not outputs else wanted.names(outputs)
+    names = chosen if wanted.outputs is None else wanted.names(outputs)
     linear = _Linear(chart, wanted, chosen, names)
     found = linear.at(point, check=True)
     scale = 1.0 + np.abs(found.A) @ np.abs(found.values) + np.abs(found.values)
@@ -140,7 +140,7 @@ class _Wanted:
     def __init__(self, functions: Functions, states: Sequence[Expression] | None, outputs: Sequence[Expression]) -> None:
         self._functions = functions
         s = functions.outputs.system
-        column = self._column("states", states or ())
+        column = self._column("states", () if states is None else states)
         if states is not None and not column.numel():
             raise OptionError("linearize: `states` is empty. Leave it out, or name expressions such as scene.hinge.q.")
         if ca.depends_on(column, s.u):
@@ -150,7 +150,8 @@ class _Wanted:
         self.given = states is not None
         self.states = Differentiable(s, column)
         self.rates = Differentiable(s, functions.outputs.rate(column))
-        self.outputs = Differentiable(s, self._column("outputs", outputs)) if outputs else None
+        chosen = self._column("outputs", outputs)
+        self.outputs = Differentiable(s, chosen) if chosen.numel() else None
 
     def names(self, wanted: Sequence[Expression]) -> tuple[str, ...]:
         """Of all entries of expressions."""

@@ -84,7 +84,7 @@ def modes_of(A: np.ndarray, states: tuple[str, ...]) -> Modes:
     if not A.size:
         return Modes(())
     balanced, back = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.matrix_balance(A))
-    values, left, right = scipy.linalg.eig(balanced, left=True, right=True)
+    values, left, right = cast(tuple[np.ndarray, np.ndarray, np.ndarray], scipy.linalg.eig(balanced, left=True, right=True))
     size = float(np.linalg.norm(balanced))
     overlap = np.abs(np.sum(left.conj() * right, axis=0))
     accuracy = np.minimum(

@@ -1,0 +1,424 @@
+"""Linear systems against closed forms, finite differences of the dynamics, and sympy's linearizer."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import OptionError, StartValueError, UnknownVariableError
+from components import (
+    Capacitor,
+    ElectromotiveForce,
+    Fixed,
+    Force,
+    Gear,
+    Ground,
+    Inductor,
+    Inertia,
+    Particle,
+    Prismatic,
+    Resistor,
+    Revolute,
+    RigidBody,
+    RollingBall,
+    RotationalDamper,
+    RotationalGround,
+    SlidingMass,
+    Spherical,
+    TranslationalGround,
+    TranslationalSpring,
+    VoltageSource,
+    World,
+)
+from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
+
+G = 9.81
+
+
+def mass_chain(count: int, mass: float, stiffness: float) -> ac.System:
+    """Equal masses in a row between two walls, a spring at either side of each."""
+    scene = ac.System()
+    scene.walls = [TranslationalGround(), TranslationalGround()]
+    scene.masses = [SlidingMass(mass) for _ in range(count)]
+    scene.springs = [TranslationalSpring(stiffness) for _ in range(count + 1)]
+    ends = [scene.walls[0].flange, *(m.flange_a for m in scene.masses), scene.walls[1].flange]
+    for spring, one, two in zip(scene.springs, ends, ends[1:], strict=False):
+        scene.connect(one, spring.flange_a)
+        scene.connect(spring.flange_b, two)
+    return scene
+
+
+def test_a_chain_of_masses_has_the_frequencies_of_the_discrete_string():
+    n, m, k = 12, 0.3, 50.0
+    found = ac.build(mass_chain(n, m, k)).linearize()
+    exact = 2 * np.sqrt(k / m) * np.sin(np.arange(1, n + 1) * np.pi / (2 * (n + 1)))
+    np.testing.assert_allclose(found.frequencies * 2 * np.pi, exact, rtol=1e-12)
+    assert found.stability == "neutral" and found.steady and found.constant
+
+
+def test_the_shapes_of_a_chain_are_sines():
+    scene = mass_chain(5, 1.0, 100.0)
+    found = ac.build(scene).linearize(states=[e for m in scene.masses for e in (m.flange_a.s, m.v)])
+    for j, mode in enumerate(found.oscillations, start=1):
+        shape = np.array([mode[f"masses[{i}].v"] for i in range(5)])
+        sine = np.sin(j * np.pi * np.arange(1, 6) / 6)
+        np.testing.assert_allclose(shape / shape[0], sine / sine[0], atol=1e-10)
+
+
+def test_the_hanging_double_pendulum_has_its_two_closed_frequencies():
+    found = ac.build(DoublePendulum(length=0.7, mass=1.3)).linearize()
+    M, K = np.array([[4 / 3, 1 / 2], [1 / 2, 1 / 3]]), G / 0.7 * np.diag([3 / 2, 1 / 2])
+    exact = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(M, K)).real))
+    np.testing.assert_allclose([m.angular_frequency for m in found.modes()], exact, rtol=1e-12)
+    # absolute angles of the slow mode: from (K - w^2 M) a = 0
+    slow = found.oscillations[0]
+    a = slow["shoulder.q"], slow["shoulder.q"] + slow["elbow.q"]
+    expected = -(K[0, 0] - exact[0] ** 2 * M[0, 0]) / (-(exact[0] ** 2) * M[0, 1])
+    assert a[1] / a[0] == pytest.approx(expected, rel=1e-10)
+
+
+def parallelogram(length: float = 0.8, base: float = 0.5) -> ac.System:
+    """Two hanging bars and a coupler that stays level."""
+    scene = ac.System()
+    scene.world = World()
+    scene.left, scene.right = RigidBody.rod(1.0, (0, 0, -length)), RigidBody.rod(1.0, (0, 0, -length))
+    scene.coupler = RigidBody.rod(3.0, (base, 0, 0))
+    scene.a, scene.b, scene.c, scene.d = (Revolute("y") for _ in range(4))
+    scene.connect(scene.world.frame, scene.a.frame_a)
+    scene.connect(scene.a.frame_b, scene.left.frame)
+    scene.connect(scene.left.tip, scene.b.frame_a)
+    scene.connect(scene.b.frame_b, scene.coupler.frame)
+    scene.connect(scene.coupler.tip, scene.c.frame_a)
+    scene.connect(scene.c.frame_b, scene.right.tip)
+    scene.connect(scene.world.at((base, 0, 0)), scene.d.frame_a)
+    scene.connect(scene.d.frame_b, scene.right.frame)
+    return scene
+
+
+def test_a_hanging_parallelogram_swings_as_its_energy_says():
+    length, bar, coupler = 0.8, 1.0, 3.0
+    scene = parallelogram(length)
+    found = ac.build(scene).linearize({scene.a.q: 0.0, scene.d.q: 0.0, scene.b.q: 0.0})
+    exact = G * (bar + coupler) / ((2 / 3 * bar + coupler) * length)
+    assert len(found.states) == 2
+    np.testing.assert_allclose(found.eigenvalues, [1j * np.sqrt(exact), -1j * np.sqrt(exact)], rtol=1e-12, atol=1e-12)
+
+
+def differences(model: ac.Model, found, h: float = 1e-5) -> np.ndarray:
+    """A by central differences: independent states are displaced, the others follow from closed loops."""
+    names = [model.state_names.index(n) for n in found.states]
+    point = found.point
+
+    def rates(k: int, step: float) -> np.ndarray:
+        x = point.x + step * found.expand[:, k]
+        for _ in range(8):
+            g = np.array(model.functions.invariants(point.t, x, point.p)).ravel()
+            J = np.array(ca.DM(model.functions.invariants.jacobian()(point.t, x, point.p, g)[1]))
+            J = np.vstack([J, np.eye(x.size)[names]])
+            x = x - np.linalg.pinv(J, rcond=1e-8) @ np.concatenate([g, (x - point.x)[names] - step * np.eye(len(names))[k]])
+        return np.array(model.functions.explicit_dynamics(point.t, x, point.u, point.p)).ravel()[names]
+
+    return np.column_stack([(rates(k, h) - rates(k, -h)) / (2 * h) for k in range(len(names))])
+
+
+def test_a_moving_four_bar_agrees_with_finite_differences():
+    scene = FourBar()
+    model = ac.build(scene)
+    found = model.linearize({scene.a.q: 0.9, scene.a.v: 2.0})
+    assert len(found.states) == 2 and not found.steady and not found.constant
+    np.testing.assert_allclose(found.A, differences(model, found), rtol=1e-6, atol=1e-6)
+
+
+def test_a_loop_with_redundant_constraints_agrees_with_finite_differences():
+    scene = bennett_linkage()
+    model = ac.build(scene)
+    found = model.linearize({scene.joints[0].v: 1.5})
+    assert len(found.states) == 2
+    np.testing.assert_allclose(found.A, differences(model, found), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize(("spin", "unstable"), [((3.0, 0, 0), False), ((0, 3.0, 0), True), ((0, 0, 3.0), False)])
+def test_a_free_body_turns_stably_about_its_extreme_axes_only(spin: tuple[float, ...], unstable: bool):
+    inertia = np.array([0.1, 0.2, 0.25])
+    scene = ac.System()
+    scene.world = World(gravity=(0, 0, 0))
+    scene.body = RigidBody(2.0, tuple(inertia))
+    turned = np.array([0.5, -0.5, 0.1, 0.7])
+    turned /= np.linalg.norm(turned)
+    found = ac.build(scene).linearize([*turned, 1, 2, 3, *spin, 0, 0, 0])
+    assert found.states[0].endswith("rotation[0]") and len(found.states) == 12
+    assert found.constant and not found.steady
+    i = int(np.argmax(spin))
+    j, k = (i + 1) % 3, (i + 2) % 3
+    square = (inertia[i] - inertia[j]) * (inertia[k] - inertia[i]) / (inertia[j] * inertia[k]) * 9.0
+    assert (found.stability == "unstable") == unstable == (square > 0)
+    for value in (np.sqrt(complex(square)), 3j):  # Euler's equations; the attitude error seen in the turning body
+        assert np.min(np.abs(found.eigenvalues - value)) < 1e-10
+
+
+class Top(ac.System):
+    """A rotor of inertia (A, A, C) about the fixed point, at `height` along its axis; angles: precession, nutation, spin."""
+
+    def __init__(self, A: float = 0.02, C: float = 0.01, mass: float = 1.5, height: float = 0.1) -> None:
+        self.world = World()
+        self.precession, self.nutation, self.spin = Revolute("z"), Revolute("x"), Revolute("z")
+        across = A - mass * height**2
+        self.rotor = RigidBody(mass, (across, across, C), (0, 0, height))
+        self.connect(self.world.frame, self.precession.frame_a)
+        self.connect(self.precession.frame_b, self.nutation.frame_a)
+        self.connect(self.nutation.frame_b, self.spin.frame_a)
+        self.connect(self.spin.frame_b, self.rotor.frame)
+
+
+def steady_top(theta: float, spin_momentum: float, A: float, weight: float) -> float:
+    """The slow precession rate: A cos(theta) w^2 - L w + m g h = 0."""
+    return min(np.roots([A * np.cos(theta), -spin_momentum, weight]).real)
+
+
+def test_a_precessing_top_nods_at_the_closed_frequency():
+    A, C, mass, height, theta, momentum = 0.02, 0.01, 1.5, 0.1, 0.6, 1.1
+    rate = steady_top(theta, momentum, A, mass * G * height)
+    scene = Top(A, C, mass, height)
+    found = ac.build(scene).linearize(
+        {
+            scene.nutation.q: theta,
+            scene.precession.v: rate,
+            scene.spin.v: momentum / C - rate * np.cos(theta),
+        },
+        states=[scene.nutation.q, scene.nutation.v, scene.precession.v, scene.spin.v],
+    )
+    assert found.steady and found.constant
+    # reduced potential (p - L cos)^2 / (2 A sin^2) + m g h cos, p and L the two momenta; its curvature by complex steps
+    p = A * rate * np.sin(theta) ** 2 + momentum * np.cos(theta)
+
+    def slope(angle: complex) -> complex:
+        s, c = np.sin(angle), np.cos(angle)
+        lifted = p - momentum * c
+        return lifted * momentum * s / (A * s**2) - lifted**2 * c / (A * s**3) - mass * G * height * s
+
+    curvature = slope(theta + 1e-30j).imag / 1e-30
+    assert found.oscillations[0].angular_frequency == pytest.approx(np.sqrt(curvature / A), rel=1e-10)
+    assert sum(m.eigenvalue == 0 for m in found.modes()) == 2  # the two momenta
+
+
+def test_a_sleeping_top_is_stable_above_the_critical_spin():
+    A, C, mass, height = 0.02, 0.01, 1.5, 0.1
+    scene = ac.System()
+    scene.world, scene.socket = World(), Spherical()
+    scene.rotor = RigidBody(mass, (A - mass * height**2,) * 2 + (C,), (0, 0, height))
+    scene.connect(scene.world.frame, scene.socket.frame_a)
+    scene.connect(scene.socket.frame_b, scene.rotor.frame)
+    model = ac.build(scene)
+    critical = np.sqrt(4 * A * mass * G * height) / C
+    fast, slow = (model.linearize([1, 0, 0, 0, 0, 0, f * critical]) for f in (1.0001, 0.9999))
+    assert fast.stability == "neutral" and slow.stability == "unstable" and fast.constant
+
+
+def test_a_pendulum_on_a_cart_has_the_textbook_matrices():
+    M, m, length = 2.0, 0.4, 0.6
+    scene = ac.System()
+    scene.world, scene.rail, scene.hinge = World(), Prismatic("x"), Revolute("y")
+    scene.cart, scene.push = RigidBody.box(M, (0.3, 0.2, 0.1)), ac.Input("N")
+    scene.pole, scene.bob = Fixed((0, 0, length)), Particle(m)
+    scene.force = Force((scene.push, 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.hinge.frame_a)
+    scene.connect(scene.rail.frame_b, scene.cart.frame)
+    scene.connect(scene.force.point, scene.cart.frame)
+    scene.connect(scene.hinge.frame_b, scene.pole.frame_a)
+    scene.connect(scene.pole.frame_b, scene.bob.point)
+    found = ac.build(scene).linearize(
+        states=[scene.rail.q, scene.rail.v, scene.hinge.q, scene.hinge.v], outputs=[scene.bob.point.position[0], scene.push]
+    )
+    A = [[0, 1, 0, 0], [0, 0, -m * G / M, 0], [0, 0, 0, 1], [0, 0, (M + m) * G / (M * length), 0]]
+    np.testing.assert_allclose(found.A, A, atol=1e-12)
+    np.testing.assert_allclose(found.B, [[0], [1 / M], [0], [-1 / (M * length)]], atol=1e-12)
+    np.testing.assert_allclose(found.C, [[1, 0, length, 0], [0, 0, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(found.D, [[0], [1]], atol=1e-12)
+    assert found.stability == "unstable" and found.inputs == ("push",)
+    assert found.to_scipy().A.shape == (4, 4)
+
+
+def circuit(R: float, L: float, Cap: float) -> ac.System:
+    scene = ac.System()
+    scene.voltage = ac.Input("V")
+    scene.ground, scene.source = Ground(), VoltageSource(scene.voltage)
+    scene.resistor, scene.inductor, scene.capacitor = Resistor(R), Inductor(L), Capacitor(Cap)
+    ring = [scene.source, scene.resistor, scene.inductor, scene.capacitor]
+    scene.connect(scene.source.pin_b, scene.ground.pin)
+    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
+    for one, two in zip(ring[1:], ring[2:], strict=False):
+        scene.connect(one.pin_b, two.pin_a)
+    scene.connect(scene.capacitor.pin_b, scene.ground.pin)
+    return scene
+
+
+def test_a_series_circuit_has_its_closed_eigenvalues_and_gain():
+    R, L, Cap = 3.0, 2e-3, 5e-6
+    scene = circuit(R, L, Cap)
+    found = ac.build(scene).linearize(outputs=[scene.capacitor.v])
+    exact = np.roots([L * Cap, R * Cap, 1.0])
+    np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(exact), rtol=1e-12)
+    mode = found.oscillations[0]
+    assert mode.damping_ratio == pytest.approx(R / 2 * np.sqrt(Cap / L), rel=1e-12)
+    at_rest = found.D - found.C @ np.linalg.solve(found.A, found.B)
+    np.testing.assert_allclose(at_rest, [[1.0]], rtol=1e-12)
+
+
+def test_a_geared_motor_has_the_poles_of_its_characteristic_polynomial():
+    R, L, k, J, load, d, ratio = 1.2, 3e-3, 0.05, 2e-5, 4e-3, 1e-3, 8.0
+    scene = ac.System()
+    scene.voltage = ac.Input("V")
+    scene.ground, scene.source, scene.resistor, scene.inductor = Ground(), VoltageSource(scene.voltage), Resistor(R), Inductor(L)
+    scene.motor, scene.rotor, scene.gear, scene.load = ElectromotiveForce(k), Inertia(J), Gear(ratio), Inertia(load)
+    scene.friction, scene.base = RotationalDamper(d), RotationalGround()
+    scene.connect(scene.source.pin_b, scene.ground.pin)
+    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
+    scene.connect(scene.resistor.pin_b, scene.inductor.pin_a)
+    scene.connect(scene.inductor.pin_b, scene.motor.pin_a)
+    scene.connect(scene.motor.pin_b, scene.ground.pin)
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    scene.connect(scene.rotor.flange_b, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.load.flange_a)
+    scene.connect(scene.load.flange_b, scene.friction.flange_a)
+    scene.connect(scene.friction.flange_b, scene.base.flange)
+    found = ac.build(scene).linearize(states=[scene.inductor.i, scene.load.w], outputs=[scene.load.w])
+    total = load + ratio**2 * J
+    exact = np.roots([L * total, R * total + L * d, R * d + (ratio * k) ** 2])
+    np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(exact), rtol=1e-11)
+    gain = (found.D - found.C @ np.linalg.solve(found.A, found.B)).item()
+    assert gain == pytest.approx(ratio * k / (R * d + (ratio * k) ** 2), rel=1e-11)
+
+
+def test_a_rolling_ball_goes_on_in_any_direction():
+    scene = ac.System()
+    scene.world, scene.contact, scene.ball = World(), RollingBall(0.1), RigidBody.ball(0.5, 0.1)
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    found = ac.build(scene).linearize()
+    assert len(found.states) == 8  # three turns, two places, three rates: two rates of places are not free
+    assert found.steady and np.all(found.eigenvalues == 0)
+
+
+def test_sympys_linearizer_gives_the_same_matrices():
+    sympy = pytest.importorskip("sympy")
+    from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
+
+    a, b = dynamicsymbols("a b")
+    ad, bd, t = a.diff(), b.diff(), dynamicsymbols._t
+    m, length = sympy.Rational(3, 2), sympy.Rational(4, 5)
+    x = [length * sympy.sin(a), length * (sympy.sin(a) + sympy.sin(a + b))]
+    z = [-length * sympy.cos(a), -length * (sympy.cos(a) + sympy.cos(a + b))]
+    T = sum(m / 2 * (p.diff(t) ** 2 + q.diff(t) ** 2) for p, q in zip(x, z, strict=True))
+    method = LagrangesMethod(T - sum(m * sympy.Float(G) * q for q in z), [a, b])
+    method.form_lagranges_equations()
+    at = {a: 0.4, b: -0.7, ad: 1.1, bd: 0.3}
+    M, f = (np.array(part.subs(at), float) for part in (method.mass_matrix, method.forcing))
+    at |= dict(zip([ad.diff(t), bd.diff(t)], np.linalg.solve(M, f).ravel(), strict=True))  # accelerations are held
+    expected = np.array(method.linearize(q_ind=[a, b], qd_ind=[ad, bd], A_and_B=True, op_point=at)[0], float)
+    scene = ac.System()
+    scene.world, scene.upper, scene.lower = World(), Revolute("y"), Revolute("y")
+    scene.rods = [Fixed((0, 0, -0.8)), Fixed((0, 0, -0.8))]
+    scene.bobs = [Particle(1.5), Particle(1.5)]
+    scene.connect(scene.world.frame, scene.upper.frame_a)
+    scene.connect(scene.upper.frame_b, scene.rods[0].frame_a)
+    scene.connect(scene.rods[0].frame_b, scene.bobs[0].point)
+    scene.connect(scene.rods[0].frame_b, scene.lower.frame_a)
+    scene.connect(scene.lower.frame_b, scene.rods[1].frame_a)
+    scene.connect(scene.rods[1].frame_b, scene.bobs[1].point)
+    start = {scene.upper.q: 0.4, scene.lower.q: -0.7, scene.upper.v: 1.1, scene.lower.v: 0.3}
+    found = ac.build(scene).linearize(start)
+    np.testing.assert_allclose(found.A, expected, atol=1e-10)
+
+
+def test_a_conical_pendulum_has_a_constant_linear_system():
+    scene = ac.System()
+    length, theta = 0.9, 0.7
+    scene.world, scene.turn, scene.tilt = World(), Revolute("z"), Revolute("y")
+    scene.rod, scene.bob = Fixed((0, 0, -length)), Particle(0.3)
+    scene.connect(scene.world.frame, scene.turn.frame_a)
+    scene.connect(scene.turn.frame_b, scene.tilt.frame_a)
+    scene.connect(scene.tilt.frame_b, scene.rod.frame_a)
+    scene.connect(scene.rod.frame_b, scene.bob.point)
+    start = {scene.tilt.q: theta, scene.turn.v: np.sqrt(G / (length * np.cos(theta)))}
+    model = ac.build(scene)
+    found = model.linearize(start, states=[scene.tilt.q, scene.tilt.v, scene.turn.v])
+    assert found.steady and found.constant
+    exact = np.sqrt(G / length * (1 + 3 * np.cos(theta) ** 2) / np.cos(theta))
+    assert found.oscillations[0].angular_frequency == pytest.approx(exact, rel=1e-11)
+    whole = model.linearize(start)
+    assert whole.constant and not whole.steady and "stays the same" in str(whole)
+    with pytest.raises(OptionError, match=r"the rate of tilt\.v also depends on turn\.v"):
+        model.linearize(start, states=[scene.tilt.q, scene.tilt.v])
+    with pytest.raises(OptionError, match=r"output turn\.q also depends"):
+        model.linearize(start, states=[scene.tilt.q, scene.tilt.v, scene.turn.v], outputs=[scene.turn.q])
+
+
+def test_a_swinging_pendulum_is_frozen_even_where_gravity_is_stationary():
+    scene = Pendulum()
+    found = ac.build(scene).linearize({scene.hinge.v: 0.3})
+    assert not found.steady and not found.constant and "frozen" in str(found)
+
+
+def test_parameters_change_the_linear_system_without_a_new_build():
+    scene = ac.System()
+    scene.g = ac.Parameter(9.81)
+    scene.world, scene.hinge, scene.rod = World((0, 0, -1.0 * scene.g)), Revolute("y"), RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    model = ac.build(scene)
+    for g in (9.81, 1.62):
+        found = model.linearize(parameters={scene.g: g})
+        assert found.oscillations[0].angular_frequency == pytest.approx(np.sqrt(1.5 * g), rel=1e-12)
+
+
+def test_the_linear_system_predicts_the_nonlinear_motion():
+    scene = DoublePendulum()
+    model = ac.build(scene)
+    found = model.linearize()
+    import scipy.linalg
+
+    start = np.array([1e-5, -2e-5, 0.0, 1e-5])
+    run = model.simulate(
+        1.0, dict(zip([scene.shoulder.q, scene.elbow.q, scene.shoulder.v, scene.elbow.v], start, strict=True)), rtol=1e-12
+    )
+    np.testing.assert_allclose(scipy.linalg.expm(found.A) @ start, run.x[:, -1], atol=1e-13)
+
+
+def test_wrong_questions_are_answered_in_words():
+    scene = DoublePendulum()
+    model = ac.build(scene)
+    with pytest.raises(OptionError, match="a list of expressions"):
+        model.linearize(states=scene.shoulder.q)
+    with pytest.raises(OptionError, match="not a variable"):
+        model.linearize(states=["shoulder.q"])  # type: ignore[list-item]
+    with pytest.raises(OptionError, match="empty"):
+        model.linearize(states=[])
+    with pytest.raises(OptionError, match="depend on one another"):
+        model.linearize(states=[scene.shoulder.q, 2 * scene.shoulder.q])
+    with pytest.raises(OptionError, match="cannot change"):
+        model.linearize(states=[scene.lower.tip.position[1]])
+    with pytest.raises(StartValueError, match="4 finite numbers"):
+        model.linearize([0.0, 1.0])
+    with pytest.raises(UnknownVariableError):
+        model.linearize(states=[Pendulum().hinge.q])
+    with pytest.raises(OptionError, match="no ac.Input"):
+        model.linearize().to_scipy()
+    with pytest.raises(OptionError, match="time"):
+        model.linearize(t=float("nan"))
+
+
+def test_a_state_that_opens_a_loop_is_refused():
+    scene = FourBar()
+    model = ac.build(scene)
+    x = model.initial_state().x
+    with pytest.raises(StartValueError, match="violate the constraints"):
+        model.linearize(x + 0.1)
+
+
+def test_a_flat_parallelogram_is_singular_and_says_so():
+    scene = parallelogram()
+    with pytest.raises(OptionError, match="singular position"):
+        ac.build(scene).linearize({scene.a.q: np.pi / 2, scene.d.q: np.pi / 2})
