@@ -5,10 +5,12 @@ CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingB
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
-VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
-PID, RotationSensor, TranslationSensor, SignalTorque, SignalForce.
+VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
+PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
+RelativeRotationSensor, SignalTorque, SignalForce.
 """
 
+from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
@@ -47,6 +49,7 @@ from components.rotational import (
     SpeedSource,
     TorqueSource,
 )
+from components.sensors import CurrentSensor, ForceSensor, RelativeRotationSensor, TorqueSensor
 from components.signals import (
     PID,
     Constant,
@@ -72,11 +75,11 @@ from components.translational import (
 from components.world import World
 
 __all__ = [
-    "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSource", "Cylindrical", "Damper", "Diode",
-    "ElectromotiveForce", "Fixed", "Force", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
-    "NonlinearDamper", "NonlinearSpring", "Particle", "Planar", "PlanetaryGear", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "Resistor", "Revolute", "RigidBody", "Rod",
+    "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSensor", "CurrentSource", "Cylindrical", "Damper", "Diode",
+    "ElectromotiveForce", "Fixed", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
+    "NonlinearDamper", "NonlinearSpring", "OperationalAmplifier", "Particle", "Planar", "PlanetaryGear", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "RelativeRotationSensor", "Resistor", "Revolute", "RigidBody", "Rod",
     "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
     "RotationalSpring", "Screw", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
-    "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSource", "TranslationSensor", "TranslationalDamper",
+    "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSensor", "TorqueSource", "TranslationSensor", "TranslationalDamper",
     "TranslationalGround", "TranslationalSpring", "Universal", "VelocitySource", "VoltageSource", "World",
 ]  # fmt: skip

@@ -8,7 +8,15 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-LIMITS = {"andrews": 1e-11, "double_pendulum": 1e-9, "rolling_disk": 1e-12, "cart_swing_up": 2e-2, "four_bar": 1e-13, "engine": 1e-13}
+LIMITS = {
+    "andrews": 1e-11,
+    "double_pendulum": 1e-9,
+    "rolling_disk": 1e-12,
+    "cart_swing_up": 2e-2,
+    "four_bar": 1e-13,
+    "engine": 1e-13,
+    "robot_r3": 1e-4,
+}
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
