@@ -93,7 +93,7 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         )
     walk = Walk(system.tree, parameters, values, ca.vertcat(invariants, position), ca.jacobian(velocity, tree.v))
     singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, samples, rank.rank))
-    damped = len(kept) < len(names)
+    damped = 0 < len(kept) < len(names)  # where nothing but rounding errors is left, there is nothing to solve
     chosen = list(range(len(names))) if damped else list(kept)
     velocity_kept = velocity[chosen]
     position_index = np.cumsum(is_position) - 1

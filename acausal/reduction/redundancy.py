@@ -38,13 +38,13 @@ def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
     if m == 0:
         return RankReport((), 0, 0)
     scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
-    scale[scale < 1e-12 * np.max(scale, initial=0.0)] = np.inf  # only rounding errors: no constraint
+    scale[scale < 1e-12 * np.max(scale, initial=1.0)] = np.inf  # only rounding errors: no constraint
     scale[scale == 0] = 1.0
     scaled = [J / scale[:, None] for J in jacobians]
     ranks = [_rank(J) for J in scaled]
     rank = max(ranks)
     generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
-    kept = _best_rows(generic, rank) if rank < m else tuple(range(m))
+    kept = _best_rows(generic, rank) if 0 < rank < m else tuple(range(rank))
     worst = min((float(np.linalg.svd(J[list(kept)], compute_uv=False)[-1]) for J in generic), default=1.0) if rank else 1.0
     return RankReport(tuple(sorted(kept)), rank, ranks[0], worst)
 
