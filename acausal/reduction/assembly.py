@@ -1,13 +1,14 @@
 """Assembly: from a rough guess to a configuration and velocity that meet every constraint to rounding.
 
-Damped Gauss-Newton on min |J_near dq + r_near|^2 subject to the constraints, by singular values, so that redundant rows
-and singular configurations do no harm.
+Levenberg's damped Gauss-Newton steps within a trust region (More 1978), by singular values, so that redundant rows and singular
+configurations do no harm. Wishes take part three times: as a penalty on the way from the guess, which chooses the branch;
+not at all while the constraints are closed; and then along the freedom that is left, with the constraints kept closed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,11 +16,14 @@ Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """y (n,) -> residual (m,) and Jacobian (m, n)."""
 
 _RANK = 1e-9
+_PENALTY = 0.3
+"""Weight of wishes against constraints on the way from the guess."""
+_DAMPING = 10.0 ** np.arange(-14.0, 4.0, 0.5)
 
 
 @dataclass(frozen=True)
 class Assembled:
-    """Result of a search: `y`, the largest residual `gap` that is left, and whether it is zero to rounding."""
+    """Result of a search: `y`, the largest residual `gap` that is left, whether it is zero to rounding, and the steps it took."""
 
     y: np.ndarray
     gap: float
@@ -35,38 +39,25 @@ def assemble(
     tolerance: float = 1e-12,
     limit: int = 100,
     stride: float = 0.7,
+    nearest: bool = False,
 ) -> Assembled:
-    """Nearest y to `guess` with `constraints(y)` = 0, and with `wishes(y)` as small as then possible.
+    """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
-    `stride`: largest change of an entry in one iteration (coordinates: 0.7 rad or m; velocities: any).
-    Converges quadratically near a solution. Not converged when the residual stops shrinking above `tolerance`
-    (times the largest entry of y where that is above 1).
+    `stride`: largest change of an entry in one iteration (coordinates: 0.7 rad or m; velocities: any). Converges
+    quadratically near a solution. `nearest`: without wishes, go on to the y nearest to `guess`, to about 1e-6. Not converged when the residual stops shrinking above `tolerance` (times the largest entry
+    of y where that is above 1); y is then a point of locally least squares. Cost of an iteration: one singular value
+    decomposition (m, n).
     """
-    y = np.array(guess, dtype=float)
-    best = Assembled(y.copy(), np.inf, False, 0)
-    polish = 0
-    for iteration in range(limit):
-        c, J = constraints(y)
-        gap, size = _largest(c), _largest(y)
-        if not gap < np.inf:
-            break
-        enough = tolerance * max(1.0, size)
-        step = _step(c, J, wishes(y) if wishes is not None else None, y - guess)
-        settled = _largest(step) <= 1e-10 * (1 + size)
-        if gap < best.gap or gap <= enough:
-            best = Assembled(y.copy(), gap, gap <= enough, iteration)
-        if gap <= enough and (settled or wishes is None):
-            polish += 1
-            if settled:  # quadratic convergence: after this step nothing is left
-                last = y + step
-                return best if _largest(constraints(last)[0]) > gap else replace(best, y=last)
-            if polish > 2:
-                break
-        moved, ok = _line_search(constraints, y, step, gap, enough, stride)
-        if not ok:
-            break
-        y = moved
-    return best
+    y, spent = np.array(guess, dtype=float), 0
+    if wishes is not None:
+        y, spent = _approached(constraints, wishes, y, stride)
+    found = _closed(constraints, y, tolerance, limit, stride, spent)
+    if not found.converged or (wishes is None and not (nearest and found.iterations)):
+        return found
+    if wishes is not None:
+        return _settled(constraints, wishes, found, tolerance, limit, stride, 1e-10)
+    unit = np.eye(y.size)
+    return _settled(constraints, lambda y: (y - guess, unit), found, tolerance, 20, stride, 1e-6)
 
 
 def _largest(values: np.ndarray) -> float:
@@ -74,33 +65,116 @@ def _largest(values: np.ndarray) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
-def _step(c: np.ndarray, J: np.ndarray, wish: tuple[np.ndarray, np.ndarray] | None, moved: np.ndarray) -> np.ndarray:
-    """Least change that meets the linearised constraints, then the wishes, then stays near the guess."""
-    U, s, Vt = np.linalg.svd(J, full_matrices=True) if J.shape[0] else (np.zeros((0, 0)), np.zeros(0), np.eye(J.shape[1]))
+def _step(c: np.ndarray, J: np.ndarray, radius: float) -> np.ndarray:
+    """The least dy that minimises |c + J dy|, damped as little as keeps all its entries within `radius`."""
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    if s.size == 0 or s[0] == 0.0:
+        return np.zeros(J.shape[1])
+    a = U.T @ c
+    kept = s > _RANK * max(1.0, s[0])
+    step = -(a[kept] / s[kept]) @ Vt[kept]
+    if _largest(step) <= radius:
+        return step
+    damping = s[0] ** 2 * _DAMPING
+    steps = -((s * a)[:, None] / (s[:, None] ** 2 + damping)).T @ Vt
+    inside = np.abs(steps).max(axis=1) <= radius
+    return steps[int(np.argmax(inside))] if inside.any() else steps[-1] * (radius / _largest(steps[-1]))
+
+
+def _descend(
+    residual: Residual, y: np.ndarray, tolerance: float, limit: int, stride: float, slowest: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Towards least squares of `residual`, until it is within `tolerance` or its square shrinks by less than `slowest` in one step.
+
+    Returns y, residual, Jacobian, iterations.
+    """
+    c, J = residual(y)
+    square, radius = float(c @ c), stride
+    for iteration in range(limit):
+        if not square < np.inf or _largest(c) <= tolerance * max(1.0, _largest(y)):
+            return y, c, J, iteration
+        step = _step(c, J, radius)
+        left = c + J @ step
+        promised = square - float(left @ left)
+        length = _largest(step)
+        if promised <= slowest * square or length <= 1e-15 * (1 + _largest(y)):
+            return y, c, J, iteration
+        next_c, next_J = residual(y + step)
+        next_square = float(next_c @ next_c)
+        gained = (square - next_square) / promised if next_square < np.inf else -1.0
+        if gained < 0.25:
+            radius = 0.25 * length
+        elif gained > 0.75:
+            radius = min(stride, max(radius, 2 * length))
+        if gained > 1e-4:
+            y, c, J, square = y + step, next_c, next_J, next_square
+    return y, c, J, limit
+
+
+def _approached(constraints: Residual, wishes: Residual, y: np.ndarray, stride: float) -> tuple[np.ndarray, int]:
+    """From the guess to where constraints and wishes compromise, roughly."""
+
+    def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c, J = constraints(y)
+        r, Jw = wishes(y)
+        return np.concatenate([c, _PENALTY * r]), np.vstack([J, _PENALTY * Jw])
+
+    y, _, _, iterations = _descend(both, y, 1e-12, 30, stride, 0.02)
+    return y, iterations
+
+
+def _closed(constraints: Residual, y: np.ndarray, tolerance: float, limit: int, stride: float, spent: int = 0) -> Assembled:
+    y, c, J, iterations = _descend(constraints, y, tolerance, limit, stride, 1e-4)
+    gap, enough = _largest(c), tolerance * max(1.0, _largest(y))
+    if not gap <= enough:
+        return Assembled(y, gap if gap < np.inf else np.inf, False, spent + iterations)
+    # quadratic convergence: after one more step nothing is left
+    last = y + _step(c, J, np.inf)
+    last_gap = _largest(constraints(last)[0])
+    if last_gap <= gap and _largest(last - y) <= 1e-6 * (1 + _largest(y)):
+        y, gap = last, last_gap
+    return Assembled(y, gap, True, spent + iterations)
+
+
+def _settled(
+    constraints: Residual, wishes: Residual, found: Assembled, tolerance: float, limit: int, stride: float, last: float
+) -> Assembled:
+    """Gauss-Newton on the wishes in the null space of the constraints, until a step is shorter than `last`.
+
+    After each step the constraints are closed again.
+    """
+    r, Jw = wishes(found.y)
+    square, radius = float(r @ r), stride
+    spent = found.iterations
+    Z = _freedom(constraints(found.y)[1])
+    for _ in range(limit):
+        step = Z @ _step(r, Jw @ Z, np.inf)
+        if _largest(step) > radius:
+            step = Z @ _step(r, Jw @ Z, radius / max(1.0, float(np.abs(Z).sum(axis=1).max(initial=0.0))))
+        length = _largest(step)
+        left = r + Jw @ step
+        promised = square - float(left @ left)
+        if length <= last * (1 + _largest(found.y)) or promised <= 1e-15 * square or square < 1e-28:
+            break
+        trial = _closed(constraints, found.y + step, tolerance, 12, max(length, 1e-3))
+        spent += 1 + trial.iterations
+        next_r, next_Jw = wishes(trial.y)
+        next_square = float(next_r @ next_r)
+        gained = (square - next_square) / promised if trial.converged and next_square < np.inf else -1.0
+        if gained < 0.25:
+            radius = 0.25 * length
+        elif gained > 0.75:
+            radius = min(stride, max(radius, 2 * length))
+        if gained > 1e-4:
+            found, r, Jw, square = trial, next_r, next_Jw, next_square
+            Z = _freedom(constraints(found.y)[1])
+    return Assembled(found.y, found.gap, True, spent)
+
+
+def _freedom(J: np.ndarray) -> np.ndarray:
+    """Null space of J, (n, freedoms), orthonormal."""
+    if not J.shape[0]:
+        return np.eye(J.shape[1])
+    _, s, Vt = np.linalg.svd(J, full_matrices=True)
     rank = int(np.sum(s > _RANK * max(1.0, s[0] if s.size else 0.0)))
-    step = -Vt[:rank].T @ ((U[:, :rank].T @ c) / s[:rank])
-    Z = Vt[rank:].T
-    if Z.shape[1] == 0:
-        return step
-    if wish is None:
-        return step
-    r, Jw = wish
-    JZ = Jw @ Z
-    damping = 1e-6
-    normal = JZ.T @ JZ + damping**2 * np.eye(Z.shape[1])
-    z = -np.linalg.solve(normal, JZ.T @ (r + Jw @ step) + damping**2 * (Z.T @ (moved + step)))
-    return step + Z @ z
-
-
-def _line_search(
-    constraints: Residual, y: np.ndarray, step: np.ndarray, gap: float, tolerance: float, stride: float
-) -> tuple[np.ndarray, bool]:
-    largest = _largest(step)
-    factor = min(1.0, stride / largest) if largest > 0 else 1.0
-    for _ in range(12):
-        trial = y + factor * step
-        value = _largest(constraints(trial)[0])
-        if value < np.inf and (value < gap * (1 - 1e-3 * factor) or value <= tolerance):
-            return trial, True
-        factor *= 0.5
-    return y, False
+    return Vt[rank:].T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +17,8 @@ from acausal.integrators.rates import Kernel
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
 from acausal.mechanics.free import FreeJoint
-from acausal.reduction.assembly import Residual, assemble
+from acausal.reduction.coordinates import Coordinates, coordinates
+from acausal.reduction.start_search import Closing, Found, Search, Target, start_search
 
 if TYPE_CHECKING:
     from acausal.reduction.outputs import Outputs
@@ -34,9 +36,13 @@ class exactly:
 
 @dataclass(frozen=True)
 class near:
-    """A start value that is met as well as the constraints and the exact values allow."""
+    """A start value that is met as well as the constraints and the exact values allow.
+
+    Where several cannot all be met, the sum of the squares of the differences, each times its `weight` > 0, is least nearby.
+    """
 
     value: Value
+    weight: float = 1.0
 
 
 Start = Mapping[Expression, Value | exactly | near]
@@ -50,41 +56,65 @@ class Met:
     wanted: np.ndarray
     got: np.ndarray
     exact: bool
+    unit: str = ""
+    periodic: bool = False
+
+    @property
+    def off(self) -> float:
+        """Largest difference; for angles of loops the shortest way round."""
+        difference = self.got - self.wanted
+        if self.periodic:
+            difference = np.remainder(difference + np.pi, 2 * np.pi) - np.pi
+        return float(np.max(np.abs(difference), initial=0.0))
+
+
+@dataclass(frozen=True)
+class Account:
+    """How a start was found: the search, its data, and what came out for positions and velocities."""
+
+    problem: StartProblem
+    data: np.ndarray
+    positions: Found
+    velocities: Found
 
 
 @dataclass(frozen=True)
 class InitialState:
-    """Consistent states at the start, and how the start values were met."""
+    """Consistent states `x` (nx,) at the start, and how the start values were `met`. Printing it tells how it was found:
+    what is off, how far the coordinates moved from the sketch, which loops were closed, which values were not needed.
+    """
 
     x: np.ndarray
     met: tuple[Met, ...]
+    account: Account = field(repr=False, compare=False)
 
     def __str__(self) -> str:
-        rows = [f"  {m.name:<24} {'exactly' if m.exact else 'near':<8} wanted {m.wanted}  got {m.got}" for m in self.met]
-        return "\n".join(["start:", *rows])
+        from acausal.reduction.start_report import start_report
 
-
-@dataclass(frozen=True)
-class _Target:
-    """A variable or expression with a start value, column by column; `place`: of its value among all start values."""
-
-    name: str
-    expression: ca.SX
-    exact: bool
-    periodic: bool
-    place: slice
+        return start_report(self)
 
 
 @dataclass(frozen=True)
 class StartProblem:
-    """The search for consistent states from start values of certain variables, whatever the values; made once, used often."""
+    """Searches for positions, then velocities, from values of the `targets`; made once for their names, used often."""
 
-    targets: tuple[_Target, ...]
-    positions: _Search
-    velocities: _Search
+    outputs: Outputs
+    targets: tuple[Target, ...]
+    positions: Search
+    velocities: Search
     got: Kernel | None
     lock: threading.Lock = field(default_factory=threading.Lock)
     """Kernels serve one thread at a time."""
+
+    @functools.cached_property
+    def coordinates(self) -> Coordinates:
+        """Kinds and names of the entries of q."""
+        r = self.outputs.system
+        return coordinates(r.mechanics, r.p, r.p_values, r.q_start, r.scalar.position)
+
+    def scale(self) -> np.ndarray:
+        """What is much for each entry of q."""
+        return self.coordinates.scale
 
 
 def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> InitialState:
@@ -92,6 +122,34 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
 
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """
+    from acausal.reduction.start_failure import complain
+
+    problem = start_problem(outputs, start)
+    wanted, weights, data = start_data(problem, start, t0, p, u)
+    with problem.lock:
+        found = problem.positions.solve(data, weights, problem.scale)
+        if not found.converged:
+            complain(problem.positions, found, data, problem.scale)
+        data_v = np.concatenate([data, found.y])
+        moving = problem.velocities.solve(data_v, weights)
+        if not moving.converged:
+            complain(problem.velocities, moving, data_v, None)
+        return finished(problem, wanted, data, found, moving)
+
+
+def finished(problem: StartProblem, wanted: list[np.ndarray], data: np.ndarray, found: Found, moving: Found) -> InitialState:
+    """The state of found positions and velocities, and what became of the start values; `problem.lock` must be held."""
+    x = np.concatenate([found.y, moving.y])
+    account = Account(problem, data, found, moving)
+    if problem.got is None:
+        return InitialState(x, (), account)
+    got = problem.got.at(np.concatenate([x, data])).copy()
+    met = tuple(Met(t.name, w, got[t.place], t.exact, t.unit, t.periodic) for t, w in zip(problem.targets, wanted, strict=True))
+    return InitialState(x, met, account)
+
+
+def start_problem(outputs: Outputs, start: Start) -> StartProblem:
+    """The searches for start values of these variables; made when first asked for. Raises `StartValueError`."""
     for key in start:
         if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
             raise StartValueError(
@@ -104,16 +162,19 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
         if len(known) >= _KEPT:
             known.clear()
         problem = known[what] = _start_problem(outputs, what)
+    return problem
+
+
+def start_data(
+    problem: StartProblem, start: Start, t0: float, p: np.ndarray, u: np.ndarray
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Start values one by one, the weights of all their entries, and what the searches take: values, t0, inputs, parameters."""
     wanted = [_numbers(target, value) for target, value in zip(problem.targets, start.values(), strict=True)]
-    flat = np.concatenate([*wanted, [t0], u, p])
-    with problem.lock:
-        q0 = problem.positions.solve(flat)
-        v0 = problem.velocities.solve(np.concatenate([flat, q0]))
-        x = np.concatenate([q0, v0])
-        if problem.got is None:
-            return InitialState(x, ())
-        got = problem.got.at(np.concatenate([x, flat])).copy()
-    return InitialState(x, tuple(Met(t.name, w, got[t.place], t.exact) for t, w in zip(problem.targets, wanted, strict=True)))
+    weights = np.ones(sum(w.size for w in wanted))
+    for target, value in zip(problem.targets, start.values(), strict=True):
+        if isinstance(value, near):
+            weights[target.place] = _weight(target, value.weight)
+    return wanted, weights, np.concatenate([*wanted, [t0], u, p])
 
 
 def initial_derivatives(
@@ -132,7 +193,7 @@ def initial_derivatives(
     States that start values do not determine change as little as the constraints allow. Errors as for `initial_state`.
     """
     found = initial_state(outputs, start, t0, p, u)
-    problem = outputs.start_problems[tuple((key, not isinstance(value, near)) for key, value in start.items())]
+    problem = found.account.problem
     n = sum(met.wanted.size for met in found.met)
     count = len(starts)
     du, dp, change = np.zeros((u.size, count)), np.zeros((p.size, count)), np.zeros((n + 1 + u.size + p.size, count))
@@ -144,7 +205,7 @@ def initial_derivatives(
         if j is not None:
             dp[j, k] = change[n + 1 + u.size + j, k] = 1.0
     nq = outputs.system.nq
-    data = np.concatenate([*(met.wanted for met in found.met), [t0], u, p])
+    data = found.account.data
     dq = problem.positions.derivative(found.x[:nq], data, change)
     dv = problem.velocities.derivative(found.x[nq:], np.concatenate([data, found.x[:nq]]), np.vstack([change, dq]))
     return found.x, Directions(np.vstack([dq, dv]), du, dp)
@@ -153,15 +214,8 @@ def initial_derivatives(
 def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:
     r = outputs.system
     q, v = r.x[: r.nq, :], r.x[r.nq :, :]
-    targets: list[_Target] = []
-    size = 0
-    for key, exact in what:
-        for leaf in key.leaves:
-            _check_settable(leaf)
-        expression = ca.vec(outputs.resolve(key))
-        name = outputs.name(key) if isinstance(key, Symbol) else repr(key)
-        targets.append(_Target(name, expression, exact, outputs.is_angle(key), slice(size, size + expression.numel())))
-        size += expression.numel()
+    targets = _targets(outputs, what)
+    size = sum(t.size for t in targets)
     moving = [bool(v.numel()) and ca.depends_on(t.expression, v) for t in targets]
     for target, at_velocity in zip(targets, moving, strict=True):
         if not at_velocity and not (q.numel() and ca.depends_on(target.expression, q)):
@@ -170,13 +224,63 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     data = ca.vertcat(wanted, r.t, r.u, r.p)
     free_q, free_v = _free_orientations(outputs)
     at_q, at_v = ([t for t, m in zip(targets, moving, strict=True) if m is kind] for kind in (False, True))
-    positions = _search(q, data, wanted, r.closing, at_q, r.q_start, "position", free_q)
-    velocities = _search(v, ca.vertcat(data, q), wanted, r.velocity_closing, at_v, r.rate_start, "velocity", free_v)
+    position, velocity = _closing(outputs)
+    positions = start_search("position", q, data, wanted, position, at_q, r.q_start, free_q)
+    velocities = start_search("velocity", v, ca.vertcat(data, q), wanted, velocity, at_v, r.rate_start, free_v)
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
         got = Kernel.of(ca.Function("got", [ca.vertcat(r.x, data)], [results], {"cse": True}))
-    return StartProblem(tuple(targets), positions, velocities, got)
+    return StartProblem(outputs, tuple(targets), positions, velocities, got)
+
+
+def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> list[Target]:
+    targets: list[Target] = []
+    size = 0
+    for key, exact in what:
+        for leaf in key.leaves:
+            _check_settable(leaf)
+        expression = ca.vec(outputs.resolve(key))
+        name, unit = (outputs.name(key), key.unit) if isinstance(key, Symbol) else (_named(outputs, key), "")
+        targets.append(Target(name, unit, expression, exact, outputs.is_angle(key), slice(size, size + expression.numel())))
+        size += expression.numel()
+    return targets
+
+
+def _named(outputs: Outputs, key: Expression) -> str:
+    """The expression as CasADi prints it, with the full names of the variables in it."""
+    text = key.sx
+    for leaf in sorted(key.leaves, key=lambda leaf: leaf.name):
+        name, (rows, columns) = outputs.name(leaf), leaf.shape
+        places = (
+            [""]
+            if rows * columns == 1
+            else [f"[{i}]" if columns == 1 else f"[{i},{j}]" for j in range(columns) for i in range(rows)]
+        )
+        text = ca.substitute(text, leaf.sx, ca.reshape(ca.vertcat(*(ca.SX.sym(name + place) for place in places)), rows, columns))
+    text = str(text)
+    return text if len(text) < 80 else text[:76] + " ..."
+
+
+def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
+    """What positions and velocities must meet in any case: joints' invariants, loops, scalar equations; in the order of `closing`."""
+    r = outputs.system
+    loops = r.constraints.loops
+    joints = [(f"the loop closed by joint '{rows.edge.name}' ({rows.edge.joint.created_at})", rows) for rows in loops]
+    free = {s.element_hash() for s in ca.symvar(ca.vertcat(r.x[: r.nq, :], r.t, r.u, r.p))}
+    signs = [rows.sign for rows in loops if rows.sign is not None and not rows.sign.is_constant()]
+    signs = [s for s in signs if {a.element_hash() for a in ca.symvar(s)} <= free]
+    position = (
+        ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
+        *((words, rows.position.numel()) for words, rows in joints),
+        ("the equations of gears and sources", r.scalar.position.numel()),
+    )
+    velocity = (
+        *((words, rows.velocity.numel()) for words, rows in joints),
+        ("the equations of scalar parts", r.scalar.velocity.numel()),
+    )
+    none = ca.SX(0, 1)
+    return Closing(r.closing, position, ca.vertcat(none, *signs)), Closing(r.velocity_closing, velocity, none)
 
 
 def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
@@ -190,20 +294,31 @@ def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
     return q, v
 
 
-def _numbers(target: _Target, value: Value | exactly | near) -> np.ndarray:
+def _numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
     number = value.value if isinstance(value, exactly | near) else value
-    size = target.place.stop - target.place.start
     try:
         wanted = np.asarray(number, dtype=float).ravel(order="F")
     except (TypeError, ValueError):
         raise StartValueError(f"start value of {target.name} is {number!r}, not a number.") from None
-    if wanted.size != size:
+    if wanted.size != target.size:
         raise StartValueError(
-            f"start value of {target.name} needs {size} numbers, not {'one' if wanted.size == 1 else wanted.size}."
+            f"start value of {target.name} needs {target.size} numbers, not {'one' if wanted.size == 1 else wanted.size}."
         )
     if not np.isfinite(wanted).all():
         raise StartValueError(f"start value of {target.name} is {wanted}. Give finite numbers.")
     return wanted
+
+
+def _weight(target: Target, weight: object) -> float:
+    try:
+        number = float(weight)  # pyright: ignore[reportArgumentType]  # users pass anything
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not 0 < number < np.inf:
+        raise StartValueError(
+            f"start value of {target.name}: the weight is {weight!r}. Give a finite positive number, 1 for no preference."
+        )
+    return number
 
 
 def _check_settable(leaf: Symbol) -> None:
@@ -217,128 +332,3 @@ def _check_settable(leaf: Symbol) -> None:
         isinstance(leaf, Quantity) and leaf.name in ("force", "torque", "acceleration", "angular_acceleration")
     ):
         raise StartValueError(f"{leaf.name} follows from the equations of motion and is not free: it cannot have a start value.")
-
-
-@dataclass(frozen=True)
-class _Search:
-    """Looks for y with `constraints(y, data)` = 0 that keeps to wishes and to the start `guess`.
-
-    `plain`: pairs of a place in y and a place among the start values that is its value. `settled`: the values say it all.
-    """
-
-    constraints: Kernel | None
-    wishes: Kernel | None
-    closing: int
-    exact: tuple[_Target, ...]
-    guess: np.ndarray
-    plain: tuple[tuple[int, int], ...]
-    settled: bool
-    what: str
-    residual: ca.Function | None = None
-
-    @property
-    def stride(self) -> float:
-        """Velocities enter linearly, so the search may go anywhere at once."""
-        return np.inf if self.what == "velocity" else 0.7
-
-    def solve(self, data: np.ndarray) -> np.ndarray:
-        """y (n,) for start values, time, inputs and parameters `data`."""
-        first = self.guess.copy()
-        for i, k in self.plain:
-            first[i] = data[k]
-        if self.settled or self.constraints is None:
-            return first
-        data = np.concatenate([data, first])
-        hard = _residual(self.constraints, first.size, data)
-        soft = None if self.wishes is None else _residual(self.wishes, first.size, data)
-        found = assemble(hard, first, soft, stride=self.stride)
-        rng = np.random.default_rng(0)
-        for attempt in range(8):
-            if found.converged:
-                return found.y
-            trial = assemble(hard, first + rng.normal(scale=0.1 * 1.5**attempt, size=first.size), soft, stride=self.stride)
-            found = trial if trial.converged or trial.gap < found.gap else found
-        raise StartValueError(self._complaint(hard(found.y)[0], data))
-
-    def derivative(self, y: np.ndarray, data: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """dy (n, k) when the data change by the columns of `change` (size of data, k): the start values that y repeats, and then the
-        least change that keeps the constraints.
-        """
-        first = np.zeros((y.size, change.shape[1]))
-        for i, k in self.plain:
-            first[i] = change[k]
-        if self.settled or self.residual is None:
-            return first
-        J, by_data = (
-            np.array(part) for part in self.residual.factory("slopes", ["y", "data"], ["jac:c:y", "jac:c:data"])(y, data)
-        )
-        return first - np.linalg.pinv(J, rcond=1e-9) @ (J @ first + by_data @ change)
-
-    def _complaint(self, residual: np.ndarray, data: np.ndarray) -> str:
-        n = self.closing
-        gaps: list[str] = []
-        for target in self.exact:
-            size = target.place.stop - target.place.start
-            gap = float(np.max(np.abs(residual[n : n + size])))
-            gaps.append(f"{target.name} = {data[target.place]} (off by {gap:.3g})")
-            n += size
-        return (
-            f"The {self.what} start values contradict each other or the constraints: {'; '.join(gaps) or 'none was given'}; the constraints are "
-            f"open by {float(np.max(np.abs(residual[: self.closing]), initial=0.0)):.3g}. Give fewer exact values, or soften some with ac.near(...)."
-        )
-
-
-def _search(
-    y: ca.SX,
-    data: ca.SX,
-    wanted: ca.SX,
-    closing: ca.SX,
-    targets: list[_Target],
-    guess: np.ndarray,
-    what: str,
-    kept: list[int],
-) -> _Search:
-    """`kept`: entries of y that rather stay as they are than make up for others."""
-    exact = [t for t in targets if t.exact]
-    wished = [t for t in targets if not t.exact]
-    place = {y[i].element_hash(): i for i in range(y.numel())}
-    plain: list[tuple[int, int]] = []
-    for target in exact + wished:
-        for k in range(target.expression.numel()):
-            entry = target.expression[k]
-            if entry.is_symbolic() and entry.element_hash() in place:
-                plain.append((place[entry.element_hash()], target.place.start + k))
-    entries = sum(t.expression.numel() for t in exact)
-    settled = not closing.numel() and not wished and len({i for i, _ in plain}) == len(plain) == entries
-    if y.numel() == 0 or settled:
-        return _Search(None, None, 0, (), guess, tuple(plain), True, what)
-    first = ca.SX.sym("first", y.numel())
-    data = ca.vertcat(data, first)
-    hard = ca.vertcat(closing, *(_difference(t, wanted) for t in exact))
-    stay = y[kept] - first[kept] if kept and targets else ca.SX(0, 1)
-    soft = ca.vertcat(stay, *(_difference(t, wanted) for t in wished))
-    wishes = _with_jacobian(y, data, soft) if soft.numel() else None
-    residual = ca.Function("residual", [y, data[: data.numel() - y.numel()]], [hard], ["y", "data"], ["c"])
-    return _Search(
-        _with_jacobian(y, data, hard), wishes, closing.numel(), tuple(exact), guess, tuple(plain), False, what, residual
-    )
-
-
-def _difference(target: _Target, wanted: ca.SX) -> ca.SX:
-    difference = target.expression - wanted[target.place]
-    return ca.atan2(ca.sin(difference), ca.cos(difference)) if target.periodic else difference
-
-
-def _with_jacobian(y: ca.SX, data: ca.SX, residual: ca.SX) -> Kernel:
-    """(y, data) -> residual, and its Jacobian column by column, in one column."""
-    both = ca.vertcat(ca.densify(residual), ca.vec(ca.densify(ca.jacobian(residual, y))))
-    return Kernel.of(ca.Function("residual", [ca.vertcat(y, data)], [both], {"cse": True}))
-
-
-def _residual(kernel: Kernel, n: int, data: np.ndarray) -> Residual:
-    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        both = kernel.at(np.concatenate([point, data])).copy()
-        m = both.size // (n + 1)
-        return both[:m], both[m:].reshape(n, m).T
-
-    return evaluate
