@@ -15,7 +15,7 @@ from acausal.errors import LockedError, ModelError
 from acausal.events import when
 from acausal.integrators.problem import Tolerances
 from acausal.language.component import System
-from acausal.language.expression import Expression, Input, Parameter, time
+from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import flatten
 from acausal.mechanics.system import mechanical_system
 from acausal.reduction.initial import InitialState, Start, initial_state
@@ -24,7 +24,10 @@ from acausal.reduction.reduce import ReducedSystem, reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
+    from acausal.analysis.conditions import Steady
+    from acausal.analysis.equilibrium import Equilibrium
     from acausal.analysis.linearize import Linearization
+    from acausal.minimal import MinimalModel
     from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulation import InputValue, Progress
     from acausal.trajectory import Trajectory
@@ -205,6 +208,50 @@ class Model:
         from acausal.analysis.point import operating_point
 
         return linearize(self.functions, operating_point(self.functions, start, t, inputs, parameters), states, outputs)
+
+    def minimal(
+        self,
+        start: Start | None = None,
+        *,
+        prefer: Sequence[Variable] = (),
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+        t0: float = 0.0,
+        steps: int = 8,
+    ) -> MinimalModel:
+        """The equations of motion in independent coordinates around a start state: the fewest states, no invariants.
+
+        `prefer`: variables that are to be independent where that is well conditioned; never needed. `steps`: Newton steps from the start to a
+        state of a loop, about half a radian of its motion each. Others as for `simulate`. Raises `StartValueError` at singular positions,
+        `OptionError` for a preference that is no state.
+        """
+        from acausal.minimal import minimal_model
+        from acausal.simulation import parameter_values
+
+        found = self.initial_state(start, t0=t0, inputs=inputs, parameters=parameters)
+        return minimal_model(self.functions, t0, found, parameter_values(self.functions, parameters or {}), prefer, steps)
+
+    def equilibrium(
+        self,
+        start: Start | None = None,
+        *,
+        free: Sequence[Input | Parameter] = (),
+        steady: Steady = (),
+        t: float = 0.0,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+    ) -> Equilibrium:
+        """The equilibrium nearest to `start`, or the steady motion, with the values of `free` inputs and parameters that it needs.
+
+        `start`: where to look. `ac.exactly(...)` is held; anything else is met as well as an equilibrium allows, and with enough free
+        inputs exactly (a robot's trim). `steady`: instead of everything at rest, these expressions stay as they are, or change at the
+        rates of a dictionary, {scene.precession.q: 2.0}; a rate of None is found, and constant. Which of several equilibria is found
+        depends on the start only; stability is in the result.
+        Raises `EquilibriumError` where there is none, `StartValueError`, `OptionError`, `UnknownVariableError`.
+        """
+        from acausal.analysis.equilibrium import equilibrium
+
+        return equilibrium(self.functions, start, free, steady, t, inputs, parameters)
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).

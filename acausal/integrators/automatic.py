@@ -73,7 +73,9 @@ def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
 
 
 def fastest(jacobian: np.ndarray) -> tuple[float, float]:
-    """Fastest decay and growth [1/s] of a linear system (n, n); the two are equal where energy is kept."""
+    """Fastest decay and growth [1/s] of a linear system (n, n); the two are equal where energy is kept, and 0 where rates are not known."""
+    if not np.isfinite(jacobian).all():
+        return 0.0, 0.0
     real = np.real(np.linalg.eigvals(jacobian))
     return float(np.max(-real, initial=0.0)), float(np.max(real, initial=0.0))
 

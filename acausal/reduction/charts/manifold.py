@@ -1,0 +1,121 @@
+"""What a scene's states must obey: rows in configurations alone, and rows that also take velocities and scalar states."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.codegen.lower import Functions
+from acausal.reduction.charts.coordinates import ChartCoordinates, unit_columns
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Derivatives at one state: of the rows of positions in c, `position` (m1, nc), and of the others in w = (v, scalar states),
+    `rate` (m2, nw)."""
+
+    position: np.ndarray
+    rate: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class Manifold:
+    """The invariants of a model, sorted for charts: `position` (t, q, p) -> (m1, 1), `rate` (t, q, w, p) -> (m2, 1), redundant ones too.
+
+    Lengths of unit columns are left out: `coordinates` keep them by themselves. `twins`: pairs of an entry of c and an entry of w that
+    is its rate.
+    """
+
+    functions: Functions
+    coordinates: ChartCoordinates
+    position: ca.Function
+    rate: ca.Function
+    twins: tuple[tuple[int, int], ...]
+
+    @functools.cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of c and w."""
+        states = self.functions.state_names
+        return self.coordinates.names(states) + states[self.coordinates.size :]
+
+    @functools.cached_property
+    def _slopes(self) -> ca.Function:
+        s = self.functions.outputs.system
+        q, w = s.x[: s.nq], s.x[s.nq :]
+        c = ca.SX.sym("c", self.coordinates.count)
+        position = ca.jacobian(self.position(s.t, self.coordinates.configuration(c, q), s.p), c)
+        position = ca.substitute(position, c, self.coordinates.coordinates(q, q))
+        return ca.Function(
+            "slopes",
+            [s.t, s.x, s.p],
+            [ca.densify(position), ca.densify(ca.jacobian(self.rate(s.t, q, w, s.p), w))],
+            {"cse": True},
+        )
+
+    @functools.cached_property
+    def _sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of the rows of both parts, the largest of some assembled configurations; infinite for rows of rounding errors."""
+        s = self.functions.outputs.system
+        found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
+        return _lengths([np.array(position) for position, _ in found]), _lengths([np.array(rate) for _, rate in found])
+
+    def slopes(self, t: float, x: np.ndarray, p: np.ndarray) -> Slopes:
+        """At a state x (nx,), each row divided by its usual length."""
+        parts = zip(self._slopes(t, x, p), self._sizes, strict=True)
+        position, rate = (np.array(J) / size[:, None] for J, size in parts)
+        return Slopes(position, rate)
+
+    def singularity(self, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
+        """How independent the loops' constraints are at a state: of the singular values of their rows, each divided by its usual length,
+        the smallest of as many as constraints are independent elsewhere, and the velocities (nv,) that it nearly leaves free. 1 without loops.
+        """
+        s = self.functions.outputs.system
+        rank, nv = s.constraints.rank.rank, s.tree_velocities
+        if rank == 0:
+            return 1.0, np.zeros(nv)
+
+        def rows(t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+            return np.array(self.functions.constraint_jacobian(t, x, s.u_defaults, p))
+
+        samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
+        _, values, directions = np.linalg.svd(rows(t, x, p) / _lengths(samples)[:, None])
+        return float(values[rank - 1]), directions[rank - 1]
+
+
+def manifold(functions: Functions) -> Manifold:
+    """The invariants of a model, sorted."""
+    s = functions.outputs.system
+    nv = s.tree_velocities
+    q, w = s.x[: s.nq], s.x[s.nq :]
+    units = unit_columns(s.position_invariants, q)
+    rows = ca.vertcat(
+        *(s.position_invariants[k] for k in range(s.position_invariants.numel()) if k not in units),
+        s.velocity_invariants,
+        ca.SX(0, 1),
+    )
+    own = {w[i].element_hash() for i in range(w.numel())}
+    moving = [any(symbol.element_hash() in own for symbol in ca.symvar(rows[k])) for k in range(rows.numel())]
+    position = _rows(rows, [k for k, m in enumerate(moving) if not m])
+    rate = _rows(rows, [k for k, m in enumerate(moving) if m])
+    coordinates = ChartCoordinates(s.nq, tuple(sorted(units.values())))
+    rates, place = s.mechanics.tree.rates, {w[i].element_hash(): i for i in range(nv)}
+    twins: list[tuple[int, int]] = []
+    for i in range(s.nq):
+        if rates[i].is_symbolic() and rates[i].element_hash() in place:
+            twins.append((coordinates.entries(i)[0], place[rates[i].element_hash()]))
+    return Manifold(
+        functions, coordinates, ca.Function("position", [s.t, q, s.p], [position]), ca.Function("rate", [s.t, q, w, s.p], [rate]), tuple(twins)
+    )  # fmt: skip
+
+
+def _rows(rows: ca.SX, chosen: list[int]) -> ca.SX:
+    return ca.densify(rows[chosen]) if chosen else ca.SX(0, 1)
+
+
+def _lengths(samples: list[np.ndarray]) -> np.ndarray:
+    size = np.max([np.linalg.norm(J, axis=1) for J in samples], axis=0)
+    size[size <= 1e-12 * np.max(size, initial=0.0)] = np.inf
+    return size
