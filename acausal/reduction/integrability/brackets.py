@@ -7,7 +7,7 @@ tangent to it; how they go on outside is free.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ from acausal.reduction.integrability.pfaffian import PfaffianSystem
 
 _ZERO = 1e-9
 _CLEAR = 1e-6
+_FLOOR = 1e-4
 _MOST_INSTRUCTIONS = 300_000
 
 
@@ -124,46 +125,38 @@ def involutive_closure(system: PfaffianSystem, points: Sequence[np.ndarray], siz
     Each bracket goes one derivative deeper, and expressions grow about threefold.
     """
     X = admissible_fields(system, points[0])
-    level = _Level.of(system, X, X, points)
-    bases = [rank.new_directions(np.zeros((X.shape[0], 0)), V, S)[0] for V, S in zip(level.values, level.scales, strict=True)]
+    generators = _values(system, [X], points)
+    newest, sizes = X, [np.linalg.norm(values[0], axis=0) for values in generators]
+    bases = [rank.new_directions(np.zeros((X.shape[0], 0)), V[0], s)[0] for V, s in zip(generators, sizes, strict=True)]
     dimensions = [max(basis.shape[1] for basis in bases)]
-    newest = X
     while dimensions[-1] < size:
-        parts = [_bracket(X[:, i], newest[:, k], system.y) for i in range(X.shape[1]) for k in range(newest.shape[1])]
-        pairs = [(a, b) for a, b in parts if not (a - b).is_zero()]
-        if not pairs:
-            return Closure(tuple(dimensions), tuple(bases), True)
-        first, second = ca.horzcat(*(a for a, _ in pairs)), ca.horzcat(*(b for _, b in pairs))
+        pairs = [(i, k) for i in range(X.shape[1]) for k in range(newest.shape[1])]
+        parts = [_bracket(X[:, i], newest[:, k], system.y) for i, k in pairs]
+        first, second = (ca.horzcat(*column) for column in zip(*parts, strict=True))
         if ca.Function("size", [system.y], [first, second]).n_instructions() > _MOST_INSTRUCTIONS:
             return Closure(tuple(dimensions), tuple(bases), False)
-        level = _Level.of(system, first, second, points)
-        grown = [rank.new_directions(basis, V, S) for basis, V, S in zip(bases, level.values, level.scales, strict=True)]
-        best = max(grown, key=lambda item: item[0].shape[1])
+        brackets: list[np.ndarray] = []
+        grown: list[tuple[np.ndarray, list[int]]] = []
+        for basis, V, own, (A, B) in zip(bases, generators, sizes, _values(system, [first, second], points), strict=True):
+            # what cancels within a bracket leaves rounding errors that its own size does not tell
+            floor = np.array([np.linalg.norm(V[0][:, i]) * own[k] for i, k in pairs])
+            scales = np.linalg.norm(A, axis=0) + np.linalg.norm(B, axis=0)
+            scales = np.maximum(scales, _FLOOR * np.maximum(floor, np.max(scales)))
+            grown.append(rank.new_directions(basis, A - B, scales))
+            brackets.append(A - B)
         bases = [basis for basis, _ in grown]
-        if best[0].shape[1] == dimensions[-1]:
-            return Closure(tuple(dimensions), tuple(bases), True)
-        dimensions.append(best[0].shape[1])
-        newest = (first - second)[:, best[1]]
+        taken = max((chosen for _, chosen in grown), key=len)
+        if not taken:
+            break
+        dimensions.append(max(basis.shape[1] for basis in bases))
+        newest = ca.cse((first - second)[:, taken])
+        sizes = [np.linalg.norm(values[:, taken], axis=0) for values in brackets]
     return Closure(tuple(dimensions), tuple(bases), True)
 
 
-@dataclass
-class _Level:
-    """Values (n, k) of fields at each point, and their sizes (k,) before the two parts of a bracket cancel."""
-
-    values: list[np.ndarray] = field(default_factory=list)
-    scales: list[np.ndarray] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, system: PfaffianSystem, first: ca.SX, second: ca.SX, points: Sequence[np.ndarray]) -> _Level:
-        function = ca.Function("fields", [system.y], [ca.densify(first), ca.densify(second)])
-        level = cls()
-        for point in points:
-            A, B = (np.array(part) for part in function(point))
-            alone = first is second
-            level.values.append(A if alone else A - B)
-            level.scales.append(np.linalg.norm(A, axis=0) + (0.0 if alone else np.linalg.norm(B, axis=0)))
-        return level
+def _values(system: PfaffianSystem, fields: Sequence[ca.SX], points: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    function = ca.Function("fields", [system.y], [ca.densify(each) for each in fields])
+    return [[np.array(each) for each in function.call([point])] for point in points]
 
 
 def _bracket(X: ca.SX, B: ca.SX, y: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -79,7 +79,7 @@ class PfaffianSystem:
         clock = {last} if self.timed else set[int]()
         for group in _connected([m - clock for m in members]):
             rows = tuple(k - c for k in group if k >= c)
-            if rows:
+            if rows and any(members[k] for k in group):
                 own = sorted(set[int]().union(*(members[k] for k in group)))
                 yield rows, PfaffianSystem(
                     self.y[own], self.holonomic[[k for k in group if k < c]], self.forms[list(rows), own],
