@@ -6,7 +6,8 @@ articulated inertias can be used again for many right-hand sides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -37,18 +38,26 @@ def zero_wrenches(tree: Tree) -> list[Wrench]:
 
 
 def forward_dynamics(
-    kinematics: Kinematics, tau: ca.SX, wrenches: list[Wrench], *, at_rest: bool = False, gravity: bool = True
+    kinematics: Kinematics,
+    tau: ca.SX,
+    wrenches: list[Wrench],
+    *,
+    at_rest: bool = False,
+    gravity: bool = True,
+    rotors: Mapping[int, float] | None = None,
 ) -> ca.SX:
     """v' (nv, 1) from joint forces tau (nv, 1) and external wrenches on each link, in and about its frame.
 
     `at_rest`: leave out all terms in the velocities. `gravity`: whether uniform gravity acts. With both off it is
-    M^-1 tau, for constraint forces. Raises `MasslessError` where a motion meets no inertia by structure.
+    M^-1 tau, for constraint forces. `rotors`: inertias that resist the motions of links, by their indices (see
+    `virtual_inertia`). Raises `MasslessError` where a motion meets no inertia by structure.
     """
-    tree = kinematics.tree
-    n = len(tree.links)
-    blocks: list[tuple[ca.SX, ca.SX, ca.SX]] = [_blocks(link) for link in tree.links]
+    tree, rotors = kinematics.tree, rotors or {}
+    links = [replace(k, motion=replace(k.motion, axes=None)) if i in rotors else k for i, k in enumerate(tree.links)]
+    n = len(links)
+    blocks: list[tuple[ca.SX, ca.SX, ca.SX]] = [_blocks(link) for link in links]
     bias: list[Wrench] = []
-    for i, link in enumerate(tree.links):
+    for i, link in enumerate(links):
         torque, force = (
             (ca.SX.zeros(3), ca.SX.zeros(3))
             if at_rest or link.inertia.is_zero
@@ -60,26 +69,30 @@ def forward_dynamics(
     u: list[ca.SX] = [ca.SX()] * n
     zero = ca.SX.zeros(6)
     for i in reversed(range(n)):
-        link = tree.links[i]
+        link = links[i]
         gamma = zero if at_rest else kinematics.bias(i)
         own_tau = link.motion.sign * tau[link.v] if link.motion.axes is not None else tau[link.v]
-        I3, H, M, felt, U[i], D_inverse[i], u[i] = _eliminate(link, blocks[i], bias[i], gamma, own_tau)
+        I3, H, M, felt, U[i], D_inverse[i], u[i] = _eliminate(link, blocks[i], bias[i], gamma, own_tau, rotors.get(i, 0.0))
         if link.parent >= 0:
             blocks[link.parent], bias[link.parent] = _add_to_parent(
                 link, (I3, H, M), (felt[:3], felt[3:]), blocks[link.parent], bias[link.parent]
             )
     a_world = -tree.gravity if gravity else ca.SX.zeros(3)
-    return _accelerations(kinematics, U, D_inverse, u, a_world, at_rest)
+    return _accelerations(kinematics, links, U, D_inverse, u, a_world, at_rest)
 
 
 def _accelerations(
-    kinematics: Kinematics, U: list[ca.SX], D_inverse: list[ca.SX], u: list[ca.SX], a_world: ca.SX, at_rest: bool
+    kinematics: Kinematics,
+    links: Sequence[Link],
+    U: list[ca.SX],
+    D_inverse: list[ca.SX],
+    u: list[ca.SX],
+    a_world: ca.SX,
+    at_rest: bool,
 ) -> ca.SX:
-    tree = kinematics.tree
-    nv = tree.v.numel()
-    result = ca.SX.zeros(nv)
+    result = ca.SX.zeros(kinematics.tree.v.numel())
     accelerations: list[Wrench] = []
-    for i, link in enumerate(tree.links):
+    for i, link in enumerate(links):
         w_dot, a = accelerations[link.parent] if link.parent >= 0 else (ca.SX.zeros(3), a_world)
         w_dot, a = kernels.move_acceleration(symbolic(link.offset.rotation), symbolic(link.offset.position), w_dot, a)
         w_dot, a = kernels.move_acceleration(symbolic(link.motion.pose.rotation), symbolic(link.motion.pose.position), w_dot, a)
@@ -109,33 +122,38 @@ def _moment(link: Link) -> ca.SX:
     return symbolic(link.inertia.moment)
 
 
-def _eliminate(link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX], bias: Wrench, gamma: ca.SX, tau: ca.SX) -> tuple[ca.SX, ...]:
+def _eliminate(
+    link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX], bias: Wrench, gamma: ca.SX, tau: ca.SX, rotor: float
+) -> tuple[ca.SX, ...]:
     motion = link.motion
     if motion.nv == 0:
         full = ca.blockcat([[blocks[0], blocks[1]], [blocks[1].T, blocks[2]]])
         return *blocks, ca.vertcat(*bias) + full @ gamma, ca.SX(6, 0), ca.SX(0, 0), ca.SX(0, 1)
-    _check_inertia(link, blocks)
+    if not rotor:
+        _check_inertia(link, blocks)
     if motion.axes is not None:
         return kernels.eliminate_axes(motion.axes)(*blocks, *bias, gamma, tau)
-    return kernels.eliminate(motion.nv)(*blocks, *bias, gamma, motion.subspace, tau)
+    return kernels.eliminate(motion.nv)(*blocks, *bias, gamma, motion.subspace, tau, ca.SX(rotor))
 
 
 def _check_inertia(link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX]) -> None:
     """A direction of motion without inertia by structure cannot have an acceleration."""
     if link.motion.axes is None:
         if all(block.is_zero() for block in blocks):
-            raise MasslessError(_massless(link))
+            raise massless(link)
         return
     for axis in link.motion.axes:
         block, k = (blocks[0], axis) if axis < 3 else (blocks[2], axis - 3)
         if block[k, k].is_zero():
-            raise MasslessError(_massless(link))
+            raise massless(link)
 
 
-def _massless(link: Link) -> str:
-    return (
+def massless(link: Link) -> MasslessError:
+    """Nothing with inertia resists its motion."""
+    return MasslessError(
         f"Nothing with inertia resists the motion of {link.where}. Its acceleration is undefined. Connect a body with "
-        "mass (and, where it turns, with a moment of inertia about the axis) behind the joint, or remove the joint."
+        "mass (and, where it turns, with a moment of inertia about the axis) behind the joint, or remove the joint. For a massless "
+        "link between two ball joints, whose spin nothing resists, use Rod(length)."
     )
 
 

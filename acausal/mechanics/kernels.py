@@ -138,16 +138,16 @@ def eliminate_axes(axes: tuple[int, ...]) -> Kernel:
 
 @functools.cache
 def eliminate(n: int) -> Kernel:
-    """The same for a general motion subspace S (6, n), which comes after gamma."""
+    """The same for a general motion subspace S (6, n), which comes after gamma, and a rotor (1, 1) on each motion, which comes last."""
 
-    @inlined(M33, M33, M33, V, V, (6, 1), (6, n), (n, 1))
+    @inlined(M33, M33, M33, V, V, (6, 1), (6, n), (n, 1), (1, 1))
     def kernel(
-        I3: ca.SX, H: ca.SX, M: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX
+        I3: ca.SX, H: ca.SX, M: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX, rotor: ca.SX
     ) -> tuple[ca.SX, ...]:
         full = ca.blockcat([[I3, H], [H.T, M]])
         bias = ca.vertcat(torque, force)
         U = full @ S
-        D_inverse = inverse_positive(symmetric(S.T @ U))
+        D_inverse = inverse_positive(symmetric(S.T @ U) + rotor * ca.SX.eye(n))
         u = tau - S.T @ bias
         result = symmetric(full - U @ D_inverse @ U.T)
         bias_out = bias + result @ gamma + U @ (D_inverse @ u)

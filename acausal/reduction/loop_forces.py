@@ -15,14 +15,17 @@ Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and Kovecses,
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from acausal.mechanics.forward_dynamics import forward_dynamics, zero_wrenches
+from acausal.mechanics.forward_dynamics import forward_dynamics, massless, zero_wrenches
 from acausal.mechanics.kernels import solve_damped, solve_positive, solve_semidefinite
 from acausal.mechanics.system import MechanicalSystem
+from acausal.mechanics.virtual_inertia import massless_motions
 from acausal.reduction.constraints import Constraints
 
 _FORCE_DAMPING = 1e-9
@@ -30,13 +33,15 @@ _FORCE_REFINEMENTS = 3
 _CORRECTION_DAMPING = 3e-5
 _PROJECTION_DAMPING = 3e-7
 _CORRECTIONS = 2
+_MASSLESS = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
 class LoopForces:
     """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
 
-    `sizes` (m,): of the diagonal of `delassus` at some configurations.
+    `sizes` (m,): of the diagonal of `delassus` at some configurations. `rotors`: on links whose motion meets no inertia in the tree;
+    M includes them (see `virtual_inertia`).
     """
 
     mechanics: MechanicalSystem
@@ -44,16 +49,61 @@ class LoopForces:
     flexibility: ca.SX
     delassus: ca.SX
     sizes: np.ndarray
+    rotors: Mapping[int, float]
 
-    def multipliers(self, free: ca.SX) -> ca.SX:
-        """Of the rows (m, 1), for accelerations `free` (nv, 1) without them: (A M^-1 A') lambda = -bias - A v'_free."""
+    def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
+        (A M^-1 A') lambda = -bias - A v'_free, and rotors taken away.
+        """
         c = self.constraints
         if not c.jacobian.shape[0]:
-            return ca.SX(0, 1)
-        right = -c.bias - c.jacobian @ free
-        if c.singular:
+            return free, ca.SX(0, 1)
+        gap = -c.bias - c.jacobian @ free
+        if not self.rotors:
+            multipliers = self._solve(gap)
+            return free + self.flexibility @ multipliers, multipliers
+        # v' = free + W A' lambda + W E' mu with mu = d E v': the rows of the loops eliminated first, then the few of the rotors
+        W, places = self._rotor_flexibility, self._rotor_places
+        both = self._solve(ca.horzcat(gap, c.jacobian @ W))
+        free, W = free + self.flexibility @ both[:, 0], W - self.flexibility @ both[:, 1:]
+        mu = solve_positive(ca.densify(self._lightness - W[places, :]), free[places])
+        return free + W @ mu, both[:, 0] - both[:, 1:] @ mu
+
+    def check_inertia(self, parameters: ca.SX, values: np.ndarray) -> None:
+        """Raise `MasslessError` where a motion meets no inertia in spite of closed loops."""
+        if not self.rotors:
+            return
+        W, tree = self._rotor_flexibility, self.mechanics.tree
+        left = self._lightness - (W - self.flexibility @ self._solve(self.constraints.jacobian @ W))[self._rotor_places, :]
+        function = ca.Function("left", [tree.q, tree.t, parameters], [ca.densify(left)])
+        for q in self.constraints.samples:
+            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) / np.max(np.array(ca.DM(self._lightness))))
+            if np.min(np.abs(levels)) < _MASSLESS:
+                link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
+                raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
+
+    def _solve(self, right: ca.SX) -> ca.SX:
+        if self.constraints.singular:
             return solve_damped(self.delassus, right, _FORCE_DAMPING * self._scale, _FORCE_REFINEMENTS)
-        return (solve_semidefinite if c.damped else solve_positive)(self.delassus, right)
+        return (solve_semidefinite if self.constraints.damped else solve_positive)(self.delassus, right)
+
+    @property
+    def _rotor_places(self) -> list[int]:
+        """In v."""
+        links = self.mechanics.tree.links
+        return [k for i in self.rotors for k in range(links[i].v.start, links[i].v.stop)]
+
+    @property
+    def _lightness(self) -> ca.SX:
+        """1 / d on the diagonal."""
+        links = self.mechanics.tree.links
+        return ca.diag(ca.SX(ca.DM([1 / d for i, d in self.rotors.items() for _ in range(links[i].motion.nv)])))
+
+    @functools.cached_property
+    def _rotor_flexibility(self) -> ca.SX:
+        """M^-1 E' (nv, number of rotors)."""
+        n = self.mechanics.tree.v.numel()
+        return _flexibility(self.mechanics, [ca.SX.eye(n)[:, k] for k in self._rotor_places], self.rotors)
 
     def position_correction(self, gap: ca.SX, damping: float) -> ca.SX:
         """Change of q (nq, 1) that closes position residuals `gap`, to first order and in the mass metric."""
@@ -88,17 +138,27 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
     A, tree = constraints.jacobian, mechanics.tree
     m = A.shape[0]
     if m == 0:
-        return LoopForces(mechanics, constraints, ca.SX(tree.v.numel(), 0), ca.SX(0, 0), np.zeros(0))
-    none = zero_wrenches(tree)
-    columns = [forward_dynamics(mechanics.kinematics, A[i, :].T, none, at_rest=True, gravity=False) for i in range(m)]
-    flexibility = ca.horzcat(*columns)
+        return LoopForces(mechanics, constraints, ca.SX(tree.v.numel(), 0), ca.SX(0, 0), np.zeros(0), {})
+    samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
+    rotors = massless_motions(tree, parameters, samples, values)
+    flexibility = _flexibility(mechanics, [A[i, :].T for i in range(m)], rotors)
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
     sizes = np.ones(m)
     if constraints.singular:
         diagonal = ca.Function("diagonal", [tree.q, tree.t, parameters], [ca.densify(ca.diag(delassus))])
         sizes = np.max([np.array(diagonal(q, 0.0, values)).ravel() for q in constraints.samples], axis=0)
         sizes = np.maximum(sizes, 1e-12 * np.max(sizes))
-    return LoopForces(mechanics, constraints, flexibility, delassus, sizes)
+    forces = LoopForces(mechanics, constraints, flexibility, delassus, sizes, rotors)
+    forces.check_inertia(parameters, values)
+    return forces
+
+
+def _flexibility(mechanics: MechanicalSystem, forces: Sequence[ca.SX], rotors: Mapping[int, float]) -> ca.SX:
+    """M^-1 times each of these joint forces (nv, 1), as columns."""
+    none = zero_wrenches(mechanics.tree)
+    return ca.horzcat(
+        *(forward_dynamics(mechanics.kinematics, f, none, at_rest=True, gravity=False, rotors=rotors) for f in forces)
+    )
 
 
 def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:

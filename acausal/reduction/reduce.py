@@ -119,10 +119,10 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
     values = np.array([parameter.value for parameter in flat.parameters])
     constraints = analyse_constraints(mechanics, p, values)
     tau = ca.SX.sym("tau", tree.v.numel())
-    free = forward_dynamics(mechanics.kinematics, tau, list(mechanics.wrenches))
     forces = loop_forces(mechanics, constraints, p, values)
-    multipliers = forces.multipliers(free)
-    v_dot = free + forces.flexibility @ multipliers
+    v_dot, multipliers = forces.closed(
+        forward_dynamics(mechanics.kinematics, tau, list(mechanics.wrenches), rotors=forces.rotors)
+    )
     scalar = add_scalar_domains(mechanics, tau, v_dot)
     _check_free(mechanics, constraints, scalar)
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
