@@ -116,10 +116,9 @@ def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
             a = Pose.identity() if edge.a == 0 else a
             b = Pose.identity() if edge.b == 0 else b
         entries = edge.joint.start_q()
-        if (a is not None and b is not None and edge.joint.q.start is None) or (
-            a is not None and b is not None and edge.implicit
-        ):
-            X = (a @ edge.pose_a).inverse() @ (b @ edge.pose_b)
+        if a is not None and b is not None:
+            mounting = Pose(edge.joint.mounting(), np.zeros(3))
+            X = (a @ edge.pose_a @ mounting).inverse() @ (b @ edge.pose_b @ mounting)
             found = edge.joint.coordinates(X)
             if found is not None and ca.densify(found).is_constant():
                 entries = tuple(float(f) for f in np.array(ca.DM(ca.evalf(found))).ravel())
