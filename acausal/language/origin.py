@@ -24,6 +24,6 @@ def _shortened(name: str) -> str:
     """The path relative to the working directory where that is shorter."""
     try:
         relative = os.path.relpath(name)
-    except ValueError:  # another drive on Windows
+    except (ValueError, OSError):  # another drive on Windows; a working directory that is gone
         return name
     return name if relative.startswith("..") else relative
