@@ -36,6 +36,10 @@ class AbstractJoint(AbstractConstraint, ABC):
         """What stays zero along every motion because of how q' is made: a quaternion's norm, a gap. (n, 1), empty by default."""
         return ca.SX(0, 1)
 
+    def domain(self, q: ca.SX) -> ca.SX:
+        """Positive where q is meant to be, (n, 1): a wheel's lean within a right angle. Empty by default."""
+        return ca.SX(0, 1)
+
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
         """Residuals (at least 6 - nq rows) that vanish when frame_b may have the pose X_ab; None if there is no closed form: then the
         joint keeps its coordinates also where it closes a loop.

@@ -94,7 +94,8 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     walk = Walk(system.tree, parameters, values, ca.vertcat(invariants, position), ca.jacobian(velocity, tree.v))
     singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, samples, rank.rank))
     damped = 0 < len(kept) < len(names)  # where nothing but rounding errors is left, there is nothing to solve
-    chosen = list(range(len(names))) if damped else list(kept)
+    sizes = np.max([np.linalg.norm(np.array(A_all(q, 0.0, values)), axis=1) for q in samples], axis=0)
+    chosen = [i for i in range(len(names)) if sizes[i] > _ROUNDING * np.max(sizes)] if damped else list(kept)
     velocity_kept = velocity[chosen]
     position_index = np.cumsum(is_position) - 1
     position_kept = position[[int(position_index[i]) for i in chosen if is_position[i]]]
@@ -138,12 +139,14 @@ def close_loops(
         J = np.array(ca.DM(jacobian(q, 0.0, values, c)[0]))
         return c, J
 
+    domain = ca.Function("domain", [tree.q], [ca.vertcat(ca.SX(0, 1), *(j.edge.joint.domain(tree.q[j.q]) for j in tree.joints))])
     rng = np.random.default_rng(0)
     smallest, where = np.inf, guess
     for attempt in range(12):
         first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
         found = assemble(residual, first)
         right_branch = all(_positive(rows, tree.q, tree.t, found.y) for rows in loops)
+        right_branch = right_branch and bool(np.all(np.array(domain(found.y)) > 0))
         if found.converged and right_branch:
             return found.y
         if found.gap < smallest and right_branch:

@@ -270,6 +270,7 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     free = {s.element_hash() for s in ca.symvar(ca.vertcat(r.x[: r.nq, :], r.t, r.u, r.p))}
     signs = [rows.sign for rows in loops if rows.sign is not None and not rows.sign.is_constant()]
     signs = [s for s in signs if {a.element_hash() for a in ca.symvar(s)} <= free]
+    signs += [item.edge.joint.domain(r.x[item.q, :]) for item in r.tree_joints]
     position = (
         ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
         *((words, rows.position.numel()) for words, rows in joints),

@@ -38,6 +38,12 @@ def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[],
     loops = _closed(search, found, data, list(range(n)), size) if n else None
     if loops is not None and not loops.converged:
         raise AssemblyError(_open_loop(search, loops, data))
+    if found.gap <= 1e-9:
+        values = "; ".join(f"{t.name} = {_numbers(data[t.place])}" for t in search.exact)
+        raise StartValueError(
+            f"The {search.what} start values can be met only with hinge axes that point against one another, or wheels that lean by "
+            f"more than a right angle: {values or 'none was given'}. Change them, or soften some with ac.near(...)."
+        )
     everything, J = search.rows(data, found.y)(found.y)
     gap = float(np.max(np.abs(everything[:n]), initial=0.0))
     words = _culprits(search, everything, n)
@@ -48,10 +54,9 @@ def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[],
     helpful = [f.target.name for f in fighters if f.instead is not None]
     advice = f"Leave out {' or '.join(helpful[:3])}" if helpful else "Give fewer exact values"
     closed = f"; {words} is then open by {gap:.3g}" if gap > 1e-9 else ""
-    branch = "" if found.gap > 1e-9 else " They can be met only with hinge axes that point against one another."
     raise StartValueError(
         f"The {search.what} start values contradict each other or the constraints. Nearest to all of them, with the largest "
-        f"influence first: {told or 'none was given'}{closed}.{branch} {advice}, or soften some with ac.near(...)."
+        f"influence first: {told or 'none was given'}{closed}. {advice}, or soften some with ac.near(...)."
     )
 
 

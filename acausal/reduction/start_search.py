@@ -78,6 +78,8 @@ class Search:
     """(y, data) -> all rows of the constraints: closing, then exact values."""
     wish: ca.Function | None = None
     """(y, data, first) -> all rows of the wishes: free orientations that stay, then near values."""
+    said: bool = False
+    """Whether the values say it all, so that only the signs are left to look at."""
 
     @property
     def settled(self) -> bool:
@@ -107,7 +109,7 @@ class Search:
         `scale`: gives what is much for each entry of y (n,); 1 unless given.
         """
         first = self.first(data)
-        if self.constraints is None:
+        if self.constraints is None or (self.said and self.is_meant(first, data)):
             return Found(first, first, 0.0, True)
         hard, soft = self.rows(data, first), self.wish_rows(data, first, weights)
         found = assemble(hard, first, soft, stride=self.stride, nearest=True)
@@ -147,7 +149,7 @@ class Search:
         return np.concatenate([np.full(rows - near.size, _STAY), np.sqrt(near)])
 
     def is_meant(self, y: np.ndarray, data: np.ndarray) -> bool:
-        """Whether hinges that close loops turn the way that is meant, their axes not opposite."""
+        """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
         return self.signs is None or bool((self.signs.at(np.concatenate([y, data])) > 0).all())
 
     def close(self, guess: np.ndarray, data: np.ndarray, kept: Sequence[int]) -> Assembled:
@@ -178,7 +180,7 @@ def start_search(
     plain = tuple(_plain(y, wished + exact))
     entries = sum(t.size for t in exact)
     settled = not closing.residual.numel() and not wished and len({i for i, _ in plain}) == len(plain) == entries
-    if y.numel() == 0 or settled:
+    if y.numel() == 0 or (settled and not closing.signs.numel()):
         return Search(what, guess, plain, exact, wished)
     first = ca.SX.sym("first", y.numel())
     whole = ca.vertcat(data, first)
@@ -197,6 +199,7 @@ def start_search(
         Kernel.of(ca.Function("signs", [ca.vertcat(y, data)], [ca.densify(closing.signs)])) if closing.signs.numel() else None,
         ca.Function("residual", [y, data], [hard], ["y", "data"], ["c"]),
         ca.Function("wishes", [y, data, first], [soft], ["y", "data", "first"], ["r"]) if soft.numel() else None,
+        settled,
     )
 
 

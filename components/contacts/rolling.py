@@ -15,7 +15,7 @@ class AbstractRolling(AbstractJoint, ABC):
     """A convex body, fixed in frame_b, rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
     Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows
-    (no slip). Reactions are not limited: the contact can pull. Must provide `contact_point`, and what a joint does.
+    (no slip). Reactions are not limited: the contact can pull. Must provide `contact_point`, `closure_rates`, and what a joint does.
     """
 
     @abstractmethod
@@ -26,9 +26,3 @@ class AbstractRolling(AbstractJoint, ABC):
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
         n = symbolic(X_ab.rotation)[2, :].T
         return symbolic(X_ab.position)[2] + ca.dot(n, self.contact_point(n))
-
-    @final
-    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
-        R = symbolic(X_ab.rotation)
-        slip = R @ (v_ab_b + ca.cross(w_ab_b, self.contact_point(R[2, :].T)))
-        return slip[:2]

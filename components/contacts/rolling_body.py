@@ -58,6 +58,12 @@ class AbstractRollingBody(AbstractRolling, ABC):
         return (Motion(X, self.rates(q, v, t), subspace, ca.vertcat(v, velocity), ca.vertcat(ca.SX.zeros(3), bias), v),)
 
     @final
+    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+        R = symbolic(X_ab.rotation)
+        slip = v_ab_b + ca.cross(w_ab_b, self.contact_point(R[2, :].T))
+        return R[:2, :] @ slip
+
+    @final
     def coordinates(self, X_ab: Pose) -> ca.SX:
         return ca.vertcat(quaternion_from_matrix(symbolic(X_ab.rotation)), symbolic(X_ab.position)[:2])
 

@@ -49,6 +49,14 @@ class AbstractRollingWheel(AbstractRolling, ABC):
         return e * lowest[0] + across / cosine * lowest[1]
 
     @final
+    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+        # along the heading and across it, so that what another wheel forbids already is one of the rows, and not a mixture
+        n = symbolic(X_ab.rotation)[2, :].T
+        heading = ca.cross(sx(self.axis), n)
+        slip = v_ab_b + ca.cross(w_ab_b, self.contact_point(n))
+        return ca.vertcat(ca.dot(heading, slip), ca.dot(ca.cross(n, heading), slip)) / ca.norm_2(heading)
+
+    @final
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         X = self._heading(q)
         return Pose(symbolic(X.rotation) @ self._spin(q[2]), X.position)
@@ -59,6 +67,10 @@ class AbstractRollingWheel(AbstractRolling, ABC):
         yaw = v[2] / cosine
         velocity = symbolic(self._heading(q).rotation) @ ca.cross(self._arm(sine, cosine), v)
         return ca.vertcat(yaw, v[0], v[1] - sine * yaw, velocity[:2])
+
+    @final
+    def domain(self, q: ca.SX) -> ca.SX:
+        return ca.cos(q[1])
 
     @final
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
