@@ -15,6 +15,8 @@ AcausalError
 ├── UnknownVariableError        a variable or expression that does not belong to the model asked
 ├── StartValueError             a start value for something that cannot have one, or that is contradicted
 ├── OptionError                 an argument of a call that makes no sense, e.g. a negative duration (also a ValueError)
+├── EquilibriumError            no equilibrium or steady motion was found
+├── MotionError                 a prescribed motion that the mechanism, or the forces asked for, cannot make
 ├── SimulationError             integration stopped early; carries the status and the trajectory so far
 └── ExportError                 a file or library could not be written or compiled
 
@@ -89,6 +91,14 @@ class OptionError(AcausalError, ValueError):
     """An argument of a call is out of its range."""
 
 
+class EquilibriumError(AcausalError):
+    """No equilibrium or steady motion was found near the start; the message says what keeps moving."""
+
+
+class MotionError(AcausalError):
+    """A prescribed motion cannot be made: by the mechanism, or by the forces that were asked for."""
+
+
 class ExportError(AcausalError):
     """A file or library could not be written, compiled or loaded."""
 
@@ -102,7 +112,7 @@ class RoundingWarning(UserWarning):
 
 
 class SingularWarning(UserWarning):
-    """A motion came to a singular position of a loop; what follows is not reliable."""
+    """A motion came to a singular position, of a loop or of a wheel that falls flat; what follows is not reliable."""
 
 
 class SimulationError(AcausalError):

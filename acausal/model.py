@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from acausal.analysis.equilibrium import Equilibrium
     from acausal.analysis.linearize import Linearization
     from acausal.minimal import MinimalModel
+    from acausal.reduction.branches import Branches
     from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulation import InputValue, Progress
     from acausal.trajectory import Trajectory
@@ -84,6 +85,33 @@ class Model:
 
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
         return initial_state(self.functions.outputs, start or {}, t0, parameter_values(self.functions, parameters or {}), u)
+
+    def branches(
+        self,
+        start: Start | None = None,
+        *,
+        by: Sequence[Expression] = (),
+        t0: float = 0.0,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+        searches: int = 300,
+        seed: int = 0,
+    ) -> Branches:
+        """All ways found to assemble the scene under the same start values, e.g. elbow up and elbow down, nearest to the sketch first.
+
+        Closed from up to `searches` beginnings: joints anywhere, and known branches with some joints turned round. Two are the same
+        when their coordinates are, up to full turns; with `by`, when these expressions of positions are. Where freedom is left, the
+        point nearest to the sketch is taken. There is no proof that all are found; printing says how often each was. Errors as for
+        `initial_state`, `OptionError`.
+        """
+        import numpy as np
+
+        from acausal.reduction.branches import branches
+        from acausal.simulation import input_signal, parameter_values
+
+        u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
+        p = parameter_values(self.functions, parameters or {})
+        return branches(self.functions.outputs, start or {}, t0, p, u, tuple(by), searches, seed)
 
     def simulate(
         self,

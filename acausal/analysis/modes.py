@@ -83,6 +83,8 @@ def modes_of(A: np.ndarray, states: tuple[str, ...]) -> Modes:
 
     if not A.size:
         return Modes(())
+    # what is far below rounding would be scaled up by more than scipy's integers hold
+    A = np.where(np.abs(A) < np.finfo(float).eps ** 2 * np.max(np.abs(A)), 0.0, A)
     balanced, back = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.matrix_balance(A))
     values, left, right = cast(tuple[np.ndarray, np.ndarray, np.ndarray], scipy.linalg.eig(balanced, left=True, right=True))
     size = float(np.linalg.norm(balanced))

@@ -1,0 +1,146 @@
+"""What must vanish in an equilibrium or a steady motion, row by row, in states, free inputs and free parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.analysis.nearest import Rows
+from acausal.analysis.point import Differentiable, OperatingPoint, labels
+from acausal.codegen.lower import Functions
+from acausal.errors import OptionError
+from acausal.language.expression import Expression, Input, Parameter
+from acausal.reduction.initial import Start, exactly, near
+
+Steady = Sequence[Expression] | Mapping[Expression, float | None]
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """z = (x, free inputs, free parameters); `inputs` and `parameters` are places in u and p."""
+
+    point: OperatingPoint
+    inputs: tuple[int, ...]
+    parameters: tuple[int, ...]
+
+    @property
+    def z(self) -> np.ndarray:
+        """(n,)."""
+        at = self.point
+        return np.concatenate([at.x, at.u[list(self.inputs)], at.p[list(self.parameters)]])
+
+    def at(self, z: np.ndarray) -> OperatingPoint:
+        """The operating point for other values."""
+        n, m = self.point.x.size, len(self.inputs)
+        u, p = self.point.u.copy(), self.point.p.copy()
+        u[list(self.inputs)], p[list(self.parameters)] = z[n : n + m], z[n + m :]
+        return replace(self.point, x=z[:n], u=u, p=p)
+
+    def rows(self, column: Differentiable) -> Rows:
+        """(residual, Jacobian in z) of a column of expressions."""
+        n, m, k = self.point.x.size, len(self.inputs), len(self.parameters)
+        dx, du, dp = np.eye(n, n + m + k), np.zeros((self.point.u.size, n + m + k)), np.zeros((self.point.p.size, n + m + k))
+        du[list(self.inputs), range(n, n + m)] = 1.0
+        dp[list(self.parameters), range(n + m, n + m + k)] = 1.0
+
+        def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            at = self.at(z)
+            return column.value(at), column.along(at, dx, du=du, dp=dp)
+
+        return evaluate
+
+
+def unknowns(functions: Functions, point: OperatingPoint, free: Sequence[Input | Parameter]) -> Unknowns:
+    """Raises `OptionError` for something free that is no input or parameter of the scene."""
+    flat = functions.outputs.system.flat
+    if isinstance(free, Expression):
+        raise OptionError("equilibrium: `free` must be a list, e.g. free=[scene.torque].")
+    inputs, parameters = [], []
+    for item in free:
+        if isinstance(item, Input) and item in flat.inputs:
+            inputs.append(flat.inputs.index(item))
+        elif isinstance(item, Parameter) and item in flat.parameters:
+            parameters.append(flat.parameters.index(item))
+        else:
+            known = [functions.outputs.name(s) for s in (*flat.inputs, *flat.parameters)]
+            raise OptionError(
+                f"equilibrium: {item!r} in `free` is not an input or a parameter of '{flat.name}', which has: {', '.join(known) or 'none'}. "
+                "States are always free."
+            )
+    return Unknowns(point, tuple(inputs), tuple(parameters))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Columns of expressions: `balance` vanishes in the equilibrium, `hard` are all conditions with `names`, `soft` the wishes."""
+
+    hard: ca.SX
+    names: tuple[str, ...]
+    balance: ca.SX
+    soft: ca.SX
+
+
+def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions:
+    """Closed loops, what `start` holds exactly, and no change of anything (or of what is `steady`).
+
+    Raises `OptionError`, `UnknownVariableError`.
+    """
+    s = functions.outputs.system
+    closing = ca.vertcat(s.closing, s.velocity_closing)
+    balance, about = _steady_rows(functions, steady) if steady else _static_rows(functions)
+    held, wished, names = [], [], []
+    for key, value in start.items():
+        number = value.value if isinstance(value, exactly | near) else value
+        gap = ca.vec(functions.outputs.resolve(key)) - ca.SX(ca.DM(np.asarray(number, dtype=float).ravel(order="F")))
+        (held if isinstance(value, exactly) else wished).append(_turn(gap) if functions.outputs.is_angle(key) else gap)
+        if isinstance(value, exactly):
+            names += labels(functions.outputs, key)
+    none = ca.SX(0, 1)
+    hard = ca.vertcat(none, closing, *held, balance)
+    return Conditions(hard, (*("a loop" for _ in range(closing.numel())), *names, *about), balance, ca.vertcat(none, *wished))
+
+
+def _turn(angle: ca.SX) -> ca.SX:
+    return ca.atan2(ca.sin(angle), ca.cos(angle))
+
+
+def _static_rows(functions: Functions) -> tuple[ca.SX, list[str]]:
+    return functions.outputs.system.x_dot, [f"{name}'" for name in functions.state_names]
+
+
+def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, list[str]]:
+    """e' = rate, and e'' = 0 where e depends on positions only."""
+    outputs, s = functions.outputs, functions.outputs.system
+    if isinstance(steady, Expression | str):
+        raise OptionError("equilibrium: `steady` must be a list of expressions, or a dictionary of their rates.")
+    wanted: Mapping[Expression, float | None] = steady if isinstance(steady, Mapping) else dict.fromkeys(steady, 0.0)
+    v = s.x[s.nq : s.nq + s.tree_velocities, :]
+    rows, names = [], []
+    for key, rate in wanted.items():
+        if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
+            raise OptionError(f"equilibrium: {key!r} in `steady` is not a variable or an expression; use e.g. scene.hinge.q.")
+        if rate is not None and not np.isfinite(rate):
+            raise OptionError(
+                f"equilibrium: the rate of {', '.join(labels(outputs, key))} is {rate}. Give a finite number, or None for any."
+            )
+        value = ca.vec(outputs.resolve(key))
+        if ca.depends_on(value, s.u):
+            raise OptionError(
+                f"equilibrium: {', '.join(labels(outputs, key))} depends on an input, which has no rate of its own."
+            )
+        first = outputs.rate(value)
+        by_velocity = bool(v.numel()) and ca.depends_on(value, v)
+        if rate is not None:
+            rows.append(first - rate)
+            names += [f"{n}'" for n in labels(outputs, key)]
+        elif by_velocity:
+            raise OptionError(
+                f"equilibrium: {', '.join(labels(outputs, key))} is a velocity; a rate of None would say nothing of it."
+            )
+        if not by_velocity:
+            rows.append(outputs.rate(first))
+            names += [f"{n}''" for n in labels(outputs, key)]
+    return ca.vertcat(*rows), names

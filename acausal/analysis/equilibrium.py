@@ -1,0 +1,214 @@
+"""Equilibria and steady motions near a start, with inputs and parameters found that hold them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
+from acausal.analysis.nearest import NearestRoot, Root
+from acausal.analysis.point import Differentiable, OperatingPoint, operating_point
+from acausal.codegen.lower import Functions
+from acausal.errors import EquilibriumError
+from acausal.language.expression import Expression, Input, Parameter
+from acausal.reduction.initial import Start, exactly, near
+from acausal.simulation import InputValue
+
+if TYPE_CHECKING:
+    from acausal.analysis.linearize import Linearization
+
+_STRIDE = 1e-3
+_LASTING = 3e-8
+_STARTS = 8
+
+
+@dataclass(frozen=True, repr=False)
+class Equilibrium:
+    """States, inputs and parameters in which nothing moves, or what was asked for is steady.
+
+    `residual`: the largest rate that is left. `free`: variables along which there are more equilibria, to first order, and `dimension`
+    of their family; this one is the nearest to the start. `lasting`: a steady motion stays as it is; otherwise the conditions hold
+    at this instant only. `began`: the consistent states where the search began. `equilibrium[expression]` is the value of any
+    expression, reactions included.
+    """
+
+    functions: Functions
+    point: OperatingPoint
+    began: OperatingPoint
+    residual: float
+    free: tuple[str, ...]
+    dimension: int
+    lasting: bool
+    moving: bool
+
+    @property
+    def x(self) -> np.ndarray:
+        """All states (nx,)."""
+        return self.point.x
+
+    def __getitem__(self, wanted: Expression) -> np.ndarray:
+        """Value of an expression; a number for a scalar, else an array of its shape."""
+        at = self.point
+        value = np.array(self.functions.output(wanted)(at.t, at.x, at.u, at.p))
+        return value[0, 0] if value.size == 1 else value[:, 0] if value.shape[1] == 1 else value
+
+    @property
+    def start(self) -> dict[Expression, np.ndarray]:
+        """Start values for `simulate`: all coordinates and velocities."""
+        s = self.functions.outputs.system
+        values: dict[Expression, np.ndarray] = {}
+        for joint in s.tree_joints:
+            values[joint.edge.joint.q] = self.x[joint.q]
+            values[joint.edge.joint.v] = self.x[s.nq : s.nq + s.tree_velocities][joint.v]
+        first = s.nq + s.tree_velocities
+        values |= {state: self.x[[first + i]] for i, state in enumerate(s.scalar_states)}
+        return {key: value for key, value in values.items() if value.size}
+
+    @property
+    def inputs(self) -> dict[Input, float]:
+        """Values of all inputs, for `simulate`."""
+        return dict(zip(self.functions.outputs.system.flat.inputs, map(float, self.point.u), strict=True))
+
+    @property
+    def parameters(self) -> dict[Parameter, float]:
+        """Values of all parameters, for `simulate`."""
+        return dict(zip(self.functions.outputs.system.flat.parameters, map(float, self.point.p), strict=True))
+
+    def linearize(self, *, states: Sequence[Expression] | None = None, outputs: Sequence[Expression] = ()) -> Linearization:
+        """The linear system here; see `Model.linearize`."""
+        from acausal.analysis.linearize import linearize
+
+        return linearize(self.functions, self.point, states, outputs)
+
+    @functools.cached_property
+    def stability(self) -> str:
+        """ "asymptotically stable", "unstable" or "neutral" in first order. Of a steady motion in all its states, the ignorable ones too."""
+        return self.linearize().stability
+
+    @property
+    def moved(self) -> tuple[tuple[str, float, float], ...]:
+        """Name, start and value of every state, input and parameter that is not where the search began."""
+        flat, name = self.functions.outputs.system.flat, self.functions.outputs.name
+        names = [*self.functions.state_names, *map(name, flat.inputs), *map(name, flat.parameters)]
+        pairs = zip(names, _all(self.began), _all(self.point), strict=True)
+        return tuple((n, float(a), float(b)) for n, a, b in pairs if abs(a - b) > 1e-9 * (1 + abs(a)))
+
+    def __repr__(self) -> str:
+        return f"<Equilibrium of {self.functions.outputs.system.flat.name}, residual {self.residual:.2g}>"
+
+    def __str__(self) -> str:
+        kind = "steady motion" if self.moving else "equilibrium"
+        if not self.lasting:
+            kind += " at this instant only: it does not go on; name more variables in `steady`"
+        rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}"]
+        rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
+        if self.dimension:
+            rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")
+        return "\n".join(rows)
+
+
+def _all(at: OperatingPoint) -> np.ndarray:
+    return np.concatenate([at.x, at.u, at.p])
+
+
+def equilibrium(
+    functions: Functions,
+    start: Start | None,
+    free: Sequence[Input | Parameter],
+    steady: Steady,
+    t: float,
+    inputs: Mapping[Input, InputValue] | None,
+    parameters: Mapping[Parameter, float] | None,
+) -> Equilibrium:
+    """See `Model.equilibrium`."""
+    # only what is held must be met where the search begins
+    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in (start or {}).items()}
+    began = operating_point(functions, guess, t, inputs, parameters)
+    given = unknowns(functions, began, free)
+    wanted = conditions(functions, start or {}, steady)
+    s = functions.outputs.system
+    hard, soft = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft)
+    search = _search(given, hard, soft, s.nq)
+    found = _from_several_starts(search, given.z, s.nq)
+    if not found.converged:
+        raise EquilibriumError(_complaint(functions, wanted.names, found.residual, bool(steady)))
+    point = given.at(found.z)
+    balance = Differentiable(s, wanted.balance)
+    residual = float(np.max(np.abs(balance.value(point)), initial=0.0))
+    lasting = _goes_on(Differentiable(s, s.x_dot), balance, point)
+    names = _free_names(functions, given, found.free / search.scale[:, None])
+    return Equilibrium(functions, point, began, residual, names, found.free.shape[1], lasting, bool(steady))
+
+
+def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, nq: int) -> NearestRoot:
+    """Coordinates change by at most 0.7 rad or m at a time, parameters by half, other unknowns without a limit."""
+    z = given.z
+    n, m = given.point.x.size, len(given.inputs)
+    rows = given.rows(hard)
+    scale, limit = np.ones(z.size), np.full(z.size, np.inf)
+    scale[nq:n] = 1.0 + np.abs(z[nq:n])
+    limit[:nq] = 0.7
+    J = rows(z)[1]
+    weight = 1.0 / np.maximum(1.0, np.max(np.abs(J[:, :n]), axis=1, initial=0.0))
+    effect = np.max(weight[:, None] * np.abs(J[:, n:]), axis=0, initial=0.0)
+    scale[n:] = np.where(effect > 0, 1.0 / np.maximum(effect, 1e-12), 1.0 + np.abs(z[n:]))
+    for k in range(n + m, z.size):  # parameters enter nonlinearly, and most have a sign
+        limit[k] = 0.5 * abs(z[k]) if z[k] else 0.5
+        scale[k] = max(abs(z[k]), 1e-3)
+    return NearestRoot(rows, given.rows(soft) if soft.size else None, scale, limit)
+
+
+def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int) -> Root:
+    """From the guess itself, and if that fails from places farther and farther away; the best of failures."""
+    found = search(guess)
+    rng = np.random.default_rng(0)
+    for attempt in range(_STARTS):
+        if found.converged:
+            break
+        trial = guess.copy()
+        trial[:nq] += rng.normal(scale=0.1 * 1.5**attempt, size=nq)
+        again = search(trial)
+        if again.converged or np.linalg.norm(again.residual) < np.linalg.norm(found.residual):
+            found = again
+    return found
+
+
+def _goes_on(x_dot: Differentiable, balance: Differentiable, at: OperatingPoint) -> bool:
+    """Whether the conditions hold a little before and after, too: in first and second order of time."""
+    rate = x_dot.value(at)
+    second = x_dot.along(at, rate[:, None], dt=1.0)[:, 0]
+    h = _STRIDE / max(1.0, float(np.max(np.abs(rate) / (1.0 + np.abs(at.x)), initial=0.0)))
+    for step in (h, -h):
+        moved = replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second)
+        size = 1.0 + np.max(np.abs(balance.along(at, np.eye(at.x.size))), axis=1, initial=0.0)
+        if np.any(np.abs(balance.value(moved)) > _LASTING * size):
+            return False
+    return True
+
+
+def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -> tuple[str, ...]:
+    """Unknowns with a share in the free directions, largest first."""
+    flat, name = functions.outputs.system.flat, functions.outputs.name
+    names = [
+        *functions.state_names,
+        *(name(flat.inputs[i]) for i in given.inputs),
+        *(name(flat.parameters[i]) for i in given.parameters),
+    ]
+    share = np.sum(directions**2, axis=1)
+    return tuple(names[i] for i in np.argsort(-share, kind="stable") if share[i] > 1e-3)
+
+
+def _complaint(functions: Functions, names: tuple[str, ...], residual: np.ndarray, steady: bool) -> str:
+    worst = [i for i in np.argsort(-np.abs(residual)) if abs(residual[i]) > 1e-6 * np.max(np.abs(residual))][:4]
+    left = ", ".join(f"{names[i]} (off by {residual[i]:.4g})" for i in worst)
+    advice = (
+        "The rates asked for may be impossible; begin nearer with start={...}, give None for a rate that is to be found, or free an input."
+        if steady
+        else "Something may push without an end (a body in free fall, a source that drives): hold it, give the inputs or parameters that are "
+        "to balance it in free=[...], look for a motion with steady={...}, or begin nearer with start={...}."
+    )
+    return f"No {'steady motion' if steady else 'equilibrium'} of '{functions.outputs.system.flat.name}' was found. What cannot vanish: {left}. {advice}"

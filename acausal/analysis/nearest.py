@@ -1,0 +1,142 @@
+"""The nearest root: solve equations from a guess, moving as little as possible, also where rows depend on one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""z (n,) -> residual (m,) and Jacobian (m, n)."""
+
+_SMALL = 1e-11
+_RANK = 1e-8
+_PULL = 1e-6
+_SETTLED = 1e-10
+_ITERATIONS = 100
+
+
+@dataclass(frozen=True)
+class Root:
+    """`z` (n,), the residuals there (m,), whether they are zero to rounding, and `free` (n, k): directions in which they stay so."""
+
+    z: np.ndarray
+    residual: np.ndarray
+    converged: bool
+    free: np.ndarray
+
+
+@dataclass(frozen=True)
+class NearestRoot:
+    """Equations `hard` (z) = 0, and among the roots the one with the least `soft` (z), then with the least change of z.
+
+    `scale` (n,): sizes of the unknowns, which make changes comparable; `limit` (n,): the largest change in one iteration.
+    """
+
+    hard: Rows
+    soft: Rows | None
+    scale: np.ndarray
+    limit: np.ndarray
+
+    def __call__(self, guess: np.ndarray) -> Root:
+        """From `guess` (n,)."""
+        best = self._root(guess)
+        if not best.converged:
+            return best
+        cost = self._cost(best.z, guess)
+        for _ in range(_ITERATIONS):
+            step = self._towards_wishes(best, guess)
+            if _norm(step / self.scale) <= _SETTLED * (1.0 + _norm(best.z / self.scale)):
+                break
+            for factor in 0.5 ** np.arange(12):
+                trial = self._root(best.z + self._limited(factor * step))
+                value = self._cost(trial.z, guess)
+                if trial.converged and value <= cost * (1 + 1e-12):
+                    break
+            else:
+                break
+            best, cost = trial, value
+        return best
+
+    def _root(self, guess: np.ndarray) -> Root:
+        """Levenberg and Marquardt's method, with a damping that vanishes with the residual: it converges quadratically, also to roots
+        that are not isolated (Yamashita and Fukushima, Computing Supplement 15, 2001).
+        """
+        at = _Place.of(guess, *self.hard(guess), self.scale)
+        damping = 1.0
+        for _ in range(_ITERATIONS):
+            if not 0.0 < at.size < np.inf:
+                break
+            moved, damping = self._decrease(at, damping)
+            if moved is None:
+                break
+            before, at = at.size, moved
+            if at.size <= _SMALL and at.size > 0.3 * before:
+                break
+        return self._result(at)
+
+    def _decrease(self, at: _Place, damping: float) -> tuple[_Place | None, float]:
+        """The next place with smaller residuals, and the damping for the step after it; None where there is no such place."""
+        U, s, Vt = np.linalg.svd(at.weight[:, None] * at.J * self.scale, full_matrices=False)
+        along = U.T @ (at.weight * at.r)
+        for _ in range(10):
+            mu = damping * min(at.size, 1e-2) * (s[0] if s.size else 1.0)
+            step = self._limited(-self.scale * (Vt.T @ (s / (s**2 + mu**2 + 1e-300) * along)))
+            for factor in 0.3 ** np.arange(4):
+                r, J = self.hard(at.z + factor * step)
+                if _norm(at.weight * r) < at.size * (1 - 1e-4 * factor) and np.isfinite(J).all():
+                    return _Place.of(at.z + factor * step, r, J, self.scale), max(1e-3, damping / 10)
+            damping *= 10.0
+        return None, damping
+
+    def _result(self, at: _Place) -> Root:
+        if not at.size < np.inf:
+            return Root(at.z, at.r, False, np.zeros((at.z.size, 0)))
+        converged = at.size <= _SMALL * (1.0 + float(np.max(np.abs(at.z / self.scale), initial=0.0)))
+        return Root(at.z, at.r, converged, self.scale[:, None] * _null_space(at.weight[:, None] * at.J * self.scale))
+
+    def _towards_wishes(self, root: Root, guess: np.ndarray) -> np.ndarray:
+        """Gauss-Newton step along the free directions: to the wishes, and where they leave a choice back to the guess."""
+        Z, back = root.free, root.free.T @ ((guess - root.z) / self.scale**2)
+        if self.soft is None:
+            return Z @ back
+        w, Jw = self.soft(root.z)
+        rest = _null_space(Jw @ Z)
+        return Z @ (rest @ (rest.T @ back) - np.linalg.pinv(Jw @ Z, rcond=_RANK) @ w)
+
+    def _cost(self, z: np.ndarray, guess: np.ndarray) -> float:
+        pull = _PULL**2 * float(np.sum(((z - guess) / self.scale) ** 2))
+        return pull if self.soft is None else pull + float(np.sum(self.soft(z)[0] ** 2))
+
+    def _limited(self, step: np.ndarray) -> np.ndarray:
+        largest = float(np.max(np.abs(step) / self.limit, initial=0.0))
+        return step / largest if largest > 1.0 else step
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Unknowns z, residuals r, Jacobian J, weights of rows, and the weighted size of the residuals."""
+
+    z: np.ndarray
+    r: np.ndarray
+    J: np.ndarray
+    weight: np.ndarray
+    size: float
+
+    @classmethod
+    def of(cls, z: np.ndarray, r: np.ndarray, J: np.ndarray, scale: np.ndarray) -> _Place:
+        """Rows with large derivatives carry large rounding errors, and less weight."""
+        weight = 1.0 / np.maximum(1.0, np.max(np.abs(J * scale), axis=1, initial=0.0))
+        return cls(z, r, J, weight, _norm(weight * r))
+
+
+def _null_space(J: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (n, k) with J column = 0."""
+    _, s, Vt = np.linalg.svd(J, full_matrices=True)
+    return Vt[int(np.sum(s > _RANK * max(1.0, s[0] if s.size else 0.0))) :].T
+
+
+def _norm(values: np.ndarray) -> float:
+    size = float(np.linalg.norm(values))
+    return size if np.isfinite(size) else np.inf
