@@ -17,6 +17,7 @@ from acausal.reduction.singular import Walk, has_singular_position
 
 _SAMPLES = 8
 _STRIDE = 0.35
+_ROUNDING = 1e-12  # of the largest row: what is less than that at every sample is a sum that cancels
 
 
 @dataclass(frozen=True, repr=False)
