@@ -73,6 +73,7 @@ def simulate(
     times = np.linspace(t0, solution.t[-1], max(2, options.samples))
     run = Trajectory(functions, problem, solution, initial, times, options.events)
     _warn_if_singular(functions, run)
+    _warn_if_outside(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise SimulationError(_failure(functions, run.status, t1), run)
     return run
@@ -155,6 +156,23 @@ def _warn_if_singular(functions: Functions, run: Trajectory) -> None:
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
             SingularWarning, stacklevel=4,
         )  # fmt: skip
+
+
+def _warn_if_outside(functions: Functions, run: Trajectory) -> None:
+    """Say so when a joint in the tree left the domain of its coordinates."""
+    for item in functions.outputs.system.tree_joints:
+        joint = item.edge.joint
+        domain = joint.domain(joint.q.sx)
+        if not domain.numel():
+            continue
+        values = np.array(ca.Function("domain", [joint.q.sx], [domain])(run.solution.x[item.q]))
+        outside = np.flatnonzero(np.min(values, axis=0) < 0)
+        if outside.size:
+            warnings.warn(
+                f"By t = {run.solution.t[outside[0]]:.6g} s the wheel of '{item.edge.name}' ({joint.created_at}) has fallen through its "
+                "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
+                SingularWarning, stacklevel=4,
+            )  # fmt: skip
 
 
 def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
