@@ -115,3 +115,56 @@ def stewart_platform() -> ac.System:
             ),
         )
     return scene
+
+
+def puma() -> ac.System:
+    """An arm of six hinges with the dimensions of the PUMA 560 [m]: shoulder offset 0.15, upper arm 0.43, elbow offset 0.02, forearm 0.43,
+    and a wrist whose three axes cross in one point; the tip is 0.06 beyond it.
+    """
+    scene = ac.System()
+    scene.world = World(None)
+    scene.hinges = [Revolute(axis) for axis in ("z", "y", "y", "z", "y", "z")]
+    ends = ((0, 0.15, 0), (0.43, 0, 0), (0.02, 0, 0.43), (0, 0, 0), (0, 0, 0), (0, 0, 0.06))
+    scene.links = [RigidBody(1.0, (0.1, 0.1, 0.1)) for _ in ends]
+    places = [scene.world.frame, *(link.at(end) for link, end in zip(scene.links, ends, strict=True))]
+    scene.tool = places.pop()
+    return closed(scene, *((a, h, link.frame) for a, h, link in zip(places, scene.hinges, scene.links, strict=True)))
+
+
+def planar_platform(base: np.ndarray, platform: np.ndarray) -> ac.System:
+    """3-RPR: a platform in the plane z = 0 on three legs (hinge, slider, hinge) from `base` to `platform`, both (3, 2) [m]."""
+    scene = ac.System()
+    scene.world = World(None)
+    scene.platform = RigidBody.disk(1.0, 0.3)
+    scene.foot, scene.leg, scene.head = (
+        [Revolute("z") for _ in range(3)] if k != 1 else [Prismatic("x") for _ in range(3)] for k in range(3)
+    )
+    scene.lower = [RigidBody.rod(1.0, (0.1, 0, 0)) for _ in range(3)]
+    scene.upper = [RigidBody.rod(1.0, (-0.1, 0, 0)) for _ in range(3)]
+    for k in range(3):
+        closed(
+            scene,
+            (scene.world.at((*base[k].tolist(), 0.0)), scene.foot[k], scene.lower[k].frame),
+            (scene.lower[k].frame, scene.leg[k], scene.upper[k].frame),
+            (scene.upper[k].frame, scene.head[k], scene.platform.at((*platform[k].tolist(), 0.0))),
+        )
+    return scene
+
+
+def rssr() -> ac.System:
+    """Spatial four-bar: a crank of 0.3 m about z, a rod of 0.9 m between two balls, a rocker of 0.6 m about the x axis at (0.8, 0.5, 0.1)."""
+    scene = ac.System()
+    scene.world, scene.a, scene.d = World(None), Revolute("z"), Revolute("x")
+    scene.b, scene.c = Spherical(), Spherical()
+    scene.crank, scene.rod, scene.rocker = (
+        RigidBody.rod(1.0, (0.3, 0, 0)),
+        RigidBody.rod(1.0, (0.9, 0, 0), radius=0.02),
+        RigidBody.rod(1.0, (0, 0, 0.6)),
+    )
+    return closed(
+        scene,
+        (scene.world.frame, scene.a, scene.crank.frame),
+        (scene.crank.tip, scene.b, scene.rod.frame),
+        (scene.rod.tip, scene.c, scene.rocker.tip),
+        (scene.world.at((0.8, 0.5, 0.1)), scene.d, scene.rocker.frame),
+    )

@@ -40,16 +40,18 @@ def assemble(
     limit: int = 100,
     stride: float = 0.7,
     nearest: bool = False,
+    approach: bool = True,
 ) -> Assembled:
     """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
     `stride`: largest change of an entry in one iteration (coordinates: 0.7 rad or m; velocities: any). Converges
-    quadratically near a solution. `nearest`: without wishes, go on to the y nearest to `guess`, to about 1e-6. Not converged when the residual stops shrinking above `tolerance` (times the largest entry
+    quadratically near a solution. `nearest`: without wishes, go on to the y nearest to `guess`, to about 1e-6.
+    `approach`: wishes choose the branch too. Not converged when the residual stops shrinking above `tolerance` (times the largest entry
     of y where that is above 1); y is then a point of locally least squares. Cost of an iteration: one singular value
     decomposition (m, n).
     """
     y, spent = np.array(guess, dtype=float), 0
-    if wishes is not None:
+    if wishes is not None and approach:
         y, spent = _approached(constraints, wishes, y, stride)
     found = _closed(constraints, y, tolerance, limit, stride, spent)
     if not found.converged or (wishes is None and not (nearest and found.iterations)):
@@ -146,7 +148,7 @@ def _settled(
     r, Jw = wishes(found.y)
     square, radius = float(r @ r), stride
     spent = found.iterations
-    Z = _freedom(constraints(found.y)[1])
+    Z = freedom(constraints(found.y)[1])
     for _ in range(limit):
         step = Z @ _step(r, Jw @ Z, np.inf)
         if _largest(step) > radius:
@@ -167,11 +169,11 @@ def _settled(
             radius = min(stride, max(radius, 2 * length))
         if gained > 1e-4:
             found, r, Jw, square = trial, next_r, next_Jw, next_square
-            Z = _freedom(constraints(found.y)[1])
+            Z = freedom(constraints(found.y)[1])
     return Assembled(found.y, found.gap, True, spent)
 
 
-def _freedom(J: np.ndarray) -> np.ndarray:
+def freedom(J: np.ndarray) -> np.ndarray:
     """Null space of J, (n, freedoms), orthonormal."""
     if not J.shape[0]:
         return np.eye(J.shape[1])
