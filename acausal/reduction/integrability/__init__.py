@@ -1,0 +1,1 @@
+"""Integrability of velocity constraints: Frobenius' test, hidden integrals, and their closed forms."""

@@ -1,0 +1,127 @@
+"""Integrals: functions of position that velocity constraints keep constant, in closed form where one is found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.reduction.integrability.frobenius import Growth
+from acausal.reduction.integrability.pfaffian import PfaffianSystem, null_space, row_space
+
+_ZERO = 1e-10
+
+
+@dataclass(frozen=True, repr=False)
+class Integral:
+    """expression = constant along every motion that the rows `names` admit.
+
+    `expression`: (1, 1) in the coordinates y. `coefficients` (n,): of y, where it is linear, else None. `text`: with the coordinates' names.
+    `names`: the velocity constraints that it follows from.
+    """
+
+    expression: ca.SX
+    coefficients: np.ndarray | None
+    names: tuple[str, ...]
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.text} = constant"
+
+    __repr__ = __str__
+
+
+def constant_rows(system: PfaffianSystem) -> tuple[Integral, ...]:
+    """Rows that are integrals already: their coefficients are the same at every point (and linearly independent of each other).
+
+    Cheap: one evaluation of the forms at a few random points, no search for assembled ones and no symbols; for use while a scene is built.
+    """
+    rng = np.random.default_rng(3)
+    function = ca.Function("forms", [system.y], [ca.densify(system.forms)])
+    values = [np.array(function(system.start + rng.uniform(-0.5, 0.5, system.start.size))) for _ in range(4)]
+    found: list[Integral] = []
+    known = np.zeros((0, system.y.numel()))
+    for i, name in enumerate(system.names):
+        rows = np.array([value[i] for value in values])
+        size = np.max(np.abs(rows), initial=0.0)
+        if size == 0 or not np.all(np.isfinite(rows)) or np.max(np.abs(rows - rows[0])) > 1e-13 * size:
+            continue
+        row = np.where(np.abs(rows[0]) < 1e-13 * size, 0.0, rows[0])
+        grown = row_space(np.vstack([known, row]))
+        if grown.shape[0] > known.shape[0]:
+            known = grown
+            found.append(linear_integral(system, row, (name,)))
+    return tuple(found)
+
+
+def linear_integral(system: PfaffianSystem, coefficients: np.ndarray, names: Sequence[str]) -> Integral:
+    """Sum of coefficients (n,) times coordinates, the largest made 1."""
+    row = coefficients / coefficients[int(np.argmax(np.abs(coefficients) > 0.999 * np.max(np.abs(coefficients))))]
+    terms = [(float(c), name) for c, name in zip(row, system.coordinate_names, strict=True) if c]
+    expression = sum((float(c) * system.y[j] for j, c in enumerate(row) if c), ca.SX(0))
+    return Integral(expression, row, tuple(names), _sum_of(sorted(terms, key=lambda term: term[0] != 1)))
+
+
+def _sum_of(terms: Sequence[tuple[float, str]]) -> str:
+    text = ""
+    for c, name in terms:
+        size = f"{abs(c):.12g} " if abs(abs(c) - 1) > 1e-12 else ""
+        text += f" {'-' if c < 0 else '+'} {size}{name}" if text else f"{'-' if c < 0 else ''}{size}{name}"
+    return text
+
+
+def linear_integrals(system: PfaffianSystem, growth: Growth) -> tuple[Integral, ...]:
+    """All integrals that are linear in the coordinates, those of holonomic constraints left out.
+
+    Their gradients are the same everywhere: what the forbidden directions at all points have in common.
+    """
+    numbers = system.numbers()
+    holonomic = [numbers(point)[0] for point in growth.points]
+    everywhere = _common(list(growth.forbidden))
+    known = _common(holonomic)
+    rows = _echelon(row_space(everywhere - (everywhere @ known.T) @ known), known)
+    return tuple(linear_integral(system, row, source_names(system, growth, row)) for row in rows)
+
+
+def _common(spaces: Sequence[np.ndarray]) -> np.ndarray:
+    """Orthonormal rows that span what the row spaces of all matrices have in common."""
+    return null_space(np.hstack([null_space(space) for space in spaces]).T).T
+
+
+def _echelon(rows: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The rows with as many zeros as elimination gives; multiples of `known` ones may be added, which only restate holonomic constraints."""
+    both = np.vstack([known, rows])
+    pivots: list[int] = []
+    for i in range(both.shape[0]):
+        # a known row takes its pivot first, so that its coordinate goes from the others
+        j = int(np.argmax(np.abs(both[i]) > 0.999 * np.max(np.abs(both[i]))))
+        both[i] /= both[i, j]
+        for k in range(both.shape[0]):
+            if k != i:
+                both[k] -= both[k, j] * both[i]
+        both[np.abs(both) < _ZERO] = 0.0
+        pivots.append(j)
+    return both[known.shape[0] :]
+
+
+def source_names(system: PfaffianSystem, growth: Growth, gradient: np.ndarray | None, at: int = 0) -> tuple[str, ...]:
+    """The rows whose combination, with holonomic ones, is the gradient (n,) at one of the points."""
+    dc, W, _ = system.numbers()(growth.points[at])
+    rows = list(growth.independent)
+    if gradient is None:
+        return tuple(system.names[i] for i in rows)
+    basis = np.vstack([W[rows], row_space(dc)])
+    weights = np.linalg.lstsq(basis.T, gradient, rcond=None)[0][: len(rows)]
+    return tuple(system.names[i] for i, w in zip(rows, weights, strict=True) if abs(w) > 1e-9 * np.max(np.abs(weights)))
+
+
+def is_integral(system: PfaffianSystem, growth: Growth, expression: ca.SX) -> bool:
+    """Whether the expression's gradient is among the forbidden directions at all points."""
+    gradient = ca.Function("gradient", [system.y], [ca.densify(ca.jacobian(expression, system.y))])
+    for point, forbidden in zip(growth.points, growth.forbidden, strict=True):
+        row = np.array(gradient(point)).ravel()
+        if not np.all(np.isfinite(row)) or np.linalg.norm(row - (row @ forbidden.T) @ forbidden) > 1e-8 * np.linalg.norm(row):
+            return False
+    return True
