@@ -20,7 +20,7 @@ class LoopRows:
 
     `position` (n, 1): residuals in q and t. `wrench_basis` (6, n + m): unit constraint wrenches on frame_b, in
     frame_b turned by the joint's mounting, torque first. `velocity` (n + m, 1): their rates, then the rolling rows; linear in v. `sign`: positive on the
-    branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure.
+    branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure, with their `dropped_basis` (6, k).
     """
 
     edge: Edge[AbstractConstraint]
@@ -31,6 +31,7 @@ class LoopRows:
     sign: ca.SX | None
     names: tuple[str, ...]
     dropped: tuple[str, ...]
+    dropped_basis: ca.SX
 
 
 def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
@@ -52,13 +53,14 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
     at_rest = ca.SX.zeros(6)
     basis = ca.substitute(ca.jacobian(moved, ca.vertcat(turn, shift)), ca.vertcat(turn, shift), at_rest)
     explicit = _explicit_rate(joint, X, t)
-    rows, names, dropped = [], [], []
+    rows, names, dropped, dropped_basis = [], [], [], [ca.SX(6, 0)]
     twist = ca.vertcat(w, v)
     for i in range(closure.numel()):
         name = f"{edge.name}[{i}]"
         residual = closure[i]
         if residual.is_constant() and abs(float(residual)) < 1e-14:
             dropped.append(name)
+            dropped_basis.append(basis[i, :].T)
             continue
         rows.append((residual, basis[i, :] @ twist + explicit[i], basis[i, :].T))
         names.append(name)
@@ -71,8 +73,9 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
     wrench_basis = ca.horzcat(*(row[2] for row in rows), rolling_basis.T)
     names += [f"{edge.name}.rolling[{i}]" for i in range(rolling.numel())]
     return LoopRows(
-        edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped)
-    )
+        edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped),
+        ca.densify(ca.horzcat(*dropped_basis)),
+    )  # fmt: skip
 
 
 def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:

@@ -22,20 +22,21 @@ from acausal.mechanics.rigid import AbstractRigidPart
 from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.constraints import Constraints
 from acausal.reduction.loops import mounted_places
+from acausal.reduction.self_stress import loop_reactions, wrench_on_b
 
 if TYPE_CHECKING:
     import networkx as nx
 
 
 Wrench = tuple[ca.SX, ca.SX]
+CutWrenches = dict[str, tuple[tuple[Place, Wrench], tuple[Place, Wrench]]]
 
 
 @dataclass(frozen=True)
 class Reactions:
     """Flows at connectors for accelerations `v_dot` and constraint `multipliers`, as `SX`.
 
-    Where rows are redundant, reactions are one of many possible sets: with zeros along the redundant rows, or the smallest set
-    where all rows are used (`Constraints.damped`).
+    Where constraints are redundant, rigid bodies do not determine all reactions: these are the smallest ones (see `self_stress`).
     """
 
     system: MechanicalSystem
@@ -46,8 +47,11 @@ class Reactions:
     @functools.cached_property
     def motion(self) -> NewtonEuler:
         """Accelerations of links and the wrenches across the joints of the tree."""
+        return self._motion(self.cut_wrenches)
+
+    def _motion(self, cut_wrenches: CutWrenches) -> NewtonEuler:
         wrenches = list(self.system.wrenches)
-        for edge_wrenches in self.cut_wrenches.values():
+        for edge_wrenches in cut_wrenches.values():
             for place, (torque, force) in edge_wrenches:
                 link, pose = place
                 if link >= 0:
@@ -56,17 +60,39 @@ class Reactions:
         return newton_euler(self.system.kinematics, self.v_dot, wrenches)
 
     @functools.cached_property
-    def cut_wrenches(self) -> dict[str, tuple[tuple[Place, Wrench], tuple[Place, Wrench]]]:
+    def cut_wrenches(self) -> CutWrenches:
         """For each cut joint: the places of frame_a and frame_b and the wrench that the joint exerts there, in those axes."""
-        result: dict[str, tuple[tuple[Place, Wrench], tuple[Place, Wrench]]] = {}
+        multipliers = self._all_multipliers
+        if self.constraints.redundant or self.constraints.vanishing:
+            loops = loop_reactions(self.system, self.constraints)
+            motion = self._motion(self._cut_wrenches(multipliers))
+            joints = {item.edge.name: item for item in self.system.tree.joints}
+            felt = [ca.vertcat(*motion.transmitted[joints[e.name].link]) for e in loops.edges if e.name in joints]
+            felt = [wrench_on_b(self.system, joints[e.name], w) for e, w in zip(loops.edges, felt, strict=False)]
+            felt.append(loops.change[6 * len(felt) :, :] @ multipliers)
+            multipliers = loops.balanced(multipliers, ca.vertcat(*felt))
+        return self._cut_wrenches(multipliers)
+
+    @property
+    def _all_multipliers(self) -> ca.SX:
+        """Of all rows of the cut joints, zero for those that are not used; vanishing rows come last in each joint."""
         kept = {row: k for k, row in enumerate(self.constraints.kept_index)}
+        entries: list[ca.SX] = []
         first = 0
         for rows in self.constraints.loops:
-            on_b = ca.SX.zeros(6)
-            for i in range(len(rows.names)):
-                if first + i in kept:
-                    on_b += rows.wrench_basis[:, i] * self.multipliers[kept[first + i]]
-            first += len(rows.names)
+            count = len(rows.names)
+            entries += [self.multipliers[kept[i]] if i in kept else ca.SX(0) for i in range(first, first + count)]
+            entries += [ca.SX(0)] * len(rows.dropped)
+            first += count
+        return ca.vertcat(ca.SX(0, 1), *entries)
+
+    def _cut_wrenches(self, multipliers: ca.SX) -> CutWrenches:
+        result: CutWrenches = {}
+        first = 0
+        for rows in self.constraints.loops:
+            basis = ca.horzcat(rows.wrench_basis, rows.dropped_basis)
+            on_b = basis @ multipliers[first : first + basis.shape[1]]
+            first += basis.shape[1]
             a, b = mounted_places(rows.edge, self.system.placement)
             R, p = symbolic(rows.pose.rotation), symbolic(rows.pose.position)
             torque, force = kernels.move_wrench(R, p, on_b[:3], on_b[3:])
