@@ -5,23 +5,30 @@ Steel bodies have 7700 kg/m^3, the library's default; gravity is (0, -9.81, 0), 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 import acausal as ac
 from components import (
     Fixed,
+    Force,
     Gear,
     Particle,
+    Planar,
     Prismatic,
     Revolute,
     RigidBody,
+    RollingDisk,
     RotationalDamper,
     RotationalGround,
     Spherical,
     Spring,
-    SpringDamper,
+    TorqueSource,
     TranslationalDamper,
     TranslationalGround,
+    TranslationalSpring,
     Universal,
     World,
 )
@@ -149,11 +156,49 @@ def free_body() -> ac.System:
     return scene
 
 
-def spring_damper_system() -> ac.System:
-    """Elementary.SpringDamperSystem: a body at the end of a bar on a spring and a damper."""
+def spring_mass_system() -> ac.System:
+    """Elementary.SpringMassSystem: the same twice, a spring on the joint's flange, and a spring between points."""
     scene = ac.System()
-    scene.world, scene.body = World(gravity=DOWN), RigidBody(1.0, (0.1, 0.1, 0.1), (0, -0.2, 0))
-    scene.strut = SpringDamper(stiffness=30.0, natural_length=0.1, damping=2.0)
-    scene.connect(scene.strut.point_a, scene.world.at((0.3, 0, 0)))
-    scene.connect(scene.strut.point_b, scene.body.frame)
+    scene.world, scene.p1, scene.p2 = World(gravity=DOWN), Prismatic((0, -1, 0)), Prismatic((0, -1, 0))
+    scene.body1, scene.body2 = Particle(1.0), Particle(1.0)
+    scene.spring1, scene.spring2, scene.ground = TranslationalSpring(30.0, 0.1), Spring(30.0, 0.1), TranslationalGround()
+    join(scene, scene.world.at((0.3, 0, 0)), scene.p1, scene.body1.point)
+    join(scene, scene.world.at((0.6, 0, 0)), scene.p2, scene.body2.point)
+    scene.connect(scene.ground.flange, scene.spring1.flange_a)
+    scene.connect(scene.p1.flange, scene.spring1.flange_b)
+    scene.connect(scene.spring2.point_a, scene.world.at((0.6, 0, 0)))
+    scene.connect(scene.spring2.point_b, scene.body2.point)
+    return scene
+
+
+def rolling_wheel() -> ac.System:
+    """Elementary.RollingWheel: a wheel on the plane z = 0."""
+    scene = ac.System()
+    scene.world, scene.wheel, scene.contact = World(), RigidBody(2.0, (0.12, 0.06, 0.12)), RollingDisk(0.3)
+    join(scene, scene.world.frame, scene.contact, scene.wheel.frame)
+    return scene
+
+
+def rolling_wheel_set(
+    torques: Callable[[Any], Any] | None = None, force: Callable[[Any], Any] | None = None, ahead: float = 0.2
+) -> ac.System:
+    """Elementary.RollingWheelSetDriving and -Pulling: two wheels on an axle that stays level, a small body `ahead` of it [m].
+
+    `torques`: (left, right) [N*m] at a time; `force`: (3,) [N] on the small body.
+    """
+    scene = ac.System()
+    scene.world, scene.level, scene.axle = World(), Planar("z"), RigidBody(0.01, (0.001, 0.001, 0.001), (ahead, 0, 0))
+    scene.hinges, scene.contacts = [Revolute("y") for _ in range(2)], [RollingDisk(0.1) for _ in range(2)]
+    scene.wheels = [RigidBody(0.5, (0.02, 0.01, 0.02)) for _ in range(2)]
+    join(scene, scene.world.at((0, 0, 0.1)), scene.level, scene.axle.frame)
+    for side, hinge, wheel, contact in zip((0.25, -0.25), scene.hinges, scene.wheels, scene.contacts, strict=True):
+        join(scene, scene.axle.at((0, side, 0)), hinge, wheel.frame)
+        join(scene, scene.world.frame, contact, wheel.frame)
+    if torques is not None:
+        scene.motors = [TorqueSource(lambda t, k=k: torques(t)[k]) for k in range(2)]
+        for motor, hinge in zip(scene.motors, scene.hinges, strict=True):
+            scene.connect(motor.flange, hinge.flange)
+    if force is not None:
+        scene.pull = Force(force)
+        scene.connect(scene.pull.point, scene.axle.centre)
     return scene

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -170,3 +172,144 @@ def test_steel_parts_weigh_what_the_library_says():
     assert bar.mass == pytest.approx(STEEL * 0.2 * 0.02 * 0.06)
     square = np.array([0.2**2 + 0.06**2, 0.02**2 + 0.06**2, 0.2**2 + 0.02**2])
     np.testing.assert_allclose(bar.central_inertia, np.diag(bar.mass / 12 * square), atol=1e-15)
+
+
+def test_rolling_wheel_by_newton_and_euler():
+    """I a + m r x (a x r) = -w x I w - m r x (w x r' - g) in world axes; r from the contact up the wheel's plane to the centre."""
+    e, w = ca.SX.sym("e", 3), ca.SX.sym("w", 3)
+    up = ca.DM([0, 0, 1]) - e * e[2]
+    r = 0.3 * up / ca.norm_2(up)
+    r_rate = ca.jtimes(r, e, ca.cross(w, e))
+    inertia = 0.12 * ca.SX.eye(3) - 0.06 * e @ e.T
+    around = inertia + 2.0 * (ca.dot(r, r) * ca.SX.eye(3) - r @ r.T)
+    moment = -ca.cross(w, inertia @ w) - 2.0 * ca.cross(r, ca.cross(w, r_rate) + ca.DM([0, 0, 9.81]))
+    state = ca.vertcat(e, w)
+    f = ca.Function("f", [state], [ca.vertcat(ca.cross(w, e), ca.solve(around, moment), ca.cross(w, r)[:2])])
+    times = np.linspace(0, 4, 41)
+    y = solve_ivp(
+        lambda t, y: np.array(f(y[:6])).ravel(),
+        (0, 4),
+        [0, 1, 0, 1, 5, 0, 0.2, 0.2],
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+        t_eval=times,
+    ).y
+    scene = scenes.rolling_wheel()
+    model = ac.build(scene)
+    assert model.system.x.numel() == 8
+    run = model.simulate(4.0, {scene.contact.q: (0, 0, 0, 0.2, 0.2), scene.contact.v: (1, 5, 0)}, rtol=1e-11, samples=41)
+    np.testing.assert_allclose(run[scene.wheel.frame.rotation][:, :, 1], y[:3].T, atol=1e-8)
+    np.testing.assert_allclose(run[scene.wheel.frame.angular_velocity], y[3:6].T, atol=1e-7)
+    np.testing.assert_allclose(run[scene.wheel.frame.position][:, :2], y[6:].T, atol=1e-8)
+    assert run.energy_error() < 1e-10
+
+
+def wheel_set_by_hand(torques, force, start, times) -> np.ndarray:
+    """Speed v and yaw rate w of the axle's middle, place and heading (x, y, yaw): Newton along the axle's way, Euler about its middle.
+
+    (M + 2 I / R^2) v' = m d w^2 + (tau_l + tau_r) / R + F_along; (J + 2 I b^2 / R^2) w' = -m d v w + b (tau_r - tau_l) / R + d F_across.
+    """
+    R, b, d, m, spin = 0.1, 0.25, 0.2, 0.01, 0.01
+    M, J = 2 * 0.5 + m, 2 * (0.02 + 0.5 * b * b) + 0.001 + m * d * d
+
+    def derivative(t, y):
+        v, w, _, _, yaw = y
+        left, right = torques(t)
+        fx, fy, _ = force(t)
+        c, s = np.cos(yaw), np.sin(yaw)
+        dv = (m * d * w * w + (left + right) / R + c * fx + s * fy) / (M + 2 * spin / R**2)
+        dw = (-m * d * v * w + b * (right - left) / R + d * (c * fy - s * fx)) / (J + 2 * spin * b * b / R**2)
+        return [dv, dw, v * c, v * s, w]
+
+    pieces, y = [np.array(start)[:, None]], np.array(start)
+    for begin, end in itertools.pairwise(times):
+        y = solve_ivp(derivative, (begin, end), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        pieces.append(y[:, None])
+    return np.hstack(pieces)
+
+
+def _swinging(t):
+    return 2 * np.sin(2 * np.pi * t), 2 * np.cos(2 * np.pi * t)
+
+
+def _table(t):
+    share = np.clip(t - 1, 0, 1)
+    return 1 - share, 2 * share, 0.0
+
+
+@pytest.mark.parametrize("kind", ["driven", "pulled", "coasting"])
+def test_wheel_set_by_newton_and_euler(kind):
+    torques, force = (
+        (_swinging if kind == "driven" else lambda t: (0.0, 0.0)),
+        (_table if kind == "pulled" else lambda t: (0.0, 0.0, 0.0)),
+    )
+    as_symbols = {
+        "driven": {"torques": lambda t: (2 * ca.sin(2 * np.pi * t), 2 * ca.cos(2 * np.pi * t))},
+        "pulled": {"force": lambda t: (1 - ca.fmin(ca.fmax(t - 1, 0), 1), 2 * ca.fmin(ca.fmax(t - 1, 0), 1), 0)},
+        "coasting": {},
+    }[kind]
+    scene = scenes.rolling_wheel_set(**as_symbols)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 2
+    times = np.linspace(0, 3, 31)
+    speed, turning = (1.0, 0.8) if kind == "coasting" else (0.0, 0.0)
+    start = {
+        scene.level.q: (0.1, 0.1, 0.0),
+        scene.hinges[0].v: (speed - 0.25 * turning) / 0.1,
+        scene.hinges[1].v: (speed + 0.25 * turning) / 0.1,
+    }
+    run = model.simulate(3.0, start, rtol=1e-11, samples=31)
+    y = wheel_set_by_hand(torques, force, [speed, turning, 0.1, 0.1, 0.0], times)
+    np.testing.assert_allclose(run[scene.level.q], y[2:].T, atol=1e-7)
+    np.testing.assert_allclose(run[scene.hinges[0].v], (y[0] - 0.25 * y[1]) / 0.1, atol=1e-6)
+    np.testing.assert_allclose(run[scene.hinges[1].v], (y[0] + 0.25 * y[1]) / 0.1, atol=1e-6)
+    assert run.constraint_error() < 1e-13
+    assert run.energy_error() < 1e-9
+
+
+def test_wheel_set_without_its_small_body_runs_around_a_circle():
+    """The small body on the middle of the axle: speed and yaw rate are constant, the radius is their ratio."""
+    scene = scenes.rolling_wheel_set(ahead=0.0)
+    run = ac.build(scene).simulate(
+        3.0, {scene.level.q: (0, 0, 0), scene.hinges[0].v: 8.0, scene.hinges[1].v: 12.0}, rtol=1e-11, samples=31
+    )
+    yaw = 0.8 * run.t
+    exact = np.stack([1.25 * np.sin(yaw), 1.25 * (1 - np.cos(yaw)), yaw], axis=1)
+    np.testing.assert_allclose(run[scene.level.q], exact, atol=1e-10)
+
+
+def test_free_body_on_two_springs_by_lagrange():
+    """Springs without natural length: forces are linear in the places of their ends; Newton and Euler with a rotation matrix."""
+    k, m, arm = 20.0, 1.0, np.array([0.2, 0, 0])
+    scene = scenes.free_body()
+    angles = [np.pi / 18] * 3
+    R0 = np.array(ca.DM(turn_x(ca.SX(angles[0])) @ turn_y(ca.SX(angles[1])) @ turn_z(ca.SX(angles[2]))))
+
+    def derivative(t, y):
+        p, v, R, w = y[:3], y[3:6], y[6:15].reshape(3, 3), y[15:]
+        pulls = [(-k * (p - R @ arm), -R @ arm), (k * (np.array([0.8, 0, 0]) - p - R @ arm), R @ arm)]
+        a = sum(f for f, _ in pulls) / m + np.array(scenes.DOWN)
+        turning = sum(np.cross(at, f) for f, at in pulls)  # I = 1 about every axis
+        return np.concatenate([v, a, np.cross(w, R.T).T.ravel(), turning])
+
+    times = np.linspace(0, 10, 21)
+    begin = np.array([0.2, -0.5, 0.1])
+    y0 = np.concatenate([begin + R0 @ arm, np.zeros(3), R0.ravel(), np.zeros(3)])
+    y = solve_ivp(derivative, (0, 10), y0, method="DOP853", rtol=1e-12, atol=1e-13, t_eval=times).y
+    run = ac.build(scene).simulate(
+        10.0, {scene.body.frame.position: begin, scene.body.frame.rotation: R0}, rtol=1e-11, samples=21
+    )
+    centre = run[scene.body.frame.position] + run[scene.body.frame.rotation] @ arm
+    np.testing.assert_allclose(centre, y[:3].T, atol=1e-8)
+    np.testing.assert_allclose(run[scene.body.frame.rotation].reshape(-1, 9), y[6:15].T, atol=1e-8)
+    assert run.energy_error() < 1e-10
+
+
+def test_sliding_mass_on_a_spring_swings_as_a_cosine():
+    """Elementary.SpringMassSystem: s = 0.1 + m g / c (1 - cos(sqrt(c / m) t)), the spring on the joint's flange or between points."""
+    scene = scenes.spring_mass_system()
+    run = ac.build(scene).simulate(5.0, {scene.p1.q: 0.1, scene.p2.q: 0.1}, rtol=1e-12, samples=51)
+    exact = 0.1 + 9.81 / 30 * (1 - np.cos(np.sqrt(30.0) * run.t))
+    np.testing.assert_allclose(run[scene.p1.q], exact, atol=1e-11)
+    np.testing.assert_allclose(run[scene.p2.q], exact, atol=1e-11)
