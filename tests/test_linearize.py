@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -44,7 +46,7 @@ def mass_chain(count: int, mass: float, stiffness: float) -> ac.System:
     scene.masses = [SlidingMass(mass) for _ in range(count)]
     scene.springs = [TranslationalSpring(stiffness) for _ in range(count + 1)]
     ends = [scene.walls[0].flange, *(m.flange_a for m in scene.masses), scene.walls[1].flange]
-    for spring, one, two in zip(scene.springs, ends, ends[1:], strict=False):
+    for spring, (one, two) in zip(scene.springs, pairwise(ends), strict=True):
         scene.connect(one, spring.flange_a)
         scene.connect(spring.flange_b, two)
     return scene
@@ -249,7 +251,7 @@ def circuit(R: float, L: float, Cap: float) -> ac.System:
     ring = [scene.source, scene.resistor, scene.inductor, scene.capacitor]
     scene.connect(scene.source.pin_b, scene.ground.pin)
     scene.connect(scene.source.pin_a, scene.resistor.pin_a)
-    for one, two in zip(ring[1:], ring[2:], strict=False):
+    for one, two in pairwise(ring[1:]):
         scene.connect(one.pin_b, two.pin_a)
     scene.connect(scene.capacitor.pin_b, scene.ground.pin)
     return scene
@@ -404,7 +406,7 @@ def test_wrong_questions_are_answered_in_words():
         model.linearize([0.0, 1.0])
     with pytest.raises(UnknownVariableError):
         model.linearize(states=[Pendulum().hinge.q])
-    with pytest.raises(OptionError, match="no ac.Input"):
+    with pytest.raises(OptionError, match=r"no ac\.Input"):
         model.linearize().to_scipy()
     with pytest.raises(OptionError, match="time"):
         model.linearize(t=float("nan"))

@@ -88,6 +88,8 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
 
     Raises `OptionError`, `UnknownVariableError`.
     """
+    if isinstance(steady, Expression | str):
+        raise OptionError("equilibrium: `steady` must be a list of expressions, or a dictionary of their rates.")
     s = functions.outputs.system
     closing = ca.vertcat(s.closing, s.velocity_closing)
     balance, about = _steady_rows(functions, steady) if steady else _static_rows(functions)
@@ -114,8 +116,6 @@ def _static_rows(functions: Functions) -> tuple[ca.SX, list[str]]:
 def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, list[str]]:
     """e' = rate, and e'' = 0 where e depends on positions only."""
     outputs, s = functions.outputs, functions.outputs.system
-    if isinstance(steady, Expression | str):
-        raise OptionError("equilibrium: `steady` must be a list of expressions, or a dictionary of their rates.")
     wanted: Mapping[Expression, float | None] = steady if isinstance(steady, Mapping) else dict.fromkeys(steady, 0.0)
     v = s.x[s.nq : s.nq + s.tree_velocities, :]
     rows, names = [], []

@@ -47,8 +47,7 @@ class NearestRoot:
         cost = self._cost(best.z, guess)
         for _ in range(_ITERATIONS):
             step = self._towards_wishes(best, guess)
-            if _norm(step / self.scale) <= _SETTLED * (1.0 + _norm(best.z / self.scale)):
-                break
+            settled = _norm(step / self.scale) <= _SETTLED * (1.0 + _norm(best.z / self.scale))
             for factor in 0.5 ** np.arange(12):
                 trial = self._root(best.z + self._limited(factor * step))
                 value = self._cost(trial.z, guess)
@@ -57,6 +56,8 @@ class NearestRoot:
             else:
                 break
             best, cost = trial, value
+            if settled:
+                break
         return best
 
     def _root(self, guess: np.ndarray) -> Root:

@@ -1,0 +1,284 @@
+"""Equilibria and steady motions against statics, energy, and published closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import EquilibriumError, OptionError, StartValueError, UnknownVariableError
+from components import (
+    AngleSource,
+    ElectromotiveForce,
+    Fixed,
+    Ground,
+    Inductor,
+    Inertia,
+    Particle,
+    Prismatic,
+    Resistor,
+    Revolute,
+    RigidBody,
+    RollingBall,
+    RollingDisk,
+    RotationalDamper,
+    RotationalGround,
+    Spherical,
+    Spring,
+    TorqueSource,
+    VoltageSource,
+    World,
+)
+from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
+from tests.test_linearize import Top
+
+G = 9.81
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "stability"), [(1.5, 0.0, "neutral"), (1.7, np.pi, "unstable"), (-3.0, -np.pi, "unstable")]
+)
+def test_a_pendulum_rests_below_or_above(start: float, end: float, stability: str):
+    scene = Pendulum()
+    found = ac.build(scene).equilibrium({scene.hinge.q: start})
+    assert found[scene.hinge.q] == pytest.approx(end, abs=1e-12)
+    assert found.stability == stability and found.residual < 1e-12 and found.dimension == 0 and found.lasting
+    assert found.moved == (("hinge.q", start, pytest.approx(end, abs=1e-12)),)
+
+
+def test_a_mass_sags_by_its_weight_and_the_anchor_carries_it():
+    scene = ac.System()
+    scene.world, scene.spring, scene.mass = World(), Spring(120.0, 0.5), Particle(2.0)
+    scene.connect(scene.world.frame, scene.spring.point_a)
+    scene.connect(scene.spring.point_b, scene.mass.point)
+    found = ac.build(scene).equilibrium({scene.mass.point.position: (0.02, 0.01, -0.6)})
+    np.testing.assert_allclose(found[scene.mass.point.position], [0, 0, -0.5 - 2.0 * G / 120.0], atol=1e-12)
+    np.testing.assert_allclose(found[scene.mass.point.force], [0, 0, 2.0 * G], atol=1e-10)
+    assert found.stability == "neutral"
+
+
+@pytest.mark.parametrize("make", [FourBar, bennett_linkage])
+def test_a_loop_rests_where_its_energy_is_stationary(make):
+    scene = make()
+    model = ac.build(scene)
+    found = model.equilibrium()
+    slope = model.functions.potential_energy.jacobian()(0.0, found.x, [], [], 0.0)[1]
+    along = np.array(slope) @ found.linearize().expand
+    assert np.max(np.abs(along)) < 1e-11
+    run = model.simulate(0.5, found.start, rtol=1e-10)
+    assert np.max(np.abs(run.x - found.x[:, None])) < 1e-9
+
+
+def arm() -> ac.System:
+    """Two links with a torque at each hinge."""
+    scene = ac.System()
+    scene.world, scene.shoulder, scene.elbow = World(), Revolute("y"), Revolute("y")
+    scene.upper, scene.lower = RigidBody.rod(2.0, (0.8, 0, 0)), RigidBody.rod(1.0, (0.5, 0, 0))
+    scene.torques = [ac.Input("N*m"), ac.Input("N*m")]
+    scene.motors = [TorqueSource(u) for u in scene.torques]
+    scene.connect(scene.world.frame, scene.shoulder.frame_a)
+    scene.connect(scene.shoulder.frame_b, scene.upper.frame)
+    scene.connect(scene.upper.tip, scene.elbow.frame_a)
+    scene.connect(scene.elbow.frame_b, scene.lower.frame)
+    for motor, joint in zip(scene.motors, (scene.shoulder, scene.elbow), strict=True):
+        scene.connect(motor.flange, joint.flange)
+    return scene
+
+
+def test_an_arm_is_trimmed_where_it_was_put():
+    scene = arm()
+    a, b = 0.4, -0.9
+    found = ac.build(scene).equilibrium({scene.shoulder.q: a, scene.elbow.q: b}, free=scene.torques)
+    outer = 1.0 * G * 0.25 * np.cos(a + b)
+    inner = outer + 1.0 * G * 0.8 * np.cos(a) + 2.0 * G * 0.4 * np.cos(a)
+    assert [found[scene.shoulder.q], found[scene.elbow.q]] == pytest.approx([a, b], abs=1e-12)
+    assert [found.inputs[u] for u in scene.torques] == pytest.approx([-inner, -outer], rel=1e-11)
+    assert found.dimension == 2  # two torques hold the arm anywhere
+
+
+def test_one_torque_holds_the_arm_with_the_other_link_hanging():
+    scene = arm()
+    found = ac.build(scene).equilibrium({scene.shoulder.q: ac.exactly(0.4), scene.elbow.q: 1.0}, free=[scene.torques[0]])
+    assert found[scene.shoulder.q] == pytest.approx(0.4, abs=1e-13)
+    assert found[scene.shoulder.q] + found[scene.elbow.q] == pytest.approx(np.pi / 2, abs=1e-12)
+
+
+def test_a_counterweight_is_found_as_a_free_parameter():
+    scene = ac.System()
+    scene.mass = ac.Parameter(1.0, "kg")
+    scene.world, scene.hinge = World(), Revolute("y")
+    scene.left, scene.right = Fixed((-0.4, 0, 0)), Fixed((0.3, 0, 0.0))
+    scene.load, scene.counter = Particle(2.5), Particle(scene.mass)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    for part, weight in ((scene.left, scene.load), (scene.right, scene.counter)):
+        scene.connect(scene.hinge.frame_b, part.frame_a)
+        scene.connect(part.frame_b, weight.point)
+    found = ac.build(scene).equilibrium({scene.hinge.q: ac.exactly(0.2)}, free=[scene.mass])
+    assert found.parameters[scene.mass] == pytest.approx(2.5 * 0.4 / 0.3, rel=1e-12)
+
+
+@pytest.mark.parametrize("root", [0, 1])
+def test_a_heavy_top_precesses_at_its_slow_and_its_fast_rate(root: int):
+    A, C, mass, height, theta, spin = 0.02, 0.01, 1.5, 0.1, 0.6, 110.0
+    scene = Top(A, C, mass, height)
+    # (C - A) cos(theta) w^2 + C spin w = m g h (Goldstein, Classical Mechanics, 5.7, with the spin relative to the line of nodes)
+    exact = np.sort(np.roots([(A - C) * np.cos(theta), -C * spin, mass * G * height]).real)[root]
+    model = ac.build(scene)
+    begin = {scene.nutation.q: ac.exactly(theta), scene.spin.v: ac.exactly(spin), scene.precession.v: exact * 1.3 - 0.2}
+    found = model.equilibrium(begin, steady={scene.nutation.q: 0.0, scene.precession.q: None, scene.spin.q: None})
+    assert found[scene.precession.v] == pytest.approx(exact, rel=1e-10) and found.lasting
+    run = model.simulate(1.0, found.start, rtol=1e-11)
+    assert np.max(np.abs(run[scene.nutation.q] - theta)) < 1e-9
+
+
+class Governor(ac.System):
+    """Porter's governor: two balls on equal massless arms, below them a sleeve on the spindle."""
+
+    def __init__(self, arm: float, ball: float, sleeve: float) -> None:
+        self.world, self.spindle, self.slide = World(), Revolute("z"), Prismatic("z")
+        self.shaft, self.sleeve = RigidBody.box(1.0, (0.02, 0.02, 1.0)), RigidBody.box(sleeve, (0.05, 0.05, 0.05))
+        self.connect(self.world.frame, self.spindle.frame_a)
+        self.connect(self.spindle.frame_b, self.shaft.frame)
+        self.connect(self.shaft.frame, self.slide.frame_a)
+        self.connect(self.slide.frame_b, self.sleeve.frame)
+        self.tops, self.knees, self.feet, self.balls = [], [], [], []
+        self.uppers, self.lowers = [], []
+        for _ in range(2):
+            top, knee, foot, ball_ = Revolute("y"), Revolute("y"), Revolute("y"), Particle(ball)
+            upper, lower = Fixed((0, 0, -arm)), Fixed((0, 0, -arm))
+            for parts, part in zip(
+                (self.tops, self.knees, self.feet, self.balls, self.uppers, self.lowers),
+                (top, knee, foot, ball_, upper, lower),
+                strict=True,
+            ):
+                parts.append(part)
+            self.connect(self.shaft.frame, top.frame_a)
+            self.connect(top.frame_b, upper.frame_a)
+            self.connect(upper.frame_b, ball_.point)
+            self.connect(upper.frame_b, knee.frame_a)
+            self.connect(knee.frame_b, lower.frame_a)
+            self.connect(lower.frame_b, foot.frame_a)
+            self.connect(foot.frame_b, self.sleeve.frame)
+
+
+def test_porters_governor_stands_at_the_height_of_its_formula():
+    arm_, ball, sleeve, rate = 0.3, 0.5, 2.0, 15.0
+    scene = Governor(arm_, ball, sleeve)
+    start = {scene.tops[0].q: 0.8, scene.tops[1].q: -0.8, scene.knees[0].q: -1.6, scene.knees[1].q: 1.6}
+    model = ac.build(scene)
+    found = model.equilibrium(start, steady={scene.spindle.q: rate, scene.tops[0].q: 0.0, scene.tops[1].q: 0.0})
+    height = (ball + sleeve) / ball * G / rate**2  # of the hinges above the balls
+    assert arm_ * np.cos(found[scene.tops[0].q]) == pytest.approx(height, rel=1e-11)
+    assert found[scene.slide.q] == pytest.approx(-2 * height, rel=1e-11)
+    assert found.lasting
+
+
+def test_a_steady_motion_that_does_not_last_is_called_so():
+    scene = Top()
+    begin = {scene.nutation.q: ac.exactly(0.6), scene.spin.v: ac.exactly(90.0), scene.precession.v: ac.exactly(5.0)}
+    found = ac.build(scene).equilibrium(begin, steady=[scene.precession.v + scene.nutation.v])
+    assert not found.lasting and "at this instant only" in str(found)
+
+
+def test_a_disk_rolls_in_a_circle_for_good():
+    scene = ac.System()
+    scene.world, scene.contact = World(), RollingDisk(0.3, axis="y")
+    scene.wheel = RigidBody.disk(2.0, 0.3, axis="y")
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.wheel.frame)
+    model = ac.build(scene)
+    axle = scene.wheel.frame.rotation[:, 1]
+    turning, tilt, speed = np.arctan2(axle[1], axle[0]), axle[2], axle.T @ scene.wheel.frame.angular_velocity
+    found = model.equilibrium({tilt: ac.exactly(0.3), speed: -10.0}, steady={tilt: 0.0, turning: 0.7, speed: 0.0})
+    assert found.lasting
+    # rate of the angular momentum = torque about the centre, for a thin disk with moments m r^2 / 2 and m r^2 / 4
+    rate, lean = 0.7, np.arcsin(0.3)
+    needed = (0.25 * rate**2 * np.sin(lean) * np.cos(lean) - G / 0.3 * np.sin(lean)) / (1.5 * rate * np.cos(lean))
+    assert found[speed] == pytest.approx(needed, rel=1e-10)
+    run = model.simulate(6.0, found.start, rtol=1e-11)
+    assert np.max(np.abs(run[tilt] - 0.3)) < 1e-8
+    place = run[scene.wheel.frame.position]
+    around = np.column_stack([2 * place[:, :2], np.ones(len(place))])  # a circle through all places
+    centre = np.linalg.lstsq(around, np.sum(place[:, :2] ** 2, axis=1), rcond=None)[0][:2]
+    assert np.ptp(np.linalg.norm(place[:, :2] - centre, axis=1)) < 1e-8
+    assert np.ptp(place[:, 2]) < 1e-8
+
+
+def test_a_motor_runs_at_the_speed_where_friction_takes_its_torque():
+    V, R, k, d = 12.0, 1.5, 0.04, 2e-4
+    scene = ac.System()
+    scene.ground, scene.source, scene.resistor, scene.inductor = Ground(), VoltageSource(V), Resistor(R), Inductor(2e-3)
+    scene.motor, scene.rotor, scene.friction, scene.base = (
+        ElectromotiveForce(k),
+        Inertia(1e-4),
+        RotationalDamper(d),
+        RotationalGround(),
+    )
+    scene.connect(scene.source.pin_b, scene.ground.pin)
+    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
+    scene.connect(scene.resistor.pin_b, scene.inductor.pin_a)
+    scene.connect(scene.inductor.pin_b, scene.motor.pin_a)
+    scene.connect(scene.motor.pin_b, scene.ground.pin)
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    scene.connect(scene.rotor.flange_b, scene.friction.flange_a)
+    scene.connect(scene.friction.flange_b, scene.base.flange)
+    found = ac.build(scene).equilibrium(steady=[scene.rotor.w, scene.inductor.i])
+    assert found[scene.rotor.w] == pytest.approx(k * V / (R * d + k**2), rel=1e-11)
+    assert found[scene.inductor.i] == pytest.approx(d * V / (R * d + k**2), rel=1e-11)
+    assert found.linearize(states=[scene.rotor.w, scene.inductor.i]).stability == "asymptotically stable"
+
+
+def test_a_ball_on_a_plane_rests_anywhere():
+    scene = ac.System()
+    scene.world, scene.contact, scene.ball = World(), RollingBall(0.1), RigidBody.ball(0.5, 0.1)
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    found = ac.build(scene).equilibrium()
+    assert found.dimension == 5 and not found.moved and "family of dimension 5" in str(found)
+
+
+def test_a_ball_joint_lets_a_body_hang():
+    scene = ac.System()
+    scene.world, scene.socket, scene.body = World(), Spherical(), RigidBody(1.0, (0.1, 0.12, 0.15), (0.2, -0.1, 0.3))
+    scene.connect(scene.world.frame, scene.socket.frame_a)
+    scene.connect(scene.socket.frame_b, scene.body.frame)
+    found = ac.build(scene).equilibrium({scene.socket.q: (0.3, 0.8, -0.5, 0.1)})
+    down = found[scene.body.frame.rotation] @ np.array([0.2, -0.1, 0.3])
+    np.testing.assert_allclose(down[:2], 0.0, atol=1e-12)
+    assert found.dimension == 1 and np.linalg.norm(found[scene.socket.q]) == pytest.approx(1.0, abs=1e-13)
+
+
+def test_what_cannot_rest_is_said():
+    scene = ac.System()
+    scene.world, scene.stone = World(), Particle(1.0)
+    with pytest.raises(EquilibriumError, match=r"stone\.free\.v\[2\]' \(off by -9\.81\)"):
+        ac.build(scene).equilibrium()
+    driven = Pendulum()
+    driven.source = AngleSource(lambda t: 2.0 * t)
+    driven.connect(driven.source.flange, driven.hinge.flange)
+    with pytest.raises(EquilibriumError, match="a source that drives"):
+        ac.build(driven).equilibrium()
+    scene = DoublePendulum()
+    with pytest.raises(EquilibriumError, match=r"shoulder\.q"):
+        ac.build(scene).equilibrium({scene.shoulder.q: ac.exactly(0.5)})
+
+
+def test_wrong_questions_are_answered_in_words():
+    scene = DoublePendulum()
+    model = ac.build(scene)
+    with pytest.raises(OptionError, match="not an input or a parameter"):
+        model.equilibrium(free=[scene.shoulder.q])  # type: ignore[list-item]
+    with pytest.raises(OptionError, match="must be a list"):
+        model.equilibrium(steady=scene.shoulder.q)  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="must be a list"):
+        model.equilibrium(free=ac.Input())  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="is a velocity"):
+        model.equilibrium(steady={scene.shoulder.v: None})
+    with pytest.raises(OptionError, match="finite"):
+        model.equilibrium(steady={scene.shoulder.q: float("inf")})
+    with pytest.raises(OptionError, match="not a variable"):
+        model.equilibrium(steady=["shoulder"])  # type: ignore[list-item]
+    with pytest.raises(UnknownVariableError):
+        model.equilibrium(steady=[Pendulum().hinge.q])
+    with pytest.raises(StartValueError, match="not a number"):
+        model.equilibrium({scene.shoulder.q: "up"})  # type: ignore[dict-item]
