@@ -10,6 +10,7 @@ import pytest
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LIMITS = {
     "andrews": 1e-11,
+    "bicycle": 1e-11,
     "double_pendulum": 1e-9,
     "rolling_disk": 1e-12,
     "cart_swing_up": 2e-2,
