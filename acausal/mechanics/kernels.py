@@ -210,8 +210,12 @@ def factors(D: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
 
 def solve_positive(A: ca.SX, B: ca.SX) -> ca.SX:
     """A \\ B for a symmetric positive definite A by L D L' without pivoting; straight-line code."""
-    L, d = factors(A)
-    n = A.shape[0]
+    return _substituted(*factors(A), B)
+
+
+def _substituted(L: ca.SX, d: list[ca.SX], B: ca.SX) -> ca.SX:
+    """(L D L') \\ B."""
+    n = len(d)
     rows = [B[i, :] for i in range(n)]
     for i in range(n):
         for k in range(i):
@@ -229,10 +233,10 @@ def solve_damped(A: ca.SX, B: ca.SX, damping: ca.SX, refinements: int) -> ca.SX:
     A + diag(damping) is solved, and refined against A: along an eigenvector with eigenvalue s, in units where the damping d is the
     same for all rows, the result is the exact one times 1 - (d / (s + d))^(1 + refinements).
     """
-    damped = A + ca.diag(damping)
-    X = solve_positive(damped, B)
+    L, d = factors(A + ca.diag(damping))
+    X = _substituted(L, d, B)
     for _ in range(refinements):
-        X = X + solve_positive(damped, B - A @ X)
+        X = X + _substituted(L, d, B - A @ X)
     return X
 
 
