@@ -113,6 +113,35 @@ class Model:
         p = parameter_values(self.functions, parameters or {})
         return branches(self.functions.outputs, start or {}, t0, p, u, tuple(by), searches, seed)
 
+    def assembly_function(
+        self,
+        outputs: Expression | ca.SX | None,
+        wrt: Sequence[Expression],
+        start: Start | None = None,
+        *,
+        t0: float = 0.0,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+        steps: int = 8,
+        name: str = "assembly",
+    ) -> ca.Function:
+        """`outputs` (the states x where None) at the consistent start, as a CasADi function of the values of `wrt` (n,).
+
+        `wrt`: parameters, inputs, and variables that have a value in `start`. For geometry in `ca.nlpsol` and `ca.Opti`: derivatives
+        are exact in any order, redundant constraints allowed. The branch is that of `initial_state` with these arguments, followed
+        in `steps` to the values asked for; what start values leave free changes as little as it can from there. NaN where
+        something cannot close, where a hinge's axes would point against one another, or where an angle changes by more than 1 rad in
+        one step (give more steps). Errors as for `initial_state`, `OptionError`.
+        """
+        import numpy as np
+
+        from acausal.reduction.assembly_function import assembly_function
+        from acausal.simulation import input_signal, parameter_values
+
+        u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
+        p = parameter_values(self.functions, parameters or {})
+        return assembly_function(self.functions.outputs, outputs, wrt, start or {}, t0, p, u, steps, name)
+
     def simulate(
         self,
         end: float,

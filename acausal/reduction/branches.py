@@ -300,7 +300,7 @@ def _branches(
     result: list[Branch] = []
     for distance, c, moving in ordered:
         position = Found(c.y, sketch, first.account.positions.gap, True)
-        state = finished(problem, wanted, data, position, moving)
+        state = finished(problem, wanted, weights, data, position, moving)
         words = _words(problem, ordered[0][1].y, c.y) if result else "(nearest to the sketch)"
         result.append(Branch(state, distance, c.count, c.freedoms, words))
     return result, len(clusters.all) - len(ordered)

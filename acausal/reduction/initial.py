@@ -74,6 +74,7 @@ class Account:
 
     problem: StartProblem
     data: np.ndarray
+    weights: np.ndarray
     positions: Found
     velocities: Found
 
@@ -134,13 +135,15 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
         moving = problem.velocities.solve(data_v, weights)
         if not moving.converged:
             complain(problem.velocities, moving, data_v, None)
-        return finished(problem, wanted, data, found, moving)
+        return finished(problem, wanted, weights, data, found, moving)
 
 
-def finished(problem: StartProblem, wanted: list[np.ndarray], data: np.ndarray, found: Found, moving: Found) -> InitialState:
+def finished(
+    problem: StartProblem, wanted: list[np.ndarray], weights: np.ndarray, data: np.ndarray, found: Found, moving: Found
+) -> InitialState:
     """The state of found positions and velocities, and what became of the start values; `problem.lock` must be held."""
     x = np.concatenate([found.y, moving.y])
-    account = Account(problem, data, found, moving)
+    account = Account(problem, data, weights, found, moving)
     if problem.got is None:
         return InitialState(x, (), account)
     got = problem.got.at(np.concatenate([x, data])).copy()

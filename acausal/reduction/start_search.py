@@ -78,6 +78,8 @@ class Search:
     """(y, data) -> all rows of the constraints: closing, then exact values."""
     wish: ca.Function | None = None
     """(y, data, first) -> all rows of the wishes: free orientations that stay, then near values."""
+    side: ca.Function | None = None
+    """(y, data) -> what is positive on the branch that is meant."""
     said: bool = False
     """Whether the values say it all, so that only the signs are left to look at."""
 
@@ -187,6 +189,7 @@ def start_search(
     hard = ca.vertcat(closing.residual, *(_difference(t, wanted) for t in exact))
     stay = y[kept] - first[kept] if kept and targets else ca.SX(0, 1)
     soft = ca.vertcat(stay, *(_difference(t, wanted) for t in wished))
+    side = ca.Function("side", [y, data], [ca.densify(closing.signs)]) if closing.signs.numel() else None
     return Search(
         what,
         guess,
@@ -196,9 +199,10 @@ def start_search(
         closing.owners,
         _with_jacobian(y, whole, hard),
         _with_jacobian(y, whole, soft) if soft.numel() else None,
-        Kernel.of(ca.Function("signs", [ca.vertcat(y, data)], [ca.densify(closing.signs)])) if closing.signs.numel() else None,
+        Kernel.of(ca.Function("signs", [ca.vertcat(y, data)], [side(y, data)])) if side is not None else None,
         ca.Function("residual", [y, data], [hard], ["y", "data"], ["c"]),
         ca.Function("wishes", [y, data, first], [soft], ["y", "data", "first"], ["r"]) if soft.numel() else None,
+        side,
         settled,
     )
 
