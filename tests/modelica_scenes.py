@@ -15,6 +15,7 @@ from components import (
     Fixed,
     Force,
     Gear,
+    Inertia,
     Particle,
     Planar,
     Prismatic,
@@ -32,7 +33,7 @@ from components import (
     Universal,
     World,
 )
-from examples.engine import steel_bar, steel_cylinder
+from examples.engine import CRANK, ROD, GasForce, steel_bar, steel_cylinder
 
 DOWN = (0.0, -9.81, 0.0)
 
@@ -46,6 +47,37 @@ def join(scene: ac.System, a: ac.Point, joint: ac.System | object, b: ac.Point) 
 def square_bar(tip: tuple[float, float, float], side: float) -> RigidBody:
     """A steel bar in the plane of x and y with a square section."""
     return steel_bar(tip, side, side, (0.0, 0.0, 1.0))
+
+
+PHASES, LEANS = np.radians((-30, 90, 210, 210, 90, -30)), np.radians((-30, 30, -30, 30, -30, 30))
+
+
+def engine_v6(gas: bool = False) -> ac.System:
+    """Loops.EngineV6: six of the one-cylinder engine's cranks on one shaft, at the angles PHASES; cylinders lean by LEANS. Six loops."""
+    x = (1.0, 0.0, 0.0)
+    scene = ac.System()
+    scene.world, scene.bearing, scene.load = World(gravity=DOWN), Revolute("x"), Inertia(1.0)
+    scene.shaft, scene.webs = steel_cylinder((1.2, 0, 0), 0.05), [steel_bar((0, CRANK, 0), 0.02, 0.05, x) for _ in range(6)]
+    scene.rods, scene.pistons = (
+        [steel_bar((0, -ROD, 0), 0.02, 0.06, x) for _ in range(6)],
+        [steel_cylinder((0, -0.1, 0), 0.1) for _ in range(6)],
+    )
+    scene.crank_pins, scene.piston_pins = [Revolute("x") for _ in range(6)], [Revolute("x") for _ in range(6)]
+    scene.cylinders = [Prismatic((0, -1, 0)) for _ in range(6)]
+    join(scene, scene.world.frame, scene.bearing, scene.shaft.frame)
+    scene.connect(scene.bearing.flange, scene.load.flange_a)
+    for k in range(6):
+        web, rod, piston, cylinder = scene.webs[k], scene.rods[k], scene.pistons[k], scene.cylinders[k]
+        top = (0.2 * k + 0.05, 0.45 * np.cos(LEANS[k]), 0.45 * np.sin(LEANS[k]))
+        scene.connect(scene.shaft.at((0.2 * k, 0, 0), rotation=("x", PHASES[k])), web.frame)
+        join(scene, web.at((0.05, CRANK, 0)), scene.crank_pins[k], rod.at((0, -ROD, 0)))
+        join(scene, piston.tip, scene.piston_pins[k], rod.frame)
+        join(scene, scene.world.at(top, rotation=("x", LEANS[k])), cylinder, piston.frame)
+    if gas:
+        scene.gas = [GasForce() for _ in range(6)]
+        for force, cylinder in zip(scene.gas, scene.cylinders, strict=True):
+            scene.connect(force.flange, cylinder.flange)
+    return scene
 
 
 def fourbar1() -> ac.System:

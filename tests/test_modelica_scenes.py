@@ -88,6 +88,32 @@ def test_engine_with_gas_against_half_turns_joined_at_the_dead_centres():
     assert run.energy_error() < 1e-5
 
 
+def test_engine_with_six_cylinders_moves_as_its_closed_form():
+    """Six planar loops on one crank; each piston on the slider-crank's closed form, in its own direction."""
+    x = (1.0, 0.0, 0.0)
+    bodies = [moving(steel_cylinder((1.2, 0, 0), 0.05), ca.DM.zeros(3), turn_x(Q))]
+    for phase, lean in zip(scenes.PHASES, scenes.LEANS, strict=True):
+        angle = Q + phase - lean
+        swing = -ca.asin(CRANK * ca.sin(angle) / ROD)
+        up, turn = turn_x(ca.SX(lean)), turn_x(Q + phase)
+        height = CRANK * ca.cos(angle) + ROD * ca.cos(swing)
+        bodies += [
+            moving(steel_bar((0, CRANK, 0), 0.02, 0.05, x), ca.DM.zeros(3), turn),
+            moving(steel_bar((0, ROD, 0), 0.02, 0.06, x), turn @ ca.DM([0, CRANK, 0]), turn_x(lean + swing)),
+            moving(steel_cylinder((0, -0.1, 0), 0.1), up @ ca.vertcat(0, height + 0.1, 0), up),
+        ]
+    scene = scenes.engine_v6()
+    near = {pin.q: ac.near(lean - phase) for pin, phase, lean in zip(scene.crank_pins, scenes.PHASES, scenes.LEANS, strict=True)}
+    start = {scene.bearing.q: 0.0, scene.bearing.v: 10.0, **near, **{cylinder.q: ac.near(0.15) for cylinder in scene.cylinders}}
+    run = compare(
+        scene, start, scene.bearing.q, scene.bearing.v, OneFreedom(Q, RATE, bodies, scenes.DOWN, inertia=1.0), 1.0, 1e-9
+    )
+    for cylinder, phase, lean in zip(scene.cylinders, scenes.PHASES, scenes.LEANS, strict=True):
+        angle = run[scene.bearing.q] + phase - lean
+        s = 0.35 - CRANK * np.cos(angle) - np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
+        np.testing.assert_allclose(run[cylinder.q], s, atol=1e-13)
+
+
 def bar_between(r0: ca.DM, d: ca.SX) -> ca.SX:
     """Rotation about y, then z, that carries the vector r0 (3,) to d; the branch that is the identity at d = r0."""
     rho = np.hypot(float(r0[0]), float(r0[1]))
