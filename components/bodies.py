@@ -101,6 +101,7 @@ class RigidBody(AbstractRigidPart):
             else pose(vector((0, 0, 0) if position is None else position, "RigidBody's position"), rotation_matrix(rotation))
         )
         self._frames: list[tuple[Frame, Pose]] = []
+        self.places: list[object] = []  # of further frames, where their parameters are found
         self._tip: Frame | None = None
         self._centre: Frame | None = None
         self._shapes = shapes
@@ -113,6 +114,7 @@ class RigidBody(AbstractRigidPart):
 
     def _add_frame(self, name: str, position: np.ndarray | Expression, rotation: np.ndarray | None) -> Frame:
         frame = Frame(self, name)
+        self.places.append(position)
         self._frames.append((frame, pose(position, rotation)))
         setattr(self, f"_frame{len(self._frames)}", frame)
         return frame

@@ -30,11 +30,13 @@ class World(AbstractGround):
     def __init__(self, gravity: Scalar | None = (0.0, 0.0, -9.81)) -> None:
         self._gravity = np.zeros(3) if gravity is None else vector(gravity, "World's gravity")
         self._frames: list[tuple[Frame, Pose]] = []
+        self.places: list[object] = []  # of further frames, where their parameters are found
 
     def at(self, position: Scalar, rotation: Rotation = None) -> Frame:
         """A frame at `position` (3,) [m] and turned by `rotation`, fixed in the world."""
         frame = Frame(self, f"at({_short(position)})")
         setattr(self, f"_frame{len(self._frames)}", frame)
+        self.places.append(vector(position, "World.at: position"))
         self._frames.append((frame, pose(vector(position, "World.at: position"), rotation_matrix(rotation))))
         return frame
 
