@@ -24,9 +24,13 @@ from acausal.reduction.reduce import ReducedSystem, reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
+    from acausal.constraint_table import ConstraintTable
+    from acausal.analysis.actuation import Unknown
     from acausal.analysis.conditions import Steady
     from acausal.analysis.equilibrium import Equilibrium
+    from acausal.analysis.inverse_dynamics import InverseDynamics
     from acausal.analysis.linearize import Linearization
+    from acausal.analysis.prescribed import Given
     from acausal.minimal import MinimalModel
     from acausal.reduction.branches import Branches
     from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
@@ -310,6 +314,38 @@ class Model:
 
         return equilibrium(self.functions, start, free, steady, t, inputs, parameters)
 
+    def inverse_dynamics(
+        self,
+        times: Sequence[float],
+        motions: Mapping[Expression, Given],
+        unknowns: Sequence[Unknown],
+        start: Start | None = None,
+        *,
+        inputs: Mapping[Input, InputValue] | None = None,
+        parameters: Mapping[Parameter, float] | None = None,
+    ) -> InverseDynamics:
+        """The forces that make variables move as prescribed, at `times` [s], and the whole motion with them.
+
+        `motions`: {variable or expression: expression in `ac.time`, function of time, number, or samples at `times`}. `unknowns`: inputs,
+        joints (the forces along their velocities), or expressions of positions (forces that work on their rates). More forces than motions:
+        the least, by the sum of squares. What motions leave open moves by its own dynamics from `start`, which also selects the
+        branch of loops.
+        Raises `MotionError` where the mechanism cannot follow or the forces do not suffice, `OptionError`, `UnknownVariableError`.
+        """
+        from acausal.analysis.inverse_dynamics import inverse_dynamics
+
+        return inverse_dynamics(self.functions, times, motions, unknowns, start, inputs, parameters)
+
+    def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
+        """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.
+
+        a: of a position its second, of a velocity its first derivative (in general the first one on which the forces act). x must be
+        consistent. The least forces where there is a choice. Raises `OptionError`, `MotionError`.
+        """
+        from acausal.analysis.inverse_dynamics import inverse_dynamics_function
+
+        return inverse_dynamics_function(self.functions, variables, unknowns)
+
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).
 
@@ -335,6 +371,12 @@ class Model:
         from acausal.report import report
 
         return report(self)
+
+    def constraints(self) -> ConstraintTable:
+        """Every constraint: what it forbids, holonomic or not, kept or dropped; and what velocity constraints keep constant."""
+        from acausal.constraint_table import constraint_table
+
+        return constraint_table(self.system)
 
     def equations(self) -> Any:
         """The equations of motion as sympy equations, for small scenes; see `acausal.export.sympy_equations`."""

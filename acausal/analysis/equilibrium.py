@@ -11,7 +11,7 @@ import numpy as np
 
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root
-from acausal.analysis.point import Differentiable, OperatingPoint, operating_point
+from acausal.analysis.point import Differentiable, OperatingPoint, operating_point, start_values
 from acausal.codegen.lower import Functions
 from acausal.errors import EquilibriumError
 from acausal.language.expression import Expression, Input, Parameter
@@ -59,14 +59,7 @@ class Equilibrium:
     @property
     def start(self) -> dict[Expression, np.ndarray]:
         """Start values for `simulate`: all coordinates and velocities."""
-        s = self.functions.outputs.system
-        values: dict[Expression, np.ndarray] = {}
-        for joint in s.tree_joints:
-            values[joint.edge.joint.q] = self.x[joint.q]
-            values[joint.edge.joint.v] = self.x[s.nq : s.nq + s.tree_velocities][joint.v]
-        first = s.nq + s.tree_velocities
-        values |= {state: self.x[[first + i]] for i, state in enumerate(s.scalar_states)}
-        return {key: value for key, value in values.items() if value.size}
+        return start_values(self.functions, self.x)
 
     @property
     def inputs(self) -> dict[Input, float]:

@@ -108,8 +108,8 @@ class ReducedSystem:
         return self.mechanics.tree.v.numel() - self.constraints.rank.rank - self.scalar.rows
 
 
-def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
-    """Accelerations, multipliers, scalar states and invariants of a scene.
+def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> ReducedSystem:
+    """Accelerations, multipliers, scalar states and invariants of a scene. `extra`: more joint forces (nv, 1), by q, t and inputs.
 
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
@@ -121,7 +121,9 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
     tau = ca.SX.sym("tau", tree.v.numel())
     forces = loop_forces(mechanics, constraints, p, values)
     v_dot, multipliers = forces.closed(
-        forward_dynamics(mechanics.kinematics, tau, list(mechanics.wrenches), rotors=forces.rotors)
+        forward_dynamics(
+            mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), rotors=forces.rotors
+        )
     )
     scalar = add_scalar_domains(mechanics, tau, v_dot)
     _check_free(mechanics, constraints, scalar)
@@ -132,7 +134,7 @@ def reduce_system(mechanics: MechanicalSystem) -> ReducedSystem:
         second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
     return ReducedSystem(
         dataclasses.replace(flat, names={**flat.names, **scalar.names}), mechanics, constraints, time.sx, x, u, p, values,
-        np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, second), v_dot, multipliers, scalar.tau,
+        np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, second), v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
         ca.vertcat(constraints.velocity, scalar.velocity), _corrected(projection(forces, states), x, scalar), forces.delassus, scalar,
     )  # fmt: skip
