@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ from acausal.mechanics.energy import angular_momentum, linear_momentum
 from acausal.mechanics.free import FreeJoint, FreePoint
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.system import mechanical_system
+from acausal.model import Model
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import reduce_system
 from acausal.topology.build_mechanism import build_mechanism
@@ -560,3 +562,28 @@ def test_names_order_ends_and_place_do_not_matter(sketch, seed):
     want = Composed(sketch, source).accelerations()[bodies]
     got = Composed(replace(other, joints=held), other_source).accelerations()
     assert difference(np.hstack([got[:, :3] @ X[0], got[:, 3:] @ X[0]]), want) < BOUND
+
+
+TRAJECTORIES = [
+    (["Revolute", "Spherical"], ["loop"], 2, 1),
+    (["Universal", "RollingBall"], ["loop"], 1, 2),
+    (["Cylindrical"], ["planar"], 1, 3),
+    (["Prismatic", "Planar"], ["twin", "loop"], 3, 4),
+    (["RollingTorus", "Screw"], ["weld"], 2, 5),
+]
+
+
+@pytest.mark.parametrize(("kinds", "growth", "actions", "seed"), TRAJECTORIES)
+def test_formulations_move_alike_for_half_a_second(kinds, growth, actions, seed):
+    sketch = random_sketch(kinds, growth, actions, False, seed)
+    source = script(sketch)
+    print(source)
+    ends = []
+    for choose in CHOICES:
+        model = Composed(sketch, source, choose)
+        run = Model(model.outputs.system).simulate(0.5, model.start, rtol=1e-12, samples=11, compiled=False, progress=False)
+        parts = [model.part("b", k) for k in range(len(sketch.bodies))]
+        places = [part.point if body.kind == "particle" else part.frame for part, body in zip(parts, sketch.bodies, strict=True)]
+        ends.append(np.hstack([run[place.position] for place in places]))
+    for other in ends[1:]:
+        assert difference(other, ends[0]) < 1e-9
