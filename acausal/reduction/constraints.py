@@ -7,16 +7,17 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.errors import AssemblyError, LockedError
+from acausal.errors import AssemblyError
 from acausal.mechanics.pose import Pose
 from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.assembly import assemble
 from acausal.reduction.loops import LoopRows, loop_rows
+from acausal.reduction.mobility import locked, shaky
 from acausal.reduction.redundancy import RankReport, independent_rows
-from acausal.reduction.singular import Walk, has_singular_position
+from acausal.reduction.singular import has_singular_position
+from acausal.reduction.walk import Walk
 
 _SAMPLES = 8
-_STRIDE = 0.35
 _ROUNDING = 1e-12  # of the largest row: what is less than that at every sample is a sum that cancels
 
 
@@ -78,24 +79,27 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         return Constraints(
             (), none, none, ca.SX(0, tree.v.numel()), none, invariants, (), (), (), (), RankReport((), 0, 0), False, False, (start,)
         )  # fmt: skip
-    A_all = ca.Function("A", [tree.q, tree.t, parameters], [ca.densify(ca.jacobian(velocity, tree.v))])
+    jacobian = ca.jacobian(velocity, tree.v)
+    walk = Walk(system.tree, parameters, values, ca.vertcat(invariants, position), jacobian)
     samples: list[np.ndarray] = []
+    rank = RankReport((), 0, 0)
     # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
     for reach in (1, _SAMPLES):
-        samples = _neighbours(closing, A_all, tree.rates, tree.q, tree.v, tree.t, parameters, start, values, reach)
-        rank = independent_rows([np.array(A_all(q, 0.0, values)) for q in samples])
+        samples = walk.samples(start, reach)
+        rank = independent_rows([walk.at(q)[2] for q in samples])
         if rank.rank == len(names):
             break
     kept = rank.kept
-    if rank.rank >= tree.v.numel() and not ca.depends_on(velocity, tree.t):
-        raise LockedError(
-            f"The mechanism is locked: {tree.v.numel()} freedoms of its joints meet {rank.rank} independent constraints from closing "
-            f"{', '.join(repr(r.edge.name) for r in loops)}. Remove a joint or give one of them more freedom."
-        )
-    walk = Walk(system.tree, parameters, values, ca.vertcat(invariants, position), ca.jacobian(velocity, tree.v))
+    if not ca.depends_on(ca.vertcat(position, velocity), tree.t):
+        if rank.rank >= tree.v.numel():
+            raise locked(loops, tree.v.numel(), walk.at(start)[2])
+        if len(samples) == 1:
+            raise shaky(loops, tree.v.numel(), rank.rank)
     singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, samples, rank.rank))
+    if singular:  # what is usual away from singular positions is seen from afar
+        samples = walk.samples(start, _SAMPLES)
     damped = 0 < len(kept) < len(names)  # where nothing but rounding errors is left, there is nothing to solve
-    sizes = np.max([np.linalg.norm(np.array(A_all(q, 0.0, values)), axis=1) for q in samples], axis=0)
+    sizes = np.max([np.linalg.norm(walk.at(q)[2], axis=1) for q in samples], axis=0)
     chosen = [i for i in range(len(names)) if sizes[i] > _ROUNDING * np.max(sizes)] if damped else list(kept)
     velocity_kept = velocity[chosen]
     position_index = np.cumsum(is_position) - 1
@@ -177,46 +181,3 @@ def _worst_loop(closing: ca.Function, loops: tuple[LoopRows, ...], q: np.ndarray
         sizes.append(float(np.max(residual[first : first + rows.position.numel()], initial=0.0)))
         first += rows.position.numel()
     return loops[int(np.argmax(sizes))]
-
-
-def _neighbours(
-    closing: ca.Function,
-    A_all: ca.Function,
-    rates: ca.SX,
-    q: ca.SX,
-    v: ca.SX,
-    t: ca.SX,
-    parameters: ca.SX,
-    start: np.ndarray,
-    values: np.ndarray,
-    count: int,
-) -> list[np.ndarray]:
-    """The start and further assembled configurations, reached by drifting along the freedom that is left."""
-    N = ca.Function("N", [q, t], [ca.densify(ca.jacobian(rates, v))])
-    jacobian = closing.jacobian()
-
-    def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c = np.array(closing(y, 0.0, values)).ravel()
-        return c, np.array(ca.DM(jacobian(y, 0.0, values, c)[0]))
-
-    rng = np.random.default_rng(1)
-    samples = [start]
-    for sense in (1.0, -1.0):
-        here, ahead = start, sense * rng.normal(size=v.numel())
-        for _ in range(count):
-            _, s, Vt = np.linalg.svd(np.array(A_all(here, 0.0, values)))
-            rank = int(np.sum(s > 1e-7 * max(1.0, s[0] if s.size else 1.0)))
-            free = Vt[rank:].T
-            if free.shape[1] == 0:
-                break
-            # go on in the same direction, as far as the freedom allows, so that the samples spread over the motion
-            along = free @ (free.T @ ahead)
-            if np.max(np.abs(along)) < 1e-6:
-                along = free @ rng.normal(size=free.shape[1])
-            ahead = along / np.max(np.abs(along))
-            found = assemble(residual, here + np.array(N(here, 0.0)) @ (_STRIDE * ahead))
-            if not found.converged:
-                break
-            here = found.y
-            samples.append(here)
-    return samples
