@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import final
 
-from acausal.errors import ParameterError
 from acausal.language.component import Component
 from acausal.language.connector import Rotational, Translational
 from acausal.language.equation import Equation, equal
-from acausal.language.expression import Expression, Scalar, scalar
-from acausal.language.origin import origin
+from acausal.language.expression import Scalar, scalar
+from components.rotational import not_zero
 
 _HELD = "Connect all its flanges; to hold one, connect it to a RotationalGround or a TranslationalGround."
 
@@ -34,7 +33,7 @@ class RackAndPinion(Component):
     rack = Translational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, radius: Scalar) -> None:
-        self.radius = _not_zero(scalar(radius, "RackAndPinion's radius"), "RackAndPinion's radius", "m")
+        self.radius = not_zero(scalar(radius, "RackAndPinion's radius"), "RackAndPinion's radius")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.rack.s, self.radius * self.pinion.phi)
@@ -62,9 +61,3 @@ class PlanetaryGear(Component):
         yield equal(self.sun.phi + self.ratio * self.ring.phi, (1.0 + self.ratio) * self.carrier.phi)
         yield equal(self.ring.tau, self.ratio * self.sun.tau)
         yield equal(self.carrier.tau, -1.0 * (1.0 + self.ratio) * self.sun.tau)
-
-
-def _not_zero(value: float | Expression, what: str, unit: str) -> float | Expression:
-    if not isinstance(value, Expression) and value == 0.0:
-        raise ParameterError(f"{what} is 0 {unit} ({origin()}): nothing would be transmitted. Give a number that is not zero.")
-    return value

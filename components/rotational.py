@@ -6,12 +6,21 @@ from collections.abc import Callable, Iterable
 from typing import Any, final
 
 import acausal.language.expression as language
+from acausal.errors import ParameterError
 from acausal.language.component import Component
 from acausal.language.connector import Rotational
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Scalar, Variable, scalar
+from acausal.language.origin import origin
 
 _HELD = "Connect both flanges; to hold one, connect it to a RotationalGround."
+
+
+def not_zero(value: float | Expression, what: str) -> float | Expression:
+    """The value of a ratio; raises `ParameterError` for the number 0."""
+    if not isinstance(value, Expression) and value == 0.0:
+        raise ParameterError(f"{what} is 0 ({origin()}): nothing would be transmitted. Give a number that is not zero.")
+    return value
 
 
 @final
@@ -109,7 +118,7 @@ class Gear(Component):
     flange_b = Rotational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, ratio: Scalar) -> None:
-        self.ratio = scalar(ratio, "Gear's ratio")
+        self.ratio = not_zero(scalar(ratio, "Gear's ratio"), "Gear's ratio")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange_a.phi, self.ratio * self.flange_b.phi)

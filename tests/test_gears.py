@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import ParameterError, StartValueError
-from components import Inertia, Prismatic, Revolute, RigidBody, RotationalGround, TorqueSource, World
+from components import Gear, Inertia, Prismatic, Revolute, RigidBody, RotationalGround, Torque, TorqueSource, World
 from components.gears import PlanetaryGear, RackAndPinion
+from examples.engine import steel_cylinder
 from tests import modelica_scenes as scenes
 from tests.modelica_scenes import join
 
@@ -88,6 +90,27 @@ def test_bevel_gear_on_a_free_carrier_as_a_gyrostat():
     np.testing.assert_allclose(run[scene.carrier.frame.rotation], R, atol=1e-8)
     np.testing.assert_allclose(run[scene.second.v], (p - w @ N) / J, atol=1e-8)
     np.testing.assert_allclose(run[scene.first.v], ratio * run[scene.second.v], atol=1e-12)
+    assert run.energy_error() < 1e-10
+
+
+def test_gear_between_shafts_in_the_world_and_what_holds_them():
+    """Rotational3DEffects.GearConstraint: (J1 ratio^2 + J2) w2' = ratio tau; the bearings give (J1 ratio + J2) w2' - tau about the axis."""
+    scene = ac.System()
+    scene.world, scene.first, scene.second, scene.gear = World(gravity=None), Revolute("x"), Revolute("x"), Gear(10.0)
+    scene.pinion, scene.wheel = steel_cylinder((0.4, 0, 0), 0.1), steel_cylinder((0.4, 0, 0), 0.2)
+    scene.drive = Torque(lambda t: (2 * ca.sin(2 * ca.pi * t), 0, 0))
+    join(scene, scene.world.frame, scene.first, scene.pinion.frame)
+    join(scene, scene.world.at((1, 0, 0)), scene.second, scene.wheel.frame)
+    scene.connect(scene.first.flange, scene.gear.flange_a)
+    scene.connect(scene.second.flange, scene.gear.flange_b)
+    scene.connect(scene.drive.frame, scene.pinion.tip)
+    run = ac.build(scene).simulate(5.0, rtol=1e-11, samples=51)
+    J1, J2 = scene.pinion.central_inertia[0, 0], scene.wheel.central_inertia[0, 0]
+    tau = 2 * np.sin(2 * np.pi * run.t)
+    rate = 10 * tau / (100 * J1 + J2)
+    np.testing.assert_allclose(run[scene.second.v], 10 / (100 * J1 + J2) * (1 - np.cos(2 * np.pi * run.t)) / np.pi, atol=1e-10)
+    held = (run[scene.first.frame_a.torque] + run[scene.second.frame_a.torque])[:, 0]
+    np.testing.assert_allclose(held, (10 * J1 + J2) * rate - tau, atol=1e-10)
     assert run.energy_error() < 1e-10
 
 
@@ -235,7 +258,8 @@ def test_planetary_gear_with_its_ring_held_is_a_gear():
 
 
 @pytest.mark.parametrize(("make", "said"), [
-    (lambda: RackAndPinion(0.0), "radius is 0"), (lambda: RackAndPinion(float("nan")), "finite"), (lambda: RackAndPinion((1, 2)), "number|scalar"),
+    (lambda: RackAndPinion(0.0), "radius is 0"),
+    (lambda: Gear(0.0), "ratio is 0"), (lambda: RackAndPinion(float("nan")), "finite"), (lambda: RackAndPinion((1, 2)), "number|scalar"),
     (lambda: PlanetaryGear(-2.0), "positive"), (lambda: PlanetaryGear("big"), "number"),
 ])  # fmt: skip
 def test_nonsense_is_refused(make, said):
