@@ -12,6 +12,7 @@ from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.motion import Motion, reversed_motion
 from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
+from acausal.mechanics.spin import balanced, one_turn, without_turn
 from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
 
 
@@ -99,11 +100,12 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         for motion in motions:
             mounting = Pose(motion.mounting, np.zeros(3))
             columns = _columns(v, motion.v, nv)
-            links.append(Link(item.edge.name, parent, cleaned(base @ mounting), motion, columns, Inertia.zero(), where))
+            offset, motion = one_turn(base @ mounting, motion)
+            links.append(Link(item.edge.name, parent, cleaned(offset), motion, columns, Inertia.zero(), where))
             parent, base = len(links) - 1, Pose(motion.spin, np.zeros(3)) @ mounting.inverse()
         group_pose = base @ far.inverse()
         places[item.child] = (parent, cleaned(group_pose))
-        inertia = _clean_inertia(_balanced(mechanism.groups[item.child].inertia.seen_from(group_pose), q))
+        inertia = _clean_inertia(balanced(mechanism.groups[item.child].inertia.seen_from(group_pose), q))
         links[parent] = replace(links[parent], inertia=inertia)
         symbols.append(JointSymbols(item.edge, slice(nq, nq + joint.q.size), slice(nv, nv + joint.v.size), parent, backwards))
         q_parts.append(q)
@@ -124,7 +126,7 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         symbolic(cleaned_vector(gravity)),
         world,
     )
-    return _aligned(tree)
+    return _still(_aligned(tree))
 
 
 def _where(mechanism: Mechanism, item: TreeEdge) -> str:
@@ -147,22 +149,19 @@ def _ground_rotation(mechanism: Mechanism) -> np.ndarray:
     return np.eye(3)
 
 
-def _balanced(inertia: Inertia, q: ca.SX) -> Inertia:
-    """The same, without q where it only seems to depend on q: a balanced wheel in axes that do not spin with it."""
-    moment, second = symbolic(inertia.moment), symbolic(inertia.second_moment)
-    entries = ca.densify(ca.vertcat(moment, ca.vec(second)))
-    if not (q.numel() and ca.depends_on(entries, q)):
-        return inertia
-    at_zero = ca.substitute(entries, q, ca.SX.zeros(q.numel()))
-    symbols = ca.symvar(entries)
-    both = ca.Function("both", [ca.vertcat(*symbols)], [entries, at_zero])
-    rng = np.random.default_rng(0)
-    for _ in range(4):
-        turned, still = (np.array(part) for part in both(rng.uniform(0.5, 2.0, len(symbols))))
-        if not np.max(np.abs(turned - still)) <= 1e-14 * np.max(np.abs(still)):
-            return inertia
-    constant = [np.array(ca.DM(part)) if part.is_constant() else part for part in (at_zero[:3], ca.reshape(at_zero[3:], 3, 3))]
-    return Inertia(inertia.mass, constant[0].ravel() if isinstance(constant[0], np.ndarray) else constant[0], constant[1])
+def _still(tree: Tree) -> Tree:
+    """Axes of a link that do not turn, where a balanced body that nothing hangs on turns about its axis in them."""
+    links, places = list(tree.links), list(tree.places)
+    parents = {link.parent for link in links}
+    for i, link in enumerate(links):
+        if link.inertia.is_zero or i in parents:
+            continue
+        found = without_turn(link.motion, link.inertia)
+        if found is not None:
+            motion, inertia, turn = found
+            links[i] = replace(link, inertia=inertia, motion=motion)
+            places = [(k, turn @ pose) if k == i else (k, pose) for k, pose in places]
+    return replace(tree, links=tuple(links), places=tuple(places))
 
 
 def _clean_inertia(inertia: Inertia) -> Inertia:
