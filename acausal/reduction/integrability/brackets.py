@@ -91,7 +91,9 @@ def admissible_fields(system: PfaffianSystem, point: np.ndarray) -> ca.SX:
             if other == i or factor.is_zero():
                 continue
             values[other] = values[other] - values[other, j] * values[i]
-            rows[other] = [a - factor * b if k != j else ca.SX(0) for k, (a, b) in enumerate(zip(rows[other], rows[i], strict=True))]
+            rows[other] = [
+                a - factor * b if k != j else ca.SX(0) for k, (a, b) in enumerate(zip(rows[other], rows[i], strict=True))
+            ]
     free = [j for j in range(n) if j not in pivots]
     X = ca.SX.zeros(n, len(free))
     for k, j in enumerate(free):
@@ -101,7 +103,9 @@ def admissible_fields(system: PfaffianSystem, point: np.ndarray) -> ca.SX:
     return X
 
 
-def _pivot(rows: Sequence[Sequence[ca.SX]], values: np.ndarray, open_rows: Sequence[int], columns: Sequence[int]) -> tuple[int, int] | None:
+def _pivot(
+    rows: Sequence[Sequence[ca.SX]], values: np.ndarray, open_rows: Sequence[int], columns: Sequence[int]
+) -> tuple[int, int] | None:
     """The entry to divide by: not small, constant where possible, in a row and column with few others. None where all vanish."""
     rest = np.abs(values[np.ix_(open_rows, columns)])
     if rest.size == 0 or np.max(rest) < _ZERO:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
+import numpy as np
 
 from acausal.reduction.integrability.closed_forms import closed_forms
 from acausal.reduction.integrability.derived import DerivedSystem, derived_system
@@ -30,7 +31,6 @@ class Block:
     hidden: int
     integrals: tuple[Integral, ...]
     method: str
-    independent: tuple[int, ...]
 
     @property
     def holonomic(self) -> bool:
@@ -41,7 +41,13 @@ class Block:
         kind = "holonomic" if self.holonomic else "nonholonomic"
         found = "; ".join(str(i) for i in self.integrals)
         missing = self.hidden - len(self.integrals)
-        unknown = f"; {missing} more without a closed form" if missing and found else f"{missing} without a closed form" if missing else ""
+        unknown = (
+            f"; {missing} more without a closed form"
+            if missing and found
+            else f"{missing} without a closed form"
+            if missing
+            else ""
+        )
         return f"{', '.join(self.names)}: {kind}, growth {self.growth} in {self.manifold}, {self.hidden} hidden integrals ({self.method}){': ' if self.hidden else ''}{found}{unknown}"
 
 
@@ -82,7 +88,7 @@ def integrability(system: PfaffianSystem, exact: bool = True) -> Integrability:
             found = growth(part)
             derived = derived_system(part) if exact else None
             known[key] = (found, _alone(part, found, derived), derived)
-        blocks.append(_block(part, *known[key]))
+        blocks.append(_block(part, *known[key], system))
     return Integrability(tuple(blocks), tuple(name for i, name in enumerate(system.names) if i not in seen))
 
 
@@ -99,11 +105,22 @@ def _alone(system: PfaffianSystem, growth: Growth, derived: DerivedSystem | None
     return tuple(old if d is None else len(d.growth) == 1 for d, old in zip(single, seen, strict=True))
 
 
-def _block(system: PfaffianSystem, growth: Growth, alone: tuple[bool, ...], derived: DerivedSystem | None) -> Block:
-    found = linear_integrals(system, growth) if growth.hidden else ()
-    if derived is not None and len(found) < derived.hidden:
-        found += closed_forms(system, derived, growth, found)
+def _block(
+    part: PfaffianSystem, growth: Growth, alone: tuple[bool, ...], derived: DerivedSystem | None, whole: PfaffianSystem
+) -> Block:
+    hidden = growth.hidden if derived is None else derived.hidden
+    found = linear_integrals(part, growth) if hidden else ()
+    if derived is not None and len(found) < hidden:
+        found += closed_forms(part, derived, growth, found)
     method = "exact" if derived is not None else "numerical" if growth.clear else "undecided"
-    return Block(
-        system.names, alone, growth.manifold, growth.growth, growth.hidden if derived is None else derived.hidden, found, method, growth.independent
-    )  # fmt: skip
+    found = tuple(_seen_from(integral, part, whole) for integral in found)
+    return Block(part.names, alone, growth.manifold, growth.growth, hidden, found, method)
+
+
+def _seen_from(integral: Integral, part: PfaffianSystem, whole: PfaffianSystem) -> Integral:
+    """With coefficients of all coordinates."""
+    if integral.coefficients is None:
+        return integral
+    coefficients = np.zeros(whole.y.numel())
+    coefficients[[whole.coordinate_names.index(name) for name in part.coordinate_names]] = integral.coefficients
+    return replace(integral, coefficients=coefficients)

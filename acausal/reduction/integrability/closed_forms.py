@@ -40,13 +40,14 @@ def closed_forms(
         potential = _potential(row, leaf.variables)
         if potential is None:
             continue
-        expression = _plain(potential.subs(leaf.constants)).subs(_charted(derived, names))
-        function = _to_sx(expression, names, system.y)
-        if function is not None and is_integral(system, growth, function):
-            gradient = ca.Function("gradient", [system.y], [ca.densify(ca.jacobian(function, system.y))])
-            sources = source_names(system, growth, gradient(growth.points[0]).full().ravel())
-            labels = {name: sympy.Symbol(label) for name, label in zip(names, system.coordinate_names, strict=True)}
-            found.append(Integral(function, None, sources, str(expression.subs(labels))))
+        plain = _plain(potential.subs(leaf.constants)).subs(_charted(derived, names))
+        # a logarithm may have come out with an argument that is negative here; its derivative does not mind the sign
+        for expression in (plain, plain.replace(sympy.log, lambda a: sympy.log(sympy.Abs(a)))):
+            function = _to_sx(expression, names, system.y)
+            if function is not None and is_integral(system, growth, function):
+                labels = {name: sympy.Symbol(label) for name, label in zip(names, system.coordinate_names, strict=True)}
+                found.append(Integral(function, None, source_names(system, growth, function), str(expression.subs(labels))))
+                break
     return tuple(found)
 
 
@@ -85,7 +86,8 @@ def _of_angle(expression: Any, z: Any, angle: Any) -> Any:
     back = expression.subs(z, -z)
     even, odd = sympy.cancel((expression + back) / 2), sympy.cancel((expression - back) / (2 * z))
     even, odd = (
-        sympy.cancel(part.subs(z, sympy.sqrt(square)).subs(square, (1 - cosine) / (1 + cosine))) for part in (even, odd / (1 + cosine))
+        sympy.cancel(part.subs(z, sympy.sqrt(square)).subs(square, (1 - cosine) / (1 + cosine)))
+        for part in (even, odd / (1 + cosine))
     )
     return (even + odd * sympy.sin(angle)).subs(cosine, sympy.cos(angle))
 
@@ -106,12 +108,16 @@ def _leaf(variables: Sequence[Any], rows: Sequence[Sequence[Any]], known: Sequen
     left, own = [list(row) for row in rows], list(variables)
     constants: list[tuple[Any, Any]] = []
     for i, coefficients in enumerate(known):
-        p = next(k for k, c in enumerate(coefficients) if c != 0 and all(other[k] == 0 for other in known if other is not coefficients))
+        p = next(
+            k for k, c in enumerate(coefficients) if c != 0 and all(other[k] == 0 for other in known if other is not coefficients)
+        )
         coefficients = [c / coefficients[p] for c in coefficients]
         constant = sympy.Symbol(f"constant{i}", real=True)
         rest = sum(c * v for k, (c, v) in enumerate(zip(coefficients, variables, strict=True)) if k != p)
         constants.append((constant, variables[p] + rest))
-        left = [[(e - row[p] * c).subs(variables[p], constant - rest) for e, c in zip(row, coefficients, strict=True)] for row in left]
+        left = [
+            [(e - row[p] * c).subs(variables[p], constant - rest) for e, c in zip(row, coefficients, strict=True)] for row in left
+        ]
         own[p] = None
     keep = [k for k, v in enumerate(own) if v is not None]
     if not known:
@@ -170,7 +176,9 @@ def _charted(derived: DerivedSystem, names: Sequence[Any]) -> dict[Any, Any]:
     """What the generators of spheres are in the coordinates."""
     chart = derived.chart
     return {
-        chart.generators[chart.z_of[j]].as_expr(): names[j] / (1 + names[sphere[0]]) for sphere in chart.spheres for j in sphere[1:]
+        chart.generators[chart.z_of[j]].as_expr(): names[j] / (1 + names[sphere[0]])
+        for sphere in chart.spheres
+        for j in sphere[1:]
     }
 
 
@@ -197,7 +205,10 @@ def _to_sx(expression: Any, names: Sequence[Any], y: ca.SX) -> ca.SX | None:
     """None for a function that CasADi does not have."""
     import sympy
 
-    known = {name: getattr(ca, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "atan", "asin", "acos", "sinh", "cosh", "tanh")}
+    known: dict[str, Any] = {"Abs": ca.fabs} | {
+        name: getattr(ca, name)
+        for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "atan", "asin", "acos", "sinh", "cosh", "tanh")
+    }
     if not all(type(f).__name__ in known for f in expression.atoms(sympy.Function)):
         return None
     function: Any = sympy.lambdify(list(names), expression, modules=[known])

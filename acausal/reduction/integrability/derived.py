@@ -45,7 +45,8 @@ def derived_system(system: PfaffianSystem) -> DerivedSystem | None:
         entries = rational_functions(system.forms, system.y, chart)
         slopes = chart.slopes()
         rows = [
-            [sum((entries[i + m * j] * slopes[j][k] for j in range(n)), chart.K.zero) for k in range(chart.size)] for i in range(m)
+            [sum((entries[i + m * j] * slopes[j][k] for j in range(n)), chart.K.zero) for k in range(chart.size)]
+            for i in range(m)
         ]
         return _derive(chart, rows)
     except NotRational:
@@ -63,7 +64,10 @@ def _derive(chart: Chart, rows: Rows) -> DerivedSystem:
         weights = left_null_space(slopes, chart)
         if len(weights) == len(rows):
             return DerivedSystem(chart, rows, tuple(growth))
-        rows = [[sum((w * row[k] for w, row in zip(weight, rows, strict=True)), chart.K.zero) for k in range(chart.size)] for weight in weights]
+        rows = [
+            [sum((w * row[k] for w, row in zip(weight, rows, strict=True)), chart.K.zero) for k in range(chart.size)]
+            for weight in weights
+        ]
 
 
 def _along(chart: Chart, rows: Rows, pivots: Sequence[int], i: int, value: Any) -> Any:

@@ -19,13 +19,15 @@ class Integral:
     """expression = constant along every motion that the rows `names` admit.
 
     `expression`: (1, 1) in the coordinates y. `coefficients` (n,): of y, where it is linear, else None. `text`: with the coordinates' names.
-    `names`: the velocity constraints that it follows from.
+    `names`: the velocity constraints that it follows from. `fixed_parameters`: it holds for the values of parameters that it was found with;
+    otherwise for all.
     """
 
     expression: ca.SX
     coefficients: np.ndarray | None
     names: tuple[str, ...]
     text: str
+    fixed_parameters: bool = False
 
     def __str__(self) -> str:
         return f"{self.text} = constant"
@@ -82,7 +84,8 @@ def linear_integrals(system: PfaffianSystem, growth: Growth) -> tuple[Integral, 
     everywhere = _common(list(growth.forbidden))
     known = _common(holonomic)
     rows = _echelon(row_space(everywhere - (everywhere @ known.T) @ known), known)
-    return tuple(linear_integral(system, row, source_names(system, growth, row)) for row in rows)
+    sources = [source_names(system, growth, ca.dot(ca.DM(row), system.y)) for row in rows]
+    return tuple(linear_integral(system, row, names) for row, names in zip(rows, sources, strict=True))
 
 
 def _common(spaces: Sequence[np.ndarray]) -> np.ndarray:
@@ -106,22 +109,24 @@ def _echelon(rows: np.ndarray, known: np.ndarray) -> np.ndarray:
     return both[known.shape[0] :]
 
 
-def source_names(system: PfaffianSystem, growth: Growth, gradient: np.ndarray | None, at: int = 0) -> tuple[str, ...]:
-    """The rows whose combination, with holonomic ones, is the gradient (n,) at one of the points."""
-    dc, W, _ = system.numbers()(growth.points[at])
+def source_names(system: PfaffianSystem, growth: Growth, expression: ca.SX) -> tuple[str, ...]:
+    """The rows whose combination, with holonomic ones, is the gradient of an integral."""
+    dc, W, _ = system.numbers()(growth.points[0])
+    gradient = np.array(_gradient(system, expression)(growth.points[0])).ravel()
     rows = list(growth.independent)
-    if gradient is None:
-        return tuple(system.names[i] for i in rows)
-    basis = np.vstack([W[rows], row_space(dc)])
-    weights = np.linalg.lstsq(basis.T, gradient, rcond=None)[0][: len(rows)]
+    weights = np.linalg.lstsq(np.vstack([W[rows], row_space(dc)]).T, gradient, rcond=None)[0][: len(rows)]
     return tuple(system.names[i] for i, w in zip(rows, weights, strict=True) if abs(w) > 1e-9 * np.max(np.abs(weights)))
 
 
 def is_integral(system: PfaffianSystem, growth: Growth, expression: ca.SX) -> bool:
     """Whether the expression's gradient is among the forbidden directions at all points."""
-    gradient = ca.Function("gradient", [system.y], [ca.densify(ca.jacobian(expression, system.y))])
+    gradient = _gradient(system, expression)
     for point, forbidden in zip(growth.points, growth.forbidden, strict=True):
         row = np.array(gradient(point)).ravel()
         if not np.all(np.isfinite(row)) or np.linalg.norm(row - (row @ forbidden.T) @ forbidden) > 1e-8 * np.linalg.norm(row):
             return False
     return True
+
+
+def _gradient(system: PfaffianSystem, expression: ca.SX) -> ca.Function:
+    return ca.Function("gradient", [system.y], [ca.densify(ca.jacobian(expression, system.y))])

@@ -137,7 +137,13 @@ class Chart:
         z = np.zeros(self.size)
         for j, k in self.z_of.items():
             sphere = next((s for s in self.spheres if j in s), None)
-            z[k] = self.start[j] / (1 + self.start[sphere[0]]) if sphere else np.tan(self.start[j] / 2) if j in self.angles else self.start[j]
+            z[k] = (
+                self.start[j] / (1 + self.start[sphere[0]])
+                if sphere
+                else np.tan(self.start[j] / 2)
+                if j in self.angles
+                else self.start[j]
+            )
         return z
 
     def slopes(self) -> list[list[Any]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -15,16 +16,18 @@ import numpy as np
 from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.pose import Pose, symbolic, vee
 from acausal.mechanics.system import MechanicalSystem
-from acausal.mechanics.tree import JointSymbols
+from acausal.mechanics.tree import JointSymbols, Tree
 from acausal.reduction.integrability.brackets import admissible_fields
 from acausal.reduction.integrability.pfaffian import PfaffianSystem
 from acausal.reduction.loops import LoopRows
-from acausal.reduction.reduce import ReducedSystem
+
+if TYPE_CHECKING:
+    from acausal.reduction.reduce import ReducedSystem
 
 
 @dataclass(frozen=True)
 class VelocityRow:
-    """forms (1, nq) q' + drift (1, 1) = 0, in q, t, inputs and parameters. `name`: path and number of the constraint."""
+    """forms (1, nq) q' + drift (1, 1) = 0, in q, t and parameters. `name`: path and number of the constraint."""
 
     name: str
     form: ca.SX
@@ -86,28 +89,42 @@ def _linear(path: str, rows: ca.SX, q_dot: ca.SX, t_dot: ca.SX) -> list[Velocity
 def scalar_rows(system: ReducedSystem) -> tuple[VelocityRow, ...]:
     """What gears, sources and equations of one's own ask of the joints' velocities only: not rates of what they ask of positions.
 
-    Rows that hold rates of scalar states, and those that are not linear in velocities, are left out.
+    Equations that are not linear in velocities have no one-forms, and are left out.
     """
-    tree, scalar = system.mechanics.tree, system.scalar
-    if not scalar.velocity.numel():
-        return ()
+    tree = system.mechanics.tree
     q_dot, t_dot = ca.SX.sym("q_dot", tree.q.numel()), ca.SX.sym("t_dot")
+    found: list[VelocityRow] = []
+    for held in held_rows(system):
+        if held.position is None and held.linear:
+            v = ca.vertcat(*(_velocity(item, tree.q[item.q], q_dot[item.q], tree.t, t_dot) for item in tree.joints))
+            (row,) = _linear(held.name, ca.substitute(held.velocity, tree.v, v), q_dot, t_dot)
+            found.append(VelocityRow(held.name, row.form, row.drift))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Held:
+    """One scalar equation that holds joints: its residual in v, q, t; which of `scalar.position` it is the rate of, if any; whether it is linear
+    in v.
+    """
+
+    name: str
+    velocity: ca.SX
+    position: int | None
+    linear: bool
+
+
+def held_rows(system: ReducedSystem) -> tuple[Held, ...]:
+    """The scalar invariants in velocities of joints only, without scalar states."""
+    tree, scalar = system.mechanics.tree, system.scalar
     states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
-    v = ca.vertcat(ca.SX(0, 1), *(_velocity(item, tree.q[item.q], q_dot[item.q], tree.t, t_dot) for item in tree.joints))
     slopes = ca.jacobian(scalar.position, tree.q) @ tree.rates + ca.jtimes(scalar.position, tree.t, ca.SX(1))
-    names, found = list(scalar.holding), list[VelocityRow]()
-    for k in range(scalar.velocity.numel()):
-        row = scalar.velocity[k]
-        if states.numel() and ca.depends_on(row, states):
-            continue
-        name = names.pop(0) if names else f"scalar equation {k + 1}"
-        if any(_same(row, slopes[i], tree.q, tree.v, tree.t) for i in range(slopes.numel())):
-            continue
-        if ca.depends_on(ca.jacobian(row, tree.v), tree.v):
-            continue
-        found += [
-            VelocityRow(name, r.form, r.drift) for r in _linear(name, ca.substitute(row, tree.v, v), q_dot, t_dot)
-        ]
+    rows = [scalar.velocity[k] for k in range(scalar.velocity.numel())]
+    rows = [row for row in rows if not (states.numel() and ca.depends_on(row, states))]
+    found: list[Held] = []
+    for row, name in zip(rows, scalar.holding, strict=True):
+        same = (i for i in range(slopes.numel()) if _same(row, slopes[i], tree.q, tree.v, tree.t))
+        found.append(Held(name, row, next(same, None), not ca.depends_on(ca.jacobian(row, tree.v), tree.v)))
     return tuple(found)
 
 
@@ -133,39 +150,43 @@ def _same(a: ca.SX, b: ca.SX, *symbols: ca.SX) -> bool:
     return bool(np.max(np.abs(cross)) < 1e-9 * (1e-300 + np.max(np.abs(values)) ** 2))
 
 
-def velocity_system(system: ReducedSystem) -> PfaffianSystem:
-    """All velocity constraints of a scene on the manifold of its holonomic ones, with the present values of parameters.
+def velocity_system(system: ReducedSystem, values: np.ndarray | None = None) -> PfaffianSystem:
+    """All velocity constraints of a scene on the manifold of its holonomic ones, for these `values` of parameters (the present ones).
 
-    Inputs are put in as some polynomials of time. The time is a coordinate where anything depends on it.
+    The time is a coordinate where anything depends on it.
     """
-    tree = system.mechanics.tree
-    rows = [*contact_rows(system.mechanics, system.constraints.loops), *scalar_rows(system)]
+    rows = (*contact_rows(system.mechanics, system.constraints.loops), *scalar_rows(system))
     position = [loop.position for loop in system.constraints.loops]
-    holonomic = ca.densify(ca.vertcat(system.constraints.joint_invariants, *position, system.scalar.position))
+    holonomic = ca.vertcat(system.constraints.joint_invariants, *position, system.scalar.position)
+    values = system.p_values if values is None else values
+    return scene_forms(system.mechanics, rows, holonomic, system.p, values, system.q_start)
+
+
+def scene_forms(
+    mechanics: MechanicalSystem, rows: Sequence[VelocityRow], holonomic: ca.SX, p: ca.SX, values: np.ndarray, start: np.ndarray
+) -> PfaffianSystem:
+    """These rows on the manifold holonomic(q, t) = 0 (c, 1), with `values` for the parameters p. `start` (nq,): where to look for configurations.
+
+    With `contact_rows` and the loops' position rows it is known before forces are: cheap enough to ask while a scene is built.
+    """
+    tree = mechanics.tree
     forms = ca.vertcat(ca.SX(0, tree.q.numel()), *(row.form for row in rows))
     drifts = ca.vertcat(ca.SX(0, 1), *(row.drift for row in rows))
-    holonomic, forms, drifts = _with_numbers(system, [holonomic, forms, drifts])
-    names = coordinate_names(system)
-    timed = not drifts.is_zero() or ca.depends_on(ca.vertcat(holonomic, ca.vec(forms)), tree.t)
-    y, start = tree.q, np.array(system.q_start, dtype=float)
+    holonomic = ca.densify(holonomic)
+    if p.numel():
+        holonomic, forms, drifts = ca.substitute([holonomic, forms, drifts], [p], [ca.SX(ca.DM(values))])
+    names = coordinate_names(tree)
+    y, start = tree.q, np.array(start, dtype=float)
+    timed = ca.sparsify(drifts).nnz() > 0 or ca.depends_on(ca.vertcat(holonomic, ca.vec(forms)), tree.t)
     if timed:
         y, forms, names, start = ca.vertcat(y, tree.t), ca.horzcat(forms, drifts), (*names, "t"), np.append(start, 0.0)
     return PfaffianSystem(y, holonomic, ca.sparsify(forms), names, tuple(row.name for row in rows), start, timed)
 
 
-def coordinate_names(system: ReducedSystem) -> tuple[str, ...]:
+def coordinate_names(tree: Tree) -> tuple[str, ...]:
     """Names of the entries of q, e.g. `hinge.q`, `contact.q[3]`."""
     found: list[str] = []
-    for item in system.tree_joints:
+    for item in tree.joints:
         size, path = item.edge.joint.q.size, item.edge.name
         found += [f"{path}.q"] if size == 1 else [f"{path}.q[{i}]" for i in range(size)]
     return tuple(found)
-
-
-def _with_numbers(system: ReducedSystem, expressions: list[ca.SX]) -> list[ca.SX]:
-    """Values for parameters; for inputs polynomials of time, which no identity can hide behind."""
-    t, rng = system.t, np.random.default_rng(0)
-    inputs = [sum((float(c) * t**k for k, c in enumerate(rng.uniform(0.5, 1.5, 4))), ca.SX(0)) for _ in range(system.u.numel())]
-    pairs = [(system.p, ca.SX(ca.DM(system.p_values))), (system.u, ca.vertcat(ca.SX(0, 1), *inputs))]
-    pairs = [(symbols, values) for symbols, values in pairs if symbols.numel()]
-    return ca.substitute(expressions, [s for s, _ in pairs], [values for _, values in pairs]) if pairs else expressions

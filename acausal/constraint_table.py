@@ -1,0 +1,256 @@
+"""All constraints of a model as a table: what each forbids, of what kind it is, and whether it was needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.mechanics.pose import symbolic
+from acausal.reduction.integrability.classification import Block, Integrability
+from acausal.reduction.integrability.integral import Integral
+from acausal.reduction.integrability.pfaffian import row_space
+from acausal.reduction.integrability.scene import scene_integrability
+from acausal.reduction.integrability.velocity_forms import held_rows, velocity_system
+from acausal.reduction.loops import LoopRows
+from acausal.reduction.reduce import ReducedSystem
+
+_MOST_NAMES = 4
+
+
+@dataclass(frozen=True)
+class ConstraintEntry:
+    """One constraint.
+
+    `name`: component path and number. `forbids`: in words. `kind`: "holonomic" (a relation of positions, also when it is given in velocities),
+    "rheonomic" (one that the time enters), "nonholonomic", "redundant" (it follows from the others), "vanishing" (it asks nothing here), or
+    "normalisation" (of a quaternion). `kept`: whether the equations of motion need it. `known`: how this is known. `integrals`: functions of
+    position in which it has a share and that stay constant.
+    """
+
+    name: str
+    forbids: str
+    kind: str
+    kept: bool
+    known: str
+    integrals: tuple[Integral, ...] = ()
+
+
+@dataclass(frozen=True, repr=False)
+class ConstraintTable:
+    """`entries` of all constraints; freedoms in configuration and velocity that they leave; `velocity`: which velocity constraints can be integrated."""
+
+    name: str
+    entries: tuple[ConstraintEntry, ...]
+    configuration_freedom: int
+    velocity_freedom: int
+    velocity: Integrability
+
+    @property
+    def hidden(self) -> int:
+        """Functions of position that velocity constraints keep constant: so many freedoms in configuration are none during a motion."""
+        return self.velocity.hidden
+
+    def __iter__(self) -> Iterator[ConstraintEntry]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __repr__(self) -> str:
+        return f"<ConstraintTable {self.name}: {len(self)} constraints>"
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.name}: {_counted(len(self), 'constraint')}, {_counted(self.configuration_freedom, 'freedom')} in configuration, "
+            f"{self.velocity_freedom} in velocity, {_counted(self.hidden, 'hidden integral')}"
+        ]
+        groups: dict[tuple[str, str, bool, str], list[str]] = {}
+        for entry in self.entries:
+            groups.setdefault((entry.kind, entry.forbids, entry.kept, entry.known), []).append(entry.name)
+        lines += [
+            f"  {kind:<13} {'kept' if kept else 'dropped':<8} {_listed(names)}: {forbids} ({known})"
+            for (kind, forbids, kept, known), names in groups.items()
+        ]
+        lines += _hidden_lines(self.velocity.blocks)
+        return "\n".join(lines)
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def _listed(names: Sequence[str]) -> str:
+    if len(names) <= _MOST_NAMES:
+        return ", ".join(names)
+    return f"{', '.join(names[: _MOST_NAMES - 1])}, ... {names[-1]} ({len(names)} in all)"
+
+
+def _hidden_lines(blocks: Sequence[Block]) -> list[str]:
+    """Integrals one by one; growth of the admissible velocities of blocks that are alike together."""
+    lines = [f"  constant: {integral.text}, from {_listed(integral.names)}" for block in blocks for integral in block.integrals]
+    missing = sum(block.hidden - len(block.integrals) for block in blocks)
+    if missing:
+        lines.append(
+            f"  {missing} more {'function stays' if missing == 1 else 'functions stay'} constant: integrable, closed form not found"
+        )
+    alike: dict[tuple[tuple[int, ...], int, int], list[Block]] = {}
+    for block in blocks:
+        if not block.holonomic:
+            alike.setdefault((block.growth, block.manifold, len(block.names)), []).append(block)
+    for (growth, manifold, count), same in alike.items():
+        whose = ", ".join(same[0].names) if count <= _MOST_NAMES else _listed(same[0].names)
+        times = f" and {len(same) - 1} more like it" if len(same) > 1 else ""
+        steps = " -> ".join(str(g) for g in growth)
+        lines.append(f"  reach of {whose}{times}: {steps} of {manifold} dimensions, with brackets of velocities")
+    return lines
+
+
+def constraint_table(system: ReducedSystem) -> ConstraintTable:
+    """Every constraint of a scene: of joints in the tree, of loops, of rolling contacts, of gears and sources on joints.
+
+    Costs milliseconds; up to about a second for each kind of rolling contact, where sympy proves what it can.
+    """
+    velocity = scene_integrability(system)
+    judge = _Judge(system, velocity)
+    entries = [*_invariants(system), *_loops(system, judge), *_in_tree(system, judge), *_scalar(system, judge)]
+    return ConstraintTable(
+        system.flat.name, tuple(entries), _configuration_freedom(system), system.degrees_of_freedom, velocity
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """The kind of a velocity constraint, from what is known of its block."""
+
+    system: ReducedSystem
+    velocity: Integrability
+
+    def entry(self, name: str, forbids: str, timed: bool, kept: bool = True) -> ConstraintEntry:
+        if name in self.velocity.vanishing:
+            return ConstraintEntry(name, forbids, "vanishing", False, "by structure")
+        block = next(b for b in self.velocity.blocks if name in b.names)
+        integrals = tuple(i for i in block.integrals if name in i.names)
+        if block.alone[block.names.index(name)] or block.holonomic:
+            return ConstraintEntry(
+                name, forbids, "rheonomic" if timed else "holonomic", kept, f"integrable, {block.method}", integrals
+            )
+        part = f", a part of {len(integrals)} integrals" if len(integrals) > 1 else ", a part of an integral" if integrals else ""
+        return ConstraintEntry(name, forbids, "nonholonomic", kept, f"not integrable alone, {block.method}{part}", integrals)
+
+
+def _configuration_freedom(system: ReducedSystem) -> int:
+    """nq less the rank of all functions of position, at some assembled configurations."""
+    slope = ca.densify(ca.jacobian(system.closing, system.mechanics.tree.q))
+    function = ca.Function("slope", [system.mechanics.tree.q, system.t, system.p], [slope])
+    ranks = [
+        row_space(np.array(function(q, 0.0, system.p_values)).reshape(-1, system.nq)).shape[0] for q in system.constraints.samples
+    ]
+    return system.nq - max(ranks)
+
+
+def _invariants(system: ReducedSystem) -> Iterator[ConstraintEntry]:
+    q, t = system.mechanics.tree.q, system.t
+    for item in system.tree_joints:
+        rows = item.edge.joint.invariants(q[item.q], t)
+        for i in range(rows.numel()):
+            name = f"{item.edge.name}.invariant[{i}]" if rows.numel() > 1 else f"{item.edge.name}.invariant"
+            H = ca.hessian(rows[i], q[item.q])[0]
+            sphere = H.is_constant() and H.sparsity() == ca.Sparsity.diag(*H.shape) or _unit_block(H)
+            kind, words = (
+                ("normalisation", "a quaternion of a length other than 1")
+                if sphere
+                else ("holonomic", "leaving the joint's surface")
+            )
+            yield ConstraintEntry(name, words, kind, True, "by structure")
+
+
+def _is_sphere(H: ca.SX) -> bool:
+    """Whether a function with this second derivative is a sphere in four of its variables."""
+    if not ca.densify(H).is_constant():
+        return False
+    values = np.array(ca.DM(ca.evalf(ca.densify(H))))
+    return bool(np.array_equal(values, np.diag(np.diag(values))) and np.count_nonzero(values) == 4)
+
+
+def _loops(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
+    constraints = system.constraints
+    rank = (
+        f"rank at {len(constraints.samples)} assembled {'configuration' if len(constraints.samples) == 1 else 'configurations'}"
+    )
+    for rows in constraints.loops:
+        words = _words(system, rows)
+        count = rows.position.numel()
+        for k, name in enumerate(rows.names):
+            kept = name in constraints.kept
+            forbids = words[k] if k < count else "slip"
+            timed = ca.depends_on(rows.velocity[k], system.t)
+            if not kept and not (k >= count and name in judge.velocity.vanishing):
+                yield ConstraintEntry(name, forbids, "redundant", False, rank)
+            elif k >= count:
+                yield judge.entry(name, forbids, timed)
+            else:
+                yield ConstraintEntry(name, forbids, "rheonomic" if timed else "holonomic", True, "given in positions")
+        for name in rows.dropped:
+            yield ConstraintEntry(
+                name, "nothing: it holds by itself in this plane or direction", "vanishing", False, "by structure"
+            )
+
+
+def _words(system: ReducedSystem, rows: LoopRows) -> list[str]:
+    """What each position row forbids, from the wrench along it on frame_b at the start."""
+    basis = ca.Function("basis", [system.mechanics.tree.q, system.t, system.p], [rows.wrench_basis])
+    values = np.array(basis(system.q_start, 0.0, system.p_values)).reshape(6, -1)
+    R = np.array(ca.DM(ca.evalf(ca.substitute(symbolic(rows.edge.joint.mounting()), system.p, ca.SX(ca.DM(system.p_values))))))
+    found: list[str] = []
+    for k in range(rows.position.numel()):
+        torque, force = R @ values[:3, k], R @ values[3:, k]
+        size = max(float(np.linalg.norm(torque)), float(np.linalg.norm(force)))
+        steady = rows.wrench_basis[:, k].is_constant()
+        if np.linalg.norm(torque) < 1e-9 * size:
+            found.append(f"a shift{_direction(force) if steady else ''}")
+        elif np.linalg.norm(force) < 1e-9 * size:
+            found.append(f"a turn{_direction(torque) if steady else ''}")
+        else:
+            found.append("a shift and a turn together")
+    return found
+
+
+def _direction(vector: np.ndarray) -> str:
+    unit = vector / np.linalg.norm(vector)
+    axis = int(np.argmax(np.abs(unit)))
+    if abs(abs(unit[axis]) - 1) < 1e-9:
+        return f" along {'xyz'[axis]} of frame_b"
+    return f" along ({', '.join(f'{c:.3g}' for c in unit)}) of frame_b"
+
+
+def _in_tree(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
+    """Rolling contacts that cost no multiplier: their velocities do not slip."""
+    trees = {item.edge.name for item in system.tree_joints}
+    whole = velocity_system(system)
+    for i, name in enumerate(whole.names):
+        if ".rolling[" in name and name.rsplit(".rolling[", 1)[0] in trees:
+            yield judge.entry(name, "slip", whole.timed and not whole.forms[i, -1].is_zero())
+
+
+def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
+    """Gears, sources, and equations of one's own between flanges of joints."""
+    held = held_rows(system)
+    for i in range(system.scalar.position.numel()):
+        name = next((h.name for h in held if h.position == i), f"scalar equation {i + 1}")
+        timed = ca.depends_on(system.scalar.position[i], system.t)
+        yield ConstraintEntry(
+            name, "other positions of flanges", "rheonomic" if timed else "holonomic", True, "given in positions"
+        )
+    for row in held:
+        if row.position is not None:
+            continue
+        timed = ca.depends_on(row.velocity, system.t)
+        if row.linear:
+            yield judge.entry(row.name, "other velocities of flanges", timed)
+        else:
+            yield ConstraintEntry(
+                row.name, "other velocities of flanges", "nonholonomic", True, "not linear in velocities, not examined"
+            )

@@ -1,0 +1,61 @@
+"""Integrability in a scene: what its velocity constraints hide, also when parameters change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from acausal.reduction.integrability.classification import Integrability, integrability
+from acausal.reduction.integrability.frobenius import growth
+from acausal.reduction.integrability.integral import Integral, is_integral
+from acausal.reduction.integrability.pfaffian import PfaffianSystem
+from acausal.reduction.integrability.velocity_forms import VelocityRow, contact_rows, scalar_rows, velocity_system
+
+if TYPE_CHECKING:
+    from acausal.reduction.reduce import ReducedSystem
+
+
+def scene_integrability(system: ReducedSystem, exact: bool = True) -> Integrability:
+    """Classifies all velocity constraints of a scene; see `integrability`."""
+    result = integrability(velocity_system(system), exact)
+    if not result.integrals or not system.p.numel():
+        return result
+    other = velocity_system(system, system.p_values * 1.125 + 0.0625 * (system.p_values == 0))
+    blocks = tuple(
+        replace(block, integrals=tuple(_for_parameters(system, integral, part) for integral in block.integrals))
+        for block, (_, part) in zip(result.blocks, other.blocks(), strict=True)
+    )
+    return Integrability(blocks, result.vanishing)
+
+
+def integrals(system: ReducedSystem) -> tuple[Integral, ...]:
+    """Functions of tree.q, t and p that the velocity constraints keep constant, those that are found in closed form.
+
+    `coefficients` of linear ones: (nq,), and one more for the time in a scene that depends on it. Costs nothing where nothing rolls and no source
+    or gear holds velocities.
+    """
+    return scene_integrability(system).integrals
+
+
+def _for_parameters(system: ReducedSystem, integral: Integral, other: PfaffianSystem) -> Integral:
+    """The integral, with parameters in it where its row shows how they enter; or marked as one for the present values."""
+    if is_integral(other, growth(other), integral.expression):
+        return integral
+    rows: tuple[VelocityRow, ...] = (*contact_rows(system.mechanics, system.constraints.loops), *scalar_rows(system))
+    own = [row for row in rows if row.name in integral.names]
+    if len(own) == 1 and integral.coefficients is not None:
+        # coefficients that do not change with q are those of any q
+        y, at = ca.vertcat(system.mechanics.tree.q, system.t), np.append(system.q_start, 0.0)
+        slopes = ca.substitute(ca.horzcat(own[0].form, own[0].drift), y, ca.SX(ca.DM(at)))
+        scale = slopes[int(np.argmax(np.abs(integral.coefficients)))]
+        expression = ca.mtimes(slopes, y) / scale
+        if is_integral(other, growth(other), _with(expression, system)):
+            return replace(integral, expression=expression)
+    return replace(integral, fixed_parameters=True)
+
+
+def _with(expression: ca.SX, system: ReducedSystem) -> ca.SX:
+    return ca.substitute(expression, system.p, ca.SX(ca.DM(system.p_values * 1.125 + 0.0625 * (system.p_values == 0))))
