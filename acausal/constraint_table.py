@@ -158,7 +158,6 @@ def _invariants(system: ReducedSystem) -> Iterator[ConstraintEntry]:
         for i in range(rows.numel()):
             name = f"{item.edge.name}.invariant[{i}]" if rows.numel() > 1 else f"{item.edge.name}.invariant"
             H = ca.hessian(rows[i], q[item.q])[0]
-            sphere = H.is_constant() and H.sparsity() == ca.Sparsity.diag(*H.shape) or _unit_block(H)
             kind, words = (
                 ("normalisation", "a quaternion of a length other than 1")
                 if sphere
