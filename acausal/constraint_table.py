@@ -158,11 +158,9 @@ def _invariants(system: ReducedSystem) -> Iterator[ConstraintEntry]:
         for i in range(rows.numel()):
             name = f"{item.edge.name}.invariant[{i}]" if rows.numel() > 1 else f"{item.edge.name}.invariant"
             H = ca.hessian(rows[i], q[item.q])[0]
-            kind, words = (
-                ("normalisation", "a quaternion of a length other than 1")
-                if sphere
-                else ("holonomic", "leaving the joint's surface")
-            )
+            kind, words = "holonomic", "what the joint's coordinates cannot reach"
+            if _is_sphere(H):
+                kind, words = "normalisation", "a quaternion of a length other than 1"
             yield ConstraintEntry(name, words, kind, True, "by structure")
 
 
