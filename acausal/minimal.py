@@ -11,8 +11,6 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError, StartValueError
-from acausal.integrators.problem import Problem
-from acausal.integrators.projection import Projection
 from acausal.language.expression import Input, Parameter, Variable
 from acausal.reduction.charts.chart import Chart, Choice, choose_chart
 from acausal.reduction.charts.equations import ChartEquations
@@ -217,10 +215,8 @@ def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...
             raise StartValueError(
                 f"minimal: the state x leaves loops, gears or unit quaternions open by {gap:.3g}. Take it from model.initial_state or a simulation."
             )
-        problem = Problem(
-            functions.explicit_dynamics, functions.invariants, functions.projection, lambda times: np.zeros((0, times.size)), p
-        )
-        state = Projection(problem)(t, state).copy()
+    for begin in atlas.manifold.coordinates.units:
+        state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])
     return choose_chart(atlas.manifold, t, state, p, prefer)
 
 

@@ -26,11 +26,13 @@ _WORSE = 0.3
 """A chart is left when its conditioning has fallen to this part of that at the reference,"""
 _TURNED = 0.45
 """or a quaternion has turned by about 190 degrees,"""
-_MISSED = 0.05**2
-"""or Newton's method begins its last steps farther from the solution than 0.05 (rad or m)."""
+_MISSED = 0.003**2
+"""or the second of the last corrections by Newton's method is above 0.003 (rad or m); the third and fourth one then meet the solution."""
 
 _NEARLY = 1e-2
 """Singular value of constraints below which a failure is put down to them."""
+
+_CHART_MAY_BE_TO_BLAME = (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW, StatusKind.NOT_CONVERGED)
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,6 @@ class _Piece:
 
     minimal: MinimalModel
     solution: Solution
-    parameters: np.ndarray
 
     def states(self, times: np.ndarray, y: np.ndarray) -> np.ndarray:
         """x (nx, n)."""
@@ -94,6 +95,11 @@ def simulate(
 ) -> MinimalMotion:
     """The motion from chart to chart. Raises `StartValueError`, `OptionError`, `SimulationError` with what was computed."""
     functions, chart = minimal.atlas.functions, minimal.chart
+    if not minimal.state_names:
+        raise OptionError(
+            "minimal.simulate: every motion is prescribed, so there are no states to integrate. Ask minimal.expand(t, [], u, p), or use "
+            "model.simulate."
+        )
     signal = input_signal(functions, inputs)
     moving = any(callable(value) for value in inputs.values())
     if isinstance(options.samples, bool) or not isinstance(options.samples, int) or options.samples < 2:  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -107,30 +113,35 @@ def simulate(
         None if moving else signal(np.zeros(1))[:, 0],
     )  # fmt: skip
     pieces: list[_Piece] = []
-    trouble, steps = "", 0
-    while True:
-        piece = _run(minimal, problem, end, replace(options, max_steps=options.max_steps - steps))
+    after: MinimalModel | str = minimal
+    steps = 0
+    while not isinstance(after, str):
+        piece = _run(after, problem, end, replace(options, max_steps=options.max_steps - steps))
         pieces.append(piece)
-        solution = piece.solution
-        steps += solution.statistics.steps
-        here = float(solution.t[-1])
-        if not solution.stopped:
-            trouble = _explained(piece)
-            break
-        if here <= minimal.chart.t:
-            trouble = f"No chart leads beyond t = {here:g} s; the last one is: {minimal.chart}."
-            break
-        try:
-            minimal = minimal.rechart(piece.states(solution.t[-1:], solution.x[:, -1:])[:, 0], t=here)
-        except StartValueError as error:
-            trouble = str(error)
-            break
-    return _finished(functions, problem, pieces, initial, end, trouble, options)
+        steps += piece.solution.statistics.steps
+        after = _next(piece)
+    return _finished(functions, problem, pieces, initial, end, after, options)
 
 
 def reference(chart: Chart) -> np.ndarray:
     """r = (t, x, p) of a chart."""
     return np.concatenate([[chart.t], chart.x, chart.p])
+
+
+def _next(piece: _Piece) -> MinimalModel | str:
+    """The chart in which a motion goes on, or why there is none; empty where it reached its end."""
+    solution, minimal = piece.solution, piece.minimal
+    here, x = float(solution.t[-1]), piece.states(solution.t[-1:], solution.x[:, -1:])[:, 0]
+    failed = solution.status.kind is not StatusKind.SUCCESS
+    singular = singular_loops(minimal.atlas.manifold, here, x, minimal.chart.p, _NEARLY) if failed else ""
+    if singular or not solution.stopped:
+        return f"{solution.status.message} {singular}".strip()
+    if here <= minimal.chart.t:
+        return f"No chart leads beyond t = {here:g} s; the last one is: {minimal.chart}."
+    try:
+        return minimal.rechart(x, t=here)
+    except StartValueError as error:
+        return str(error)
 
 
 def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) -> _Piece:
@@ -147,28 +158,18 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
     solution = integrate(
         own, minimal.start, chart.t, end, options.rtol, options.atol, method=options.method, max_steps=options.max_steps
     )
-    return _without_end_off_chart(_Piece(minimal, solution, p))
+    return _without_end_off_chart(_Piece(minimal, solution))
 
 
 def _without_end_off_chart(piece: _Piece) -> _Piece:
-    """A step may end off the chart: without it, and to be continued in another one if there was a step before."""
+    """What is known of a motion that failed: not a last step that ended off the chart. If it came anywhere, another chart may lead on."""
     solution = piece.solution
-    known = np.isfinite(piece.states(solution.t, solution.x)).all(axis=0)
-    n = int(np.argmin(known))
-    if solution.status.kind is StatusKind.SUCCESS or known.all() or n == 0:
+    if solution.status.kind not in _CHART_MAY_BE_TO_BLAME:
         return piece
+    known = np.isfinite(piece.states(solution.t, solution.x)).all(axis=0)
+    n = max(1, known.size if known.all() else int(np.argmin(known)))
     status = replace(solution.status, time=float(solution.t[n - 1]))
     return replace(piece, solution=replace(solution, t=solution.t[:n], x=solution.x[:, :n], status=status, stopped=n > 1))
-
-
-def _explained(piece: _Piece) -> str:
-    """Why a motion ended in a chart; empty if it did not fail."""
-    solution, chart = piece.solution, piece.minimal.chart
-    if solution.status.kind is StatusKind.SUCCESS:
-        return ""
-    x = piece.states(solution.t[-1:], solution.x[:, -1:])[:, 0]
-    singular = singular_loops(piece.minimal.atlas.manifold, float(solution.t[-1]), x, chart.p, _NEARLY)
-    return f"{solution.status.message} {singular}".strip()
 
 
 def _finished(

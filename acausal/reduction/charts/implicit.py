@@ -15,8 +15,8 @@ import casadi as ca
 
 from acausal.mechanics.kernels import solve_positive
 
-POLISH = 4
-_CONVERGED = 1e-10
+POLISH = 5
+_CONVERGED = 1e-8
 _CLOSED = 1e-8
 
 Residual = Callable[[ca.SX, ca.SX], ca.SX]
@@ -33,8 +33,8 @@ class Known:
 
 @dataclass(frozen=True)
 class Followed:
-    """`z` (n, 1), NaN where the iteration did not converge. `missed`: the square of the distance that was left to go after all steps,
-    zero where nothing is iterated: large at the end of the reach.
+    """`z` (n, 1), NaN where the iteration did not converge. `missed`: the square of the second of the last corrections, zero
+    where nothing is iterated; it grows towards the end of the reach.
     """
 
     z: ca.SX
@@ -62,7 +62,7 @@ def follow(residual: Residual, known: Known, k: ca.SX, steps: int) -> Followed:
     for i in range(POLISH):
         dz, gap = newton(z, k)
         z = z + dz
-        if i == 0:
+        if i == 1:
             missed = ca.sumsqr(dz)
     good = ca.sumsqr(dz) <= _CONVERGED**2 * (1 + ca.sumsqr(z))
     if gap.numel() > n:  # the least sum of squares need not be zero
