@@ -24,13 +24,13 @@ from acausal.reduction.reduce import ReducedSystem, reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
-    from acausal.constraint_table import ConstraintTable
     from acausal.analysis.actuation import Unknown
     from acausal.analysis.conditions import Steady
     from acausal.analysis.equilibrium import Equilibrium
     from acausal.analysis.inverse_dynamics import InverseDynamics
     from acausal.analysis.linearize import Linearization
     from acausal.analysis.prescribed import Given
+    from acausal.constraint_table import ConstraintTable
     from acausal.minimal import MinimalModel
     from acausal.reduction.branches import Branches
     from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
