@@ -39,13 +39,13 @@ def assemble(
     tolerance: float = 1e-12,
     limit: int = 100,
     stride: float = 0.7,
-    nearest: bool = False,
+    nearest: np.ndarray | None = None,
     approach: bool = True,
 ) -> Assembled:
     """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
     `stride`: largest change of an entry in one iteration (coordinates: 0.7 rad or m; velocities: any). Converges
-    quadratically near a solution. `nearest`: without wishes, go on to the y nearest to `guess`, to about 1e-6.
+    quadratically near a solution. `nearest` (n,): without wishes, go on to the y nearest to it, to about 1e-6.
     `approach`: wishes choose the branch too. Not converged when the residual stops shrinking above `tolerance` (times the largest entry
     of y where that is above 1); y is then a point of locally least squares. Cost of an iteration: one singular value
     decomposition (m, n).
@@ -54,12 +54,12 @@ def assemble(
     if wishes is not None and approach:
         y, spent = _approached(constraints, wishes, y, stride)
     found = _closed(constraints, y, tolerance, limit, stride, spent)
-    if not found.converged or (wishes is None and not (nearest and found.iterations)):
+    if not found.converged or (wishes is None and (nearest is None or not found.iterations)):
         return found
     if wishes is not None:
         return _settled(constraints, wishes, found, tolerance, limit, stride, 1e-10)
     unit = np.eye(y.size)
-    return _settled(constraints, lambda y: (y - guess, unit), found, tolerance, 20, stride, 1e-6)
+    return _settled(constraints, lambda y: (y - nearest, unit), found, tolerance, 20, stride, 1e-6)
 
 
 def _largest(values: np.ndarray) -> float:

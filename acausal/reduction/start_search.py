@@ -114,7 +114,7 @@ class Search:
         if self.constraints is None or (self.said and self.is_meant(first, data)):
             return Found(first, first, 0.0, True)
         hard, soft = self.rows(data, first), self.wish_rows(data, first, weights)
-        found = assemble(hard, first, soft, stride=self.stride, nearest=True)
+        found = assemble(hard, first, soft, stride=self.stride, nearest=first)
         if found.converged and self.is_meant(found.y, data):
             return Found(found.y, first, found.gap, True, found.iterations)
         rng = np.random.default_rng(0)
@@ -124,7 +124,7 @@ class Search:
             from_best = attempt % 2 == 0 and not best.converged
             size = 0.2 if from_best else min(0.1 * 1.25**attempt, 3.0)
             kick = rng.normal(scale=size, size=first.size) * (1.0 if scale is None else scale())
-            found = assemble(hard, (best.y if from_best else first) + kick, soft, stride=self.stride, nearest=not from_best)
+            found = assemble(hard, (best.y if from_best else first) + kick, soft, stride=self.stride, nearest=first)
             spent += found.iterations
             if found.converged and self.is_meant(found.y, data):
                 return Found(found.y, first, found.gap, True, spent, attempt + 1)
