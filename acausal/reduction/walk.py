@@ -50,7 +50,7 @@ class Walk:
             inverse = np.linalg.pinv(J, rcond=1e-9)
             q = q - inverse @ c[:, 0]
             q = q - inverse @ self.at(q)[0][:, 0]
-            if np.max(np.abs(self.at(q)[0])) < tolerance:
+            if np.max(np.abs(self.at(q)[0]), initial=0.0) < tolerance:  # none where only velocities are constrained
                 return q
         return None
 

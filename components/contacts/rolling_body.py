@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from typing import final
 
 import casadi as ca
@@ -11,14 +11,16 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, Variable, scalar, sx, vector
 from acausal.language.origin import origin
+from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.motion import Motion
 from acausal.mechanics.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
-from components.contacts.rolling import AbstractRolling
 
 
-class AbstractRollingBody(AbstractRolling, ABC):
-    """Rolls in any orientation.
+class AbstractRollingBody(AbstractJoint, ABC):
+    """A convex body, fixed in frame_b, rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
+    Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows
+    (no slip, along x and y). Reactions are not limited: the contact can pull.
     q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in frame_a [m]; its height follows from the
     shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point`.
     """
@@ -27,6 +29,10 @@ class AbstractRollingBody(AbstractRolling, ABC):
         "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
     )
     v = Variable("rad/s", "angular velocity in frame_b", size=3)
+
+    @abstractmethod
+    def contact_point(self, n: ca.SX) -> ca.SX:
+        """The body's lowest point (3, 1) [m] in frame_b, when the unit vector `n` (3, 1) of frame_b points up."""
 
     @final
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -56,6 +62,11 @@ class AbstractRollingBody(AbstractRolling, ABC):
         bias = ca.cross(v, velocity) + ca.cross(c_rate, v)
         subspace = ca.vertcat(ca.SX.eye(3), ca.skew(c))
         return (Motion(X, self.rates(q, v, t), subspace, ca.vertcat(v, velocity), ca.vertcat(ca.SX.zeros(3), bias), v),)
+
+    @final
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        n = symbolic(X_ab.rotation)[2, :].T
+        return symbolic(X_ab.position)[2] + ca.dot(n, self.contact_point(n))
 
     @final
     def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:

@@ -9,17 +9,19 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
+from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.motion import Motion
 from acausal.mechanics.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
-from components.contacts.rolling import AbstractRolling
 from components.orientation import Axis, axis_vector, mounting
 
 _TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))
 
 
-class AbstractRollingWheel(AbstractRolling, ABC):
-    """A body of revolution about `axis` of frame_b rolls on its rim; frame_b's origin is on the axis.
+class AbstractRollingWheel(AbstractJoint, ABC):
+    """A body of revolution about `axis` of frame_b rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
+    Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows (no
+    slip, along the heading and across it). Reactions are not limited: the contact can pull. frame_b's origin is on the axis.
     Heading axes C go with the wheel and do not spin: x along the way it rolls, y the axle, z up in the wheel's plane.
     q: yaw, lean, spin [rad], then x and y of frame_b's origin in frame_a [m]; its height follows from the shape.
     R_ab = R_z(yaw) R_x(lean) R_y(spin) R_0: at zero the wheel stands upright, `axis` along y of frame_a (R_0 takes it there and is
@@ -40,21 +42,16 @@ class AbstractRollingWheel(AbstractRolling, ABC):
         """Of the wheel that leans by the angle of this `sine` and `cosine` > 0: (along the axle, up in its plane) (2, 1) [m]."""
 
     @final
-    def contact_point(self, n: ca.SX) -> ca.SX:
-        e = sx(self.axis)
-        sine = ca.dot(e, n)
-        across = n - e * sine
-        cosine = ca.norm_2(across)
-        lowest = self.lowest_point(sine, cosine)
-        return e * lowest[0] + across / cosine * lowest[1]
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        sine, cosine, _ = self._seen_heading(X_ab)
+        return symbolic(X_ab.position)[2] + ca.dot(self.lowest_point(sine, cosine), ca.vertcat(sine, cosine))
 
     @final
     def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
         # along the heading and across it, so that what another wheel forbids already is one of the rows, and not a mixture
-        n = symbolic(X_ab.rotation)[2, :].T
-        heading = ca.cross(sx(self.axis), n)
-        slip = v_ab_b + ca.cross(w_ab_b, self.contact_point(n))
-        return ca.vertcat(ca.dot(heading, slip), ca.dot(ca.cross(n, heading), slip)) / ca.norm_2(heading)
+        sine, cosine, axes = self._seen_heading(X_ab)
+        slip = axes @ v_ab_b - ca.cross(self._arm(sine, cosine), axes @ w_ab_b)
+        return ca.vertcat(slip[0], cosine * slip[1] - sine * slip[2])
 
     @final
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -102,6 +99,15 @@ class AbstractRollingWheel(AbstractRolling, ABC):
         lean[0, 0], lean[1, 1], lean[1, 2], lean[2, 1], lean[2, 2] = 1, cosine, -sine, sine, cosine
         arm = self._arm(sine, cosine)
         return Pose(rotation_about_z(q[0]) @ lean, ca.vertcat(q[3:5], -(sine * arm[1] + cosine * arm[2])))
+
+    def _seen_heading(self, X_ab: Pose) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Sine and cosine of the lean, and R_Cb of the heading axes, whatever the spin."""
+        e, n = sx(self.axis), symbolic(X_ab.rotation)[2, :].T
+        sine = ca.dot(e, n)
+        across = n - e * sine
+        cosine = ca.norm_2(across)
+        up = across / cosine
+        return sine, cosine, ca.horzcat(ca.cross(e, up), e, up).T
 
     def _arm(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
         """From the centre to the point of contact, in heading axes (3, 1) [m]."""
