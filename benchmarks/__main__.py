@@ -13,13 +13,15 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # 
 os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 os.environ["JAX_PLATFORMS"] = "cpu"
 
-from benchmarks import dynamics, plot, sizes  # noqa: E402
+from benchmarks import dynamics, growth, plot, scene_sizes, sizes  # noqa: E402
 from benchmarks.peers.table import main  # noqa: E402
 
 sizes.run()
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 dynamics.run()
+scene_sizes.run()
+growth.run()
 out = Path("out")
 out.mkdir(exist_ok=True)
 main(["--out", str(out / "speed.json")])

@@ -3,7 +3,7 @@
 Bodies: World, RigidBody, Particle, Fixed. Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
+RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
@@ -27,7 +27,7 @@ from components.electrical import (
 )
 from components.forces.applied import Force, Torque
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
-from components.gears import PlanetaryGear, RackAndPinion
+from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from components.joints.cartesian_translation import CartesianTranslation
 from components.joints.cylindrical import Cylindrical
 from components.joints.free import Free
@@ -76,7 +76,7 @@ from components.world import World
 
 __all__ = [
     "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSensor", "CurrentSource", "Cylindrical", "Damper", "Diode",
-    "ElectromotiveForce", "Fixed", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
+    "ElasticGear", "ElectromotiveForce", "Fixed", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
     "NonlinearDamper", "NonlinearSpring", "OperationalAmplifier", "Particle", "Planar", "PlanetaryGear", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "RelativeRotationSensor", "Resistor", "Revolute", "RigidBody", "Rod",
     "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
     "RotationalSpring", "Screw", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",

@@ -19,6 +19,7 @@ from components import (
     PID,
     Capacitor,
     CurrentSensor,
+    ElasticGear,
     ElectromotiveForce,
     Gain,
     Gear,
@@ -31,7 +32,6 @@ from components import (
     RigidBody,
     RotationalDamper,
     RotationalGround,
-    RotationalSpring,
     RotationSensor,
     SignalVoltage,
     Sum,
@@ -169,7 +169,8 @@ class Axis(ac.System):
         self.speed = TimeFunction(lambda t: ratio * way * PATH.fraction(t, 1))
         self.encoder, self.error, self.stiffness, self.target = RotationSensor(), Sum(1, -1), Gain(5.0), Sum(1, 1)
         self.control, self.motor = PID(0.5, 0.5 / 0.05), Motor(drive.k, drive.w, drive.D, drive.J)
-        self.gear, self.friction, self.ground = Gear(ratio), RotationalDamper(drive.friction), RotationalGround()
+        self.friction, self.ground = RotationalDamper(drive.friction), RotationalGround()
+        self.gear = Gear(ratio) if drive.spring is None else ElasticGear(ratio, drive.spring, drive.damping)
 
         self.connect(self.motor.flange, self.encoder.flange)
         self.connect(self.angle.output, self.error.inputs[0])
@@ -181,14 +182,9 @@ class Axis(ac.System):
         self.connect(self.encoder.speed, self.control.measurement)
         self.connect(self.control.output, self.motor.wanted)
         self.connect(self.ground.flange, self.friction.flange_a)
+        self.connect(self.motor.flange, self.gear.flange_a)
         self.connect(self.gear.flange_b, self.flange)
-        if drive.spring is None:
-            self.connect(self.motor.flange, self.gear.flange_a)
-            self.connect(self.friction.flange_b, self.flange)
-        else:
-            self.spring, self.damper = RotationalSpring(drive.spring), RotationalDamper(drive.damping)
-            self.connect(self.motor.flange, self.friction.flange_b, self.spring.flange_a, self.damper.flange_a)
-            self.connect(self.gear.flange_a, self.spring.flange_b, self.damper.flange_b)
+        self.connect(self.friction.flange_b, self.flange if drive.spring is None else self.motor.flange)
 
 
 class Robot(ac.System):

@@ -151,17 +151,6 @@ def line_force_with_two_masses() -> ac.System:
     return scene
 
 
-def gyroscopic_effects() -> ac.System:
-    """Rotational3DEffects.GyroscopicEffects: a rotor on a bar that hangs on a ball joint; its axis at 45 degrees."""
-    scene = ac.System()
-    scene.world, scene.ball = World(gravity=DOWN), Spherical()
-    scene.bar, scene.rotor = steel_cylinder((0.25, 0, 0), 0.05), steel_cylinder((0.2, 0, 0), 0.1)
-    scene.spin = Revolute("x")
-    join(scene, scene.world.frame, scene.ball, scene.bar.frame)
-    join(scene, scene.bar.at((0.25, 0, 0), rotation=("y", np.pi / 4)), scene.spin, scene.rotor.at((0.1, 0, 0)))
-    return scene
-
-
 def bevel_gear(ratio: float = 10.0, gravity: tuple[float, float, float] | None = None) -> ac.System:
     """As Rotational3DEffects.BevelGear1D, with disks for rotors: a free carrier, two shafts at right angles, a gear between them."""
     scene = ac.System()

@@ -16,6 +16,7 @@ LIMITS = {
     "cart_swing_up": 2e-2,
     "four_bar": 1e-13,
     "engine": 1e-13,
+    "gyroscopic": 1e-12,
     "robot_r3": 1e-4,
 }
 

@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 import acausal as ac
 from acausal.errors import ParameterError, StartValueError
 from components import Gear, Inertia, Prismatic, Revolute, RigidBody, RotationalGround, Torque, TorqueSource, World
-from components.gears import PlanetaryGear, RackAndPinion
+from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from examples.engine import steel_cylinder
+from examples.gyroscopic import SpinningRotor
 from tests import modelica_scenes as scenes
 from tests.modelica_scenes import join
 
@@ -41,7 +42,7 @@ def about(body: RigidBody, centre: np.ndarray) -> np.ndarray:
 
 def test_gyroscopic_effects_as_a_gyrostat():
     """A body about a fixed point with a rotor on it: (I - J n n') w' = m c x g - w x L, L = I w + n J spin, J (n.w + spin) constant."""
-    scene = scenes.gyroscopic_effects()
+    scene = SpinningRotor()
     times = np.linspace(0, 5, 26)
     run = ac.build(scene).simulate(5.0, {scene.spin.v: 10.0}, rtol=1e-11, samples=26)
     bar, rotor = scene.bar, scene.rotor
@@ -255,6 +256,24 @@ def test_planetary_gear_with_its_ring_held_is_a_gear():
     run = model.simulate(1.0, rtol=1e-11, samples=3)
     np.testing.assert_allclose(run[scene.sun.w], 4 * run[scene.arm.w], atol=1e-12)
     np.testing.assert_allclose(run[scene.sun.w], run.t / (0.1 + 2.0 / 16), atol=1e-11)
+
+
+def test_rotors_on_an_elastic_gear_swing_at_their_frequency():
+    """Twist of two rotors a, b: w^2 = stiffness (1 / Ja + ratio^2 / Jb), dying with damping (1 / Ja + ratio^2 / Jb) / 2."""
+    ratio, stiffness, damping, Ja, Jb = -5.0, 40.0, 0.02, 0.01, 0.8
+    scene = ac.System()
+    scene.a, scene.b, scene.gear = Inertia(Ja), Inertia(Jb), ElasticGear(ratio, stiffness, damping)
+    scene.connect(scene.a.flange_b, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.b.flange_a)
+    run = ac.build(scene).simulate(1.0, {scene.a.phi: 0.2, scene.b.phi: 0.0}, rtol=1e-11, samples=101)
+    twist = run[scene.a.phi] - ratio * run[scene.b.phi]
+    both = 1 / Ja + ratio**2 / Jb
+    decay = damping * both / 2
+    w = np.sqrt(stiffness * both - decay**2)
+    exact = 0.2 * np.exp(-decay * run.t) * (np.cos(w * run.t) + decay / w * np.sin(w * run.t))
+    np.testing.assert_allclose(twist, exact, atol=1e-10)
+    np.testing.assert_allclose(ratio * Ja * run[scene.a.w] + Jb * run[scene.b.w], 0, atol=1e-11)
+    assert run.energy_error() < 1e-10
 
 
 @pytest.mark.parametrize(("make", "said"), [
