@@ -11,6 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import acausal as ac
+from acausal.errors import AssemblyError, LockedError
+from components import Revolute, RigidBody, World
 from tests.formulations import Array, Body, Sketch, between, composed, mass_matrix, script, skew, turned
 
 G = np.array([1.0, -2.0, -9.0])
@@ -118,7 +120,7 @@ def sarrus() -> Hinges:
     turn = turned(np.array([0, 0, 1.0]), 1.2)
     other = np.array([(0.8, 0, 1.1), (1.5, 0, 0.7), (0.9, 0, 0)]) @ turn.T
     axes = np.array([(0, 1.0, 0)] * 3 + [turn[:, 1]] * 3)
-    return Hinges(np.vstack([leg, other]) @ SKEW.T, axes @ SKEW.T, rate=0.8)
+    return Hinges(np.vstack([leg, other]) @ SKEW.T, axes @ SKEW.T, rate=0.8, end=0.7)
 
 
 def planar() -> Hinges:
@@ -134,7 +136,14 @@ def spherical() -> Hinges:
     return Hinges((np.array([0.2, 0.1, -0.3]) + axes * [[0.5], [1], [0.7], [0.4]]) @ SKEW.T, axes @ SKEW.T, rate=3.0)
 
 
-LINKAGES = [bennett, goldberg, myard, line_symmetric, orthogonal, schatz, sarrus, planar, spherical]
+def seven() -> Hinges:
+    """Seven hinges anywhere: nothing is redundant."""
+    rng = np.random.default_rng(5)
+    axes = rng.normal(size=(7, 3))
+    return Hinges(rng.normal(size=(7, 3)), axes / np.linalg.norm(axes, axis=1)[:, None], rate=0.5, end=1.0)
+
+
+LINKAGES = [seven, bennett, goldberg, myard, line_symmetric, orthogonal, schatz, sarrus, planar, spherical]
 
 
 # one freedom ----------------------------------------------------------------------------------------------------------
@@ -147,59 +156,49 @@ class OneFreedom:
     """
 
     def __init__(self, hinges: Hinges, sketch: Sketch) -> None:
-        self.screws = np.hstack([hinges.axes, np.cross(hinges.points, hinges.axes)])
+        self.axes, self.moments = hinges.axes, np.cross(hinges.points, hinges.axes)
         self.count = len(hinges.axes)
-        still = replace(sketch, twists=np.zeros((len(sketch.bodies), 6)))
-        own = mass_matrix(still)
-        self.inertias = []
-        for k, body in enumerate(sketch.bodies):  # from body's to the world's origin
-            shift = np.eye(6)
-            shift[3:, :3] = -skew(body.place[1])
-            self.inertias.append(self.moved_inertia(own[6 * k : 6 * k + 6, 6 * k : 6 * k + 6], body.place[1]))
-
-    @staticmethod
-    def moved_inertia(own: Array, p: Array) -> Array:
-        """From the origin of a frame at p to the world's origin."""
-        X = np.block([[np.eye(3), np.zeros((3, 3))], [-skew(p), np.eye(3)]])  # twist at the origin to twist at p
-        return X.T @ own @ X
+        self.about = []  # each hinge's turn: 1 + sin K + (1 - cos) K^2, in homogeneous coordinates
+        for e, r in zip(hinges.axes, hinges.points, strict=True):
+            K = np.zeros((4, 4))
+            K[:3, :3], K[:3, 3] = skew(e), -np.cross(e, r)
+            self.about.append((K, K @ K))
+        own = mass_matrix(replace(sketch, twists=np.zeros((len(sketch.bodies), 6))))
+        at_origin = []
+        for k, body in enumerate(sketch.bodies):
+            X = np.block([[np.eye(3), np.zeros((3, 3))], [-skew(body.place[1]), np.eye(3)]])  # to the twist at the body's frame
+            at_origin.append(X.T @ own[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ X)
+        self.inertias = np.array(at_origin)
 
     def rates(self, y: Array) -> Array:
         """theta', theta'' of y = theta, theta'."""
-        theta, rate = y[: self.count], y[self.count :]
-        R, p = np.eye(3), np.zeros(3)
-        J, transforms = [], []
-        for (e, m), angle in zip(((s[:3], s[3:]) for s in self.screws), theta, strict=True):
-            J.append(np.concatenate([R @ e, R @ m + np.cross(p, R @ e)]))
-            turn, point = turned(e, angle), np.cross(e, m)  # the point of the axis next to the origin
-            R, p = R @ turn, p + R @ (point - turn @ point)
-            transforms.append((R, p))
-        J = np.array(J).T
-        U, s, Vt = np.linalg.svd(J)
-        n = Vt[self.count - 1]
-        rank = self.count - 1
-        rate = n * (n @ rate)
-        twists = np.cumsum(J * rate, axis=1)
-        bias = np.array([commutator(twists[:, i - 1], J[:, i]) if i else np.zeros(6) for i in range(self.count)]).T @ rate
-        held = -Vt[:rank].T @ ((U[:, :rank].T @ bias) / s[:rank])
-        changes = np.array([commutator(twists[:, i - 1], J[:, i]) * rate[i] if i else np.zeros(6) for i in range(self.count)]).T
-        accelerations = np.cumsum(J * held + changes, axis=1)
-        units = np.cumsum(J * n, axis=1)
-        inertia = power = 0.0
-        for k, (own, (R, p)) in enumerate(zip(self.inertias, transforms[:-1], strict=True)):
-            back = np.block([[R.T, np.zeros((3, 3))], [-R.T @ skew(p), R.T]])  # twist to the body as it was at the start
-            M = back.T @ own @ back
-            V, A, u = twists[:, k], accelerations[:, k].copy(), units[:, k]
-            A[3:] -= G
-            h = M @ V
-            inertia += u @ M @ u
-            power -= u @ (M @ A) - commutator(V, u) @ h
-        return np.concatenate([rate, n * power / inertia + held])
+        n, theta, rate = self.count, y[: self.count], y[self.count :]
+        X = np.empty((n + 1, 4, 4))
+        X[0] = np.eye(4)
+        for k, (K, square) in enumerate(self.about):
+            X[k + 1] = X[k] @ (X[0] + np.sin(theta[k]) * K + (1 - np.cos(theta[k])) * square)
+        R, p = X[:-1, :3, :3], X[:-1, :3, 3]
+        e = np.einsum("kij,kj->ki", R, self.axes)
+        J = np.hstack([e, np.einsum("kij,kj->ki", R, self.moments) + np.cross(p, e)])
+        U, s, Vt = np.linalg.svd(J.T)
+        unit, rank = Vt[n - 1], n - 1
+        rate = unit * (unit @ rate)
+        V = np.cumsum(J * rate[:, None], axis=0)
+        changes = commutator(np.vstack([np.zeros(6), V[:-1]]), J) * rate[:, None]
+        held = -Vt[:rank].T @ ((U[:, :rank].T @ np.sum(changes, axis=0)) / s[:rank])
+        A = np.cumsum(J * held[:, None] + changes, axis=0)
+        A[:, 3:] -= G
+        u = np.cumsum(J * unit[:, None], axis=0)
+        R, p = X[1:-1, :3, :3], X[1:-1, :3, 3]
+        V, A, u = (_in_bodies(R, p, twists[:-1]) for twists in (V, A, u))
+        inertia = np.einsum("ki,kij,kj", u, self.inertias, u)
+        power = np.einsum("ki,kij,kj", commutator(V, u), self.inertias, V) - np.einsum("ki,kij,kj", u, self.inertias, A)
+        return np.concatenate([rate, unit * power / inertia + held])
 
     def motion(self, rate: float, times: Array) -> Array:
         """Angles at times, (times, n), from zero with this rate of the first."""
-        zero = np.zeros(self.count)
-        n = np.linalg.svd(self.screws.T)[2][self.count - 1]
-        start = np.concatenate([zero, n * rate / n[0]])
+        n = np.linalg.svd(np.hstack([self.axes, self.moments]).T)[2][self.count - 1]
+        start = np.concatenate([np.zeros(self.count), n * rate / n[0]])
         return (
             solve_ivp(lambda _t, y: self.rates(y), (0, times[-1]), start, "DOP853", t_eval=times, rtol=3e-13, atol=1e-13)
             .y[: self.count]
@@ -208,8 +207,15 @@ class OneFreedom:
 
 
 def commutator(V: Array, W: Array) -> Array:
-    """Rate of a twist W that moves along with V."""
-    return np.concatenate([np.cross(V[:3], W[:3]), np.cross(V[3:], W[:3]) + np.cross(V[:3], W[3:])])
+    """Rates (n, 6) of twists W that move along with V."""
+    w, v = V[:, :3], V[:, 3:]
+    return np.hstack([np.cross(w, W[:, :3]), np.cross(v, W[:, :3]) + np.cross(w, W[:, 3:])])
+
+
+def _in_bodies(R: Array, p: Array, V: Array) -> Array:
+    """Twists (n, 6) at the world's origin in frames that went along with the bodies from there."""
+    w, v = V[:, :3], V[:, 3:] + np.cross(V[:, :3], p)
+    return np.hstack([np.einsum("kji,kj->ki", R, w), np.einsum("kji,kj->ki", R, v)])
 
 
 @pytest.mark.parametrize("make", LINKAGES, ids=lambda make: make.__name__)
@@ -229,3 +235,146 @@ def test_linkages_with_more_mobility_than_a_count_of_freedoms_gives(make):
     off = angles - want
     assert np.ptp(want[:, 0]) > 0.5
     assert np.max(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi)))) < 1e-9
+
+
+# parallelograms -------------------------------------------------------------------------------------------------------
+
+
+def along(angle: float) -> Array:
+    """A direction in the skewed plane."""
+    return SKEW @ np.array([np.cos(angle), np.sin(angle), 0])
+
+
+def hinged(scene: ac.System, *hinges: tuple) -> list[Revolute]:
+    """Hinges between (part, part, point), normal to the skewed plane."""
+    scene.hinges = [Revolute.between(a, b, at=tuple(p), axis=tuple(SKEW[:, 2])) for a, b, p in hinges]
+    return scene.hinges
+
+
+@dataclass(frozen=True)
+class Parallelogram:
+    """`cranks` cranks of different masses [kg] and the same length side by side in a skewed plane, on one bar of `bar` [kg]."""
+
+    cranks: tuple[float, ...] = (1.0, 0.6, 1.4, 0.3)
+    bar: float = 2.0
+    length: float = 0.7
+    start: float = 0.6
+    """Angle of the cranks to the line of their feet, of four feet at `feet` along it [m]."""
+    feet: tuple[float, ...] = (0.0, 0.4, 0.9, 1.5)
+
+    def scene(self) -> tuple[ac.System, list[Revolute]]:
+        scene, arm = ac.System(), self.length * along(self.start)
+        points = [x * SKEW[:, 0] for x in self.feet]
+        scene.world = World(tuple(G))
+        scene.bar = RigidBody.rod(self.bar, tuple(points[-1]), position=tuple(arm))
+        scene.cranks = [RigidBody.rod(m, tuple(arm), position=tuple(p)) for m, p in zip(self.cranks, points, strict=True)]
+        feet = [(scene.world, crank, p) for crank, p in zip(scene.cranks, points, strict=True)]
+        heads = [(crank, scene.bar, p + arm) for crank, p in zip(scene.cranks, points, strict=True)]
+        return scene, hinged(scene, *feet, *heads)
+
+    def turn(self, rate: float, times: Array) -> Array:
+        """What each crank has turned by: a pendulum."""
+        inertia = (sum(self.cranks) / 3 + self.bar) * self.length**2
+        weight = (sum(self.cranks) / 2 + self.bar) * self.length
+
+        def right(_t: float, y: Array) -> list[float]:
+            return [y[1], weight * float(G @ along(y[0] + self.start + np.pi / 2)) / inertia]
+
+        return solve_ivp(right, (0, times[-1]), [0.0, rate], "DOP853", t_eval=times, rtol=1e-13, atol=1e-14).y[0]
+
+
+@pytest.mark.parametrize(
+    ("start", "rate", "angle", "energy", "gap"),
+    [(-2.2, 0.2, 1e-9, 1e-11, 1e-13), (0.6, 9.0, 1e-7, 1e-9, 1e-9)],
+    ids=["swings", "passes its change points"],
+)
+def test_a_parallelogram_with_extra_cranks_has_one_freedom(start, rate, angle, energy, gap):
+    """Three loops, eight hinges: 15 constraints, 11 of them redundant. With all bars in line the cranks might turn apart."""
+    case = Parallelogram(start=start)
+    scene, hinges = case.scene()
+    model = ac.build(scene)
+    c = model.system.constraints
+    assert model.degrees_of_freedom == 1
+    assert len(c.redundant) + len(c.vanishing) == 11
+    run = model.simulate(3.0, {hinges[0].q: 0.0, hinges[0].v: rate}, rtol=1e-12, samples=31, progress=False)
+    want = case.turn(rate, run.t)
+    assert np.ptp(want) > (2 * np.pi if rate > 1 else 1.0)
+    for hinge in hinges[:4]:
+        off = run[hinge.q] - want
+        assert np.max(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi)))) < angle
+    assert run.energy_error() < energy
+    assert run.constraint_error() < gap
+
+
+def test_two_parallelograms_one_on_the_other_have_two_freedoms():
+    """Bars only shift, so both pairs of cranks move like a double pendulum with two masses on each rod."""
+    l1, l2, d1, d2, c1, c2, b1, b2 = 0.6, 0.5, 0.8, 0.4, 0.7, 0.3, 1.2, 2.0
+    start = np.array([0.5, 1.4])
+    scene = ac.System()
+    scene.world = World(tuple(G))
+    base, x, u1, u2 = np.array([0.1, 0.2, 0.3]), SKEW[:, 0], l1 * along(start[0]), l2 * along(start[1])
+    low = [base, base + d1 * x]
+    high = [base + u1 + 0.2 * x, base + u1 + (0.2 + d2) * x]
+    scene.first = [RigidBody.rod(c1, tuple(u1), position=tuple(p)) for p in low]
+    scene.second = [RigidBody.rod(c2, tuple(u2), position=tuple(p)) for p in high]
+    scene.bar = RigidBody.rod(b1, tuple(d1 * x), position=tuple(low[0] + u1))
+    scene.top = RigidBody.rod(b2, tuple(d2 * x), position=tuple(high[0] + u2))
+    hinges = hinged(
+        scene,
+        *((scene.world, crank, p) for crank, p in zip(scene.first, low, strict=True)),
+        *((crank, scene.bar, p + u1) for crank, p in zip(scene.first, low, strict=True)),
+        *((scene.bar, crank, p) for crank, p in zip(scene.second, high, strict=True)),
+        *((crank, scene.top, p + u2) for crank, p in zip(scene.second, high, strict=True)),
+    )
+    h = (c2 + b2) * l1 * l2
+
+    def right(_t: float, y: Array) -> Array:
+        s, c = np.sin(y[0] - y[1]), np.cos(y[0] - y[1])
+        M = np.array([[(2 * c1 / 3 + b1 + 2 * c2 + b2) * l1**2, h * c], [h * c, (2 * c2 / 3 + b2) * l2**2]])
+        pulls = [(c1 + b1 + 2 * c2 + b2) * l1, (c2 + b2) * l2] * np.array([G @ along(angle + np.pi / 2) for angle in y[:2]])
+        return np.concatenate([y[2:], np.linalg.solve(M, pulls + h * s * np.array([-(y[3] ** 2), y[2] ** 2]))])
+
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 2
+    run = model.simulate(1.0, {hinges[0].v: 0.4, hinges[4].v: -0.3}, rtol=1e-12, samples=11, progress=False)
+    want = solve_ivp(right, (0, 1.0), [*start, 0.4, -0.3], "DOP853", t_eval=run.t, rtol=1e-13, atol=1e-13).y[:2]
+    assert np.max(np.abs(run[hinges[0].q] + start[0] - want[0])) < 1e-9
+    assert np.max(np.abs(run[hinges[4].q] + start[1] - want[1])) < 1e-9
+    assert run.energy_error() < 1e-11
+    assert run.constraint_error() < 1e-13
+
+
+# what cannot move, or not be put together -----------------------------------------------------------------------------
+
+
+def random_hinges(count: int, seed: int, parallel: bool = False) -> Hinges:
+    """Anywhere."""
+    rng = np.random.default_rng(seed)
+    axes = np.tile(SKEW[:, 2], (count, 1)) if parallel else rng.normal(size=(count, 3))
+    return Hinges(rng.normal(size=(count, 3)), axes / np.linalg.norm(axes, axis=1)[:, None])
+
+
+@pytest.mark.parametrize(("count", "parallel"), [(6, False), (5, False), (4, False), (3, True), (3, False)])
+def test_loops_of_too_few_hinges_are_locked(count, parallel):
+    for seed in range(3):
+        print("seed", seed)
+        with pytest.raises(LockedError, match="locked"):
+            ac.build(composed(script(random_hinges(count, seed, parallel).sketch())))
+
+
+def test_a_linkage_that_is_bent_a_little_is_locked():
+    """Bennett's linkage with one hinge turned by half a degree still closes, and no longer moves."""
+    good = bennett()
+    axes = good.axes.copy()
+    axes[2] = turned(good.points[2] - good.points[0], 0.01) @ axes[2]
+    with pytest.raises(LockedError, match="locked"):
+        ac.build(composed(script(replace(good, axes=axes).sketch())))
+
+
+def test_a_loop_whose_bars_are_too_short_cannot_close():
+    """Parallel hinges 10 m apart on the ground, three bars of about 1 m between."""
+    sketch = planar().sketch()
+    last = sketch.joints[-1]
+    far = (last.frame_b[0], last.frame_b[1] + 10 * SKEW[:, 0])
+    with pytest.raises(AssemblyError, match=r"cannot close: the smallest gap reached is \d"):
+        ac.build(composed(script(replace(sketch, joints=(*sketch.joints[:-1], replace(last, frame_b=far))))))
