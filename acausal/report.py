@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 
 from acausal.codegen.lower import operations
+from acausal.mechanics.pose import symbolic
+from acausal.reduction.row_meaning import row_meanings
+from acausal.reduction.self_stress import undetermined_reactions
+from acausal.wording import compact, grouped
 
 if TYPE_CHECKING:
     from acausal.model import Model
 
+_MOST_STATICS = 20_000
+_MOST_LINES = 10
+
 
 def report(model: Model) -> str:
-    """Freedoms by component, states, operations; what was merged, cut and dropped, and why."""
+    """Freedoms by component, states, operations; what was merged, cut and dropped, and why. Parts alike share a line."""
     system = model.system
     mechanism = system.mechanics.mechanism
     lines = [str(model), ""]
@@ -21,18 +29,19 @@ def report(model: Model) -> str:
     merged = [g for g in mechanism.groups if len(g.parts) > 1]
     if merged:
         lines.append("Merged, because they cannot move against one another:")
-        lines += [f"  {', '.join(part.path for part in group.parts)}" for group in merged]
+        lines += [f"  {compact(part.path for part in group.parts)}" for group in merged[:_MOST_LINES]]
+        lines += [f"  and {len(merged) - _MOST_LINES} more groups"] if len(merged) > _MOST_LINES else []
     free = [item.edge for item in system.tree_joints if item.edge.implicit]
     if free:
         lines.append("Held by nothing, so given a free joint of their own:")
-        lines += [f"  {mechanism.groups[e.b].name}: {e.joint.v.size} freedoms" for e in free]
+        lines += grouped([(mechanism.groups[e.b].name, f"{e.joint.v.size} freedoms") for e in free])
     lines += _loops(model)
     invariants = system.position_invariants.numel() + system.velocity_invariants.numel()
     if invariants:
         lines.append(
             f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions, nonlinear equations)."
         )
-    lines.append(f"States: {', '.join(model.state_names) or 'none'}")
+    lines.append(f"States: {compact(model.state_names, 12) or 'none'}")
     lines.append(f"Operations: {operations(model.functions.explicit_dynamics)} for the rates of all states.")
     return "\n".join(lines)
 
@@ -50,11 +59,12 @@ def _freedoms(model: Model) -> list[str]:
     configuration -= system.scalar.position.numel()
     if configuration - holonomic != model.degrees_of_freedom:
         rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
-    rows += [
-        f"  {item.edge.name:<24} {type(item.edge.joint).__name__:<20} {item.edge.joint.v.size} in velocity, {item.edge.joint.q.size} coordinates"
-        for item in system.tree_joints
-    ]
-    return rows
+    return rows + grouped(
+        [
+            (e.name, f"{type(e.joint).__name__:<20} {e.joint.v.size} in velocity, {e.joint.q.size} coordinates")
+            for e in (item.edge for item in system.tree_joints)
+        ]
+    )
 
 
 def _loops(model: Model) -> list[str]:
@@ -63,59 +73,60 @@ def _loops(model: Model) -> list[str]:
     if not constraints.loops:
         return []
     lines = ["Loops, cut at these joints:"]
+    needed: list[tuple[str, str]] = []
+    dropped: list[tuple[str, str]] = []
+    kept = set(constraints.kept)
     for rows in constraints.loops:
-        kept = [name for name in rows.names if name in constraints.kept]
-        lines.append(
-            f"  {rows.edge.name:<24} {type(rows.edge.joint).__name__:<20} {len(kept)} of {len(rows.names) + len(rows.dropped)} rows are needed"
-        )
-        for name in rows.dropped:
-            lines.append(
-                f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it holds by itself in this plane or direction"
-            )
-        for name in rows.names:
-            if name in constraints.redundant:
-                lines.append(
-                    f"    {name}: {_meaning(rows.edge.joint, name)} is redundant: it follows from the other joints of the loop"
-                )
-    if constraints.redundant or constraints.vanishing:
-        where = sorted({name.rsplit("[", 1)[0] for name in (*constraints.redundant, *constraints.vanishing)})
-        lines.append(
-            f"  Reactions along redundant directions are not determined by rigid bodies; one possible set is given at {', '.join(where)}."
-        )
+        means = row_meanings(system.mechanics, rows, system.p, system.p_values, system.q_start)
+        count, total = sum(name in kept for name in rows.names), len(rows.names) + len(rows.dropped)
+        needed.append((rows.edge.name, f"{type(rows.edge.joint).__name__:<20} {count} of {total} rows are needed"))
+        dropped += [(name, f"{means[name]} is redundant: it holds by itself in this plane or direction") for name in rows.dropped]
+        dropped += [
+            (n, f"{means[n]} is redundant: it follows from the other joints of the loop") for n in rows.names if n not in kept
+        ]
+    lines += grouped(needed) + [f"  {line}" for line in grouped(dropped)]
+    if dropped:
+        lines += _overconstrained(model, len(dropped)) + _undetermined(model)
     if constraints.rank.singular_at_start:
         lines.append("  The first configuration is singular: nearby, more constraints are independent than there.")
-    if planar_normal(model) is not None:
-        normal = planar_normal(model)
+    elif constraints.singular:
         lines.append(
-            f"  The loops are planar: all their hinges are parallel to {np.array2string(np.asarray(normal), precision=4, suppress_small=True)}."
+            "  On its way a loop passes singular positions, where motions branch; the one that momentum selects is followed."
         )
+    normal = planar_normal(model)
+    if normal is not None:
+        shown = np.array2string(normal, precision=4, suppress_small=True)
+        lines.append(f"  The loops are planar: all their hinges are parallel to {shown}.")
     return lines
 
 
-def _meaning(joint: object, name: str) -> str:
-    """What a row of a hinge forbids; other joints give the number only."""
-    words = {
-        "Revolute": (
-            "a shift across the axis",
-            "a shift across the axis",
-            "a shift along the axis",
-            "a tilt of the axis",
-            "a tilt of the axis",
-        ),
-        "Prismatic": ("a shift across the axis", "a shift across the axis", "a turn", "a turn", "a turn about the axis"),
-        "Cylindrical": ("a shift across the axis", "a shift across the axis", "a tilt of the axis", "a tilt of the axis"),
-        "Spherical": ("a shift along x", "a shift along y", "a shift along z"),
-    }.get(type(joint).__name__, ())
-    index = int(name.split("[")[-1].rstrip("]"))
-    return words[index] if index < len(words) else "this row"
+def _overconstrained(model: Model, dropped: int) -> list[str]:
+    """How much of the freedom is owed to exact dimensions."""
+    system = model.system
+    rows = sum(len(r.names) + len(r.dropped) for r in system.constraints.loops)
+    counted = system.tree_velocities - rows
+    return [
+        f"  Counting joints alone (Gruebler, Kutzbach) gives {counted} freedoms; {dropped} constraints hold only because the dimensions are exact."
+    ]
+
+
+def _undetermined(model: Model) -> list[str]:
+    """Which reactions the motion of rigid bodies leaves open."""
+    system = model.system
+    rows = sum(len(r.names) + len(r.dropped) for r in system.constraints.loops)
+    if rows * len(system.mechanics.tree.links) > _MOST_STATICS:
+        return ["  Reactions along redundant directions are not determined by rigid bodies; the smallest set is given."]
+    found = undetermined_reactions(system.mechanics, system.constraints, system.p, system.p_values)
+    axes = [f"{kind} {axis}" for kind in ("torque", "force") for axis in "xyz"]
+    words = [(name, ", ".join(axis for axis, loose in zip(axes, row, strict=True) if loose)) for name, row in found.items()]
+    return [
+        "  Reactions that rigid bodies do not determine (the smallest set is given), in frame_b with z along a joint's axis:",
+        *(f"  {line}" for line in grouped(words)),
+    ]
 
 
 def planar_normal(model: Model) -> np.ndarray | None:
     """Unit vector (3,) in the world to which all joints in the loops are parallel hinges at the start; None if there is none."""
-    import casadi as ca
-
-    from acausal.mechanics.pose import symbolic
-
     system = model.system
     if not system.constraints.loops:
         return None

@@ -14,6 +14,7 @@ from acausal.mechanics.motion import Motion, reversed_motion
 from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
 from acausal.mechanics.spin import balanced, one_turn, without_turn
 from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
+from acausal.wording import shortened
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,12 @@ class Tree:
 
 def _table(tree: Tree) -> str:
     rows = [f"{tree.mechanism.flat.name}: {len(tree.links)} links, {tree.q.numel()} coordinates, {tree.v.numel()} velocities"]
-    for i, link in enumerate(tree.links):
-        rows.append(
-            f"  link {i:<3} on {link.parent:<3} {link.name:<24} {link.motion.nv} freedoms"
-            + ("" if not link.inertia.is_zero else ", no mass")
-        )
+    rows += shortened(
+        [
+            f"  link {i:<3} on {link.parent:<3} {link.name:<24} {link.motion.nv} freedoms{', no mass' if link.inertia.is_zero else ''}"
+            for i, link in enumerate(tree.links)
+        ]
+    )
     return "\n".join(rows)
 
 

@@ -17,6 +17,7 @@ from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.constraints import Constraints, analyse_constraints
 from acausal.reduction.loop_forces import loop_forces, on_branch, projection
 from acausal.reduction.scalar.coupling import ScalarPart, add_scalar_domains
+from acausal.wording import compact, grouped
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,9 +52,10 @@ class ReducedSystem:
         rows = [
             f"{self.flat.name}: {self.x.numel()} states, {c.jacobian.shape[0]} constraints, {self.degrees_of_freedom} degrees of freedom"
         ]
-        rows += [f"  {item.edge.name:<24} q {item.edge.joint.q.size}, v {item.edge.joint.v.size}" for item in self.tree_joints]
-        rows += [f"  {self.flat.names.get(s, s.name):<24} scalar state [{s.unit}]" for s in self.scalar_states]
-        rows += [f"  kept: {', '.join(c.kept) or 'none'}; redundant: {', '.join((*c.redundant, *c.vanishing)) or 'none'}"]
+        edges = [item.edge for item in self.tree_joints]
+        rows += grouped([(e.name, f"q {e.joint.q.size}, v {e.joint.v.size}") for e in edges])
+        rows += grouped([(self.flat.names.get(s, s.name), f"scalar state [{s.unit}]") for s in self.scalar_states])
+        rows += [f"  kept: {compact(c.kept) or 'none'}; redundant: {compact((*c.redundant, *c.vanishing)) or 'none'}"]
         return "\n".join(rows)
 
     @property

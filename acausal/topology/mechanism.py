@@ -13,6 +13,7 @@ from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import Pose
+from acausal.wording import compact, shortened
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -73,8 +74,6 @@ class Mechanism:
     cuts: tuple[Edge[AbstractConstraint], ...]
     forces: tuple[Part, ...]
     gravity: np.ndarray | None
-    welds: tuple[str, ...] = ()
-    """What was merged, in words."""
 
     def group_of(self, connector: Point) -> int:
         """Index of the group in which a connector is fixed."""
@@ -100,11 +99,8 @@ class Mechanism:
 
     def __str__(self) -> str:
         rows = [f"{self.flat.name}: {len(self.groups)} rigid groups, {len(self.tree)} tree edges, {len(self.cuts)} cut edges"]
-        for i, group in enumerate(self.groups):
-            members = ", ".join(part.path for part in group.parts)
-            rows.append(f"  group {i:<3} {group.kind:<9} {group.name:<20} {members}")
-        for item in self.tree:
-            rows.append(f"  tree  {self.groups[item.parent].name} -- {item.edge.name} --> {self.groups[item.child].name}")
-        for cut in self.cuts:
-            rows.append(f"  cut   {self.groups[cut.a].name} -- {cut.name} --> {self.groups[cut.b].name}")
+        groups = [f"  {g.kind:<9} {g.name:<20} {compact(part.path for part in g.parts)}" for g in self.groups]
+        tree = [f"  tree  {self.groups[i.parent].name} -- {i.edge.name} --> {self.groups[i.child].name}" for i in self.tree]
+        cuts = [f"  cut   {self.groups[c.a].name} -- {c.name} --> {self.groups[c.b].name}" for c in self.cuts]
+        rows += [*shortened(groups), *shortened(tree), *shortened(cuts)]
         return "\n".join(rows)

@@ -1,0 +1,58 @@
+"""Words for tables and messages: names of many parts in little room."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+_LAST = re.compile(r"^(.*)\[(\d+)\](.*?)$")
+_FIRST = re.compile(r"^(.*?)\[(\d+)\](.*)$")
+
+
+def compact(names: Iterable[str], most: int = 6) -> str:
+    """Names in one line: `a, legs[0...5].knee, b and 12 more`. Runs of numbers are drawn together; at most `most` entries are shown."""
+    entries = _drawn_together(_drawn_together(names, _LAST), _FIRST)
+    rest = len(entries) - most
+    return ", ".join(entries) if rest <= 0 else f"{', '.join(entries[:most])} and {rest} more"
+
+
+def _drawn_together(names: Iterable[str], number: re.Pattern[str]) -> list[str]:
+    """Names that differ in this number only share an entry, where the first of them stood."""
+    entries: dict[tuple[str, str] | str, list[int]] = {}
+    for name in names:
+        found = number.match(name)
+        if found:
+            entries.setdefault((found[1], found[3]), []).append(int(found[2]))
+        else:
+            entries[name] = []
+    return [
+        text
+        for key, numbers in entries.items()
+        for text in ([key] if isinstance(key, str) else [f"{key[0]}[{run}]{key[1]}" for run in _runs(numbers)])
+    ]
+
+
+def _runs(numbers: Sequence[int]) -> list[str]:
+    runs: list[list[int]] = []
+    for n in sorted(set(numbers)):
+        if runs and n == runs[-1][-1] + 1:
+            runs[-1].append(n)
+        else:
+            runs.append([n])
+    return [str(run[0]) if len(run) == 1 else f"{run[0]}...{run[-1]}" for run in runs]
+
+
+def grouped(rows: Sequence[tuple[str, str]], width: int = 24) -> list[str]:
+    """Lines `name   text` of a table; rows with the same text are drawn together, in the order of their first names."""
+    by_text: dict[str, list[str]] = {}
+    for name, text in rows:
+        by_text.setdefault(text, []).append(name)
+    return [
+        f"  {compact(names):<{width}} {text}" + (f" (each of {len(names)})" if len(names) > 1 else "")
+        for text, names in by_text.items()
+    ]
+
+
+def shortened(lines: Sequence[str], most: int = 20) -> list[str]:
+    """The first `most` lines, and how many follow."""
+    return list(lines[:most]) + ([f"  and {len(lines) - most} more"] if len(lines) > most else [])

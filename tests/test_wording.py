@@ -1,0 +1,38 @@
+"""Names of many parts in little room."""
+
+from __future__ import annotations
+
+import acausal as ac
+from acausal.wording import compact, grouped, shortened
+from components import World
+from tests.scenes import FourBar, chain
+
+
+def test_runs_of_numbers_share_an_entry_and_long_lists_end():
+    names = [f"legs[{i}].knee" for i in range(4)] + ["world"] + [f"legs[{i}].hip" for i in (0, 2, 3)]
+    assert compact(names) == "legs[0...3].knee, world, legs[0].hip, legs[2...3].hip"
+    assert compact([f"p{i}" for i in range(9)], most=3) == "p0, p1, p2 and 6 more"
+    assert compact([f"a[{i}].c[{k}]" for i in range(3) for k in (3, 4)]) == "a[0...2].c[3...4]"
+    assert compact([]) == ""
+
+
+def test_rows_alike_share_a_line():
+    assert grouped([("a", "x"), ("b", "y"), ("c", "x")], width=6) == ["  a, c   x (each of 2)", "  b      y"]
+    assert shortened(["1", "2", "3"], 2) == ["1", "2", "  and 1 more"]
+
+
+def test_stages_of_a_hundred_components_stay_readable():
+    """Every table and the report of a chain of a hundred bodies, and of thirty four-bars, fits on a page or two."""
+    model = ac.build(chain(100))
+    many = ac.System()
+    many.world, many.bars = World(), [FourBar() for _ in range(30)]
+    for bar in many.bars:
+        many.connect(many.world.frame, bar.world.frame)
+    other = ac.build(many)
+    for m in (model, other):
+        mechanics = m.system.mechanics
+        for table in (m.report(), str(m.system.flat), str(mechanics.mechanism), str(mechanics.tree), str(m.system)):
+            assert len(table.splitlines()) < 75
+            assert max(len(line) for line in table.splitlines()) < 260
+    report = other.report()
+    assert "bars[0...29].c" in report and "(each of 30)" in report
