@@ -18,6 +18,8 @@ Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 _RANK = 1e-9
 _PENALTY = 0.3
 """Weight of wishes against constraints on the way from the guess."""
+_PATIENCE = 2
+"""Gauss-Newton steps before Newton's method is tried."""
 _DAMPING = 10.0 ** np.arange(-14.0, 4.0, 0.5)
 
 
@@ -57,9 +59,9 @@ def assemble(
     if not found.converged or (wishes is None and (nearest is None or not found.iterations)):
         return found
     if wishes is not None:
-        return _settled(constraints, wishes, found, tolerance, limit, stride, 1e-10)
+        return _settled(constraints, wishes, found, _Effort(tolerance, limit, stride, 1e-10, 40))
     unit = np.eye(y.size)
-    return _settled(constraints, lambda y: (y - nearest, unit), found, tolerance, 20, stride, 1e-6)
+    return _settled(constraints, lambda y: (y - nearest, unit), found, _Effort(tolerance, 20, stride, 1e-6, 8))
 
 
 def _largest(values: np.ndarray) -> float:
@@ -138,27 +140,40 @@ def _closed(constraints: Residual, y: np.ndarray, tolerance: float, limit: int, 
     return Assembled(y, gap, True, spent + iterations)
 
 
-def _settled(
-    constraints: Residual, wishes: Residual, found: Assembled, tolerance: float, limit: int, stride: float, last: float
-) -> Assembled:
-    """Gauss-Newton on the wishes in the null space of the constraints, until a step is shorter than `last`.
+@dataclass(frozen=True)
+class _Effort:
+    """How far to go: gap that counts as closed, most steps, longest step, one that is short enough, freedoms for Newton's method."""
 
-    After each step the constraints are closed again.
+    tolerance: float
+    limit: int
+    stride: float
+    last: float
+    freedoms: int
+
+
+def _settled(constraints: Residual, wishes: Residual, found: Assembled, effort: _Effort) -> Assembled:
+    """Least squares of the wishes along the freedom that the constraints leave.
+
+    Gauss-Newton, and Newton's method where that is slow since wishes stay unmet; after each step the constraints are closed again.
     """
     r, Jw = wishes(found.y)
-    square, radius = float(r @ r), stride
+    square, radius = float(r @ r), effort.stride
     spent = found.iterations
-    Z = freedom(constraints(found.y)[1])
-    for _ in range(limit):
-        step = Z @ _step(r, Jw @ Z, np.inf)
-        if _largest(step) > radius:
-            step = Z @ _step(r, Jw @ Z, radius / max(1.0, float(np.abs(Z).sum(axis=1).max(initial=0.0))))
-        length = _largest(step)
-        left = r + Jw @ step
-        promised = square - float(left @ left)
-        if length <= last * (1 + _largest(found.y)) or promised <= 1e-15 * square or square < 1e-28:
+    J = constraints(found.y)[1]
+    Z = freedom(J)
+    for iteration in range(effort.limit):
+        step, promised = _along_freedom(r, Jw, Z, radius)
+        if promised <= 1e-15 * square or square < 1e-28:
             break
-        trial = _closed(constraints, found.y + step, tolerance, 12, max(length, 1e-3))
+        if iteration >= _PATIENCE and Z.shape[1] <= effort.freedoms:
+            better = _newton_step(constraints, wishes, found.y, r, Jw, J, Z)
+            if better is not None:
+                part = min(1.0, radius / max(_largest(better[0]), 1e-300))
+                step, promised = part * better[0], (2 - part) * part * better[1]
+        length = _largest(step)
+        if length <= effort.last * (1 + _largest(found.y)):
+            break
+        trial = _closed(constraints, found.y + step, effort.tolerance, 12, max(length, 1e-3))
         spent += 1 + trial.iterations
         next_r, next_Jw = wishes(trial.y)
         next_square = float(next_r @ next_r)
@@ -166,11 +181,44 @@ def _settled(
         if gained < 0.25:
             radius = 0.25 * length
         elif gained > 0.75:
-            radius = min(stride, max(radius, 2 * length))
+            radius = min(effort.stride, max(radius, 2 * length))
         if gained > 1e-4:
             found, r, Jw, square = trial, next_r, next_Jw, next_square
-            Z = freedom(constraints(found.y)[1])
+            J = constraints(found.y)[1]
+            Z = freedom(J)
     return Assembled(found.y, found.gap, True, spent)
+
+
+def _along_freedom(r: np.ndarray, Jw: np.ndarray, Z: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+    """Gauss-Newton step in the columns of Z, no entry longer than `radius`, and by how much the square should shrink."""
+    along = Jw @ Z
+    step = Z @ _step(r, along, np.inf)
+    if _largest(step) > radius:
+        step = Z @ _step(r, along, radius / max(1.0, float(np.abs(Z).sum(axis=1).max(initial=0.0))))
+    left = r + Jw @ step
+    return step, float(r @ r) - float(left @ left)
+
+
+def _newton_step(
+    constraints: Residual, wishes: Residual, y: np.ndarray, r: np.ndarray, Jw: np.ndarray, J: np.ndarray, Z: np.ndarray
+) -> tuple[np.ndarray, float] | None:
+    """Newton step in the columns of Z for |wishes|^2 / 2 with the constraints' curvature, and by how much the square should shrink.
+
+    The Hessian of Lagrange's function by differences of its gradient. None where it is not positive definite.
+    """
+    multipliers = np.linalg.lstsq(J.T, Jw.T @ r, rcond=_RANK)[0] if J.shape[0] else np.zeros(0)
+    gradient = Jw.T @ r - J.T @ multipliers
+    H = np.empty((Z.shape[1], Z.shape[1]))
+    h = 1e-6 * (1 + _largest(y))
+    for k in range(Z.shape[1]):
+        beside = y + h * Z[:, k]
+        s, Js = wishes(beside)
+        H[:, k] = Z.T @ (Js.T @ s - constraints(beside)[1].T @ multipliers - gradient) / h
+    levels, axes = np.linalg.eigh((H + H.T) / 2)
+    if not levels.size or not levels[0] > 1e-6 * levels[-1]:
+        return None
+    slope = axes.T @ (Z.T @ gradient)
+    return -Z @ (axes @ (slope / levels)), float(np.sum(slope**2 / levels))
 
 
 def freedom(J: np.ndarray) -> np.ndarray:
