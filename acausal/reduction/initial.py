@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import casadi as ca
 import numpy as np
@@ -123,19 +123,23 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
 
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """
-    from acausal.reduction.start_failure import complain
-
     problem = start_problem(outputs, start)
     wanted, weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
         found = problem.positions.solve(data, weights, problem.scale)
         if not found.converged:
-            complain(problem.positions, found, data, problem.scale)
+            _complain(problem.positions, found, data, problem.scale)
         data_v = np.concatenate([data, found.y])
         moving = problem.velocities.solve(data_v, weights)
         if not moving.converged:
-            complain(problem.velocities, moving, data_v, None)
+            _complain(problem.velocities, moving, data_v, None)
         return finished(problem, wanted, weights, data, found, moving)
+
+
+def _complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[], np.ndarray] | None) -> NoReturn:
+    from acausal.reduction.start_failure import complain
+
+    complain(search, found, data, scale)
 
 
 def finished(
@@ -172,9 +176,10 @@ def start_data(
     problem: StartProblem, start: Start, t0: float, p: np.ndarray, u: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Start values one by one, the weights of all their entries, and what the searches take: values, t0, inputs, parameters."""
-    wanted = [_numbers(target, value) for target, value in zip(problem.targets, start.values(), strict=True)]
-    weights = np.ones(sum(w.size for w in wanted))
+    wanted: list[np.ndarray] = []
+    weights = np.ones(problem.targets[-1].place.stop if problem.targets else 0)
     for target, value in zip(problem.targets, start.values(), strict=True):
+        wanted.append(_numbers(target, value))
         if isinstance(value, near):
             weights[target.place] = _weight(target, value.weight)
     return wanted, weights, np.concatenate([*wanted, [t0], u, p])
