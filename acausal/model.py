@@ -94,7 +94,7 @@ class Model:
         self,
         start: Start | None = None,
         *,
-        by: Sequence[Expression] = (),
+        by: Expression | Sequence[Expression] = (),
         t0: float = 0.0,
         inputs: Mapping[Input, InputValue] | None = None,
         parameters: Mapping[Parameter, float] | None = None,
@@ -115,12 +115,12 @@ class Model:
 
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
         p = parameter_values(self.functions, parameters or {})
-        return branches(self.functions.outputs, start or {}, t0, p, u, tuple(by), searches, seed)
+        return branches(self.functions.outputs, start or {}, t0, p, u, by, searches, seed)
 
     def assembly_function(
         self,
         outputs: Expression | ca.SX | None,
-        wrt: Sequence[Expression],
+        wrt: Expression | Sequence[Expression],
         start: Start | None = None,
         *,
         t0: float = 0.0,

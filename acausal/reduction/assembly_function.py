@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.language.expression import Expression, Input, Parameter
+from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.reduction.initial import InitialState, Start, initial_state
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.start_search import Found, Search
@@ -35,7 +35,7 @@ _JUMP = 1.0
 def assembly_function(
     outputs: Outputs,
     result: Expression | ca.SX | None,
-    wrt: Sequence[Expression],
+    wrt: Expression | Sequence[Expression],
     start: Start,
     t0: float,
     p: np.ndarray,
@@ -46,8 +46,12 @@ def assembly_function(
     """The values of `wrt` (n,) -> `result` column by column; see `Model.assembly_function`."""
     if not isinstance(steps, int) or steps < 1:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
         raise OptionError(f"assembly_function: steps is {steps!r}. Give a whole number above 0.")
+    if result is not None and not isinstance(result, Expression | ca.SX):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise OptionError(
+            f"assembly_function: the outputs are {result!r}. Give a variable or an expression, or None for all states."
+        )
     reference = initial_state(outputs, start, t0, p, u)
-    places = _places(outputs, wrt, start)
+    places = _places(outputs, (wrt,) if isinstance(wrt, Expression) else wrt, start)
     data = reference.account.data
     values = ca.MX.sym("values", len(places))
     way = _way(reference)
@@ -91,9 +95,11 @@ def _places(outputs: Outputs, wrt: Sequence[Expression], start: Start) -> list[i
         elif isinstance(item, Expression) and item in offset:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
             places += range(offset[item][0], sum(offset[item]))
         else:
+            known = [*flat.parameters, *flat.inputs, *start]
+            names = [outputs.name(k) if isinstance(k, Symbol) else repr(k) for k in known]
             raise OptionError(
                 f"assembly_function: {item!r} in wrt is neither a parameter nor an input of the scene, nor has it a value in `start`. "
-                f"There are: {', '.join([outputs.name(s) for s in (*flat.parameters, *flat.inputs)] + [repr(k) for k in start]) or 'none'}."
+                f"There are: {', '.join(names) or 'none'}."
             )
     if not places:
         raise OptionError("assembly_function: wrt is empty. Give parameters, inputs or variables that have a value in `start`.")

@@ -69,6 +69,8 @@ class Branches(Sequence[InitialState]):
         return (branch.state for branch in self.all)
 
     def __str__(self) -> str:
+        if not self.searches:
+            return "1 branch: no loop has to close, and the start values are coordinates"
         single = sum(branch.count == 1 for branch in self.all)
         count = "1 branch" if len(self) == 1 else f"{len(self)} branches"
         lines = [f"{count}, from {self.searches} searches of which {self.closed} closed"]
@@ -94,32 +96,31 @@ def branches(
     t0: float,
     p: np.ndarray,
     u: np.ndarray,
-    by: Sequence[Expression],
+    by: Expression | Sequence[Expression],
     searches: int,
     seed: int,
 ) -> Branches:
     """Many searches from anywhere, then clusters; see `Model.branches`."""
     if not isinstance(searches, int) or searches < 1:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
         raise OptionError(f"branches: searches is {searches!r}. Give a whole number above 0.")
+    told = (by,) if isinstance(by, Expression) else tuple(by)
     first = initial_state(outputs, start, t0, p, u)
     problem = first.account.problem
     wanted, weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
-        clusters = _Clusters(problem, data, _seen(outputs, by, t0, p, u) if by else None)
+        clusters = _Clusters(problem, data, _seen(outputs, told, t0, p, u) if told else None)
         hunt = _Hunt(problem, data, weights, np.random.default_rng(seed))
         found = hunt.put_down(first.account.positions.y)
         if found is not None:
             clusters.add(*found)
         used = closed = 0
-        for k in range(searches):
+        for k in range(0 if problem.positions.settled else searches):
             used = k + 1
             found = hunt.search([c.y for c in clusters.all])
             if found is not None:
                 closed += 1
                 clusters.add(*found)
             if used >= _LEAST and min((c.count for c in clusters.all), default=0) >= _ENOUGH:
-                break
-            if not problem.positions.guess.size or problem.positions.settled:
                 break
         clusters.merge(hunt)
         made, stopped = _branches(problem, wanted, data, weights, clusters, first)
@@ -208,8 +209,6 @@ class _Hunt:
 
     def search(self, known: list[np.ndarray]) -> tuple[np.ndarray, int] | None:
         """A configuration and its freedoms from one more beginning; None where nothing closes."""
-        if self._positions.settled:
-            return None
         first = self._positions.first(self.data)
         guess = self._beginning(first, known)
         for i, k in self._positions.plain:
