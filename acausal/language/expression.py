@@ -328,7 +328,10 @@ def vector(value: Scalar, what: str) -> np.ndarray | Expression:
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
     """A function of time becomes an expression in `ac.time`; anything else stays."""
-    return value(time) if callable(value) and not isinstance(value, Expression) else value  # pyright: ignore[reportReturnType]
+    if not callable(value) or isinstance(value, Expression):
+        return value  # pyright: ignore[reportReturnType]
+    result = value(time)
+    return Expression(result, frozenset({time})) if isinstance(result, ca.SX) else result  # CasADi's functions drop what they know
 
 
 def stacked(values: Iterable[ca.SX]) -> ca.SX:
