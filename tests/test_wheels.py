@@ -1,5 +1,7 @@
 """Wheels and balls that roll: alone, in pairs, under carts, between plates; against closed forms."""
 
+import copy
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from acausal.language.expression import sx
 from acausal.mechanics.pose import symbolic
 from components import (
     AngleSource,
+    Cylindrical,
     Planar,
     Prismatic,
     Revolute,
@@ -17,7 +20,9 @@ from components import (
     RollingBall,
     RollingDisk,
     RollingTorus,
+    Screw,
     SpeedSource,
+    Universal,
     World,
 )
 from components.orientation import rotation_about
@@ -464,3 +469,40 @@ def test_ball_on_a_turntable_runs_around_circles():
     p = run[scene.ball.frame.position]
     rate, z, v = 2 * W / 7, p[:, 0] + 1j * p[:, 1], 0.1 + 0.2j
     assert np.max(np.abs(z - (z[0] + v / (1j * rate) * (np.exp(1j * rate * run.t) - 1)))) < 1e-10
+
+
+# bodies that spin
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(
+    "hub",
+    [Revolute("y"), Revolute("-y"), Revolute((0.2, 1, 0.3)), Cylindrical("y"), Screw("y", 0.1), Universal("y", "x")],
+    ids=repr,
+)
+def test_balanced_wheels_are_a_limit_of_unbalanced_ones(hub, backwards):
+    """Where a wheel is balanced its spin is left out of the equations; a little out of balance it is not. Both must agree."""
+    unbalance = 1e-9
+
+    def accelerations(excess: float) -> np.ndarray:
+        joint = copy.deepcopy(hub)
+        scene = ac.System()
+        scene.world, scene.contact, scene.hub, scene.axle = World(), RollingDisk(0.3), joint, Revolute("z")
+        scene.wheel, scene.frame = RigidBody(1.0, (0.02 + excess, 0.04, 0.02)), RigidBody(2.0, (0.1, 0.2, 0.25), (0.1, 0.2, 0.3))
+        scene.rotor = RigidBody(0.5, (0.01 + excess, 0.01, 0.015), (0, 0, 0.1))
+        rolling(scene, scene.contact, scene.wheel.frame)
+        a, b = (joint.frame_b, joint.frame_a) if backwards else (joint.frame_a, joint.frame_b)
+        scene.connect(scene.wheel.at((0, 0.1, 0)), a)
+        scene.connect(b, scene.frame.frame)
+        scene.connect(scene.frame.at((0.2, 0, 0.3), rotation=("x", 0.4)), scene.axle.frame_a)
+        scene.connect(scene.axle.frame_b, scene.rotor.frame)
+        system = (model := ac.build(scene)).system
+        x = np.random.default_rng(4).uniform(-0.9, 0.9, system.x.numel())
+        seen = [scene.rotor.at((0.1, 0.2, 0)).acceleration, joint.frame_a.torque, joint.frame_b.force, scene.contact.frame_b.force,
+                scene.axle.frame_a.torque, scene.wheel.frame.angular_acceleration]  # fmt: skip
+        outputs = [model.functions.output(entry)(0.0, x, [], []) for entry in seen]
+        return np.concatenate([np.array(o).ravel() for o in (*outputs, model.functions.explicit_dynamics(0.0, x, [], []))])
+
+    exact, near = accelerations(0.0), accelerations(unbalance)
+    assert np.max(np.abs(exact - near)) < 200 * unbalance
+    assert np.max(np.abs(exact - near)) > 0
