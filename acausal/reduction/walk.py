@@ -41,13 +41,19 @@ class Walk:
             part.reshape(shape, order="F") for part, shape in zip(np.split(self._kernel(), ends[:-1]), self._shapes, strict=True)
         ]
 
-    def closed(self, q: np.ndarray, tolerance: float = _CLOSED) -> np.ndarray | None:
-        """A configuration next to q with closed loops, by Newton's method with each Jacobian used twice; None if that fails."""
+    def closed(self, q: np.ndarray, tolerance: float = _CLOSED, rank: int | None = None) -> np.ndarray | None:
+        """A configuration next to q with closed loops, by Newton's method with each Jacobian used twice; None if that fails.
+
+        `rank` of the Jacobian where loops are closed, if known: beside it, rows that are redundant there look independent, with
+        singular values of the size of the gap, and steps along them go far astray.
+        """
         for _ in range(5):
             c, J = self.at(q)[:2]
             if not np.all(np.isfinite(J)):
                 return None
-            inverse = np.linalg.pinv(J, rcond=1e-9)
+            U, s, Vt = np.linalg.svd(J, full_matrices=False)
+            kept = int(np.sum(s > 1e-9 * np.max(s, initial=0.0))) if rank is None else rank
+            inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
             q = q - inverse @ c[:, 0]
             q = q - inverse @ self.at(q)[0][:, 0]
             if np.max(np.abs(self.at(q)[0]), initial=0.0) < tolerance:  # none where only velocities are constrained
@@ -73,18 +79,25 @@ class Walk:
 
     def _step(self, here: np.ndarray, ahead: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
         """The next configuration and the direction that led there, first tried along `ahead`; None where nothing moves."""
-        A, N = self.at(here)[2:]
+        _, J, A, N = self.at(here)
         _, s, Vt = np.linalg.svd(A)
-        free = Vt[int(np.sum(s > _RANK * max(1.0, float(s[0]) if s.size else 1.0))) :].T
+        free = Vt[_rank(s) :].T
         if free.shape[1] == 0:
             return None
+        rank = _rank(np.linalg.svd(J, compute_uv=False))
         for stride in _STRIDES:
             for attempt in range(_DIRECTIONS):
                 along = free @ (free.T @ (ahead if attempt == 0 else rng.normal(size=free.shape[0])))
                 if not np.max(np.abs(along)) > 1e-6:
                     continue
                 along = along / np.max(np.abs(along))
-                found = self.closed(here + N @ (stride * along), _CLOSE_ENOUGH)
+                ahead_of = here + N @ (stride * along)
+                found = self.closed(ahead_of, _CLOSE_ENOUGH, rank)
+                found = self.closed(ahead_of, _CLOSE_ENOUGH) if found is None else found  # from a singular position to others
                 if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
                     return found, along
         return None
+
+
+def _rank(singular_values: np.ndarray) -> int:
+    return int(np.sum(singular_values > _RANK * np.max(singular_values, initial=1.0)))
