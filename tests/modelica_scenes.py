@@ -12,6 +12,7 @@ import numpy as np
 
 import acausal as ac
 from components import (
+    AngleSource,
     Fixed,
     Force,
     Gear,
@@ -222,4 +223,56 @@ def rolling_wheel_set(
     if force is not None:
         scene.pull = Force(force)
         scene.connect(scene.pull.point, scene.axle.centre)
+    return scene
+
+
+def init_spring_constant(stiffness: ac.Parameter) -> ac.System:
+    """Elementary.InitSpringConstant: a bar on a damped hinge, held by a spring from above."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.bar = World(gravity=DOWN), Revolute("z"), RigidBody(1.0, (0.001,) * 3, (0.5, 0, 0))
+    scene.spring, scene.damper, scene.ground = Spring(stiffness, 0.1), RotationalDamper(0.1), RotationalGround()
+    join(scene, scene.world.frame, scene.hinge, scene.bar.frame)
+    scene.connect(scene.spring.point_a, scene.world.at((1, 0.2, 0)))
+    scene.connect(scene.spring.point_b, scene.bar.at((1, 0, 0)))
+    scene.connect(scene.ground.flange, scene.damper.flange_a)
+    scene.connect(scene.damper.flange_b, scene.hinge.flange)
+    return scene
+
+
+def double_pendulum() -> ac.System:
+    """Elementary.DoublePendulum: two bars on hinges about z, the first one damped. `tip`: the end of the second."""
+    scene = ac.System()
+    scene.world, scene.revolute1, scene.revolute2 = World(gravity=DOWN), Revolute("z"), Revolute("z")
+    scene.box1, scene.box2 = square_bar((0.5, 0, 0), 0.06), square_bar((0.5, 0, 0), 0.06)
+    scene.damper, scene.ground, scene.tip = RotationalDamper(0.1), RotationalGround(), scene.box2.at((0.5, 0, 0))
+    join(scene, scene.world.frame, scene.revolute1, scene.box1.frame)
+    join(scene, scene.box1.at((0.5, 0, 0)), scene.revolute2, scene.box2.frame)
+    scene.connect(scene.ground.flange, scene.damper.flange_a)
+    scene.connect(scene.damper.flange_b, scene.revolute1.flange)
+    return scene
+
+
+PLANAR_LOOPS = ((0.1, 0.5, 0), (0.1, 0.6, 0), (0, 0.55, 0))  # from the lower to the upper hinge of each loop's right side
+
+
+def planar_loops(angle: Callable[[Any], Any]) -> ac.System:
+    """Loops.PlanarLoops_analytic: three plane loops in a row, the first crank turned by a given angle; 1 kg on each coupler, the other rods without mass.
+
+    The lower hinges are 0.5 m apart; `sides[k]` and `couplers[k]` are the rods of loop k, their hinges at one pin above.
+    """
+    scene = ac.System()
+    scene.world, scene.rev, scene.drive = World(gravity=DOWN), Revolute("z"), AngleSource(angle)
+    scene.crank, scene.sides = Fixed((0, 0.5, 0)), [Fixed(right) for right in PLANAR_LOOPS]
+    left = [(0, 0.5, 0), *PLANAR_LOOPS[:2]]
+    scene.spans = [tuple(np.array(b) - np.array(a) + np.array((0.5, 0, 0))) for a, b in zip(left, PLANAR_LOOPS, strict=True)]
+    scene.couplers = [RigidBody(1.0, (1e-3,) * 3, tuple(np.array(span) / 2)) for span in scene.spans]
+    scene.lower, scene.upper, scene.pins = ([Revolute("z") for _ in range(3)] for _ in range(3))
+    join(scene, scene.world.frame, scene.rev, scene.crank.frame_a)
+    scene.connect(scene.drive.flange, scene.rev.flange)
+    end = scene.crank.frame_b
+    for k in range(3):
+        join(scene, scene.world.at((0.5 * (k + 1), 0, 0)), scene.lower[k], scene.sides[k].frame_a)
+        join(scene, end, scene.upper[k], scene.couplers[k].frame)
+        join(scene, scene.couplers[k].at(scene.spans[k]), scene.pins[k], scene.sides[k].frame_b)
+        end = scene.sides[k].frame_b
     return scene

@@ -36,8 +36,8 @@ class OneFreedom:
     effort: ca.SX | float = 0.0
     inertia: float = 0.0
 
-    def acceleration(self) -> ca.Function:
-        """(q, rate) -> q''."""
+    def acceleration(self, *more: ca.SX) -> ca.Function:
+        """(q, rate, `more` symbols of the effort) -> q''."""
         m, V = ca.SX(self.inertia), ca.SX(0)
         for body in self.bodies:
             velocity = ca.jacobian(body.centre, self.q)
@@ -45,7 +45,7 @@ class OneFreedom:
             m += body.mass * ca.dot(velocity, velocity) + ca.dot(spin, ca.DM(body.inertia) @ spin)
             V -= body.mass * ca.dot(ca.DM(self.gravity), body.centre)
         slope = ca.jacobian(m, self.q) * self.rate**2 / 2 + ca.jacobian(V, self.q)
-        return ca.Function("acceleration", [self.q, self.rate], [(self.effort - slope) / m])
+        return ca.Function("acceleration", [self.q, self.rate, *more], [(self.effort - slope) / m])
 
     def motion(self, q: float, rate: float, times: Sequence[float]) -> np.ndarray:
         """Angle and rate (2, n) at `times`, from the first of them."""

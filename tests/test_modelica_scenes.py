@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from examples.engine import COMPRESSION, CRANK, EXPANSION, ROD, STEEL, STROKE, Engine, steel_bar, steel_cylinder
+from examples.robot_r3 import Robot
 from tests import modelica_scenes as scenes
 from tests.one_freedom import Moving, OneFreedom, turn_x, turn_y, turn_z
 
@@ -339,3 +340,65 @@ def test_sliding_mass_on_a_spring_swings_as_a_cosine():
     exact = 0.1 + 9.81 / 30 * (1 - np.cos(np.sqrt(30.0) * run.t))
     np.testing.assert_allclose(run[scene.p1.q], exact, atol=1e-11)
     np.testing.assert_allclose(run[scene.p2.q], exact, atol=1e-11)
+
+
+def test_spring_constant_for_a_level_bar_is_the_published_one():
+    """Elementary.InitSpringConstant's documentation: 49.05 N/m; the spring's pull 0.1 c holds half of the bar's weight."""
+    stiffness = ac.Parameter(100.0, "N/m")
+    scene = scenes.init_spring_constant(stiffness)
+    found = ac.build(scene).equilibrium({scene.hinge.q: ac.exactly(0.0)}, free=[stiffness])
+    assert found[stiffness] == pytest.approx(49.05, rel=1e-13)
+
+
+def test_double_pendulum_starts_where_its_tip_is_told_to():
+    """Elementary.DoublePendulumInitTip: the tip at (0.7, 0.3) at rest; energy goes where the damper takes it."""
+    scene = scenes.double_pendulum()
+    tip = scene.tip
+    start = {tip.position[0]: 0.7, tip.position[1]: 0.3, tip.velocity[0]: 0.0, tip.velocity[1]: 0.0}
+    run = ac.build(scene).simulate(5.0, start, rtol=1e-11, samples=51)
+    np.testing.assert_allclose(run[tip.position][0], (0.7, 0.3, 0), atol=1e-13)
+    np.testing.assert_allclose([run[scene.revolute1.v][0], run[scene.revolute2.v][0]], 0, atol=1e-13)
+    bend = 2 * np.arccos(np.hypot(0.7, 0.3) / 2 / 0.5)  # of two equal bars whose ends are that far apart
+    assert abs(run[scene.revolute2.q][0]) == pytest.approx(bend, abs=1e-13)
+    assert run.energy_error() < 1e-10
+
+
+def test_three_driven_loops_by_circles_and_the_torque_that_drives_them():
+    """Loops.PlanarLoops_analytic: each pin is where two circles meet; the source's torque is m q'' + m' q'^2 / 2 + V'."""
+    pin, pins, bodies = ca.vertcat(-0.5 * ca.sin(Q), 0.5 * ca.cos(Q), 0), [], []
+    scene = scenes.planar_loops(lambda t: 0.7 * np.sin(2 * np.pi * t))
+    for k, (right, span) in enumerate(zip(scenes.PLANAR_LOOPS, scene.spans, strict=True)):
+        foot = ca.DM([0.5 * (k + 1), 0, 0])
+        d = foot - pin
+        D, L1, L2 = ca.norm_2(d), np.linalg.norm(span), np.linalg.norm(right)
+        along = (D**2 + L1**2 - L2**2) / (2 * D)
+        up = ca.vertcat(-d[1], d[0], 0) / D
+        new = pin + d / D * along + up * ca.sqrt(L1**2 - along**2)
+        angle = ca.atan2(new[1] - pin[1], new[0] - pin[0]) - np.arctan2(span[1], span[0])
+        bodies.append(moving(scene.couplers[k], pin, turn_z(angle)))
+        pins.append(new)
+        pin = new
+    run = ac.build(scene).simulate(2.0, rtol=1e-10, samples=41)
+    place = ca.Function("place", [Q], pins)
+    for k in range(3):
+        exact = np.array([np.array(place(q)[k]).ravel() for q in run[scene.rev.q]])
+        np.testing.assert_allclose(run[scene.pins[k].frame_a.position], exact, atol=1e-12)
+    effort = ca.SX.sym("effort")
+    f = OneFreedom(Q, RATE, bodies, scenes.DOWN, effort).acceleration(effort)
+    torque = []
+    for t in run.t:
+        w = 2 * np.pi
+        q, rate, acceleration = 0.7 * np.sin(w * t), 0.7 * w * np.cos(w * t), -0.7 * w * w * np.sin(w * t)
+        none, one = (float(f(q, rate, e)) for e in (0.0, 1.0))
+        torque.append((acceleration - none) / (one - none))
+    np.testing.assert_allclose(-run[scene.drive.flange.tau], torque, atol=1e-9 * np.max(np.abs(torque)))
+    assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize(("make", "least"), [
+    (lambda: Engine(gas=False), 2), (scenes.engine_v6, 2), (scenes.fourbar1, 2), (scenes.fourbar2, 2), (scenes.planar_fourbar, 2),
+    (scenes.line_force_with_two_masses, 2), (scenes.rolling_wheel, 8), (scenes.rolling_wheel_set, 7), (scenes.free_body, 12), (Robot, 36),
+])  # fmt: skip
+def test_independent_states_are_as_few_as_modelicas(make, least):
+    """What Modelica's tools are told or find to integrate: its examples say which states are always to be taken."""
+    assert len(ac.build(make()).minimal().state_names) == least
