@@ -10,7 +10,7 @@ import numpy as np
 from acausal.reduction.integrability.closed_forms import closed_forms
 from acausal.reduction.integrability.derived import DerivedSystem, derived_system
 from acausal.reduction.integrability.frobenius import Growth, growth, integrable_alone
-from acausal.reduction.integrability.integral import Integral, linear_integrals
+from acausal.reduction.integrability.integral import Integral, linear_integrals, straightened
 from acausal.reduction.integrability.pfaffian import PfaffianSystem
 
 
@@ -86,8 +86,8 @@ def integrability(system: PfaffianSystem, exact: bool = True) -> Integrability:
         key = _key(part)
         if key not in known:
             found = growth(part)
-            derived = derived_system(part) if exact else None
-            known[key] = (found, _alone(part, found, derived), derived)
+            derived = derived_system(straightened(part, found)) if exact else None
+            known[key] = (found, derived.alone if derived else integrable_alone(part, found.points), derived)
         blocks.append(_block(part, *known[key], system))
     return Integrability(tuple(blocks), tuple(name for i, name in enumerate(system.names) if i not in seen))
 
@@ -97,24 +97,16 @@ def _key(system: PfaffianSystem) -> str:
     return ca.Function("system", [system.y], [system.holonomic, system.forms]).serialize() + repr(system.start.tolist())
 
 
-def _alone(system: PfaffianSystem, growth: Growth, derived: DerivedSystem | None) -> tuple[bool, ...]:
-    seen = integrable_alone(system, growth.points)
-    if derived is None:
-        return seen
-    single = [derived_system(system.restricted([i])) for i in range(len(system.names))]
-    return tuple(old if d is None else len(d.growth) == 1 for d, old in zip(single, seen, strict=True))
-
-
 def _block(
     part: PfaffianSystem, growth: Growth, alone: tuple[bool, ...], derived: DerivedSystem | None, whole: PfaffianSystem
 ) -> Block:
-    hidden = growth.hidden if derived is None else derived.hidden
-    found = linear_integrals(part, growth) if hidden else ()
-    if derived is not None and len(found) < hidden:
+    found = linear_integrals(part, growth) if growth.hidden else ()
+    if derived is not None and len(found) < growth.hidden:
         found += closed_forms(part, derived, growth, found)
-    method = "exact" if derived is not None else "numerical" if growth.clear else "undecided"
+    agree = derived is None or derived.hidden == growth.hidden
+    method = "undecided" if not agree or not growth.clear else "numerical" if derived is None else "exact"
     found = tuple(_seen_from(integral, part, whole) for integral in found)
-    return Block(part.names, alone, growth.manifold, growth.growth, hidden, found, method)
+    return Block(part.names, alone, growth.manifold, growth.growth, growth.hidden, found, method)
 
 
 def _seen_from(integral: Integral, part: PfaffianSystem, whole: PfaffianSystem) -> Integral:

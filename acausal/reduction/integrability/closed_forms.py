@@ -1,8 +1,4 @@
-"""Closed forms of integrals from the exact integrable rows, by sympy: exactness, integrating factors, term by term.
-
-A row w is exact where dw = 0. Where it is not but w ^ dw = 0, it is scaled so that its coefficient at one coordinate x_p is 1; then a factor
-exp(f) with df = sum of (dw_k / dx_p) dx_k makes it exact, if that is closed itself (the factor does not depend on x_p).
-"""
+"""Closed forms of integrals from the exact integrable rows: first on the leaves where linear integrals have given values, then everywhere."""
 
 from __future__ import annotations
 
@@ -17,11 +13,7 @@ from acausal.reduction.integrability.derived import DerivedSystem
 from acausal.reduction.integrability.frobenius import Growth
 from acausal.reduction.integrability.integral import Integral, is_integral, source_names
 from acausal.reduction.integrability.pfaffian import PfaffianSystem
-
-_LONGEST = 200
-"""Operations in a row that sympy is given to integrate by rules."""
-_SHORT = 40
-"""Operations in an integrand that its slower methods are given."""
+from acausal.reduction.integrability.potential import potential, vanishes
 
 
 def closed_forms(
@@ -37,10 +29,10 @@ def closed_forms(
     leaf = _leaf(variables, rows, known)
     found: list[Integral] = []
     for row in leaf.rows:
-        potential = _potential(row, leaf.variables)
-        if potential is None:
+        function_of = potential(row, leaf.variables)
+        if function_of is None:
             continue
-        plain = _plain(potential.subs(leaf.constants)).subs(_charted(derived, names))
+        plain = _plain(function_of.subs(leaf.constants)).subs(_charted(derived, names))
         # a logarithm may have come out with an argument that is negative here; its derivative does not mind the sign
         for expression in (plain, plain.replace(sympy.log, lambda a: sympy.log(sympy.Abs(a)))):
             function = _to_sx(expression, names, system.y)
@@ -120,56 +112,23 @@ def _leaf(variables: Sequence[Any], rows: Sequence[Sequence[Any]], known: Sequen
         ]
         own[p] = None
     keep = [k for k, v in enumerate(own) if v is not None]
-    if not known:
-        return _Leaf(constants, own, left)
     # on the leaf some rows follow from others
-    reduced, pivots = sympy.Matrix([[row[k] for k in keep] for row in left]).rref(simplify=True)
-    return _Leaf(constants, [own[k] for k in keep], [list(reduced.row(i)) for i in range(len(pivots))])
+    left = _eliminated([[row[k] for k in keep] for row in left]) if known else left
+    return _Leaf(constants, [own[k] for k in keep], left)
 
 
-def _potential(row: Sequence[Any], variables: Sequence[Any]) -> Any | None:
-    """F with dF proportional to the row; None where no factor is found or an integral has no closed form."""
-    import sympy
-
-    if sum(sympy.count_ops(entry) for entry in row) > _LONGEST:
-        return None
-    for p, pivot in enumerate(row):
-        if pivot == 0:
+def _eliminated(rows: list[list[Any]]) -> list[list[Any]]:
+    """Reduced echelon form with zeros told from values at random points: sines and cosines need no simplification on the way."""
+    done: list[list[Any]] = []
+    while rows:
+        row = rows.pop(0)
+        k = next((k for k, entry in enumerate(row) if not vanishes(entry)), None)
+        if k is None:
             continue
-        scaled = [sympy.simplify(entry / pivot) for entry in row]
-        if _closed(scaled, variables):
-            return _integrated(scaled, variables)
-        slopes = [sympy.simplify(sympy.diff(entry, variables[p])) for entry in scaled]
-        factor = _integrated(slopes, variables) if _closed(slopes, variables) else None
-        if factor is not None:
-            exact = [sympy.simplify(sympy.exp(factor) * entry) for entry in scaled]
-            if _closed(exact, variables):
-                return _integrated(exact, variables)
-    return None
-
-
-def _closed(row: Sequence[Any], variables: Sequence[Any]) -> bool:
-    import sympy
-
-    pairs = [(i, k) for i in range(len(row)) for k in range(i)]
-    return all(sympy.simplify(sympy.diff(row[i], variables[k]) - sympy.diff(row[k], variables[i])) == 0 for i, k in pairs)
-
-
-def _integrated(row: Sequence[Any], variables: Sequence[Any]) -> Any | None:
-    """Sum of integrals over one variable after the other, of what is not yet in it."""
-    import sympy
-    from sympy.integrals.manualintegrate import manualintegrate
-
-    total = sympy.Integer(0)
-    for entry, variable in zip(row, variables, strict=True):
-        rest = sympy.simplify(entry - sympy.diff(total, variable))
-        part = manualintegrate(rest, variable)
-        if part.has(sympy.Integral) and rest.count_ops() < _SHORT:
-            part = sympy.integrate(rest, variable)
-        if part.has(sympy.Integral):
-            return None
-        total = total + part
-    return sympy.expand(total)
+        row = [entry / row[k] for entry in row]
+        rows, done = ([[a - other[k] * b for a, b in zip(other, row, strict=True)] for other in group] for group in (rows, done))
+        done.append(row)
+    return done
 
 
 def _charted(derived: DerivedSystem, names: Sequence[Any]) -> dict[Any, Any]:

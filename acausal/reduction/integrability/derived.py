@@ -22,12 +22,13 @@ Rows = list[list[Any]]
 @dataclass(frozen=True)
 class DerivedSystem:
     """`rows`: reduced echelon form of the integrable part, one-forms in dz of `chart`; `growth`: dimensions of the admissible velocities, of these
-    with their brackets, of the result with its brackets, ... (the derived flag).
+    with their brackets, of the result with its brackets, ... (the derived flag). `alone`: whether each constraint by itself is integrable.
     """
 
     chart: Chart
     rows: Rows
     growth: tuple[int, ...]
+    alone: tuple[bool, ...]
 
     @property
     def hidden(self) -> int:
@@ -37,10 +38,8 @@ class DerivedSystem:
 
 def derived_system(system: PfaffianSystem) -> DerivedSystem | None:
     """Proven, by repeated derivation until nothing changes; None where the constraints are too large or not rational in a chart."""
-    if system.y.numel() > _MOST_COORDINATES:
-        return None
     try:
-        chart = Chart.of(system.y, system.holonomic, system.start)
+        chart = Chart.of(system.y, system.holonomic, system.start, _MOST_COORDINATES)
         m, n = system.forms.shape
         entries = rational_functions(system.forms, system.y, chart)
         slopes = chart.slopes()
@@ -48,12 +47,14 @@ def derived_system(system: PfaffianSystem) -> DerivedSystem | None:
             [sum((entries[i + m * j] * slopes[j][k] for j in range(n)), chart.K.zero) for k in range(chart.size)]
             for i in range(m)
         ]
-        return _derive(chart, rows)
+        integrable, growth = _derive(chart, rows)
+        return DerivedSystem(chart, integrable, growth, tuple(len(_derive(chart, [row])[1]) == 1 for row in rows))
     except NotRational:
         return None
 
 
-def _derive(chart: Chart, rows: Rows) -> DerivedSystem:
+def _derive(chart: Chart, rows: Rows) -> tuple[Rows, tuple[int, ...]]:
+    """The integrable part of these rows, and the dimensions of what they admit, grown by brackets."""
     growth: list[int] = []
     while True:
         rows, pivots = echelon(rows, chart.size)
@@ -63,7 +64,7 @@ def _derive(chart: Chart, rows: Rows) -> DerivedSystem:
                    for i in free for j in free if i < j] for row in rows]  # fmt: skip
         weights = left_null_space(slopes, chart)
         if len(weights) == len(rows):
-            return DerivedSystem(chart, rows, tuple(growth))
+            return rows, tuple(growth)
         rows = [
             [sum((w * row[k] for w, row in zip(weight, rows, strict=True)), chart.K.zero) for k in range(chart.size)]
             for weight in weights

@@ -46,13 +46,21 @@ class Growth:
         return self.growth[0] == self.growth[-1]
 
 
-def growth(system: PfaffianSystem, points: Sequence[np.ndarray] | None = None) -> Growth:
+def growth(system: PfaffianSystem) -> Growth:
     """Frobenius' test with exact derivatives at random points, ranks by singular values.
 
-    One step needs derivatives of the forms only, at a cost like that of their Jacobian; further brackets are made only where some but not
-    all combinations of the constraints pass it. Raises `AssemblyError` where no points are found.
+    Three points; more than there are coordinates where something is hidden, so that what is forbidden at all of them is so everywhere.
     """
-    points = system.points() if points is None else points
+    found = growth_at(system, system.points())
+    return growth_at(system, system.points(system.y.numel() + 3)) if found.hidden else found
+
+
+def growth_at(system: PfaffianSystem, points: Sequence[np.ndarray]) -> Growth:
+    """The test at these points (n,).
+
+    One step needs derivatives of the forms only, at a cost like that of their Jacobian; further brackets are made only where some but not
+    all combinations of the constraints pass it.
+    """
     numbers = system.numbers()
     values = [numbers(point) for point in points]
     n = system.y.numel()

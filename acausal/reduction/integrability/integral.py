@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import casadi as ca
 import numpy as np
@@ -83,9 +84,28 @@ def linear_integrals(system: PfaffianSystem, growth: Growth) -> tuple[Integral, 
     holonomic = [numbers(point)[0] for point in growth.points]
     everywhere = _common(list(growth.forbidden))
     known = _common(holonomic)
-    rows = _echelon(row_space(everywhere - (everywhere @ known.T) @ known), known)
+    _, sizes, directions = np.linalg.svd(everywhere - (everywhere @ known.T) @ known, full_matrices=False)
+    rows = _echelon(directions[sizes > 0.5], known)  # sines of angles between two spaces of which one holds the other: 0 or 1
     sources = [source_names(system, growth, ca.dot(ca.DM(row), system.y)) for row in rows]
     return tuple(linear_integral(system, row, names) for row, names in zip(rows, sources, strict=True))
+
+
+def straightened(system: PfaffianSystem, growth: Growth) -> PfaffianSystem:
+    """With the linear relations that follow from the holonomic constraints added to them, where their coefficients are short fractions.
+
+    Wheels under one frame do not lean: what says so in sines and roots is a plane in the coordinates. Only for the exact test, which
+    proves that what it reads is the same manifold.
+    """
+    numbers = system.numbers()
+    rows = _echelon(_common([numbers(point)[0] for point in growth.points]), np.zeros((0, system.y.numel())))
+    lines: list[ca.SX] = []
+    for row in rows:
+        offsets = np.array([row @ point for point in growth.points])
+        numbers_of_row = np.append(row, offsets[0])
+        short = np.array([float(Fraction(float(c)).limit_denominator(1000)) for c in numbers_of_row])
+        if np.ptp(offsets) < _ZERO and np.max(np.abs(short - numbers_of_row)) < _ZERO:
+            lines.append(ca.dot(ca.DM(short[:-1]), system.y) - float(short[-1]))
+    return replace(system, holonomic=ca.densify(ca.vertcat(system.holonomic, *lines)))
 
 
 def _common(spaces: Sequence[np.ndarray]) -> np.ndarray:

@@ -91,9 +91,11 @@ class PfaffianSystem:
         residual = self._residual()
         rng = np.random.default_rng(seed)
         found: list[np.ndarray] = []
-        for attempt in range(_TRIES):
+        for attempt in range(_TRIES + 2 * count):
             # far enough from special positions; nearer to the start where that leaves the manifold's reach
-            guess = self.start + rng.uniform(0.2, 0.5, self.start.size) * rng.choice([-1.0, 1.0], self.start.size) * 0.9**attempt
+            guess = self.start + rng.uniform(0.2, 0.5, self.start.size) * rng.choice([-1.0, 1.0], self.start.size) * 0.9 ** min(
+                attempt - len(found), _TRIES
+            )
             point = assemble(residual, guess)
             if point.converged:
                 found.append(point.y)

@@ -69,8 +69,10 @@ class Chart:
     lengths: set[int] = field(default_factory=set)
 
     @classmethod
-    def of(cls, y: ca.SX, holonomic: ca.SX, start: np.ndarray) -> Chart:
-        """Raises `NotRational` where holonomic constraints are neither spheres nor linear with short fractions."""
+    def of(cls, y: ca.SX, holonomic: ca.SX, start: np.ndarray, most: int) -> Chart:
+        """Raises `NotRational` where holonomic constraints are neither spheres nor linear with short fractions, nor follow from those, and for
+        more than `most` coordinates.
+        """
         from sympy.polys.domains import QQ
         from sympy.polys.fields import field as function_field
 
@@ -79,6 +81,8 @@ class Chart:
         dependent = _solved(linear)
         left_out = {sphere[0] for sphere in spheres} | set(dependent)
         own = [j for j in range(n) if j not in left_out]
+        if len(own) > most:
+            raise NotRational(f"there are {len(own)} coordinates")
         K, *generators = function_field([f"z{j}" for j in own], QQ)
         chart = cls(K, generators, {j: k for k, j in enumerate(own)}, spheres, dependent, np.array(start, dtype=float))
         if others and any(rational_functions(holonomic[others], y, chart)):
