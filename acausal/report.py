@@ -16,7 +16,7 @@ from acausal.wording import compact, grouped
 if TYPE_CHECKING:
     from acausal.model import Model
 
-_MOST_STATICS = 20_000
+_MOST_STATICS = 3_000
 _MOST_LINES = 10
 
 

@@ -11,7 +11,7 @@ from acausal.errors import DuplicateError, IncompatibleError, UnconnectedError
 from acausal.language.component import Component, Connection, System
 from acausal.language.connector import Connector
 from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable
-from acausal.wording import grouped, shortened
+from acausal.wording import compact, grouped, shortened
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -59,7 +59,7 @@ class FlatSystem:
         rows = [f"{self.name}: {len(self.parts)} parts, {len(self.connection_sets)} connection sets"]
         rows += grouped([(p.path, f"{type(p.component).__name__:<20} {p.component.created_at}") for p in self.parts])
         rows += shortened(
-            ["  " + " = ".join(self.connector_paths[c] for c in group) for group in self.connection_sets if len(group) > 1]
+            [f"  {compact(self.connector_paths[c] for c in group)} touch" for group in self.connection_sets if len(group) > 1]
         )
         rows += grouped([(name, f"{symbol.kind} [{symbol.unit}]") for symbol, name in self.names.items()])
         return "\n".join(rows)

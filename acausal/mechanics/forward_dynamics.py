@@ -6,7 +6,7 @@ articulated inertias can be used again for many right-hand sides.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -21,15 +21,18 @@ from acausal.mechanics.tree import Link, Tree
 
 Wrench = tuple[ca.SX, ca.SX]
 """Torque and force, (3, 1) each."""
+Blocks = tuple[ca.SX, ca.SX, ca.SX]
+"""I, H, M (3, 3) of a spatial inertia [[I, H], [H', M]]."""
 
 
 @dataclass(frozen=True)
 class ArticulatedInertias:
-    """U (6, n), inverse D (n, n) and articulated blocks (I, H, M) behind each link's joint."""
+    """The links, and for each U (6, n), 1/D (n, n) and the blocks (I, H, M) of the inertia felt on the near side of its joint."""
 
+    links: tuple[Link, ...]
     U: tuple[ca.SX, ...]
     D_inverse: tuple[ca.SX, ...]
-    blocks: tuple[tuple[ca.SX, ca.SX, ca.SX], ...]
+    felt: tuple[Blocks, ...]
 
 
 def zero_wrenches(tree: Tree) -> list[Wrench]:
@@ -37,80 +40,118 @@ def zero_wrenches(tree: Tree) -> list[Wrench]:
     return [(ca.SX.zeros(3), ca.SX.zeros(3)) for _ in tree.links]
 
 
-def forward_dynamics(
-    kinematics: Kinematics,
-    tau: ca.SX,
-    wrenches: list[Wrench],
-    *,
-    at_rest: bool = False,
-    gravity: bool = True,
-    rotors: Mapping[int, float] | None = None,
-) -> ca.SX:
-    """v' (nv, 1) from joint forces tau (nv, 1) and external wrenches on each link, in and about its frame.
+def articulated_inertias(tree: Tree, rotors: Mapping[int, float] | None = None) -> ArticulatedInertias:
+    """Factors of the mass matrix, for any right-hand sides.
 
-    `at_rest`: leave out all terms in the velocities. `gravity`: whether uniform gravity acts. With both off it is
-    M^-1 tau, for constraint forces. `rotors`: inertias that resist the motions of links, by their indices (see
-    `virtual_inertia`). Raises `MasslessError` where a motion meets no inertia by structure.
+    `rotors`: inertias that resist the motions of links, by their indices (see `virtual_inertia`). Raises `MasslessError` where a
+    motion meets no inertia by structure.
     """
-    tree, rotors = kinematics.tree, rotors or {}
+    rotors = rotors or {}
     links = [replace(k, motion=replace(k.motion, axes=None)) if i in rotors else k for i, k in enumerate(tree.links)]
     n = len(links)
-    blocks: list[tuple[ca.SX, ca.SX, ca.SX]] = [_blocks(link) for link in links]
-    bias: list[Wrench] = []
-    for i, link in enumerate(links):
-        torque, force = (
-            (ca.SX.zeros(3), ca.SX.zeros(3))
-            if at_rest or link.inertia.is_zero
-            else kernels.bias_wrench(blocks[i][0], _moment(link), kinematics.angular_velocity(i))
-        )
-        bias.append((torque - wrenches[i][0], force - wrenches[i][1]))
-    U: list[ca.SX] = [ca.SX()] * n
-    D_inverse: list[ca.SX] = [ca.SX()] * n
-    u: list[ca.SX] = [ca.SX()] * n
-    zero = ca.SX.zeros(6)
+    blocks = [_blocks(link) for link in links]
+    U, D_inverse = [ca.SX(6, 0)] * n, [ca.SX(0, 0)] * n
     for i in reversed(range(n)):
-        link = links[i]
-        gamma = zero if at_rest else kinematics.bias(i)
-        own_tau = link.motion.sign * tau[link.v] if link.motion.axes is not None else tau[link.v]
-        I3, H, M, felt, U[i], D_inverse[i], u[i] = _eliminate(link, blocks[i], bias[i], gamma, own_tau, rotors.get(i, 0.0))
-        if link.parent >= 0:
-            blocks[link.parent], bias[link.parent] = _add_to_parent(
-                link, (I3, H, M), (felt[:3], felt[3:]), blocks[link.parent], bias[link.parent]
+        link, motion = links[i], links[i].motion
+        if motion.nv:
+            if i not in rotors:
+                _check_inertia(link, blocks[i])
+            *felt, U[i], D_inverse[i] = (
+                kernels.eliminate(motion.nv)(*blocks[i], motion.subspace, ca.SX(rotors.get(i, 0.0)))
+                if motion.axes is None
+                else kernels.eliminate_axes(motion.axes)(*blocks[i])
             )
-    a_world = -tree.gravity if gravity else ca.SX.zeros(3)
-    return _accelerations(kinematics, links, U, D_inverse, u, a_world, at_rest)
+            blocks[i] = (felt[0], felt[1], felt[2])
+        if link.parent >= 0:
+            moved = _carried(link, blocks[i])
+            a, b, c = blocks[link.parent]
+            blocks[link.parent] = (a + moved[0], b + moved[1], c + moved[2])
+    return ArticulatedInertias(tuple(links), tuple(U), tuple(D_inverse), tuple(blocks))
 
 
-def _accelerations(
-    kinematics: Kinematics,
-    links: Sequence[Link],
-    U: list[ca.SX],
-    D_inverse: list[ca.SX],
-    u: list[ca.SX],
-    a_world: ca.SX,
-    at_rest: bool,
+def forward_dynamics(
+    kinematics: Kinematics, tau: ca.SX, wrenches: list[Wrench], inertias: ArticulatedInertias | None = None
 ) -> ca.SX:
-    result = ca.SX.zeros(kinematics.tree.v.numel())
+    """v' (nv, 1) from joint forces tau (nv, 1), gravity, and external wrenches on each link, in and about its frame.
+
+    `inertias`: if known already. Raises `MasslessError` where a motion meets no inertia by structure.
+    """
+    tree = kinematics.tree
+    found = inertias or articulated_inertias(tree)
+    bias: list[Wrench] = []
+    for i, link in enumerate(found.links):
+        torque, force = ca.SX.zeros(3), ca.SX.zeros(3)
+        if not link.inertia.is_zero:
+            second = ca.densify(symbolic(link.inertia.second_moment))
+            torque, force = kernels.bias_wrench(second, symbolic(link.inertia.moment), kinematics.angular_velocity(i))
+        bias.append((torque - wrenches[i][0], force - wrenches[i][1]))
+    u: list[ca.SX] = [ca.SX(0, 1)] * len(found.links)
+    for i in reversed(range(len(found.links))):
+        felt, u[i] = _passed(found, i, bias[i], kinematics.bias(i), tau)
+        _add_to_parent(found.links[i], felt, bias)
+    result = ca.SX.zeros(tree.v.numel())
     accelerations: list[Wrench] = []
-    for i, link in enumerate(links):
-        w_dot, a = accelerations[link.parent] if link.parent >= 0 else (ca.SX.zeros(3), a_world)
-        w_dot, a = kernels.move_acceleration(symbolic(link.offset.rotation), symbolic(link.offset.position), w_dot, a)
-        w_dot, a = kernels.move_acceleration(symbolic(link.motion.pose.rotation), symbolic(link.motion.pose.position), w_dot, a)
-        total = ca.vertcat(w_dot, a) if at_rest else ca.vertcat(w_dot, a) + kinematics.bias(i)
-        if link.motion.nv:
-            (v_dot,) = kernels.joint_acceleration(link.motion.nv)(U[i], D_inverse[i], u[i], total)
-            if link.motion.axes is not None:
-                for k, axis in enumerate(link.motion.axes):
-                    total[axis] += v_dot[k]
-                v_dot = link.motion.sign * v_dot
-            else:
-                total = total + link.motion.subspace @ v_dot
-            result[link.v] = v_dot
-        accelerations.append((total[:3], total[3:]))
+    for i, link in enumerate(found.links):
+        before = accelerations[link.parent] if link.parent >= 0 else (ca.SX.zeros(3), -tree.gravity)
+        accelerations.append(_accelerated(found, i, u[i], before, kinematics.bias(i), result))
     return result
 
 
-def _blocks(link: Link) -> tuple[ca.SX, ca.SX, ca.SX]:
+def mass_solve(inertias: ArticulatedInertias, tau: ca.SX) -> ca.SX:
+    """M^-1 tau (nv, 1), sparse. Cost: the links that tau moves."""
+    links = inertias.links
+    nothing, zero = (ca.SX.zeros(3), ca.SX.zeros(3)), ca.SX.zeros(6)
+    bias: dict[int, Wrench] = {}
+    u: dict[int, ca.SX] = {}
+    for i in reversed(range(len(links))):
+        if i in bias or tau[links[i].v].nnz():
+            felt, u[i] = _passed(inertias, i, bias.get(i, nothing), zero, tau)
+            if links[i].parent >= 0:
+                bias.setdefault(links[i].parent, nothing)
+                _add_to_parent(links[i], felt, bias)
+    result = ca.SX(tau.shape[0], 1)
+    accelerations: dict[int, Wrench] = {}
+    for i, link in enumerate(links):
+        if i in u or link.parent in accelerations:
+            before = accelerations.get(link.parent, nothing)
+            accelerations[i] = _accelerated(inertias, i, u.get(i, ca.SX.zeros(link.motion.nv)), before, zero, result)
+    return ca.sparsify(result)
+
+
+def _passed(inertias: ArticulatedInertias, i: int, bias: Wrench, gamma: ca.SX, tau: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Bias (6, 1) as felt on the near side of a link's joint, and u (n, 1)."""
+    link, felt = inertias.links[i], inertias.felt[i]
+    motion, own = link.motion, ca.densify(tau[link.v])
+    if motion.nv == 0:
+        full = ca.blockcat([[felt[0], felt[1]], [felt[1].T, felt[2]]])
+        return ca.vertcat(*bias) + full @ gamma, ca.SX(0, 1)
+    if motion.axes is not None:
+        passed = kernels.pass_axes(motion.axes)(*felt, inertias.U[i], inertias.D_inverse[i], *bias, gamma, motion.sign * own)
+    else:
+        passed = kernels.pass_motion(motion.nv)(*felt, inertias.U[i], inertias.D_inverse[i], *bias, gamma, motion.subspace, own)
+    return passed[0], passed[1]
+
+
+def _accelerated(inertias: ArticulatedInertias, i: int, u: ca.SX, before: Wrench, gamma: ca.SX, result: ca.SX) -> Wrench:
+    """Acceleration of a link from that of its parent; its own v' is put into `result`."""
+    link = inertias.links[i]
+    w_dot, a = before
+    for pose in (link.offset, link.motion.pose):
+        w_dot, a = kernels.move_acceleration(symbolic(pose.rotation), symbolic(pose.position), w_dot, a)
+    total = ca.vertcat(w_dot, a) + gamma
+    if link.motion.nv:
+        (v_dot,) = kernels.joint_acceleration(link.motion.nv)(inertias.U[i], inertias.D_inverse[i], u, total)
+        if link.motion.axes is not None:
+            for k, axis in enumerate(link.motion.axes):
+                total[axis] += v_dot[k]
+            v_dot = link.motion.sign * v_dot
+        else:
+            total = total + link.motion.subspace @ v_dot
+        result[link.v] = v_dot
+    return total[:3], total[3:]
+
+
+def _blocks(link: Link) -> Blocks:
     return (
         ca.densify(symbolic(link.inertia.second_moment)),
         ca.densify(symbolic(skew(link.inertia.moment))),
@@ -118,25 +159,7 @@ def _blocks(link: Link) -> tuple[ca.SX, ca.SX, ca.SX]:
     )
 
 
-def _moment(link: Link) -> ca.SX:
-    return symbolic(link.inertia.moment)
-
-
-def _eliminate(
-    link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX], bias: Wrench, gamma: ca.SX, tau: ca.SX, rotor: float
-) -> tuple[ca.SX, ...]:
-    motion = link.motion
-    if motion.nv == 0:
-        full = ca.blockcat([[blocks[0], blocks[1]], [blocks[1].T, blocks[2]]])
-        return *blocks, ca.vertcat(*bias) + full @ gamma, ca.SX(6, 0), ca.SX(0, 0), ca.SX(0, 1)
-    if not rotor:
-        _check_inertia(link, blocks)
-    if motion.axes is not None:
-        return kernels.eliminate_axes(motion.axes)(*blocks, *bias, gamma, tau)
-    return kernels.eliminate(motion.nv)(*blocks, *bias, gamma, motion.subspace, tau, ca.SX(rotor))
-
-
-def _check_inertia(link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX]) -> None:
+def _check_inertia(link: Link, blocks: Blocks) -> None:
     """A direction of motion without inertia by structure cannot have an acceleration."""
     if link.motion.axes is None:
         if all(block.is_zero() for block in blocks):
@@ -157,9 +180,18 @@ def massless(link: Link) -> MasslessError:
     )
 
 
-def _add_to_parent(
-    link: Link, blocks: tuple[ca.SX, ca.SX, ca.SX], felt: Wrench, parent_blocks: tuple[ca.SX, ca.SX, ca.SX], parent_bias: Wrench
-) -> tuple[tuple[ca.SX, ca.SX, ca.SX], Wrench]:
+def _add_to_parent(link: Link, felt: ca.SX, bias: list[Wrench] | dict[int, Wrench]) -> None:
+    """What a link's parent feels of it is added to the parent's bias."""
+    if link.parent < 0:
+        return
+    torque, force = felt[:3], felt[3:]
+    for pose in (link.motion.pose, link.offset):
+        torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+    bias[link.parent] = (bias[link.parent][0] + torque, bias[link.parent][1] + force)
+
+
+def _carried(link: Link, blocks: Blocks) -> Blocks:
+    """An inertia in a link's frame, on the near side of its joint, in the parent's frame."""
     for pose in (link.motion.pose, link.offset):
         R, p = symbolic(pose.rotation), symbolic(pose.position)
         if not _is_identity(pose.rotation):
@@ -167,17 +199,14 @@ def _add_to_parent(
         if not p.is_zero():
             moved = kernels.shift_inertia(p, *blocks)
             blocks = (moved[0], moved[1], moved[2])
-        torque, force = kernels.move_wrench(R, p, *felt)
-        felt = (torque, force)
-    added = (parent_blocks[0] + blocks[0], parent_blocks[1] + blocks[1], parent_blocks[2] + blocks[2])
-    return added, (parent_bias[0] + felt[0], parent_bias[1] + felt[1])
+    return blocks
 
 
 def _is_identity(rotation: Matrix) -> bool:
     return isinstance(rotation, np.ndarray) and np.array_equal(rotation, np.eye(3))
 
 
-def _rotated(R: ca.SX, blocks: tuple[ca.SX, ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _rotated(R: ca.SX, blocks: Blocks) -> Blocks:
     """Blocks turned by R; a block that is a multiple of the identity is not touched."""
     I3, H, M = blocks
     return (

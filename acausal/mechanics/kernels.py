@@ -36,6 +36,7 @@ def inlined(*shapes: tuple[int, int]) -> Callable[[Callable[..., Sequence[ca.SX]
 
 
 V, M33 = (3, 1), (3, 3)
+_REORDERED = 8
 
 
 def symmetric(lower: ca.SX) -> ca.SX:
@@ -109,49 +110,75 @@ def move_acceleration(R: ca.SX, p: ca.SX, w_dot: ca.SX, a: ca.SX) -> tuple[ca.SX
 
 @functools.cache
 def eliminate_axes(axes: tuple[int, ...]) -> Kernel:
-    """Articulated inertia and bias behind a joint whose motion subspace are columns of the identity.
+    """Articulated inertia behind a joint whose motion subspace are columns of the identity.
 
-    Arguments I, H, M, torque and force bias (3, 1 each), gamma (6, 1), tau (n, 1). Results: I, H, M, bias (6, 1) as felt at
-    the near side, U (6, n), 1/D (n, n), u (n, 1). What is zero behind the joint by structure is zero, not a difference.
+    Arguments I, H, M. Results: I, H, M as felt at the near side, U (6, n), 1/D (n, n). What is zero behind the joint by
+    structure is zero, not a difference.
+    """
+    rest = [i for i in range(6) if i not in axes]
+
+    @inlined(M33, M33, M33)
+    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX) -> tuple[ca.SX, ...]:
+        full = ca.blockcat([[I3, H], [H.T, M]])
+        D_inverse = inverse_positive(full[list(axes), list(axes)])
+        U_rest = full[rest, list(axes)]
+        result = ca.SX(6, 6)
+        result[rest, rest] = symmetric(full[rest, rest] - U_rest @ D_inverse @ U_rest.T)
+        return result[:3, :3], result[:3, 3:], result[3:, 3:], full[:, list(axes)], D_inverse
+
+    return kernel
+
+
+@functools.cache
+def pass_axes(axes: tuple[int, ...]) -> Kernel:
+    """Bias (6, 1) as felt at the near side of such a joint, and u (n, 1).
+
+    Arguments: I, H, M felt at the near side, U, 1/D, torque and force bias behind the joint (3, 1 each), gamma (6, 1), tau (n, 1).
     """
     n = len(axes)
     rest = [i for i in range(6) if i not in axes]
 
-    @inlined(M33, M33, M33, V, V, (6, 1), (n, 1))
-    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, tau: ca.SX) -> tuple[ca.SX, ...]:
-        full = ca.blockcat([[I3, H], [H.T, M]])
+    @inlined(M33, M33, M33, (6, n), (n, n), V, V, (6, 1), (n, 1))
+    def kernel(
+        I3: ca.SX, H: ca.SX, M: ca.SX, U: ca.SX, D_inverse: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, tau: ca.SX
+    ) -> tuple[ca.SX, ...]:
+        reduced = ca.blockcat([[I3, H], [H.T, M]])[rest, rest]
         bias = ca.vertcat(torque, force)
-        U = full[:, list(axes)]
-        D_inverse = inverse_positive(full[list(axes), list(axes)])
         u = tau - bias[list(axes)]
-        U_rest = full[rest, list(axes)]
-        reduced = symmetric(full[rest, rest] - U_rest @ D_inverse @ U_rest.T)
-        result = ca.SX(6, 6)
-        result[rest, rest] = reduced
-        bias_out = ca.SX(6, 1)
-        bias_out[rest] = bias[rest] + reduced @ gamma[rest] + U_rest @ (D_inverse @ u)
-        bias_out[list(axes)] = tau
-        return result[:3, :3], result[:3, 3:], result[3:, 3:], bias_out, U, D_inverse, u
+        felt = ca.SX(6, 1)
+        felt[rest] = bias[rest] + reduced @ gamma[rest] + U[rest, :] @ (D_inverse @ u)
+        felt[list(axes)] = tau
+        return felt, u
 
     return kernel
 
 
 @functools.cache
 def eliminate(n: int) -> Kernel:
-    """The same for a general motion subspace S (6, n), which comes after gamma, and a rotor (1, 1) on each motion, which comes last."""
+    """As `eliminate_axes` for a general motion subspace S (6, n), and a rotor (1, 1) on each motion."""
 
-    @inlined(M33, M33, M33, V, V, (6, 1), (6, n), (n, 1), (1, 1))
-    def kernel(
-        I3: ca.SX, H: ca.SX, M: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX, rotor: ca.SX
-    ) -> tuple[ca.SX, ...]:
+    @inlined(M33, M33, M33, (6, n), (1, 1))
+    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX, S: ca.SX, rotor: ca.SX) -> tuple[ca.SX, ...]:
         full = ca.blockcat([[I3, H], [H.T, M]])
-        bias = ca.vertcat(torque, force)
         U = full @ S
         D_inverse = inverse_positive(symmetric(S.T @ U) + rotor * ca.SX.eye(n))
-        u = tau - S.T @ bias
         result = symmetric(full - U @ D_inverse @ U.T)
-        bias_out = bias + result @ gamma + U @ (D_inverse @ u)
-        return result[:3, :3], result[:3, 3:], result[3:, 3:], bias_out, U, D_inverse, u
+        return result[:3, :3], result[:3, 3:], result[3:, 3:], U, D_inverse
+
+    return kernel
+
+
+@functools.cache
+def pass_motion(n: int) -> Kernel:
+    """As `pass_axes` for a general motion subspace S (6, n), which comes before tau."""
+
+    @inlined(M33, M33, M33, (6, n), (n, n), V, V, (6, 1), (6, n), (n, 1))
+    def kernel(
+        I3: ca.SX, H: ca.SX, M: ca.SX, U: ca.SX, D_inverse: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX
+    ) -> tuple[ca.SX, ...]:
+        bias = ca.vertcat(torque, force)
+        u = tau - S.T @ bias
+        return bias + ca.blockcat([[I3, H], [H.T, M]]) @ gamma + U @ (D_inverse @ u), u
 
     return kernel
 
@@ -172,8 +199,8 @@ def inverse_positive(D: ca.SX) -> ca.SX:
     n = D.shape[0]
     if n == 1:
         return 1 / D
-    L, d = factors(D)
-    inverse = ca.SX(n, n)
+    d, Lt, _ = ca.ldl(D, False)
+    L, inverse = Lt.T, ca.SX(n, n)
     L_inverse = ca.SX.eye(n)
     for j in range(n):
         for i in range(j + 1, n):
@@ -190,41 +217,17 @@ def inverse_positive(D: ca.SX) -> ca.SX:
     return symmetric(ca.densify(inverse))
 
 
-def factors(D: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
-    """L (unit lower triangular) and d with D = L diag(d) L'."""
-    n = D.shape[0]
-    L = ca.SX.eye(n)
-    d: list[ca.SX] = []
-    for j in range(n):
-        pivot = D[j, j]
-        for k in range(j):
-            pivot -= L[j, k] * L[j, k] * d[k]
-        d.append(pivot)
-        for i in range(j + 1, n):
-            value = D[i, j]
-            for k in range(j):
-                value -= L[i, k] * L[j, k] * d[k]
-            L[i, j] = value / pivot
-    return ca.sparsify(L), d
+def positive_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """B -> A \\ B for a symmetric positive definite A by sparse L D L' without pivoting; straight-line code."""
+    A = ca.sparsify(A)
+    full = A.nnz() == A.numel()
+    factors = ca.ldl(A, not full and A.shape[0] > _REORDERED)  # against fill-in
+    return lambda B: ca.densify(ca.ldl_solve(ca.densify(B), *factors))
 
 
 def solve_positive(A: ca.SX, B: ca.SX) -> ca.SX:
-    """A \\ B for a symmetric positive definite A by L D L' without pivoting; straight-line code."""
-    return _substituted(*factors(A), B)
-
-
-def _substituted(L: ca.SX, d: list[ca.SX], B: ca.SX) -> ca.SX:
-    """(L D L') \\ B."""
-    n = len(d)
-    rows = [B[i, :] for i in range(n)]
-    for i in range(n):
-        for k in range(i):
-            rows[i] -= L[i, k] * rows[k]
-    rows = [rows[i] / d[i] for i in range(n)]
-    for i in reversed(range(n)):
-        for k in range(i + 1, n):
-            rows[i] -= L[k, i] * rows[k]
-    return ca.vertcat(*rows)
+    """A \\ B for a symmetric positive definite A, see `positive_solver`."""
+    return positive_solver(A)(B)
 
 
 def solve_damped(A: ca.SX, B: ca.SX, damping: ca.SX, refinements: int) -> ca.SX:
@@ -233,10 +236,10 @@ def solve_damped(A: ca.SX, B: ca.SX, damping: ca.SX, refinements: int) -> ca.SX:
     A + diag(damping) is solved, and refined against A: along an eigenvector with eigenvalue s, in units where the damping d is the
     same for all rows, the result is the exact one times 1 - (d / (s + d))^(1 + refinements).
     """
-    L, d = factors(A + ca.diag(damping))
-    X = _substituted(L, d, B)
+    solve = positive_solver(A + ca.diag(damping))
+    X = solve(B)
     for _ in range(refinements):
-        X = X + _substituted(L, d, B - A @ X)
+        X = X + solve(B - A @ X)
     return X
 
 

@@ -16,13 +16,13 @@ Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and Kovecses,
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from acausal.mechanics.forward_dynamics import forward_dynamics, massless, zero_wrenches
+from acausal.mechanics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
 from acausal.mechanics.kernels import solve_damped, solve_positive, solve_semidefinite
 from acausal.mechanics.system import MechanicalSystem
 from acausal.mechanics.virtual_inertia import massless_motions
@@ -41,7 +41,7 @@ class LoopForces:
     """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
 
     `sizes` (m,): of the diagonal of `delassus` at some configurations. `rotors`: on links whose motion meets no inertia in the tree;
-    M includes them (see `virtual_inertia`).
+    M, whose factors are `inertias`, includes them (see `virtual_inertia`).
     """
 
     mechanics: MechanicalSystem
@@ -50,6 +50,7 @@ class LoopForces:
     delassus: ca.SX
     sizes: np.ndarray
     rotors: Mapping[int, float]
+    inertias: ArticulatedInertias
 
     def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
@@ -103,7 +104,7 @@ class LoopForces:
     def _rotor_flexibility(self) -> ca.SX:
         """M^-1 E' (nv, number of rotors)."""
         n = self.mechanics.tree.v.numel()
-        return _flexibility(self.mechanics, [ca.SX.eye(n)[:, k] for k in self._rotor_places], self.rotors)
+        return ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
 
     def position_correction(self, gap: ca.SX, damping: float) -> ca.SX:
         """Change of q (nq, 1) that closes position residuals `gap`, to first order and in the mass metric."""
@@ -134,31 +135,25 @@ class LoopForces:
 
 
 def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray) -> LoopForces:
-    """For the `parameters` of a model, near these `values`. Cost: one forward dynamics at rest for each row."""
-    A, tree = constraints.jacobian, mechanics.tree
+    """For the `parameters` of a model, near these `values`. Cost: for each row, a walk over the links that it moves."""
+    A, tree = ca.sparsify(constraints.jacobian), mechanics.tree
     m = A.shape[0]
     if m == 0:
-        return LoopForces(mechanics, constraints, ca.SX(tree.v.numel(), 0), ca.SX(0, 0), np.zeros(0), {})
+        none = ca.SX(tree.v.numel(), 0)
+        return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
     rotors = massless_motions(tree, parameters, samples, values)
-    flexibility = _flexibility(mechanics, [A[i, :].T for i in range(m)], rotors)
+    inertias = articulated_inertias(tree, rotors)
+    flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
     sizes = np.ones(m)
     if constraints.singular:
         diagonal = ca.Function("diagonal", [tree.q, tree.t, parameters], [ca.densify(ca.diag(delassus))])
         sizes = np.max([np.array(diagonal(q, 0.0, values)).ravel() for q in constraints.samples], axis=0)
         sizes = np.maximum(sizes, 1e-12 * np.max(sizes))
-    forces = LoopForces(mechanics, constraints, flexibility, delassus, sizes, rotors)
+    forces = LoopForces(mechanics, constraints, flexibility, delassus, sizes, rotors, inertias)
     forces.check_inertia(parameters, values)
     return forces
-
-
-def _flexibility(mechanics: MechanicalSystem, forces: Sequence[ca.SX], rotors: Mapping[int, float]) -> ca.SX:
-    """M^-1 times each of these joint forces (nv, 1), as columns."""
-    none = zero_wrenches(mechanics.tree)
-    return ca.horzcat(
-        *(forward_dynamics(mechanics.kinematics, f, none, at_rest=True, gravity=False, rotors=rotors) for f in forces)
-    )
 
 
 def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
