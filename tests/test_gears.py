@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import ParameterError, StartValueError
-from components import Gear, Inertia, Prismatic, Revolute, RigidBody, RotationalGround, Torque, TorqueSource, World
+from components import AngleSource, Gear, Inertia, Prismatic, Revolute, RigidBody, RotationalGround, Torque, TorqueSource, World
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from examples.engine import steel_cylinder
 from examples.gyroscopic import SpinningRotor
@@ -210,6 +210,20 @@ def test_rack_and_pinion_closes_a_loop_of_bodies():
     inertia = 0.5 * 0.2**2 + 3.0 * 0.2**2
     np.testing.assert_allclose(run[scene.axle.q], 0.5 * 0.5 / inertia * run.t**2, rtol=1e-11)
     np.testing.assert_allclose(run[scene.rail.q], 0.2 * run[scene.axle.q], atol=1e-14)
+
+
+@pytest.mark.parametrize("sine", [np.sin, ca.sin])
+def test_a_given_angle_drives_the_rack(sine):
+    """phi = sin 2t by numpy's or CasADi's function: the cart's acceleration and the rack's force are known, nothing is free."""
+    scene = rack_and_pinion()
+    scene.drive = AngleSource(lambda t: sine(2 * t))
+    scene.connect(scene.drive.flange, scene.hinge.flange)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 0
+    run = model.simulate(2.0, rtol=1e-11, samples=11)
+    np.testing.assert_allclose(run[scene.rail.q], 0.3 * np.sin(2 * run.t), atol=1e-10)
+    np.testing.assert_allclose(run[scene.rack.rack.f], 1.5 * 0.3 * 4 * np.sin(2 * run.t), atol=1e-9)
+    assert run.energy_error() < 1e-10
 
 
 def test_start_values_against_the_gear_are_named():
