@@ -1,7 +1,7 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed. Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid. Forces: Spring, Damper,
+CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
@@ -12,6 +12,7 @@ RelativeRotationSensor, SignalTorque, SignalForce.
 
 from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
+from components.contacts.point_on_plane import PointOnPlane
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
 from components.electrical import (
@@ -77,7 +78,7 @@ from components.world import World
 __all__ = [
     "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSensor", "CurrentSource", "Cylindrical", "Damper", "Diode",
     "ElasticGear", "ElectromotiveForce", "Fixed", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
-    "NonlinearDamper", "NonlinearSpring", "OperationalAmplifier", "Particle", "Planar", "PlanetaryGear", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "RelativeRotationSensor", "Resistor", "Revolute", "RigidBody", "Rod",
+    "NonlinearDamper", "NonlinearSpring", "OperationalAmplifier", "Particle", "Planar", "PlanetaryGear", "PointOnPlane", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "RelativeRotationSensor", "Resistor", "Revolute", "RigidBody", "Rod",
     "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
     "RotationalSpring", "Screw", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
     "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSensor", "TorqueSource", "TranslationSensor", "TranslationalDamper",

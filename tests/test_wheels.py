@@ -14,6 +14,7 @@ from components import (
     AngleSource,
     Cylindrical,
     Planar,
+    PointOnPlane,
     Prismatic,
     Revolute,
     RigidBody,
@@ -469,6 +470,55 @@ def test_ball_on_a_turntable_runs_around_circles():
     p = run[scene.ball.frame.position]
     rate, z, v = 2 * W / 7, p[:, 0] + 1j * p[:, 1], 0.1 + 0.2j
     assert np.max(np.abs(z - (z[0] + v / (1j * rate) * (np.exp(1j * rate * run.t) - 1)))) < 1e-10
+
+
+# points that slide
+
+
+@pytest.mark.parametrize("legs", [3, 4])
+def test_table_slides_down_a_smooth_slope(legs):
+    slope = 0.3
+    scene = ac.System()
+    scene.world = World((G * np.sin(slope), 0, -G * np.cos(slope)))
+    scene.table, scene.feet = RigidBody(3.0, (0.3, 0.4, 0.5), (0, 0, 0.7)), [PointOnPlane() for _ in range(legs)]
+    for k, foot in enumerate(scene.feet):
+        angle = 2 * np.pi * k / legs
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.table.at((0.5 * np.cos(angle), 0.5 * np.sin(angle), 0)))
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 3
+    assert len(model.system.constraints.redundant) == legs - 3
+    start = {scene.table.frame.position: (0, 0, 0), scene.table.frame.rotation: ac.near(np.eye(3)),
+             scene.table.frame.velocity: (0, 1.0, 0), scene.table.frame.angular_velocity[2]: 2.0}  # fmt: skip
+    run = model.simulate(2.0, start, rtol=1e-12)
+    expected = np.stack([0.5 * G * np.sin(slope) * run.t**2, run.t, np.zeros_like(run.t)], axis=1)
+    assert np.max(np.abs(run[scene.table.frame.position] - expected)) < 1e-10
+    assert np.max(np.abs(heading(run, scene.table.frame) - 2.0 * run.t)) < 1e-10
+
+
+def test_ladder_slides_down_a_smooth_wall():
+    """A uniform ladder of length L between floor and wall: b'^2 = 3 g / L (cos b0 - cos b) at the angle b from the wall."""
+    length, lean = 4.0, 0.3
+    scene = ac.System()
+    scene.world, scene.floor, scene.wall = World(), PointOnPlane(), PointOnPlane()
+    scene.ladder = RigidBody.rod(10.0, (0, 0, length), radius=0.02)
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ladder.frame)
+    scene.connect(scene.world.at((0, 0, 0), rotation=("y", np.pi / 2)), scene.wall.frame_a)
+    scene.connect(scene.wall.frame_b, scene.ladder.tip)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 4
+    start = {scene.ladder.frame.position: (length * np.sin(lean), 0, 0), scene.ladder.tip.position: (0, 0, length * np.cos(lean))}
+    run = model.simulate(1.0, start, rtol=1e-12)
+    foot, top = run[scene.ladder.frame.position], run[scene.ladder.tip.position]
+    angle = np.arctan2(foot[:, 0], top[:, 2])
+    rate = run[scene.ladder.frame.velocity][:, 0] / (length * np.cos(angle))
+    inertia = (
+        1 / 3 + (0.02 / (2 * length)) ** 2
+    )  # about the middle and its way, by m L^2: 1/12 + 1/4, and a little for the thickness
+    assert angle[-1] > 0.6
+    assert np.max(np.abs(inertia * rate**2 - G / length * (np.cos(lean) - np.cos(angle)))) < 1e-11
+    assert np.max(np.abs(top[:, :2])) < 1e-12
 
 
 # bodies that spin

@@ -1,0 +1,45 @@
+"""A point that slides on a plane."""
+
+from __future__ import annotations
+
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from acausal.language.expression import Variable
+from acausal.mechanics.joint import AbstractStepJoint
+from acausal.mechanics.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
+from acausal.mechanics.steps import AbstractStep, Ball, Slide
+
+_ALONG_X, _ALONG_Y = (rotation_to_axis(np.array(axis)) for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+
+
+@final
+class PointOnPlane(AbstractStepJoint):
+    """The origin of frame_b slides without friction on the plane z = 0 of frame_a: a foot, a skid, the tip of a top on ice.
+
+    Five freedoms; closing a loop, one row. q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in
+    frame_a [m]; v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s], x' and y' [m/s]. The contact can pull.
+
+        scene.foot = PointOnPlane()
+    """
+
+    q = Variable("", "unit quaternion, scalar first (4); x and y in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0))
+    v = Variable("", "angular velocity in frame_b (3) [rad/s]; velocity along x and y of frame_a (2) [m/s]", size=5)
+
+    def steps(self) -> tuple[AbstractStep, ...]:
+        return (
+            Slide(slice(4, 5), slice(3, 4), _ALONG_X),
+            Slide(slice(5, 6), slice(4, 5), _ALONG_Y),
+            Ball(slice(0, 4), slice(0, 3)),
+        )
+
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        return symbolic(X_ab.position)[2]
+
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        return ca.vertcat(quaternion_from_matrix(symbolic(X_ab.rotation)), symbolic(X_ab.position)[:2])
+
+    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return ca.vertcat(w_ab_b, (symbolic(X_ab.rotation) @ v_ab_b)[:2])
