@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,14 +11,15 @@ import casadi as ca
 import numpy as np
 
 from acausal.codegen.lower import Functions
-from acausal.errors import OptionError, SimulationError, SingularWarning, UnknownVariableError
+from acausal.errors import OptionError, SimulationError, UnknownVariableError
 from acausal.events import when
 from acausal.integrators import integrate
-from acausal.integrators.problem import Guards, Problem, Status, StatusKind, Tolerances
+from acausal.integrators.problem import Guards, Problem, StatusKind, Tolerances
 from acausal.language.expression import Input, Parameter, number
 from acausal.reduction.initial import Start, initial_state
 from acausal.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.trajectory import Trajectory
+from acausal.trouble import failure, warn_if_outside, warn_if_singular
 
 InputValue = float | Callable[[float], float]
 Progress = Callable[[float], None]
@@ -72,10 +72,10 @@ def simulate(
     )
     times = np.linspace(t0, solution.t[-1], max(2, options.samples))
     run = Trajectory(functions, problem, solution, initial, times, options.events)
-    _warn_if_singular(functions, run)
-    _warn_if_outside(functions, run)
+    warn_if_singular(functions, run, stacklevel=4)
+    warn_if_outside(functions, run, stacklevel=4)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
-        raise SimulationError(_failure(functions, run.status, t1), run)
+        raise SimulationError(failure(functions, run.status, t1, run), run)
     return run
 
 
@@ -97,7 +97,7 @@ def sensitivity_run(
     found = sensitivities(functions, problem, times, wrt, start, tolerances)
     status = found.found.status
     if status.kind is not StatusKind.SUCCESS:
-        raise SimulationError(_failure(functions, status, float(found.t[-1])), None)
+        raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
     return found
 
 
@@ -124,55 +124,6 @@ def _guards(functions: Functions, events: tuple[when, ...]) -> Guards:
             ca.vertcat(*map(functions.outputs.resolve, key)), name="guards"
         )
     return Guards(function, tuple(event.sign for event in events), tuple(event.stop for event in events))
-
-
-_SINGULAR = 1e-9
-
-
-def _warn_if_singular(functions: Functions, run: Trajectory) -> None:
-    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
-
-    Rows of the loop's matrix are scaled to the largest diagonal that they meet. Where the reduction knows of singular positions,
-    momentum leads through them; the motion is only in doubt where there is none.
-    """
-    system = functions.outputs.system
-    if not system.constraints.jacobian.shape[0] or system.constraints.damped:
-        return
-    n, t, x = len(run.solution.t), run.solution.t, run.solution.x
-    u, p = run.problem.inputs(t), np.repeat(run.problem.parameters[:, None], n, axis=1)
-    m = system.constraints.jacobian.shape[0]
-    values = np.nan_to_num(np.array(functions.loop_matrix(t[None, :], x, u, p))).reshape(m, n, m).transpose(1, 0, 2)
-    scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
-    spectrum = np.linalg.eigvalsh(values / scale[:, None] / scale)
-    smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
-    if system.constraints.singular and np.min(smallest) < _SINGULAR:
-        kinetic = np.array(functions.kinetic_energy(t[None, :], x, u, p)).ravel()
-        smallest = np.where(kinetic <= _SINGULAR * np.max(kinetic), smallest, np.inf)
-    worst = int(np.argmin(smallest))
-    if smallest[worst] < _SINGULAR:
-        joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)
-        warnings.warn(
-            f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another, and more than one "
-            "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
-            SingularWarning, stacklevel=4,
-        )  # fmt: skip
-
-
-def _warn_if_outside(functions: Functions, run: Trajectory) -> None:
-    """Say so when a joint in the tree left the domain of its coordinates."""
-    for item in functions.outputs.system.tree_joints:
-        joint = item.edge.joint
-        domain = joint.domain(joint.q.sx)
-        if not domain.numel():
-            continue
-        values = np.array(ca.Function("domain", [joint.q.sx], [domain])(run.solution.x[item.q]))
-        outside = np.flatnonzero(np.min(values, axis=0) < 0)
-        if outside.size:
-            warnings.warn(
-                f"By t = {run.solution.t[outside[0]]:.6g} s the wheel of '{item.edge.name}' ({joint.created_at}) has fallen through its "
-                "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
-                SingularWarning, stacklevel=4,
-            )  # fmt: skip
 
 
 def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
@@ -206,16 +157,6 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Ca
 
 def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
     return f"{symbol!r} is not a {kind} of this scene. It has: {', '.join(known) or 'none'}."
-
-
-def _failure(functions: Functions, status: Status, t1: float) -> str:
-    worst = ""
-    if status.worst is not None:
-        worst = f" The state that failed first: {functions.state_names[status.worst]}."
-    return (
-        f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
-        "The motion until then is in this error's `trajectory`."
-    )
 
 
 def _progress(wanted: bool | Progress) -> Progress | None:
