@@ -15,7 +15,7 @@ from acausal.reduction.integrability.pfaffian import PfaffianSystem, null_space,
 _ZERO = 1e-10
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Integral:
     """expression = constant along every motion that the rows `names` admit.
 
