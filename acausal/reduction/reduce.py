@@ -124,7 +124,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     forces = loop_forces(mechanics, constraints, p, values)
     v_dot, multipliers = forces.closed(
         forward_dynamics(
-            mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), rotors=forces.rotors
+            mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias
         )
     )
     scalar = add_scalar_domains(mechanics, tau, v_dot)
