@@ -310,3 +310,27 @@ def test_formulations_move_alike_for_half_a_second(kinds, growth, actions, seed)
         ends.append(np.hstack([run[place.position] for place in places]))
     for other in ends[1:]:
         assert difference(other, ends[0]) < 1e-9
+
+
+FOUND = [
+    pytest.param(["Cylindrical"], ["twin"], 0, 15, id="a doubled joint, whose constraints are rounding errors"),
+    pytest.param(["Universal", "Prismatic"], ["twin", "twin"], 1, 3, id="two doubles"),
+    pytest.param(["Spherical", "Planar"], ["weld", "spherical", "loop"], 2, 48, id="redundant constraints beside others"),
+    pytest.param(
+        ["RollingDisk", "Spherical", "Revolute"], ["cardan", "spherical", "weld", "loop"], 2, 56, id="with a massless cross"
+    ),
+    pytest.param(
+        ["CartesianTranslation", "Spherical", "RollingBall"], ["loop", "loop"], 1, 4, id="ball joints that begin at a sketch"
+    ),
+]
+
+
+@pytest.mark.parametrize(("kinds", "growth", "actions", "seed"), FOUND)
+def test_what_longer_searches_found(kinds, growth, actions, seed):
+    sketch = random_sketch(kinds, growth, actions, False, seed)
+    source = script(sketch)
+    print(source)
+    for choose in CHOICES[:2]:
+        model = Composed(sketch, source, choose, np.random.default_rng(seed))
+        agrees(model, newton_euler(sketch))
+        begins_at_the_sketch(model)
