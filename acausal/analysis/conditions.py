@@ -46,11 +46,7 @@ class Unknowns:
         du[list(self.inputs), range(n, n + m)] = 1.0
         dp[list(self.parameters), range(n + m, n + m + k)] = 1.0
 
-        def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            at = self.at(z)
-            return column.value(at), column.along(at, dx, du=du, dp=dp)
-
-        return evaluate
+        return Rows(lambda z: column.value(self.at(z)), lambda z: column.along(self.at(z), dx, du=du, dp=dp))
 
 
 def unknowns(functions: Functions, point: OperatingPoint, free: Sequence[Input | Parameter]) -> Unknowns:

@@ -145,7 +145,7 @@ def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, nq: int
     scale, limit = np.ones(z.size), np.full(z.size, np.inf)
     scale[nq:n] = 1.0 + np.abs(z[nq:n])
     limit[:nq] = 0.7
-    J = rows(z)[1]
+    J = rows.jacobian(z)
     weight = 1.0 / np.maximum(1.0, np.max(np.abs(J[:, :n]), axis=1, initial=0.0))
     effect = np.max(weight[:, None] * np.abs(J[:, n:]), axis=0, initial=0.0)
     scale[n:] = np.where(effect > 0, 1.0 / np.maximum(effect, 1e-12), 1.0 + np.abs(z[n:]))

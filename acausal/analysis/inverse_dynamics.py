@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,7 +12,7 @@ import numpy as np
 
 from acausal.analysis.actuation import Actuation, Unknown, actuated
 from acausal.analysis.conditions import Unknowns
-from acausal.analysis.nearest import NearestRoot
+from acausal.analysis.nearest import NearestRoot, Rows
 from acausal.analysis.point import Differentiable, OperatingPoint, labels, operating_point, start_values
 from acausal.analysis.prescribed import Course, Given, courses
 from acausal.codegen.lower import Functions
@@ -26,6 +27,8 @@ _MET = 1e-8
 _RANK = 1e-11
 _ROUNDS = 20
 _STRIDE = 0.2
+_MOST_STEPS = 50
+_STUCK = 300
 
 
 @dataclass(frozen=True, repr=False)
@@ -206,21 +209,30 @@ class _Servo:
         for before, after in pairwise(t):
             here = before
             while here < after:
-                rate = self._rate(here, x)
-                h = min(after - here, _STRIDE / max(1e-300, float(np.max(np.abs(rate[self._limit < np.inf]), initial=0.0))))
-                here = after if here + h > after - 1e-12 * (after - before) else here + h
-                x = self._follow(here, x + h * rate)[0]
+                last, rate = here, self._rate(here, x)
+                fastest = max(1e-300, float(np.max(np.abs(rate[self._limit < np.inf]), initial=0.0)))
+                h = max(_STRIDE / fastest, (after - before) / _MOST_STEPS)  # rates are huge where the mechanism can go no farther
+                here = after if here + 1.001 * h > after else here + h
+                x = self._follow(here, x + (here - last) * rate)[0]
             found.append(x)
         return np.column_stack(found)
 
     def _integrated(self, t: np.ndarray, x0: np.ndarray) -> np.ndarray:
         from scipy.integrate import solve_ivp
 
-        def rates(at: float, x: np.ndarray) -> np.ndarray:
-            return self._rate(at, self._follow(at, x)[0])
-
         if t.size == 1:
             return x0[:, None]
+        recent: deque[float] = deque(maxlen=_STUCK)
+
+        def rates(at: float, x: np.ndarray) -> np.ndarray:
+            recent.append(at)
+            if len(recent) == _STUCK and max(recent) - min(recent) < 1e-4 * (t[-1] - t[0]):
+                raise MotionError(
+                    f"inverse_dynamics: near t = {at:.6g} s rates grow without a bound, and the motion cannot go on: what is prescribed leads "
+                    "out of reach, or to where its forces no longer act on it."
+                )
+            return self._rate(at, self._follow(at, x)[0])
+
         found = solve_ivp(rates, (t[0], t[-1]), x0, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12)
         if not found.success:
             raise MotionError(f"inverse_dynamics: the motion that is not prescribed could not be integrated: {found.message}")
@@ -239,10 +251,7 @@ class _Servo:
         unknown = Unknowns(self._at(t, guess), (), ())
         rows = unknown.rows(self._hard)
 
-        def gap(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            value, slope = rows(x)
-            return value - target, slope
-
+        gap = Rows(lambda x: rows.residual(x) - target, rows.jacobian)
         found = NearestRoot(gap, None, np.ones(guess.size), self._limit)(guess)
         if not found.converged:
             names = ["a loop"] * self._closing

@@ -7,14 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""z (n,) -> residual (m,) and Jacobian (m, n)."""
-
 _SMALL = 1e-11
+_DONE = 1e-15
 _RANK = 1e-8
 _PULL = 1e-6
 _SETTLED = 1e-10
 _ITERATIONS = 100
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Equations: z (n,) -> `residual` (m,), and z -> `jacobian` (m, n)."""
+
+    residual: Callable[[np.ndarray], np.ndarray]
+    jacobian: Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -64,10 +70,10 @@ class NearestRoot:
         """Levenberg and Marquardt's method, with a damping that vanishes with the residual: it converges quadratically, also to roots
         that are not isolated (Yamashita and Fukushima, Computing Supplement 15, 2001).
         """
-        at = _Place.of(guess, *self.hard(guess), self.scale)
+        at = self._place(guess, self.hard.residual(guess))
         damping = 1.0
         for _ in range(_ITERATIONS):
-            if not 0.0 < at.size < np.inf:
+            if not _DONE < at.size < np.inf:
                 break
             moved, damping = self._decrease(at, damping)
             if moved is None:
@@ -81,13 +87,15 @@ class NearestRoot:
         """The next place with smaller residuals, and the damping for the step after it; None where there is no such place."""
         U, s, Vt = np.linalg.svd(at.weight[:, None] * at.J * self.scale, full_matrices=False)
         along = U.T @ (at.weight * at.r)
-        for _ in range(10):
+        for _ in range(10 if at.size > _SMALL else 1):
             mu = damping * min(at.size, 1e-2) * (s[0] if s.size else 1.0)
             step = self._limited(-self.scale * (Vt.T @ (s / (s**2 + mu**2 + 1e-300) * along)))
             for factor in 0.3 ** np.arange(4):
-                r, J = self.hard(at.z + factor * step)
-                if _norm(at.weight * r) < at.size * (1 - 1e-4 * factor) and np.isfinite(J).all():
-                    return _Place.of(at.z + factor * step, r, J, self.scale), max(1e-3, damping / 10)
+                r = self.hard.residual(at.z + factor * step)
+                if _norm(at.weight * r) < at.size * (1 - 1e-4 * factor):
+                    return self._place(at.z + factor * step, r), max(1e-3, damping / 10)
+                if at.size <= _SMALL:
+                    break
             damping *= 10.0
         return None, damping
 
@@ -102,13 +110,21 @@ class NearestRoot:
         Z, back = root.free, root.free.T @ ((guess - root.z) / self.scale**2)
         if self.soft is None:
             return Z @ back
-        w, Jw = self.soft(root.z)
+        w, Jw = self.soft.residual(root.z), self.soft.jacobian(root.z)
         rest = _null_space(Jw @ Z)
         return Z @ (rest @ (rest.T @ back) - np.linalg.pinv(Jw @ Z, rcond=_RANK) @ w)
 
     def _cost(self, z: np.ndarray, guess: np.ndarray) -> float:
         pull = _PULL**2 * float(np.sum(((z - guess) / self.scale) ** 2))
-        return pull if self.soft is None else pull + float(np.sum(self.soft(z)[0] ** 2))
+        return pull if self.soft is None else pull + float(np.sum(self.soft.residual(z) ** 2))
+
+    def _place(self, z: np.ndarray, r: np.ndarray) -> _Place:
+        """Rows with large derivatives carry large rounding errors, and less weight."""
+        J = self.hard.jacobian(z)
+        if not np.isfinite(J).all():
+            return _Place(z, r, np.zeros_like(J), np.ones(r.size), np.inf)
+        weight = 1.0 / np.maximum(1.0, np.max(np.abs(J * self.scale), axis=1, initial=0.0))
+        return _Place(z, r, J, weight, _norm(weight * r))
 
     def _limited(self, step: np.ndarray) -> np.ndarray:
         largest = float(np.max(np.abs(step) / self.limit, initial=0.0))
@@ -124,12 +140,6 @@ class _Place:
     J: np.ndarray
     weight: np.ndarray
     size: float
-
-    @classmethod
-    def of(cls, z: np.ndarray, r: np.ndarray, J: np.ndarray, scale: np.ndarray) -> _Place:
-        """Rows with large derivatives carry large rounding errors, and less weight."""
-        weight = 1.0 / np.maximum(1.0, np.max(np.abs(J * scale), axis=1, initial=0.0))
-        return cls(z, r, J, weight, _norm(weight * r))
 
 
 def _null_space(J: np.ndarray) -> np.ndarray:

@@ -1,0 +1,252 @@
+"""Forces for prescribed motions against closed forms, power balance, and the simulation that they drive."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+
+import acausal as ac
+from acausal.errors import MotionError, OptionError, StartValueError, UnknownVariableError
+from components import (
+    ElectromotiveForce,
+    ForceSource,
+    Ground,
+    Inductor,
+    Inertia,
+    PositionSource,
+    Prismatic,
+    Resistor,
+    Revolute,
+    RigidBody,
+    RollingBall,
+    RotationalDamper,
+    RotationalGround,
+    Torque,
+    VoltageSource,
+    World,
+)
+from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
+from tests.test_equilibrium import arm
+
+G = 9.81
+T = np.linspace(0.0, 2.0, 101)
+
+
+def test_a_pendulum_needs_the_torque_of_its_equation():
+    scene = Pendulum(length=0.7, mass=1.3)
+    found = ac.build(scene).inverse_dynamics(T, {scene.hinge.q: 0.4 * np.sin(3 * ac.time)}, [scene.hinge])
+    q, q_ddot = 0.4 * np.sin(3 * T), -3.6 * np.sin(3 * T)
+    exact = 1.3 * 0.7**2 / 3 * q_ddot + 1.3 * G * 0.35 * np.sin(q)
+    np.testing.assert_allclose(found.force(scene.hinge), exact, atol=1e-12)
+    np.testing.assert_allclose(found[scene.hinge.v], 1.2 * np.cos(3 * T), atol=1e-12)
+    assert found.names == ("hinge.force",) and not found.free
+
+
+def test_the_torques_found_make_the_arm_move_so():
+    scene = arm()
+    model = ac.build(scene)
+    a, b = 0.5 * np.sin(2 * T), 0.3 + 0.2 * T**2
+    motions = {scene.shoulder.q: 0.5 * np.sin(2 * ac.time), scene.elbow.q: lambda t: 0.3 + 0.2 * t**2}
+    found = model.inverse_dynamics(T, motions, scene.torques)
+    run = model.simulate(2.0, found.start, inputs=found.inputs, rtol=1e-11, samples=T.size)
+    np.testing.assert_allclose(run[scene.shoulder.q], a, atol=1e-9)
+    np.testing.assert_allclose(run[scene.elbow.q], b, atol=1e-9)
+    at_joints = model.inverse_dynamics(T, motions, [scene.elbow, scene.shoulder])
+    np.testing.assert_allclose(at_joints.forces[::-1], found.forces, atol=1e-12)
+    sampled = model.inverse_dynamics(T, {scene.shoulder.q: a, scene.elbow.q: b}, scene.torques)
+    np.testing.assert_allclose(sampled.forces, found.forces, atol=2e-4)
+
+
+def energy(found, model: ac.Model) -> np.ndarray:
+    """Kinetic and potential, (m,)."""
+    none = np.zeros((0, found.t.size))
+    u = none if not model.input_names else np.zeros((len(model.input_names), found.t.size))
+    return sum(
+        np.array(f(found.t[None, :], found.x, u, none)).ravel()
+        for f in (model.functions.kinetic_energy, model.functions.potential_energy)
+    )  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("make", [FourBar, bennett_linkage])
+def test_the_work_of_the_force_is_the_energy_of_the_loop(make):
+    scene = make()
+    model = ac.build(scene)
+    joint = scene.a if make is FourBar else scene.joints[0]
+    begin = float(model.initial_state().x[model.state_names.index("a.q" if make is FourBar else "joints[0].q")])
+    found = model.inverse_dynamics(T, {joint.q: begin + 0.4 * np.sin(2 * ac.time) ** 2}, [joint])
+    work = make_interp_spline(T, found.force(joint) * found[joint.v], k=5).antiderivative()(T)
+    change = energy(found, model) - energy(found, model)[0]
+    np.testing.assert_allclose(work, change, atol=1e-7 * np.max(np.abs(change)))
+
+
+def test_redundant_forces_in_a_loop_are_the_least():
+    scene = FourBar()
+    model = ac.build(scene)
+    joints = [scene.a, scene.b, scene.c, scene.d]  # one of them closes the loop
+    motion = {scene.a.q: 0.3 * ac.time}
+    times = T[::10]
+    all_of_them, one = model.inverse_dynamics(times, motion, joints), model.inverse_dynamics(times, motion, [scene.a])
+    rates = np.array([all_of_them[j.v] / all_of_them[scene.a.v] for j in joints])
+    # the same power, with forces along the rates: no smaller set does it
+    np.testing.assert_allclose(np.sum(all_of_them.forces * rates, axis=0), one.forces[0], atol=1e-11)
+    np.testing.assert_allclose(all_of_them.forces, rates * one.forces[0] / np.sum(rates**2, axis=0), atol=1e-11)
+
+
+def test_a_tip_is_led_along_a_line():
+    scene = arm()
+    tip = scene.lower.tip.position
+    line = {tip[0]: 0.9 - 0.1 * ac.time**2, tip[2]: 0.2}
+    start = {scene.shoulder.q: -0.5, scene.elbow.q: 1.0}
+    found = ac.build(scene).inverse_dynamics(T, line, scene.torques, start)
+    np.testing.assert_allclose(found[tip], np.column_stack([0.9 - 0.1 * T**2, 0 * T, 0.2 + 0 * T]), atol=1e-12)
+    assert np.all(found[scene.elbow.q] > 0)
+    other = ac.build(scene).inverse_dynamics(T, line, scene.torques, {scene.shoulder.q: 0.5, scene.elbow.q: -1.0})
+    assert np.all(other[scene.elbow.q] < 0)
+
+
+def test_a_force_on_a_coordinate_does_the_work_of_its_rate():
+    scene = Pendulum(length=0.8, mass=2.0)
+    push = scene.rod.tip.position[0]
+    found = ac.build(scene).inverse_dynamics([0.0], {scene.hinge.q: -0.6}, [push])
+    assert found.force(push)[0] == pytest.approx(2.0 * G / 2 * np.tan(0.6), rel=1e-12)
+
+
+def cart(source: bool = False) -> ac.System:
+    """A cart on a rail with a hanging rod; the cart is pushed, or its place is given."""
+    scene = ac.System()
+    scene.force = ac.Input("N")
+    scene.world, scene.rail, scene.hinge = World(), Prismatic("x"), Revolute("y")
+    scene.cart, scene.rod = RigidBody.box(1.0, (0.4, 0.2, 0.1)), RigidBody.rod(0.3, (0, 0, -0.6))
+    scene.motor = PositionSource(lambda t: 0.2 * np.sin(2 * t) ** 2) if source else ForceSource(scene.force)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.cart.frame)
+    scene.connect(scene.cart.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.motor.flange, scene.rail.flange)
+    return scene
+
+
+def test_what_is_not_prescribed_moves_by_its_own_dynamics():
+    scene, led = cart(), cart(source=True)
+    motion = {scene.rail.q: 0.2 * np.sin(2 * ac.time) ** 2}
+    found = ac.build(scene).inverse_dynamics(T, motion, [scene.force], {scene.hinge.q: 0.3})
+    assert found.free == ("hinge.q", "hinge.v") and "own dynamics" in str(found)
+    run = ac.build(led).simulate(2.0, {led.hinge.q: 0.3}, rtol=1e-11, samples=T.size)
+    np.testing.assert_allclose(found[scene.hinge.q], run[led.hinge.q], atol=1e-8)
+    np.testing.assert_allclose(found.forces[0], -run[led.motor.flange.f], atol=1e-7)
+
+
+def test_a_voltage_is_found_through_an_inductor():
+    R, L, k, J, d = 1.2, 3e-3, 0.05, 2e-4, 1e-3
+    scene = ac.System()
+    scene.voltage = ac.Input("V")
+    scene.ground, scene.source, scene.resistor, scene.inductor = Ground(), VoltageSource(scene.voltage), Resistor(R), Inductor(L)
+    scene.motor, scene.rotor, scene.friction, scene.base = (
+        ElectromotiveForce(k),
+        Inertia(J),
+        RotationalDamper(d),
+        RotationalGround(),
+    )
+    scene.connect(scene.source.pin_b, scene.ground.pin)
+    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
+    scene.connect(scene.resistor.pin_b, scene.inductor.pin_a)
+    scene.connect(scene.inductor.pin_b, scene.motor.pin_a)
+    scene.connect(scene.motor.pin_b, scene.ground.pin)
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    scene.connect(scene.rotor.flange_b, scene.friction.flange_a)
+    scene.connect(scene.friction.flange_b, scene.base.flange)
+    found = ac.build(scene).inverse_dynamics(T, {scene.rotor.w: 5 * np.sin(ac.time)}, [scene.voltage])
+    w, w1, w2 = 5 * np.sin(T), 5 * np.cos(T), -5 * np.sin(T)
+    i, i1 = (J * w1 + d * w) / k, (J * w2 + d * w1) / k
+    np.testing.assert_allclose(found.forces[0], R * i + L * i1 + k * w, atol=1e-9)
+    np.testing.assert_allclose(found[scene.inductor.i], i, atol=1e-10)
+
+
+def test_a_ball_is_rolled_along_a_path_by_the_least_torque():
+    scene = ac.System()
+    scene.torque = [ac.Input("N*m") for _ in range(3)]
+    scene.world, scene.contact, scene.ball = World(), RollingBall(0.1), RigidBody.ball(0.5, 0.1)
+    scene.motor = Torque(scene.torque)
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    scene.connect(scene.motor.frame, scene.ball.frame)
+    place, times = scene.ball.frame.position, T[::10]
+    path = {place[0]: 0.3 * np.sin(ac.time), place[1]: 0.1 * ac.time**2}
+    found = ac.build(scene).inverse_dynamics(times, path, scene.torque)
+    need = 7 / 5 * 0.5 * 0.1  # (2/5 m r^2 + m r^2) / r
+    exact = [-need * 0.2 + 0 * times, need * -0.3 * np.sin(times), 0 * times]
+    np.testing.assert_allclose(found.forces, exact, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(found.x[:4], axis=0), 1.0, atol=1e-12)
+
+
+def test_the_function_gives_the_series():
+    scene = arm()
+    model = ac.build(scene)
+    motions = {scene.shoulder.q: 0.5 * np.sin(2 * ac.time), scene.elbow.q: 0.3 + 0.2 * ac.time**2}
+    found = model.inverse_dynamics(T, motions, [scene.shoulder, scene.elbow])
+    function = model.inverse_dynamics_function([scene.shoulder.q, scene.elbow.q], [scene.shoulder, scene.elbow])
+    a = np.vstack([-2 * np.sin(2 * T), 0.4 + 0 * T])
+    forces = np.array(function(T[None, :], found.x, a, np.zeros((2, T.size)), np.zeros((0, T.size))))
+    np.testing.assert_allclose(forces, found.forces, atol=1e-11)
+    loop = FourBar()
+    model = ac.build(loop)
+    found = model.inverse_dynamics([0.0], {loop.a.q: 0.2 + 0.5 * ac.time**2}, [loop.a, loop.c, loop.d])
+    function = model.inverse_dynamics_function([loop.a.q], [loop.a, loop.c, loop.d])
+    np.testing.assert_allclose(np.array(function(0, found.x[:, 0], 1.0, [], [])), found.forces, atol=1e-11)
+
+
+def test_motions_that_cannot_be_made_are_said():
+    scene = DoublePendulum()
+    model = ac.build(scene)
+    both = {scene.shoulder.q: np.sin(ac.time), scene.elbow.q: 0.1}
+    with pytest.raises(MotionError, match="2 motions, 1 forces"):
+        model.inverse_dynamics(T, both, [scene.elbow])
+    tip = scene.lower.tip.position
+    with pytest.raises(MotionError, match="cannot follow"):
+        model.inverse_dynamics(T, {tip[0]: 1.5 + ac.time, tip[2]: -0.2}, [scene.elbow, scene.shoulder], {scene.elbow.q: -1.0})
+    loop = FourBar()
+    with pytest.raises(MotionError, match=r"cannot follow: .*d\.q"):
+        ac.build(loop).inverse_dynamics(T, {loop.a.q: 0.2 * ac.time, loop.d.q: 0.5}, [loop.a, loop.d])
+
+
+def test_wrong_questions_are_answered_in_words():
+    scene = DoublePendulum()
+    model = ac.build(scene)
+    good, joints = {scene.shoulder.q: 0.3}, [scene.shoulder]
+    with pytest.raises(OptionError, match="ascending"):
+        model.inverse_dynamics([1.0, 0.5], good, joints)
+    with pytest.raises(OptionError, match="must be a list"):
+        model.inverse_dynamics(T, good, scene.shoulder)  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="is empty"):
+        model.inverse_dynamics(T, good, [])
+    with pytest.raises(OptionError, match="stands twice"):
+        model.inverse_dynamics(T, good, [scene.shoulder, scene.shoulder])
+    with pytest.raises(OptionError, match="not an input"):
+        model.inverse_dynamics(T, good, [ac.Input()])
+    with pytest.raises(OptionError, match="position or an angle"):
+        model.inverse_dynamics(T, good, [scene.shoulder.v])
+    with pytest.raises(OptionError, match="nothing to work on"):
+        model.inverse_dynamics(T, good, [scene.upper.tip.position[1]])
+    with pytest.raises(OptionError, match="give motions="):
+        model.inverse_dynamics(T, [scene.shoulder.q], joints)  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="not a variable"):
+        model.inverse_dynamics(T, {"q": 0.3}, joints)  # type: ignore[dict-item]
+    with pytest.raises(OptionError, match=r"ac\.time and parameters only"):
+        model.inverse_dynamics(T, {scene.shoulder.q: scene.elbow.q}, joints)
+    with pytest.raises(OptionError, match="cannot be differentiated"):
+        model.inverse_dynamics(T, {scene.shoulder.q: lambda t: math.sin(t)}, joints)
+    with pytest.raises(OptionError, match="at least 6"):
+        model.inverse_dynamics([0.0, 1.0], {scene.shoulder.q: [0.0, 1.0]}, joints)
+    with pytest.raises(OptionError, match="1 finite numbers"):
+        model.inverse_dynamics(T, {scene.shoulder.q: np.full(T.size, np.nan)}, joints)
+    with pytest.raises(OptionError, match="has 2 entries"):
+        model.inverse_dynamics(T, {scene.shoulder.q: [0.0, 1.0]}, joints)
+    with pytest.raises(OptionError, match="at most as many"):
+        model.inverse_dynamics_function([scene.shoulder.q, scene.elbow.q], joints)
+    with pytest.raises((UnknownVariableError, StartValueError)):
+        model.inverse_dynamics(T, {Pendulum().hinge.q: 0.3}, joints)
+    with pytest.raises(UnknownVariableError, match="not among the unknowns"):
+        model.inverse_dynamics([0.0], {scene.shoulder.q: 0.3}, joints).force(scene.elbow)
