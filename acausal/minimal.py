@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from acausal.simulation import InputValue
 
 _OPEN = 1e-6
+_FEWEST_STEPS = 4
+"""With fewer, a path may be lost unseen."""
 _MOST_STEPS = 200
 
 
@@ -120,6 +122,8 @@ class MinimalModel:
 
     def change(self, other: MinimalModel) -> ca.Function:
         """(t, y, u, p) -> y of the same state in another chart of the same model. Raises `OptionError` for another model."""
+        if not isinstance(other, MinimalModel):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise OptionError(f"minimal.change: {other!r} is not a minimal model. Make one by rechart(...) of this one.")
         if other.atlas.functions is not self.atlas.functions:
             raise OptionError("minimal.change: the other chart belongs to another model. Make it by rechart(...) of this one.")
         arguments = self._symbols
@@ -191,8 +195,10 @@ def minimal_model(
     functions: Functions, t: float, initial: InitialState, p: np.ndarray, prefer: Sequence[Variable], steps: int
 ) -> MinimalModel:
     """Independent coordinates around a consistent state. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
-    if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= _MOST_STEPS:  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise OptionError(f"minimal: steps is {steps!r}; give a whole number from 1 to {_MOST_STEPS}.")
+    if isinstance(steps, bool) or not isinstance(steps, int) or not _FEWEST_STEPS <= steps <= _MOST_STEPS:  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise OptionError(f"minimal: steps is {steps!r}; give a whole number from {_FEWEST_STEPS} to {_MOST_STEPS}.")
+    if not isinstance(prefer, list | tuple):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass a variable
+        raise OptionError(f"minimal: prefer is {prefer!r}. Give a list of variables of the scene, e.g. prefer=[scene.crank.q].")
     atlas = Atlas(functions, steps)
     places = tuple(k for variable in prefer for k in _places(atlas, variable))
     return MinimalModel(atlas, _chart(atlas, t, initial.x, p, places), initial, places)

@@ -26,8 +26,8 @@ _WORSE = 0.3
 """A chart is left when its conditioning has fallen to this part of that at the reference,"""
 _TURNED = 0.45
 """or a quaternion has turned by about 190 degrees,"""
-_MISSED = 0.003**2
-"""or the second of the last corrections by Newton's method is above 0.003 (rad or m); the third and fourth one then meet the solution."""
+_STRAIN = 0.35**4
+"""or a Newton step on the way from the reference leaves about a third of the residual."""
 
 _NEARLY = 1e-2
 """Singular value of constraints below which a failure is put down to them."""
@@ -148,7 +148,7 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
     chart, equations = minimal.chart, minimal.atlas.equations(minimal.chart.choice)
     r = reference(chart)
     now = np.array(equations.conditions(chart.t, chart.x, chart.p, r)).ravel()
-    limits = np.concatenate([_WORSE * now[:2], np.full(now.size - 2, _TURNED), [_MISSED]])
+    limits = np.concatenate([_WORSE * now[:2], np.full(now.size - 2, _TURNED), [_STRAIN]])
     p = np.concatenate([chart.p, r, limits])
     native = equations.compiled if options.compiled else None
     if options.compiled and native is None:
@@ -158,16 +158,22 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
     solution = integrate(
         own, minimal.start, chart.t, end, options.rtol, options.atol, method=options.method, max_steps=options.max_steps
     )
-    return _without_end_off_chart(_Piece(minimal, solution))
+    return _to_last_step(_Piece(minimal, solution))
 
 
-def _without_end_off_chart(piece: _Piece) -> _Piece:
-    """What is known of a motion that failed: not a last step that ended off the chart. If it came anywhere, another chart may lead on."""
+def _to_last_step(piece: _Piece) -> _Piece:
+    """A motion that a guard stopped, or that failed where the chart may be to blame, up to the end of a step on the chart: ends of steps
+    are more accurate than the crossing of a guard between them. `stopped`: if it came anywhere, so that another chart may lead on.
+    """
     solution = piece.solution
-    if solution.status.kind not in _CHART_MAY_BE_TO_BLAME:
+    n = solution.t.size
+    if solution.stopped:
+        n = min(n, max(2, n - 1))
+    elif solution.status.kind in _CHART_MAY_BE_TO_BLAME:
+        known = np.isfinite(piece.states(solution.t, solution.x)).all(axis=0)
+        n = n if known.all() else max(1, int(np.argmin(known)))
+    else:
         return piece
-    known = np.isfinite(piece.states(solution.t, solution.x)).all(axis=0)
-    n = max(1, known.size if known.all() else int(np.argmin(known)))
     status = replace(solution.status, time=float(solution.t[n - 1]))
     return replace(piece, solution=replace(solution, t=solution.t[:n], x=solution.x[:, :n], status=status, stopped=n > 1))
 

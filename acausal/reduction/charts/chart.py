@@ -61,7 +61,8 @@ def choose_chart(manifold: Manifold, t: float, x: np.ndarray, p: np.ndarray, pre
         raise StartValueError(singular)
     slopes = manifold.slopes(t, x, p)
     wanted = set(preferred)
-    positions = _chosen(slopes.position, sorted(i for i in wanted if i < nc))
+    asked = wanted | {i for i, j in manifold.twins if nc + j in wanted}
+    positions = _chosen(slopes.position, sorted(i for i in asked if i < nc))
     twins = [j for i, j in manifold.twins if i in positions.free]
     rates = _chosen(slopes.rate, sorted({i - nc for i in wanted if i >= nc} | set(twins)))
     conditioning = min(_conditioning(positions), _conditioning(rates))

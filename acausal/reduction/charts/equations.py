@@ -104,13 +104,13 @@ class ChartEquations:
     @functools.cached_property
     def guards(self) -> ca.Function:
         """(t, y, u, (p, r, limits)) -> what falls through zero where the chart should be left: the conditions less their limits, and
-        what `follow` may miss less what it does.
+        the strain that `follow` may have less what it has.
         """
         k, at = self._symbols, self._point
         conditions = self._conditions(k.t, at.c, at.w, k.p, k.r) - self._limits[:-1]
-        missed = self._limits[-1] - (at.positions.missed + at.rates.missed)
+        strain = self._limits[-1] - (at.positions.strain + at.rates.strain)
         p = ca.vertcat(k.p, k.r, self._limits)
-        return ca.Function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, missed))], _FOLD)
+        return ca.Function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))], _FOLD)
 
     @functools.cached_property
     def compiled(self) -> CompiledProblem | None:

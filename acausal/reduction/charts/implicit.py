@@ -1,9 +1,10 @@
 """Implicit functions in straight-line code: the solution z of g(z, k) = 0 that goes on from a known one.
 
 Equations that are linear in z are solved at once. Otherwise k moves in equal steps along the straight line from the known point, with one
-Newton step each, and `POLISH` more follow at the end. Where these converge, so do all derivatives of the straight-line code: the error of
-the first derivative is that of z times the one before, so that both vanish together. Deuflhard: Newton Methods for Nonlinear
-Problems, chapter 5.
+Newton step each, and `POLISH` more follow at the end. A Newton step that leaves more than half of the residual says that the path may have
+been lost to another solution (restricted monotonicity; Deuflhard: Newton Methods for Nonlinear Problems, sections 3.1 and 5.1).
+Where all converge, so do the derivatives of the straight-line code: the error of the first derivative is that of z times the one before,
+so both vanish together.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from acausal.mechanics.kernels import solve_positive
 POLISH = 5
 _CONVERGED = 1e-8
 _CLOSED = 1e-8
+_LOST = 0.5**4
+_ROUNDING = 1e-10
 
 Residual = Callable[[ca.SX, ca.SX], ca.SX]
 """(z, k) -> g"""
@@ -33,12 +36,12 @@ class Known:
 
 @dataclass(frozen=True)
 class Followed:
-    """`z` (n, 1), NaN where the iteration did not converge. `missed`: the square of the second of the last corrections, zero
-    where nothing is iterated; it grows towards the end of the reach.
+    """`z` (n, 1), NaN where the path was lost. `strain`: what Newton steps along the path left of the residual, as a sum of fourth
+    powers of ratios; zero where nothing is iterated, and 1/16 where the reach ends.
     """
 
     z: ca.SX
-    missed: ca.SX
+    strain: ca.SX
 
 
 def follow(residual: Residual, known: Known, k: ca.SX, steps: int) -> Followed:
@@ -53,21 +56,21 @@ def follow(residual: Residual, known: Known, k: ca.SX, steps: int) -> Followed:
     if not ca.depends_on(J, z_s):
         zero = ca.SX.zeros(n)
         return Followed(zero + newton(zero, k)[0], ca.SX(0))
-    z = known.z
-    for i in range(1, steps):
-        z = z + newton(z, known.k + (i / steps) * (k - known.k))[0]
-    z = z + newton(z, k)[0]
-    missed = ca.SX(0)
-    dz = gap = ca.SX(0)
-    for i in range(POLISH):
+    rows = ca.Function("rows", [z_s, k_s], [ca.densify(g)])
+    z, strain, dz = known.z, ca.SX(0), ca.SX(0)
+    for i in range(1, steps + 1):
+        there = k if i == steps else known.k + (i / steps) * (k - known.k)
+        dz, before = newton(z, there)
+        z = z + dz
+        strain += (ca.sumsqr(rows(z, there)) / (ca.sumsqr(before) + _ROUNDING**2)) ** 2
+    gap = ca.SX(0)
+    for _ in range(POLISH):
         dz, gap = newton(z, k)
         z = z + dz
-        if i == 1:
-            missed = ca.sumsqr(dz)
-    good = ca.sumsqr(dz) <= _CONVERGED**2 * (1 + ca.sumsqr(z))
-    if gap.numel() > n:  # the least sum of squares need not be zero
+    good = ca.logic_and(strain <= _LOST, ca.sumsqr(dz) <= _CONVERGED**2 * (1 + ca.sumsqr(z)))
+    if g.numel() > n:  # the least sum of squares need not be zero
         good = ca.logic_and(good, ca.sumsqr(gap) <= _CLOSED**2)
-    return Followed(z + ca.if_else(good, 0, float("nan")), missed)
+    return Followed(z + ca.if_else(good, 0, float("nan")), strain)
 
 
 def solve_rows(J: ca.SX, right: ca.SX) -> ca.SX:
