@@ -7,6 +7,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import acausal as ac
 from acausal.errors import OptionError, StartValueError, UnknownVariableError
@@ -34,6 +35,7 @@ from components import (
     VoltageSource,
     World,
 )
+from examples.bicycle import Bicycle
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 
 G = 9.81
@@ -424,3 +426,43 @@ def test_a_flat_parallelogram_is_singular_and_says_so():
     scene = parallelogram()
     with pytest.raises(OptionError, match="singular position"):
         ac.build(scene).linearize({scene.a.q: np.pi / 2, scene.d.q: np.pi / 2})
+
+
+# Meijaard, Papadopoulos, Ruina and Schwab, Proceedings of the Royal Society A 463 (2007), table 2, and the two speeds given there
+BICYCLE = {
+    0: (3.131643247906, -3.131643247906, 5.530943717654, -5.530943717654),
+    1: (3.526961709901 + 0.807740275199j, 3.526961709901 - 0.807740275199j, -3.134231250666, -7.110080146374),
+    2: (2.682345175127 + 1.680662965907j, 2.682345175127 - 1.680662965907j, -3.071586456415, -8.673879848317),
+    3: (1.706756056640 + 2.315824473843j, 1.706756056640 - 2.315824473843j, -2.633661372537, -10.351014672459),
+    4: (0.413253315211 + 3.079108186032j, 0.413253315211 - 3.079108186032j, -1.429444273613, -12.158614265764),
+    5: (-0.775341882196 + 4.464867713788j, -0.775341882196 - 4.464867713788j, -0.322866429004, -14.078389692798),
+    6: (-1.526444865841 + 5.876730605987j, -1.526444865841 - 5.876730605987j, -0.004066900770, -16.085371230980),
+    7: (-2.138756442584 + 7.195259133298j, -2.138756442584 - 7.195259133298j, 0.102681705748, -18.157884661252),
+    8: (-2.693486835811 + 8.460379713969j, -2.693486835811 - 8.460379713969j, 0.143278797657, -20.279408943945),
+    9: (-3.216754022525 + 9.693773515318j, -3.216754022525 - 9.693773515318j, 0.157901840309, -22.437885590408),
+    10: (-3.720168404373 + 10.906811394763j, -3.720168404373 - 10.906811394763j, 0.161053386532, -24.624596350174),
+}
+WEAVE, CAPSIZE = 4.29238253634111, 6.02426201538837
+
+
+@pytest.fixture(scope="module")
+def rolling_bicycle():
+    """speed [m/s] -> the linear system in lean, steer and their rates; speed, place, heading are ignorable."""
+    scene = Bicycle()
+    model = ac.build(scene)
+    states = [scene.rear_contact.q[1], scene.steering.q, scene.rear_contact.v[0], scene.steering.v]
+    return lambda speed: model.linearize(scene.start(speed), states=states)
+
+
+def test_a_bicycle_has_the_published_eigenvalues_in_lean_and_steer(rolling_bicycle):
+    for speed, exact in BICYCLE.items():
+        found = rolling_bicycle(speed)
+        assert found.A.shape == (4, 4) and found.steady and found.constant
+        np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(np.array(exact)), atol=1e-10, rtol=0)
+
+
+def test_a_bicycle_is_stable_between_weave_and_capsize_speed(rolling_bicycle):
+    weave = brentq(lambda v: rolling_bicycle(v).oscillations[0].eigenvalue.real, 4.0, 5.0, xtol=1e-14, rtol=1e-14)
+    capsize = brentq(lambda v: np.linalg.det(rolling_bicycle(v).A), 5.5, 6.5, xtol=1e-14, rtol=1e-14)
+    assert weave == pytest.approx(WEAVE, abs=1e-11) and capsize == pytest.approx(CAPSIZE, abs=1e-11)
+    assert [rolling_bicycle(v).stability for v in (4.2, 5.0, 6.1)] == ["unstable", "asymptotically stable", "unstable"]
