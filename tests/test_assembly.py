@@ -213,6 +213,9 @@ def test_failure_names_the_values_that_fight_and_what_they_would_be():
     assert "a.q = 0.3" in words and "b.q = 2" in words and "off by" in words and "a.v" not in words
     assert "Leave out a.q or b.q" in words or "Leave out b.q or a.q" in words
     said = float(words.split("b.q = 2 rad")[1].split("it would be ")[1].split(";")[0])
+    with pytest.raises(errors.StartValueError) as other_order:
+        model.initial_state({scene.b.q: 2.0, scene.a.q: 0.3, scene.a.v: 1.0})
+    assert str(other_order.value).index("a.q = ") < str(other_order.value).index("b.q = ")
     place = model.state_names.index("b.q")
     assert min(abs(said - state.x[place]) for state in model.branches({scene.a.q: 0.3})) < 1e-5
 
@@ -251,12 +254,15 @@ def test_an_arm_of_two_links_reaches_a_point_with_the_elbow_up_and_down():
     """Closed form by the law of cosines."""
     a, b, x, y = 1.0, 0.8, 1.2, 0.5
     scene = arm((a, b))
-    found = ac.build(scene).branches({scene.links[-1].tip.position[:2]: (x, y)})
+    model = ac.build(scene)
+    found = model.branches({scene.links[-1].tip.position[:2]: (x, y)})
     elbow = np.arccos((x * x + y * y - a * a - b * b) / (2 * a * b))
     wanted = sorted((np.arctan2(y, x) - np.arctan2(b * np.sin(e), a + b * np.cos(e)), e) for e in (elbow, -elbow))
     assert np.allclose(sorted(tuple(state.x[:2]) for state in found), wanted, atol=1e-12)
     words = str(found)
     assert "2 branches" in words and "(nearest to the sketch)" in words and "hinges[1].q" in words
+    assert len(model.branches({scene.links[-1].tip.position[:2]: (x, y)}, by=scene.links[-1].tip.position)) == 1
+    assert "1 branch:" in str(model.branches({scene.hinges[0].q: 0.3}))
 
 
 def test_a_four_bar_with_its_crank_held_is_open_or_crossed():
@@ -344,16 +350,30 @@ def test_a_platform_on_three_legs_has_as_many_poses_as_its_polynomial_has_roots(
             model.branches(start)
 
 
-def test_hinges_of_every_branch_point_the_way_that_is_meant():
-    """Bennett's linkage: the axis of the closing hinge as both bars see it."""
-    scene = bennett_linkage()
-    found = ac.build(scene).branches({scene.joints[0].q: 0.2})
-    assert len(found) == 1
-    for state in found:
-        system = state.account.problem.outputs.system
-        for rows in system.constraints.loops:
-            assert rows.sign is not None
-            assert float(ca.Function("sign", [system.x[: system.nq]], [rows.sign])(state.x[: system.nq])) > 0.999
+def test_a_slider_never_turns_round_on_its_rail():
+    """Swinging block: its sliding joint closes the loop, and a block turned by 180 degrees would satisfy the same equations."""
+    scene = ac.System()
+    scene.world, scene.a, scene.b, scene.d, scene.rail = World(None), Revolute("z"), Revolute("z"), Revolute("z"), Prismatic("x")
+    scene.crank, scene.rod = RigidBody.rod(1.0, (0.4, 0, 0)), RigidBody.rod(1.0, (1.0, 0, 0))
+    scene.block = RigidBody.box(1.0, (0.1, 0.1, 0.1))
+    closed(
+        scene,
+        (scene.world.frame, scene.a, scene.crank.frame),
+        (scene.crank.tip, scene.b, scene.block.frame),
+        (scene.world.at((1.0, 0, 0)), scene.d, scene.rod.frame),
+        (scene.rod.frame, scene.rail, scene.block.frame),
+    )
+    model = ac.build(scene)
+    assert [cut.name for cut in model.system.mechanics.mechanism.cuts] == ["rail"]
+    found = model.branches({scene.a.q: 0.7})
+    length = np.hypot(0.4 * np.cos(0.7) - 1.0, 0.4 * np.sin(0.7))
+    seen = model.functions.outputs.resolve
+    look = ca.Function(
+        "look", [model.system.x], [*map(seen, (scene.block.frame.rotation, scene.rod.frame.rotation, scene.rail.q))]
+    )
+    ends = [[np.array(value) for value in look(state.x)] for state in found]
+    assert all(np.allclose(block, rod, atol=1e-12) for block, rod, _ in ends)
+    assert np.allclose(sorted(float(slide[0, 0]) for *_, slide in ends), [-length, length], atol=1e-12)
 
 
 def test_wrong_calls_for_branches_are_explained():
@@ -395,6 +415,34 @@ def test_a_function_that_cannot_close_is_nan():
     place = ac.build(scene).assembly_function(scene.rail.q, [rod, scene.a.q], {scene.a.q: 0.7})
     assert np.isnan(float(place([0.5, 1.5])))
     assert np.isfinite(float(place([0.5, 0.1])))
+
+
+def test_a_function_is_nan_where_constraints_that_were_redundant_part():
+    """A planar four-bar with a hinge moved out of the plane: the kept constraints are still met, the others are not."""
+    aside = ac.Parameter(0.0, "m")
+    scene = ac.System()
+    scene.world, scene.hinges = World(None), [Revolute("z") for _ in range(4)]
+    scene.bars = [RigidBody.rod(1.0, (size, 0, 0)) for size in (0.4, 1.2, 0.8)]
+    a, b, c = scene.bars
+    h = scene.hinges
+    closed(
+        scene,
+        (scene.world.frame, h[0], a.frame),
+        (a.tip, h[1], b.frame),
+        (b.tip, h[2], c.tip),
+        (scene.world.at((1.0, 0, aside)), h[3], c.frame),
+    )
+    x = ac.build(scene).assembly_function(None, [aside, h[0].q], {h[0].q: 0.7})
+    assert np.isfinite(np.array(x([0.0, 0.9]))).all()
+    assert np.isnan(np.array(x([0.01, 0.7]))).all()
+
+
+def test_a_function_does_not_follow_a_turn_of_more_than_a_radian_in_one_step():
+    scene = slider_crank()
+    model = ac.build(scene)
+    one, eight = (model.assembly_function(scene.rail.q, scene.a.q, {scene.a.q: 0.7}, steps=steps) for steps in (1, 8))
+    assert np.isnan(float(one(3.7)))
+    assert np.isclose(float(eight(3.7)), np.cos(3.7) + np.sqrt(2.5**2 - np.sin(3.7) ** 2), atol=1e-12)
 
 
 def test_a_function_keeps_the_branch_over_a_full_turn():
