@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acausal.reduction.constraints import sketch_configuration
+from acausal.reduction.close_loops import sketch_configuration
 from acausal.reduction.start_search import Found, Search, Target
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.integrators.rates import Kernel
-from acausal.mechanics.tree import Tree
+from acausal.reduction.loop_groups import LoopGroup
 
 _CLOSED = 1e-8
 _CLOSE_ENOUGH = 1e-11
@@ -17,18 +17,19 @@ _MOVED = 0.1
 
 
 class Walk:
-    """Assembled configurations one after the other, for parameters of these `values`, at t = 0.
+    """Assembled configurations of a group of loops one after the other, for parameters of these `values`, at t = 0.
 
-    `closing`: residuals (n, 1) of loops and joints; `A`: constraint rows (m, nv) in the velocities.
+    A: the rows of the loops in the velocities.
     """
 
-    def __init__(self, tree: Tree, parameters: ca.SX, values: np.ndarray, closing: ca.SX, A: ca.SX) -> None:
-        parts = [closing, ca.jacobian(closing, tree.q), A, ca.jacobian(tree.rates, tree.v)]
+    def __init__(self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray) -> None:
+        A, closing = ca.jacobian(group.velocity, group.v), group.closing
+        parts = [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v)]
         self._shapes = [part.shape for part in parts]
-        self._q = np.empty(tree.q.numel())
+        self._q = np.empty(group.q.numel())
         column = ca.densify(ca.vertcat(*(ca.vec(part) for part in parts)))
         self._kernel = Kernel(
-            ca.Function("walk", [tree.q, tree.t, parameters], [column]),
+            ca.Function("walk", [group.q, t, parameters], [column]),
             (self._q, np.zeros(1), np.array(values, dtype=float)),
             np.empty(column.numel()),
         )

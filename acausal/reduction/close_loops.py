@@ -1,0 +1,89 @@
+"""Closing loops in numbers: from the sketch to a configuration with every joint in place."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import AssemblyError
+from acausal.mechanics.pose import Pose
+from acausal.mechanics.system import MechanicalSystem
+from acausal.reduction.assembly import assemble
+from acausal.reduction.loop_groups import LoopGroup
+from acausal.reduction.loops import LoopRows
+
+
+def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
+    """First guess for q: from the rough poses of bodies where both ends of a joint have one, else the joint's own start."""
+    guess: list[float] = []
+    groups = system.mechanism.groups
+    for item in system.tree.joints:
+        edge = item.edge
+        a, b = groups[edge.a].sketch, groups[edge.b].sketch
+        if edge.a == 0 or edge.b == 0:
+            a = Pose.identity() if edge.a == 0 else a
+            b = Pose.identity() if edge.b == 0 else b
+        entries = edge.joint.start_q()
+        if a is not None and b is not None:
+            mounting = Pose(edge.joint.mounting(), np.zeros(3))
+            X = (a @ edge.pose_a @ mounting).inverse() @ (b @ edge.pose_b @ mounting)
+            found = edge.joint.coordinates(X)
+            if found is not None and ca.densify(found).is_constant():
+                entries = tuple(float(f) for f in np.array(ca.DM(ca.evalf(found))).ravel())
+        guess += entries
+    return np.array(guess)
+
+
+def close_loops(group: LoopGroup, t: ca.SX, parameters: ca.SX, guess: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A configuration of the group's coordinates near `guess` with all its loops closed on the branch meant.
+
+    Raises `AssemblyError` with the smallest gap.
+    """
+    q, loops = group.q, group.loops
+    if not group.closing.numel() and not group.domain.numel():
+        return guess
+    closing = ca.Function("closing", [q, t, parameters], [group.closing])
+    jacobian = closing.jacobian()
+
+    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c = np.array(closing(q, 0.0, values)).ravel()
+        J = np.array(ca.DM(jacobian(q, 0.0, values, c)[0]))
+        return c, J
+
+    domain = ca.Function("domain", [q], [group.domain])
+    rng = np.random.default_rng(0)
+    smallest, where = np.inf, guess
+    for attempt in range(12):
+        first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+        found = assemble(residual, first)
+        right_branch = all(_positive(rows, q, t, found.y) for rows in loops)
+        right_branch = right_branch and bool(np.all(np.array(domain(found.y)) > 0))
+        if found.converged and right_branch:
+            return found.y
+        if found.gap < smallest and right_branch:
+            smallest, where = found.gap, found.y
+    worst = _worst_loop(closing, loops, where, values)
+    raise AssemblyError(
+        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle). "
+        "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
+    )
+
+
+def _positive(rows: LoopRows, q: ca.SX, t: ca.SX, value: np.ndarray) -> bool:
+    if rows.sign is None:
+        return True
+    free = {s.element_hash() for s in ca.symvar(rows.sign)}
+    if not free <= {q[i].element_hash() for i in range(q.numel())} | {t.element_hash()}:
+        return True
+    return float(ca.Function("sign", [q, t], [rows.sign])(value, 0.0)) > 0
+
+
+def _worst_loop(closing: ca.Function, loops: tuple[LoopRows, ...], q: np.ndarray, values: np.ndarray) -> LoopRows:
+    """The loop with the largest residual."""
+    residual = np.abs(np.array(closing(q, 0.0, values)).ravel())
+    first = residual.size - sum(rows.position.numel() for rows in loops)
+    sizes: list[float] = []
+    for rows in loops:
+        sizes.append(float(np.max(residual[first : first + rows.position.numel()], initial=0.0)))
+        first += rows.position.numel()
+    return loops[int(np.argmax(sizes))]
