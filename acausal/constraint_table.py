@@ -96,15 +96,16 @@ def _hidden_lines(blocks: Sequence[Block]) -> list[str]:
         lines.append(
             f"  {missing} more {'function stays' if missing == 1 else 'functions stay'} constant: integrable, closed form not found"
         )
-    alike: dict[tuple[tuple[int, ...], int, int], list[Block]] = {}
+    alike: dict[tuple[tuple[int, ...], int, int, str], list[Block]] = {}
     for block in blocks:
         if not block.holonomic:
-            alike.setdefault((block.growth, block.manifold, len(block.names)), []).append(block)
-    for (growth, manifold, count), same in alike.items():
+            alike.setdefault((block.growth, block.manifold, len(block.names), block.method), []).append(block)
+    for (growth, manifold, count, _), same in alike.items():
         whose = ", ".join(same[0].names) if count <= _MOST_NAMES else _listed(same[0].names)
         times = f" and {len(same) - 1} more like it" if len(same) > 1 else ""
         steps = " -> ".join(str(g) for g in growth)
-        lines.append(f"  reach of {whose}{times}: {steps} of {manifold} dimensions, with brackets of velocities")
+        more = ", and perhaps more: undecided" if same[0].method == "undecided" else ""
+        lines.append(f"  reach of {whose}{times}: {steps} of {manifold} dimensions, with brackets of velocities{more}")
     return lines
 
 
@@ -143,6 +144,8 @@ class _Judge:
 
 def _configuration_freedom(system: ReducedSystem) -> int:
     """nq less the rank of all functions of position, at some assembled configurations."""
+    if not system.nq:
+        return 0
     slope = ca.densify(ca.jacobian(system.closing, system.mechanics.tree.q))
     function = ca.Function("slope", [system.mechanics.tree.q, system.t, system.p], [slope])
     ranks = [

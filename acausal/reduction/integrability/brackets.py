@@ -55,13 +55,12 @@ class Rank:
 
 @dataclass(frozen=True)
 class Closure:
-    """How the space of reachable directions grows with brackets: its `dimensions`, and orthonormal columns of the last at each point.
+    """How the space of reachable directions grows with brackets: its `dimensions`.
 
     `complete`: no further bracket gives a new direction; otherwise the expressions became too large.
     """
 
     dimensions: tuple[int, ...]
-    spaces: tuple[np.ndarray, ...]
     complete: bool
 
 
@@ -138,7 +137,7 @@ def involutive_closure(system: PfaffianSystem, points: Sequence[np.ndarray], siz
         parts = [_bracket(X[:, i], newest[:, k], system.y) for i, k in pairs]
         first, second = (ca.horzcat(*column) for column in zip(*parts, strict=True))
         if ca.Function("size", [system.y], [first, second]).n_instructions() > _MOST_INSTRUCTIONS:
-            return Closure(tuple(dimensions), tuple(bases), False)
+            return Closure(tuple(dimensions), False)
         brackets: list[np.ndarray] = []
         grown: list[tuple[np.ndarray, list[int]]] = []
         for basis, V, own, (A, B) in zip(bases, generators, sizes, _values(system, [first, second], points), strict=True):
@@ -155,7 +154,7 @@ def involutive_closure(system: PfaffianSystem, points: Sequence[np.ndarray], siz
         dimensions.append(max(basis.shape[1] for basis in bases))
         newest = ca.cse((first - second)[:, taken])
         sizes = [np.linalg.norm(values[:, taken], axis=0) for values in brackets]
-    return Closure(tuple(dimensions), tuple(bases), True)
+    return Closure(tuple(dimensions), True)
 
 
 def _values(system: PfaffianSystem, fields: Sequence[ca.SX], points: Sequence[np.ndarray]) -> list[list[np.ndarray]]:

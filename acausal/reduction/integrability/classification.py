@@ -21,7 +21,7 @@ class Block:
     `alone`: whether each by itself is the rate of a function of position. `manifold`: dimension of the configurations (with the time, where it
     enters). `growth`: dimensions of the admissible velocities and their brackets. `hidden`: independent functions of position that stay
     constant; `integrals`: those found in closed form. `method`: "exact" (proven with rational functions), "numerical" (exact derivatives at
-    random points, ranks by singular values), or "undecided" (a rank was not clear; what is given is the likely answer).
+    random points, ranks by singular values), or "undecided" (a rank was not clear, or brackets became too large: more may be hidden).
     """
 
     names: tuple[str, ...]
@@ -35,7 +35,7 @@ class Block:
     @property
     def holonomic(self) -> bool:
         """Whether all constraints together are integrable."""
-        return self.growth[0] == self.growth[-1]
+        return len(self.growth) == 1
 
     def __str__(self) -> str:
         kind = "holonomic" if self.holonomic else "nonholonomic"
@@ -100,13 +100,15 @@ def _key(system: PfaffianSystem) -> str:
 def _block(
     part: PfaffianSystem, growth: Growth, alone: tuple[bool, ...], derived: DerivedSystem | None, whole: PfaffianSystem
 ) -> Block:
-    found = linear_integrals(part, growth) if growth.hidden else ()
-    if derived is not None and len(found) < growth.hidden:
+    found = linear_integrals(part, growth)
+    if derived is not None and len(found) < derived.hidden:
         found += closed_forms(part, derived, growth, found)
-    agree = derived is None or derived.hidden == growth.hidden
-    method = "undecided" if not agree or not growth.clear else "numerical" if derived is None else "exact"
+    hidden = growth.hidden if growth.complete or derived is None else derived.hidden
+    agree = derived is None or derived.hidden == growth.hidden or not growth.complete
+    sure = agree and growth.clear and (growth.complete or derived is not None)
+    method = "undecided" if not sure else "numerical" if derived is None else "exact"
     found = tuple(_seen_from(integral, part, whole) for integral in found)
-    return Block(part.names, alone, growth.manifold, growth.growth, growth.hidden, found, method)
+    return Block(part.names, alone, growth.manifold, growth.growth, hidden, found, method)
 
 
 def _seen_from(integral: Integral, part: PfaffianSystem, whole: PfaffianSystem) -> Integral:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.reduction.integrability.brackets import Rank, involutive_closure
-from acausal.reduction.integrability.pfaffian import PfaffianSystem, null_space, row_space
+from acausal.reduction.integrability.pfaffian import PfaffianSystem, common, null_space, row_space
 from acausal.reduction.redundancy import independent_rows
 
 
@@ -23,9 +23,10 @@ class Growth:
     """What a set of velocity constraints allows and hides, found at some points of the manifold of configurations.
 
     `manifold`: its dimension. `growth`: dimensions of the admissible velocities and of their brackets of length 1, 2, ... `points`, and
-    at each `forbidden`: orthonormal rows (r, n), gradients of all functions that stay constant: the holonomic constraints and the hidden ones.
-    `independent`: rows that are neither redundant nor rates of holonomic constraints. `clear`: all ranks were far from the border between
-    rounding errors and numbers, and no expression became too large.
+    at each `forbidden`: orthonormal rows (r, n), what no admissible velocity has a part in. `linear` (k, n): what is forbidden everywhere alike, so
+    that it can be integrated at once, gradients of holonomic constraints left out. `independent`: rows that are neither redundant nor rates of
+    holonomic constraints. `clear`: all ranks were far from the border between rounding errors and numbers. `complete`: no expression
+    became too large; otherwise `growth` ends too early.
     """
 
     manifold: int
@@ -33,57 +34,72 @@ class Growth:
     independent: tuple[int, ...]
     points: tuple[np.ndarray, ...]
     forbidden: tuple[np.ndarray, ...]
+    linear: np.ndarray
     clear: bool
+    complete: bool
 
     @property
     def hidden(self) -> int:
-        """Number of independent functions of position that the velocity constraints keep constant."""
-        return self.manifold - self.growth[-1]
+        """Number of independent functions of position that the velocity constraints keep constant; of those known, where not complete."""
+        return self.manifold - self.growth[-1] if self.complete else self.linear.shape[0]
 
     @property
     def integrable(self) -> bool:
         """Whether the velocity constraints are rates of positions, all of them."""
-        return self.growth[0] == self.growth[-1]
+        return len(self.growth) == 1
 
 
 def growth(system: PfaffianSystem) -> Growth:
     """Frobenius' test with exact derivatives at random points, ranks by singular values.
 
-    Three points; more than there are coordinates where something is hidden, so that what is forbidden at all of them is so everywhere.
+    Three points; more than there are coordinates where something may be hidden. One bracket needs derivatives of the forms only, at a cost like
+    that of their Jacobian; further ones are made only where some but not all combinations of the constraints pass it, and until all that is left is
+    known to be constant. Raises `AssemblyError` where no points are found.
     """
-    found = growth_at(system, system.points())
-    return growth_at(system, system.points(system.y.numel() + 3)) if found.hidden else found
-
-
-def growth_at(system: PfaffianSystem, points: Sequence[np.ndarray]) -> Growth:
-    """The test at these points (n,).
-
-    One step needs derivatives of the forms only, at a cost like that of their Jacobian; further brackets are made only where some but not
-    all combinations of the constraints pass it.
-    """
-    numbers = system.numbers()
-    values = [numbers(point) for point in points]
-    n = system.y.numel()
-    tangents = [null_space(dc) for dc, _, _ in values]
-    manifold = min(T.shape[1] for T in tangents)
-    along = [W @ T for T, (_, W, _) in zip(tangents, values, strict=True) if T.shape[1] == manifold]
-    independent = independent_rows(along).kept
-    velocities = manifold - len(independent)
     rank = Rank()
-    first = max(_first_bracket(dc, W, dW, independent, rank) for dc, W, dW in values)
-    dimensions = (velocities, velocities + first) if first else (velocities,)
+    look = _Look.at(system, system.points(), rank)
+    if look.first < len(look.independent):
+        look = _Look.at(system, system.points(system.y.numel() + 3), rank)
+    manifold = system.y.numel() - look.gradients[0].shape[0]
+    linear = look.linear() if look.first < len(look.independent) else np.zeros((0, system.y.numel()))
+    velocities = manifold - len(look.independent)
+    dimensions = (velocities, velocities + look.first) if look.first else (velocities,)
     complete = True
-    if 0 < first < len(independent):
-        closure = involutive_closure(system, points, manifold, rank)
-        dimensions, complete = closure.dimensions, closure.complete
-        forbidden = tuple(null_space(space.T).T for space in closure.spaces)
-    elif first:
-        forbidden = tuple(row_space(dc) for dc, _, _ in values)
-    else:
-        forbidden = tuple(row_space(np.vstack([dc, W])) for dc, W, _ in values)
-    if n == 0:
-        forbidden = tuple(np.zeros((0, 0)) for _ in points)
-    return Growth(manifold, dimensions, tuple(independent), tuple(points), forbidden, rank.clear and complete)
+    if look.first and dimensions[-1] < manifold - linear.shape[0]:
+        closure = involutive_closure(system, look.points, manifold - linear.shape[0], rank)
+        dimensions, complete = max(closure.dimensions, dimensions), closure.complete
+    return Growth(manifold, dimensions, look.independent, look.points, look.forbidden, linear, rank.clear, complete)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What the constraints are at some points: orthonormal rows of the holonomic gradients and of all, and how many directions one bracket adds."""
+
+    points: tuple[np.ndarray, ...]
+    gradients: tuple[np.ndarray, ...]
+    forbidden: tuple[np.ndarray, ...]
+    independent: tuple[int, ...]
+    first: int
+
+    @classmethod
+    def at(cls, system: PfaffianSystem, points: Sequence[np.ndarray], rank: Rank) -> _Look:
+        numbers = system.numbers()
+        values = [numbers(point) for point in points]
+        spaces = [(row_space(dc), row_space(np.vstack([dc, W]))) for dc, W, _ in values]
+        # a point with fewer independent rows than others is a singular one
+        ranks = [(a.shape[0], b.shape[0]) for a, b in spaces]
+        usual = [k for k, r in enumerate(ranks) if r == max(ranks)]
+        independent = independent_rows([values[k][1] @ null_space(values[k][0]) for k in usual]).kept
+        first = max(_first_bracket(*values[k], independent, rank) for k in usual)
+        return cls(
+            tuple(points[k] for k in usual), tuple(spaces[k][0] for k in usual), tuple(spaces[k][1] for k in usual), independent, first
+        )  # fmt: skip
+
+    def linear(self) -> np.ndarray:
+        """What is forbidden at all points alike, less what is the gradient of holonomic constraints: orthonormal rows."""
+        everywhere, known = common(self.forbidden), common(self.gradients)
+        _, sizes, directions = np.linalg.svd(everywhere - (everywhere @ known.T) @ known, full_matrices=False)
+        return directions[sizes > 0.5]  # sines of angles between two spaces of which one holds the other: 0 or 1
 
 
 def _first_bracket(dc: np.ndarray, W: np.ndarray, dW: np.ndarray, rows: Sequence[int], rank: Rank) -> int:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.reduction.integrability.frobenius import Growth
-from acausal.reduction.integrability.pfaffian import PfaffianSystem, null_space, row_space
+from acausal.reduction.integrability.pfaffian import PfaffianSystem, common, row_space
 
 _ZERO = 1e-10
 
@@ -78,14 +78,11 @@ def _sum_of(terms: Sequence[tuple[float, str]]) -> str:
 def linear_integrals(system: PfaffianSystem, growth: Growth) -> tuple[Integral, ...]:
     """All integrals that are linear in the coordinates, those of holonomic constraints left out.
 
-    Their gradients are the same everywhere: what the forbidden directions at all points have in common.
+    Their gradients are the same everywhere: what is forbidden at all points alike.
     """
     numbers = system.numbers()
-    holonomic = [numbers(point)[0] for point in growth.points]
-    everywhere = _common(list(growth.forbidden))
-    known = _common(holonomic)
-    _, sizes, directions = np.linalg.svd(everywhere - (everywhere @ known.T) @ known, full_matrices=False)
-    rows = _echelon(directions[sizes > 0.5], known)  # sines of angles between two spaces of which one holds the other: 0 or 1
+    known = common([numbers(point)[0] for point in growth.points])
+    rows = _echelon(growth.linear, known)
     sources = [source_names(system, growth, ca.dot(ca.DM(row), system.y)) for row in rows]
     return tuple(linear_integral(system, row, names) for row, names in zip(rows, sources, strict=True))
 
@@ -97,7 +94,7 @@ def straightened(system: PfaffianSystem, growth: Growth) -> PfaffianSystem:
     proves that what it reads is the same manifold.
     """
     numbers = system.numbers()
-    rows = _echelon(_common([numbers(point)[0] for point in growth.points]), np.zeros((0, system.y.numel())))
+    rows = _echelon(common([numbers(point)[0] for point in growth.points]), np.zeros((0, system.y.numel())))
     lines: list[ca.SX] = []
     for row in rows:
         offsets = np.array([row @ point for point in growth.points])
@@ -106,11 +103,6 @@ def straightened(system: PfaffianSystem, growth: Growth) -> PfaffianSystem:
         if np.ptp(offsets) < _ZERO and np.max(np.abs(short - numbers_of_row)) < _ZERO:
             lines.append(ca.dot(ca.DM(short[:-1]), system.y) - float(short[-1]))
     return replace(system, holonomic=ca.densify(ca.vertcat(system.holonomic, *lines)))
-
-
-def _common(spaces: Sequence[np.ndarray]) -> np.ndarray:
-    """Orthonormal rows that span what the row spaces of all matrices have in common."""
-    return null_space(np.hstack([null_space(space) for space in spaces]).T).T
 
 
 def _echelon(rows: np.ndarray, known: np.ndarray) -> np.ndarray:

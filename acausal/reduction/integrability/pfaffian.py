@@ -87,16 +87,22 @@ class PfaffianSystem:
                 )  # fmt: skip
 
     def points(self, count: int = _SAMPLES, seed: int = 0) -> list[np.ndarray]:
-        """Random configurations (n,) on the manifold near the start. Raises `AssemblyError` where none is found."""
+        """Random configurations (n,) on the manifold, a walk of two strides along it away from the start, so that they lie on its branch.
+
+        Raises `AssemblyError` where they are not found.
+        """
         residual = self._residual()
         rng = np.random.default_rng(seed)
         found: list[np.ndarray] = []
         for attempt in range(_TRIES + 2 * count):
-            # far enough from special positions; nearer to the start where that leaves the manifold's reach
-            guess = self.start + rng.uniform(0.2, 0.5, self.start.size) * rng.choice([-1.0, 1.0], self.start.size) * 0.9 ** min(
-                attempt - len(found), _TRIES
-            )
-            point = assemble(residual, guess)
+            # shorter strides where long ones leave the manifold's reach
+            reach = 0.9 ** min(attempt - len(found), _TRIES)
+            point = assemble(residual, self.start)
+            for _stride in range(2):
+                if point.converged:
+                    step = reach * rng.uniform(0.15, 0.3, self.start.size) * rng.choice([-1.0, 1.0], self.start.size)
+                    free = null_space(residual(point.y)[1])
+                    point = assemble(residual, point.y + free @ (free.T @ step))
             if point.converged:
                 found.append(point.y)
             if len(found) == count:
@@ -147,6 +153,11 @@ def null_space(matrix: np.ndarray) -> np.ndarray:
     """Orthonormal columns (n, n - r) that the rows of `matrix` send to zero."""
     rows = row_space(matrix)
     return np.linalg.svd(rows)[2][rows.shape[0] :].T if rows.size else np.eye(matrix.shape[1])
+
+
+def common(spaces: Sequence[np.ndarray]) -> np.ndarray:
+    """Orthonormal rows that span what the row spaces of all these matrices (m, n) have in common."""
+    return null_space(np.hstack([null_space(space) for space in spaces]).T).T
 
 
 def _used(row: ca.SX) -> list[int]:
