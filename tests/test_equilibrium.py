@@ -127,6 +127,7 @@ def test_a_heavy_top_precesses_at_its_slow_and_its_fast_rate(root: int):
     begin = {scene.nutation.q: ac.exactly(theta), scene.spin.v: ac.exactly(spin), scene.precession.v: exact * 1.3 - 0.2}
     found = model.equilibrium(begin, steady={scene.nutation.q: 0.0, scene.precession.q: None, scene.spin.q: None})
     assert found[scene.precession.v] == pytest.approx(exact, rel=1e-10) and found.lasting
+    assert [name for name, _, _ in found.moved] == ["precession.v"]  # angles that do not matter stay
     run = model.simulate(1.0, found.start, rtol=1e-11)
     assert np.max(np.abs(run[scene.nutation.q] - theta)) < 1e-9
 
@@ -280,5 +281,8 @@ def test_wrong_questions_are_answered_in_words():
         model.equilibrium(steady=["shoulder"])  # type: ignore[list-item]
     with pytest.raises(UnknownVariableError):
         model.equilibrium(steady=[Pendulum().hinge.q])
+    for start in ("home", 3):
+        with pytest.raises(StartValueError, match="Give a dictionary"):
+            model.equilibrium(start)  # type: ignore[arg-type]
     with pytest.raises(StartValueError, match="not a number"):
         model.equilibrium({scene.shoulder.q: "up"})  # type: ignore[dict-item]

@@ -232,6 +232,13 @@ def test_wrong_questions_are_answered_in_words():
         model.inverse_dynamics(T, good, [scene.upper.tip.position[1]])
     with pytest.raises(OptionError, match="give motions="):
         model.inverse_dynamics(T, [scene.shoulder.q], joints)  # type: ignore[arg-type]
+    for motion in (None, "up"):
+        with pytest.raises(OptionError, match="Give a number, an expression"):
+            model.inverse_dynamics(T, {scene.shoulder.q: motion}, joints)  # type: ignore[dict-item]
+    with pytest.raises(OptionError, match="not 'soon'"):
+        model.inverse_dynamics("soon", good, joints)  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="must be a list"):
+        model.inverse_dynamics_function(scene.shoulder.q, joints)  # type: ignore[arg-type]
     with pytest.raises(OptionError, match="not a variable"):
         model.inverse_dynamics(T, {"q": 0.3}, joints)  # type: ignore[dict-item]
     with pytest.raises(OptionError, match=r"ac\.time and parameters only"):

@@ -394,7 +394,7 @@ def test_the_linear_system_predicts_the_nonlinear_motion():
 def test_wrong_questions_are_answered_in_words():
     scene = DoublePendulum()
     model = ac.build(scene)
-    with pytest.raises(OptionError, match="a list of expressions"):
+    with pytest.raises(OptionError, match="must be a list"):
         model.linearize(states=scene.shoulder.q)
     with pytest.raises(OptionError, match="not a variable"):
         model.linearize(states=["shoulder.q"])  # type: ignore[list-item]
@@ -410,8 +410,11 @@ def test_wrong_questions_are_answered_in_words():
         model.linearize(states=[Pendulum().hinge.q])
     with pytest.raises(OptionError, match=r"no ac\.Input"):
         model.linearize().to_scipy()
-    with pytest.raises(OptionError, match="time"):
-        model.linearize(t=float("nan"))
+    for t in (float("nan"), "now"):
+        with pytest.raises(OptionError, match="time"):
+            model.linearize(t=t)  # type: ignore[arg-type]
+    with pytest.raises(StartValueError, match="not 'home'"):
+        model.linearize("home")  # type: ignore[arg-type]
 
 
 def test_a_state_that_opens_a_loop_is_refused():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from acausal.analysis.arguments import listed
 from acausal.analysis.point import labels
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
@@ -41,8 +42,7 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
     """
     outputs = functions.outputs
     flat = outputs.system.flat
-    if isinstance(unknowns, Expression | AbstractJoint):
-        raise OptionError("inverse_dynamics: `unknowns` must be a list, e.g. unknowns=[scene.shoulder, scene.elbow].")
+    unknowns = listed(unknowns, "inverse_dynamics: `unknowns`", "unknowns=[scene.shoulder, scene.elbow]")
     if not unknowns:
         raise OptionError("inverse_dynamics: `unknowns` is empty. Name the inputs or joints whose forces are to be found.")
     added: dict[Unknown, list[tuple[Input, str]]] = {}

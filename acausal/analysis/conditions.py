@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from acausal.analysis.arguments import expressions, finite, listed
 from acausal.analysis.nearest import Rows
 from acausal.analysis.point import Differentiable, OperatingPoint, labels
 from acausal.codegen.lower import Functions
@@ -52,10 +53,8 @@ class Unknowns:
 def unknowns(functions: Functions, point: OperatingPoint, free: Sequence[Input | Parameter]) -> Unknowns:
     """Raises `OptionError` for something free that is no input or parameter of the scene."""
     flat = functions.outputs.system.flat
-    if isinstance(free, Expression):
-        raise OptionError("equilibrium: `free` must be a list, e.g. free=[scene.torque].")
     inputs, parameters = [], []
-    for item in free:
+    for item in listed(free, "equilibrium: `free`", "free=[scene.torque]"):
         if isinstance(item, Input) and item in flat.inputs:
             inputs.append(flat.inputs.index(item))
         elif isinstance(item, Parameter) and item in flat.parameters:
@@ -84,11 +83,10 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
 
     Raises `OptionError`, `UnknownVariableError`.
     """
-    if isinstance(steady, Expression | str):
-        raise OptionError("equilibrium: `steady` must be a list of expressions, or a dictionary of their rates.")
+    keys = expressions(steady, "equilibrium: `steady`", "steady=[scene.hinge.q], or a dictionary of rates")
     s = functions.outputs.system
     closing = ca.vertcat(s.closing, s.velocity_closing)
-    balance, about = _steady_rows(functions, steady) if steady else _static_rows(functions)
+    balance, about = _steady_rows(functions, steady) if keys else _static_rows(functions)
     held, wished, names = [], [], []
     for key, value in start.items():
         number = value.value if isinstance(value, exactly | near) else value
@@ -116,12 +114,8 @@ def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, list[str]
     v = s.x[s.nq : s.nq + s.tree_velocities, :]
     rows, names = [], []
     for key, rate in wanted.items():
-        if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
-            raise OptionError(f"equilibrium: {key!r} in `steady` is not a variable or an expression; use e.g. scene.hinge.q.")
-        if rate is not None and not np.isfinite(rate):
-            raise OptionError(
-                f"equilibrium: the rate of {', '.join(labels(outputs, key))} is {rate}. Give a finite number, or None for any."
-            )
+        if rate is not None:
+            rate = finite(rate, f"equilibrium: the rate of {', '.join(labels(outputs, key))} (None for any)")
         value = ca.vec(outputs.resolve(key))
         if ca.depends_on(value, s.u):
             raise OptionError(

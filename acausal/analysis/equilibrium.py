@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acausal.analysis.arguments import start_mapping
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root
 from acausal.analysis.point import Differentiable, OperatingPoint, operating_point, start_values
@@ -119,10 +120,11 @@ def equilibrium(
 ) -> Equilibrium:
     """See `Model.equilibrium`."""
     # only what is held must be met where the search begins
-    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in (start or {}).items()}
+    start = start_mapping(start)
+    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in start.items()}
     began = operating_point(functions, guess, t, inputs, parameters)
     given = unknowns(functions, began, free)
-    wanted = conditions(functions, start or {}, steady)
+    wanted = conditions(functions, start, steady)
     s = functions.outputs.system
     hard, soft = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft)
     search = _search(given, hard, soft, s.nq)

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.actuation import Actuation, Unknown, actuated
+from acausal.analysis.arguments import expressions, start_mapping
 from acausal.analysis.conditions import Unknowns
 from acausal.analysis.nearest import NearestRoot, Rows
 from acausal.analysis.point import Differentiable, OperatingPoint, labels, operating_point, start_values
@@ -114,14 +115,17 @@ def inverse_dynamics(
     parameters: Mapping[Parameter, float] | None,
 ) -> InverseDynamics:
     """See `Model.inverse_dynamics`."""
-    t = np.asarray(times, dtype=float).ravel()
+    try:
+        t = np.asarray(times, dtype=float).ravel()
+    except (TypeError, ValueError):
+        t = np.zeros(0)
     if not t.size or not np.isfinite(t).all() or np.any(np.diff(t) <= 0):
-        raise OptionError("inverse_dynamics: give finite, ascending times.")
+        raise OptionError(f"inverse_dynamics: give finite, ascending times [s], not {times!r}.")
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
     p = operating_point(functions, None, float(t[0]), None, parameters).p
     wanted = courses(functions, motions, t, p)
-    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in (start or {}).items()}
+    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in start_mapping(start).items()}
     first = np.array([c(float(t[0]), 0) for c in wanted])
     sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
     guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}
@@ -136,6 +140,7 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
     outputs = actuation.functions.outputs
     s = outputs.system
     w = s.u[actuation.entries]
+    variables = expressions(variables, "inverse_dynamics_function: `variables`", "[scene.shoulder.q, scene.elbow.q]")
     names = tuple(n for e in variables for n in labels(outputs, e))
     values = ca.vertcat(ca.SX(0, 1), *(ca.vec(outputs.resolve(e)) for e in variables))
     if not 0 < len(names) <= w.numel():

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.analysis.arguments import expressions
 from acausal.analysis.chart import Chart, Tangent, chart_at
 from acausal.analysis.modes import Mode, Modes, modes_of
 from acausal.analysis.point import Differentiable, OperatingPoint, labels
@@ -158,12 +159,8 @@ class _Wanted:
         return tuple(name for e in wanted for name in labels(self._functions.outputs, e))
 
     def _column(self, what: str, wanted: Sequence[Expression]) -> ca.SX:
-        if isinstance(wanted, Expression | ca.SX | str):
-            raise OptionError(f"linearize: `{what}` must be a list of expressions, e.g. {what}=[scene.hinge.q, scene.hinge.v].")
-        for entry in wanted:
-            if not isinstance(entry, Expression | ca.SX):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
-                raise OptionError(f"linearize: {entry!r} in `{what}` is not a variable or an expression; use e.g. scene.hinge.q.")
-        return ca.vertcat(ca.SX(0, 1), *(ca.vec(self._functions.outputs.resolve(e)) for e in wanted))
+        entries = expressions(wanted, f"linearize: `{what}`", f"{what}=[scene.hinge.q, scene.hinge.v]")
+        return ca.vertcat(ca.SX(0, 1), *(ca.vec(self._functions.outputs.resolve(e)) for e in entries))
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.analysis.arguments import finite
 from acausal.codegen.lower import Functions
-from acausal.errors import OptionError, StartValueError
+from acausal.errors import StartValueError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.reduction.initial import Start, initial_state
 from acausal.reduction.outputs import Outputs
@@ -41,17 +42,19 @@ def operating_point(
     Raises `StartValueError` when the array has another length, or when it violates the constraints; `OptionError` for a time that
     is not finite.
     """
-    if not np.isfinite(t):
-        raise OptionError(f"The time is {t}. Give a finite number of seconds.")
-    u = input_signal(functions, inputs or {})(np.array([float(t)]))[:, 0]
+    t = finite(t, "The time t [s]")
+    u = input_signal(functions, inputs or {})(np.array([t]))[:, 0]
     p = parameter_values(functions, parameters or {})
     if start is None or isinstance(start, Mapping):
-        return OperatingPoint(float(t), initial_state(functions.outputs, start or {}, float(t), p, u).x, u, p)
-    x = np.array(start, dtype=float).ravel()
+        return OperatingPoint(t, initial_state(functions.outputs, start or {}, t, p, u).x, u, p)
+    try:
+        x = np.array(start, dtype=float).ravel()
+    except (TypeError, ValueError):
+        x = np.zeros(0)
     names = functions.state_names
     if x.size != len(names) or not np.isfinite(x).all():
         raise StartValueError(
-            f"The states must be {len(names)} finite numbers, not {x}: {', '.join(names[:12])}. Or give start={{variable: value}}."
+            f"The states must be {len(names)} finite numbers, not {start!r}: {', '.join(names[:12])}. Or give start={{variable: value}}."
         )
     gap = 0.0 if functions.invariants is None else float(np.max(np.abs(np.array(functions.invariants(t, x, p))), initial=0.0))
     if gap > _CONSISTENT:
@@ -59,7 +62,7 @@ def operating_point(
             f"The states {x} violate the constraints by {gap:.3g} (loops, lengths of quaternions, or their rates). Give values of the "
             "independent variables instead, start={variable: value}, and the others follow."
         )
-    return OperatingPoint(float(t), x, u, p)
+    return OperatingPoint(t, x, u, p)
 
 
 def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:

@@ -82,12 +82,16 @@ def _sampled(given: Given, times: np.ndarray, names: tuple[str, ...]) -> list[Ca
 def _symbolic(functions: Functions, given: Given, p: np.ndarray, names: tuple[str, ...]) -> list[Callable[[float, int], float]]:
     s = functions.outputs.system
     what = ", ".join(names)
+    if given is None or isinstance(given, str | bool):
+        raise OptionError(
+            f"inverse_dynamics: the motion of {what} is {given!r}. Give a number, an expression in ac.time, or samples."
+        )
     try:
         value = of_time(given)
         column = ca.vec(sx(value))
     except (TypeError, ValueError, NotImplementedError) as error:
         raise OptionError(
-            f"inverse_dynamics: the motion of {what} cannot be differentiated ({error}). Use ac.time with numpy's functions, or give samples."
+            f"inverse_dynamics: the motion of {what} cannot be differentiated ({str(error).splitlines()[0]}). Use ac.time with numpy's functions, or give samples."
         ) from error
     known = {e.element_hash() for e in ca.symvar(ca.vertcat(s.t, s.p))}
     if any(not isinstance(leaf, Time | Parameter) for leaf in leaves(value)) or any(
