@@ -110,7 +110,7 @@ class Model:
         """
         import numpy as np
 
-        from acausal.reduction.branches import branches
+        from acausal.reduction.branch_search import branches
         from acausal.simulation import input_signal, parameter_values
 
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
