@@ -69,6 +69,20 @@ def test_a_loop_rests_where_its_energy_is_stationary(make):
     assert np.max(np.abs(run.x - found.x[:, None])) < 1e-9
 
 
+def test_a_four_bar_that_is_let_down_comes_to_rest_below():
+    scene = FourBar()
+    model = ac.build(scene)
+    found = model.equilibrium()
+    assert found.stability == "neutral"  # it swings about its lowest position
+    heights = [model.functions.potential_energy(0.0, x, [], []) for x in (found.x, found.began.x)]
+    assert float(heights[0]) < float(heights[1])
+    # an angle of the joint that closes the loop may be given with full turns
+    angle = float(found[scene.c.q])
+    for turns in (0, 1):
+        again = model.equilibrium({scene.c.q: angle + 0.05 + 2 * np.pi * turns})
+        np.testing.assert_allclose(again.x, found.x, atol=1e-9)
+
+
 def arm() -> ac.System:
     """Two links with a torque at each hinge."""
     scene = ac.System()

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 
 from acausal.analysis.arguments import start_mapping
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 _STRIDE = 1e-3
 _LASTING = 3e-8
 _STARTS = 8
+_SINK = 0.1
+_SINKING = 200
 
 
 @dataclass(frozen=True, repr=False)
@@ -128,7 +131,11 @@ def equilibrium(
     s = functions.outputs.system
     hard, soft = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft)
     search = _search(given, hard, soft, s.nq)
-    found = _from_several_starts(search, given.z, s.nq)
+    found = search(given.z)
+    if not found.converged and not steady:
+        found = search(_let_down(functions, given))
+    if not found.converged:
+        found = _from_several_starts(search, given.z, s.nq, found)
     if not found.converged:
         raise EquilibriumError(_complaint(functions, wanted.names, found.residual, bool(steady)))
     point = given.at(found.z)
@@ -157,9 +164,35 @@ def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, nq: int
     return NearestRoot(rows, given.rows(soft) if soft.size else None, scale, limit)
 
 
-def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int) -> Root:
-    """From the guess itself, and if that fails from places farther and farther away; the best of failures."""
-    found = search(guess)
+def _let_down(functions: Functions, given: Unknowns) -> np.ndarray:
+    """Where the scene sinks from its start through honey: small steps along the accelerations from rest, until they turn round."""
+    s = functions.outputs.system
+    closed = NearestRoot(given.rows(Differentiable(s, s.closing)), None, np.ones(given.z.size), np.full(given.z.size, 0.7))
+    x_dot, rates = Differentiable(s, s.x_dot), Differentiable(s, ca.densify(s.mechanics.tree.rates))
+    z, stride, before = given.z.copy(), _SINK, np.zeros(s.tree_velocities)
+    z[s.nq : s.nq + s.tree_velocities] = 0.0
+    for _ in range(_SINKING):
+        at = given.at(z)
+        push = x_dot.value(at)[s.nq : s.nq + s.tree_velocities]
+        if push @ before < 0:
+            stride *= 0.5
+        dx = np.zeros((at.x.size, 1))
+        dx[s.nq : s.nq + s.tree_velocities, 0] = before = push
+        dq = rates.along(at, dx)[:, 0]
+        largest = float(np.max(np.abs(dq), initial=0.0))
+        if not 1e-12 < largest < np.inf or stride < 1e-3 * _SINK:
+            break
+        moved = z.copy()
+        moved[: s.nq] += stride / largest * dq
+        found = closed(moved)
+        if not found.converged:
+            break
+        z[: s.nq] = found.z[: s.nq]
+    return z
+
+
+def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found: Root) -> Root:
+    """From places farther and farther away; the best of failures, `found` among them."""
     rng = np.random.default_rng(0)
     for attempt in range(_STARTS):
         if found.converged:
