@@ -32,6 +32,9 @@ _STRAIN = 0.35**4
 _NEARLY = 1e-2
 """Singular value of constraints below which a failure is put down to them."""
 
+_MOST_FAILURES = 4
+"""One after the other, until a motion is given up."""
+
 _CHART_MAY_BE_TO_BLAME = (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW, StatusKind.NOT_CONVERGED)
 
 
@@ -82,6 +85,11 @@ class _Piece:
     minimal: MinimalModel
     solution: Solution
 
+    @property
+    def failed(self) -> bool:
+        """Whether neither the end nor a guard ended it."""
+        return self.solution.status.kind is not StatusKind.SUCCESS
+
     def states(self, times: np.ndarray, y: np.ndarray) -> np.ndarray:
         """x (nx, n)."""
         minimal, n = self.minimal, times.size
@@ -114,12 +122,13 @@ def simulate(
     )  # fmt: skip
     pieces: list[_Piece] = []
     after: MinimalModel | str = minimal
-    steps = 0
+    steps = failures = 0
     while not isinstance(after, str):
         piece = _run(after, problem, end, replace(options, max_steps=options.max_steps - steps))
         pieces.append(piece)
         steps += piece.solution.statistics.steps
-        after = _next(piece)
+        failures = failures + 1 if piece.failed else 0
+        after = _next(piece, failures < _MOST_FAILURES)
     return _finished(functions, problem, pieces, initial, end, after, options)
 
 
@@ -128,13 +137,12 @@ def reference(chart: Chart) -> np.ndarray:
     return np.concatenate([[chart.t], chart.x, chart.p])
 
 
-def _next(piece: _Piece) -> MinimalModel | str:
-    """The chart in which a motion goes on, or why there is none; empty where it reached its end."""
+def _next(piece: _Piece, hopeful: bool) -> MinimalModel | str:
+    """The chart in which a motion goes on, or why there is none; empty where it reached its end. `hopeful`: after a failure, too."""
     solution, minimal = piece.solution, piece.minimal
     here, x = float(solution.t[-1]), piece.states(solution.t[-1:], solution.x[:, -1:])[:, 0]
-    failed = solution.status.kind is not StatusKind.SUCCESS
-    singular = singular_loops(minimal.atlas.manifold, here, x, minimal.chart.p, _NEARLY) if failed else ""
-    if singular or not solution.stopped:
+    singular = singular_loops(minimal.atlas.manifold, here, x, minimal.chart.p, _NEARLY) if piece.failed else ""
+    if singular or not solution.stopped or (piece.failed and not hopeful):
         return f"{solution.status.message} {singular}".strip()
     if here <= minimal.chart.t:
         return f"No chart leads beyond t = {here:g} s; the last one is: {minimal.chart}."

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
-from acausal.integrators.problem import Crossing, Problem, Solution
+from acausal.integrators.problem import Crossing, Problem, Solution, Status, StatusKind
 
 _POINTS = 16
 _TOUCH = 1e-13
@@ -104,4 +104,4 @@ def _cut(solution: Solution, crossings: tuple[Crossing, ...], time: float) -> So
     keep = solution.t < time
     t = np.append(solution.t[keep], time) if keep.any() else solution.t[:1]
     x = np.column_stack([solution.x[:, keep], solution.dense(np.array([time]))]) if keep.any() else solution.x[:, :1]
-    return replace(solution, t=t, x=x, crossings=crossings, status=replace(solution.status, time=time), stopped=True)
+    return replace(solution, t=t, x=x, crossings=crossings, status=Status(StatusKind.SUCCESS, time), stopped=True)

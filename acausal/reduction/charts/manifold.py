@@ -56,17 +56,16 @@ class Manifold:
         )
 
     @functools.cached_property
-    def _sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lengths of the rows of both parts, the largest of some assembled configurations; infinite for rows of rounding errors."""
+    def _samples(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """`_slopes` at some assembled configurations."""
         s = self.functions.outputs.system
         found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
-        return _lengths([np.array(position) for position, _ in found]), _lengths([np.array(rate) for _, rate in found])
+        return [np.array(position) for position, _ in found], [np.array(rate) for _, rate in found]
 
     def slopes(self, t: float, x: np.ndarray, p: np.ndarray) -> Slopes:
         """At a state x (nx,), each row divided by its usual length."""
-        parts = zip(self._slopes(t, x, p), self._sizes, strict=True)
-        position, rate = (np.array(J) / size[:, None] for J, size in parts)
-        return Slopes(position, rate)
+        position, rate = (np.array(J) for J in self._slopes(t, x, p))
+        return Slopes(_scaled(position, self._samples[0]), _scaled(rate, self._samples[1]))
 
     def singularity(self, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
         """How independent the loops' constraints are at a state: of the singular values of their rows, each divided by its usual length,
@@ -81,7 +80,7 @@ class Manifold:
             return np.array(self.functions.constraint_jacobian(t, x, s.u_defaults, p))
 
         samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
-        _, values, directions = np.linalg.svd(rows(t, x, p) / _lengths(samples)[:, None])
+        _, values, directions = np.linalg.svd(_scaled(rows(t, x, p), samples))
         return float(values[rank - 1]), directions[rank - 1]
 
 
@@ -115,7 +114,8 @@ def _rows(rows: ca.SX, chosen: list[int]) -> ca.SX:
     return ca.densify(rows[chosen]) if chosen else ca.SX(0, 1)
 
 
-def _lengths(samples: list[np.ndarray]) -> np.ndarray:
-    size = np.max([np.linalg.norm(J, axis=1) for J in samples], axis=0)
+def _scaled(J: np.ndarray, samples: list[np.ndarray]) -> np.ndarray:
+    """Each row divided by its largest length here and in `samples`; rows of rounding errors become zero."""
+    size = np.max([np.linalg.norm(rows, axis=1) for rows in (J, *samples)], axis=0)
     size[size <= 1e-12 * np.max(size, initial=0.0)] = np.inf
-    return size
+    return J / size[:, None]
