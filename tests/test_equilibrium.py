@@ -29,6 +29,7 @@ from components import (
     VoltageSource,
     World,
 )
+from examples.bicycle import Bicycle
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 from tests.test_linearize import Top
 
@@ -307,3 +308,17 @@ def test_wrong_questions_are_answered_in_words():
             model.equilibrium(start)  # type: ignore[arg-type]
     with pytest.raises(StartValueError, match="not a number"):
         model.equilibrium({scene.shoulder.q: "up"})  # type: ignore[dict-item]
+
+
+def test_a_bicycle_without_hands_goes_round_in_a_circle():
+    scene = Bicycle()
+    model = ac.build(scene)
+    lean, contact = scene.rear_contact.q[1], scene.rear_contact
+    start = {key: ac.near(value) for key, value in scene.start(5.0).items()} | {scene.steering.q: ac.exactly(0.05)}
+    found = model.equilibrium(start, steady={lean: 0.0, scene.steering.q: 0.0, contact.q[0]: None, contact.v[1]: 0.0})
+    assert found.lasting
+    run = model.simulate(2.0, found.start, rtol=1e-11)
+    for variable in (lean, scene.steering.q, contact.v[1]):
+        assert np.ptp(run[variable]) < 1e-9
+    states = [lean, scene.steering.q, contact.v[0], scene.steering.v, contact.v[1]]
+    assert found.linearize(states=states).steady

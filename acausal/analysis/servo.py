@@ -1,0 +1,174 @@
+"""A mechanism that is led: states on prescribed courses, and the inputs that keep them there."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from acausal.analysis.actuation import Actuation
+from acausal.analysis.conditions import Unknowns
+from acausal.analysis.nearest import NearestRoot, Rows
+from acausal.analysis.point import Differentiable, OperatingPoint
+from acausal.analysis.prescribed import Course
+from acausal.errors import MotionError, OptionError
+from acausal.reduction.outputs import Outputs
+
+_HIGHEST = 4
+_MET = 1e-8
+_RANK = 1e-11
+_ROUNDS = 20
+_STRIDE = 0.2
+_MOST_STEPS = 50
+_STUCK = 300
+
+
+@dataclass(frozen=True)
+class Followed:
+    """States (nx, m) and inputs (nu, m) on the courses, and names of states that these leave open."""
+
+    x: np.ndarray
+    u: np.ndarray
+    free: tuple[str, ...]
+
+
+def input_output_derivatives(outputs: Outputs, value: ca.SX, w: ca.SX, name: str) -> list[ca.SX]:
+    """The expression and its time derivatives, up to the first one on which the forces w act (its relative degree: Isidori, Nonlinear
+    Control Systems, 4.1).
+    """
+    chain = [value]
+    while not ca.depends_on(chain[-1], w):
+        if len(chain) > _HIGHEST:
+            raise MotionError(
+                f"inverse_dynamics: none of the forces acts on {name}, or on its first {_HIGHEST} derivatives. Name an actuator that moves it."
+            )
+        chain.append(outputs.rate(chain[-1]))
+    if len(chain) == 1:
+        raise OptionError(f"inverse_dynamics: {name} itself depends on a force; prescribe positions or velocities.")
+    return chain
+
+
+class Servo:
+    """States that follow the courses, and the forces that keep them there."""
+
+    def __init__(
+        self, actuation: Actuation, wanted: tuple[Course, ...], began: OperatingPoint, signal: Callable[[np.ndarray], np.ndarray]
+    ) -> None:
+        outputs = actuation.functions.outputs
+        s = outputs.system
+        self._actuation, self._wanted, self._began, self._signal = actuation, wanted, began, signal
+        chains = [input_output_derivatives(outputs, c.value, s.u[actuation.entries], c.name) for c in wanted]
+        self._orders = [len(chain) - 1 for chain in chains]
+        closing = ca.vertcat(s.closing, s.velocity_closing)
+        self._closing = closing.numel()
+        self._hard = Differentiable(s, ca.vertcat(closing, *(e for chain in chains for e in chain[:-1])))
+        self._top = Differentiable(s, ca.vertcat(*(chain[-1] for chain in chains)))
+        self._x_dot = Differentiable(s, s.x_dot)
+        self._limit = np.concatenate([np.full(s.nq, 0.7), np.full(s.x.numel() - s.nq, np.inf)])
+
+    def run(self, t: np.ndarray) -> Followed:
+        """Where nothing is left open the motion is found time by time, otherwise by integration."""
+        x0, free = self._follow(float(t[0]), self._began.x)
+        self._forces(float(t[0]), x0)
+        names = self._actuation.functions.state_names
+        share = np.sum(free**2, axis=1)
+        x = self._integrated(t, x0) if free.shape[1] else self._stepped(t, x0)
+        u = np.column_stack([self._forces(float(at), x[:, k]) for k, at in enumerate(t)])
+        return Followed(x, u, tuple(n for n, c in zip(names, share, strict=True) if c > 1e-6))
+
+    def _stepped(self, t: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        x, found = x0, [x0]
+        for before, after in pairwise(t):
+            here = before
+            while here < after:
+                last, rate = here, self._rate(here, x)
+                fastest = max(1e-300, float(np.max(np.abs(rate[self._limit < np.inf]), initial=0.0)))
+                h = max(_STRIDE / fastest, (after - before) / _MOST_STEPS)  # rates are huge where the mechanism can go no farther
+                here = after if here + 1.001 * h > after else here + h
+                x = self._follow(here, x + (here - last) * rate)[0]
+            found.append(x)
+        return np.column_stack(found)
+
+    def _integrated(self, t: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        from scipy.integrate import solve_ivp
+
+        if t.size == 1:
+            return x0[:, None]
+        recent: deque[float] = deque(maxlen=_STUCK)
+
+        def rates(at: float, x: np.ndarray) -> np.ndarray:
+            recent.append(at)
+            if len(recent) == _STUCK and max(recent) - min(recent) < 1e-4 * (t[-1] - t[0]):
+                raise MotionError(
+                    f"inverse_dynamics: near t = {at:.6g} s rates grow without a bound, and the motion cannot go on: what is prescribed leads "
+                    "out of reach, or to where its forces no longer act on it."
+                )
+            return self._rate(at, self._follow(at, x)[0])
+
+        found = solve_ivp(rates, (t[0], t[-1]), x0, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12)
+        if not found.success:
+            raise MotionError(f"inverse_dynamics: the motion that is not prescribed could not be integrated: {found.message}")
+        return np.column_stack([self._follow(float(at), x)[0] for at, x in zip(t, found.y.T, strict=True)])
+
+    def _at(self, t: float, x: np.ndarray) -> OperatingPoint:
+        u = self._signal(np.array([t]))[:, 0]
+        u[self._actuation.entries] = 0.0
+        return replace(self._began, t=t, x=x, u=u)
+
+    def _follow(self, t: float, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest consistent states on the courses, and the directions that these leave open."""
+        target = np.concatenate(
+            [np.zeros(self._closing), *([c(t, k) for k in range(n)] for c, n in zip(self._wanted, self._orders, strict=True))]
+        )
+        unknown = Unknowns(self._at(t, guess), (), ())
+        rows = unknown.rows(self._hard)
+
+        gap = Rows(lambda x: rows.residual(x) - target, rows.jacobian)
+        found = NearestRoot(gap, None, np.ones(guess.size), self._limit)(guess)
+        if not found.converged:
+            names = ["a loop"] * self._closing
+            names += [c.name + "'" * k for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]
+            worst = [
+                i for i in np.argsort(-np.abs(found.residual)) if abs(found.residual[i]) > 1e-3 * np.max(np.abs(found.residual))
+            ][:4]
+            raise MotionError(
+                f"inverse_dynamics: at t = {t:.6g} s the mechanism cannot follow: "
+                f"{', '.join(f'{names[i]} (off by {found.residual[i]:.3g})' for i in worst)}. The motions contradict each other or the "
+                "constraints, or lead out of reach."
+            )
+        return found.z, found.free
+
+    def _rate(self, t: float, x: np.ndarray) -> np.ndarray:
+        return self._x_dot.value(replace(self._at(t, x), u=self._forces(t, x)))
+
+    def _forces(self, t: float, x: np.ndarray) -> np.ndarray:
+        """All inputs (nu,): the least forces (by the sum of squares) that give the wanted highest derivatives."""
+        at, entries = self._at(t, x), self._actuation.entries
+        by_force = np.zeros((at.u.size, len(entries)))
+        by_force[entries, range(len(entries))] = 1.0
+        target = np.array([c(t, n) for c, n in zip(self._wanted, self._orders, strict=True)])
+        size = gap = np.zeros(0)
+        for _ in range(_ROUNDS):  # once where derivatives are linear in the forces
+            value = self._top.value(at)
+            gap, B = target - value, self._top.along(at, du=by_force)
+            size = 1.0 + np.abs(target) + np.abs(value) + np.abs(B) @ np.abs(at.u[entries])
+            if np.all(np.abs(gap) <= 1e-13 * size) or not np.isfinite(B).all():
+                break
+            scale = np.maximum(np.max(np.abs(B), axis=1), 1e-300)
+            change = np.linalg.lstsq(B / scale[:, None], gap / scale, rcond=_RANK)[0]
+            u = at.u.copy()
+            u[entries] += change
+            at = replace(at, u=u)
+        if not np.all(np.abs(gap) <= _MET * size):
+            off = [
+                f"{c.name} (off by {g:.3g})" for c, g, s in zip(self._wanted, gap, size, strict=True) if not abs(g) <= _MET * s
+            ][:4]
+            raise MotionError(
+                f"inverse_dynamics: at t = {t:.6g} s the forces {', '.join(self._actuation.names)} cannot accelerate {', '.join(off)} as asked: "
+                f"{len(self._wanted)} motions, {len(entries)} forces. Add an actuator to `unknowns`, or prescribe fewer motions."
+            )
+        return at.u
