@@ -277,7 +277,9 @@ class Maximal:
 
 
 def velocities(sketch: Sketch, joint: Joint) -> Array:
-    """v of a joint from the twists."""
+    """v of a joint from the twists. A particle has the orientation of what its slider is fixed to."""
+    if joint.a >= 0 and sketch.bodies[joint.a].kind == "particle":
+        return -velocities(sketch, flipped(joint))
     return np.linalg.lstsq(subspace(joint), _relative_rates(sketch, joint)[0], rcond=None)[0]
 
 
