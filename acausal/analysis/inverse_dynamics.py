@@ -17,7 +17,7 @@ from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.reduction.initial import Start, exactly, near
-from acausal.simulation import InputValue, input_signal
+from acausal.simulation import InputValue, input_signal, parameter_values
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,7 +111,7 @@ def inverse_dynamics(
         raise OptionError(f"inverse_dynamics: give finite, ascending times [s], not {times!r}.")
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
-    p = operating_point(functions, None, float(t[0]), None, parameters).p
+    p = parameter_values(functions, parameters or {})
     wanted = courses(functions, motions, t, p)
     guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in start_mapping(start).items()}
     first = np.array([c(float(t[0]), 0) for c in wanted])
