@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from acausal.reduction.integrability.pfaffian import PfaffianSystem
-from acausal.reduction.integrability.rational import Chart, NotRational, rational_functions
+from acausal.reduction.integrability.rational import Chart, NotRational
+from acausal.reduction.integrability.reading import rational_functions
 
 _MOST_COORDINATES = 7
 _MOST_TERMS = 150
@@ -40,6 +41,8 @@ def derived_system(system: PfaffianSystem) -> DerivedSystem | None:
     """Proven, by repeated derivation until nothing changes; None where the constraints are too large or not rational in a chart."""
     try:
         chart = Chart.of(system.y, system.holonomic, system.start, _MOST_COORDINATES)
+        if any(rational_functions(system.holonomic[chart.others], system.y, chart)):
+            return None  # a constraint that does not follow from spheres and lines
         m, n = system.forms.shape
         entries = rational_functions(system.forms, system.y, chart)
         slopes = chart.slopes()
