@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 
 from acausal.codegen.lower import Functions, operations
 from acausal.errors import LockedError, ModelError
@@ -21,6 +22,7 @@ from acausal.mechanics.system import mechanical_system
 from acausal.reduction.initial import InitialState, Start, initial_state
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import ReducedSystem, reduce_system
+from acausal.reduction.state_space import state_space, whole_state_space
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
@@ -47,7 +49,13 @@ class Model:
     @functools.cached_property
     def functions(self) -> Functions:
         """Named CasADi functions: dynamics, energies, constraints, outputs."""
-        return Functions(Outputs(self.system))
+        return Functions(Outputs(self.system), state_space(self.system))
+
+    @functools.cached_property
+    def _whole(self) -> Functions:
+        """The same functions of all coordinates of the tree, for analysis that chooses its own states."""
+        found = self.functions
+        return found if not found.space.elimination.symbols else Functions(found.outputs, whole_state_space(self.system))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -61,8 +69,10 @@ class Model:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters p, in order."""
-        return tuple(self.functions.outputs.name(entry) for entry in self.system.flat.parameters)
+        """Names of the parameters p, in order; constants of integrated velocity constraints last (`initial_state` gives their values)."""
+        constants = self.functions.space.elimination.constants
+        own = tuple(self.functions.outputs.name(entry) for entry in self.system.flat.parameters)
+        return own + tuple(constants[i].name() for i in range(constants.numel()))
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -82,9 +92,18 @@ class Model:
         inputs: Mapping[Input, InputValue] | None = None,
         parameters: Mapping[Parameter, float] | None = None,
     ) -> InitialState:
-        """Consistent states from start values; see `simulate` for the arguments and errors."""
-        import numpy as np
+        """Consistent states x, and the p that belongs to them, from start values; see `simulate` for the arguments and errors."""
+        found, space = self._whole_start(start, t0, inputs, parameters), self.functions.space
+        return replace(found, x=space.restricted(found.x), p=space.extended(t0, found.x, found.p))
 
+    def _whole_start(
+        self,
+        start: Start | None,
+        t0: float,
+        inputs: Mapping[Input, InputValue] | None,
+        parameters: Mapping[Parameter, float] | None,
+    ) -> InitialState:
+        """The start in all coordinates of the tree."""
         from acausal.simulation import input_signal, parameter_values
 
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
@@ -108,8 +127,6 @@ class Model:
         point nearest to the sketch is taken. There is no proof that all are found; printing says how often each was. Errors as for
         `initial_state`, `OptionError`.
         """
-        import numpy as np
-
         from acausal.reduction.branch_search import branches
         from acausal.simulation import input_signal, parameter_values
 
@@ -137,14 +154,13 @@ class Model:
         something cannot close, where a hinge's axes would point against one another, or where an angle changes by more than 1 rad in
         one step (give more steps). Errors as for `initial_state`, `OptionError`.
         """
-        import numpy as np
-
         from acausal.reduction.assembly_function import assembly_function
         from acausal.simulation import input_signal, parameter_values
 
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
         p = parameter_values(self.functions, parameters or {})
-        return assembly_function(self.functions.outputs, outputs, wrt, start or {}, t0, p, u, steps, name)
+        wanted = self.functions.space.x if outputs is None else outputs
+        return assembly_function(self.functions.outputs, wanted, wrt, start or {}, t0, p, u, steps, name)
 
     def simulate(
         self,
@@ -226,8 +242,6 @@ class Model:
         It has exact first derivatives (see `sensitivities`) in both directions, for `ca.nlpsol` and `ca.Opti`; give the optimiser
         `hessian_approximation="limited-memory"`. Keep a reference to it as long as it is used.
         """
-        import numpy as np
-
         from acausal.sensitivity import Motion, TrajectoryFunction
 
         held, fixed = inputs or {}, parameters or {}
@@ -268,7 +282,15 @@ class Model:
         from acausal.analysis.linearize import linearize
         from acausal.analysis.point import operating_point
 
-        return linearize(self.functions, operating_point(self.functions, start, t, inputs, parameters), states, outputs)
+        if start is not None and not isinstance(start, Mapping) and self.functions.space.elimination.symbols:
+            start = self._whole_states(t, np.asarray(start, dtype=float), parameters)
+        return linearize(self._whole, operating_point(self._whole, start, t, inputs, parameters), states, outputs)
+
+    def _whole_states(self, t: float, x: np.ndarray, parameters: Mapping[Parameter, float] | None) -> np.ndarray:
+        """All coordinates and velocities of the tree for states x, constants of integration as in the sketch; x of another size as it is."""
+        if x.size != len(self.state_names):
+            return x
+        return self.functions.space.expanded(t, x, self.initial_state(parameters=parameters, t0=t).p)
 
     def minimal(
         self,
@@ -287,10 +309,9 @@ class Model:
         at singular positions, `OptionError` for a preference that is no state.
         """
         from acausal.minimal import minimal_model
-        from acausal.simulation import parameter_values
 
-        found = self.initial_state(start, t0=t0, inputs=inputs, parameters=parameters)
-        return minimal_model(self.functions, t0, found, parameter_values(self.functions, parameters or {}), prefer, steps)
+        found = self._whole_start(start, t0, inputs, parameters)
+        return minimal_model(self._whole, t0, found, found.p, prefer, steps)
 
     def equilibrium(
         self,
@@ -312,7 +333,7 @@ class Model:
         """
         from acausal.analysis.equilibrium import equilibrium
 
-        return equilibrium(self.functions, start, free, steady, t, inputs, parameters)
+        return equilibrium(self._whole, start, free, steady, t, inputs, parameters)
 
     def inverse_dynamics(
         self,
@@ -334,7 +355,7 @@ class Model:
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics
 
-        return inverse_dynamics(self.functions, times, motions, unknowns, start, inputs, parameters)
+        return inverse_dynamics(self._whole, times, motions, unknowns, start, inputs, parameters)
 
     def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
         """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.
@@ -344,7 +365,7 @@ class Model:
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics_function
 
-        return inverse_dynamics_function(self.functions, variables, unknowns)
+        return inverse_dynamics_function(self._whole, variables, unknowns)
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).
@@ -408,7 +429,7 @@ class Model:
         if s.constraints.redundant or s.constraints.vanishing:
             constraints += f" ({len(s.constraints.redundant) + len(s.constraints.vanishing)} redundant rows dropped)"
         return (
-            f"{s.flat.name}: {self.degrees_of_freedom} {_plural(self.degrees_of_freedom, 'degree')} of freedom, {s.x.numel()} states, {constraints}, "
+            f"{s.flat.name}: {self.degrees_of_freedom} {_plural(self.degrees_of_freedom, 'degree')} of freedom, {len(self.state_names)} states, {constraints}, "
             f"{self.operations} operations, {s.u.numel()} inputs, {s.p.numel()} parameters"
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -53,17 +53,18 @@ class Sensitivities:
 
     def total_derivative(self, wanted: Expression | ca.SX) -> tuple[np.ndarray, np.ndarray]:
         """(size, m) values of an expression, and (m, size, n) total derivatives."""
-        s = self.functions.outputs.system
-        y = ca.vec(ca.densify(self.functions.outputs.resolve(wanted)))
-        at = ca.vertcat(s.x, s.u, s.p)
-        both = ca.Function("output", [s.t, s.x, s.u, s.p], [y, ca.densify(ca.jacobian(y, at))], {"cse": True})
-        size, m, u = y.numel(), self.t.size, self.problem.inputs(self.t)
-        p = np.repeat(self.problem.parameters[:, None], m, axis=1)
-        values, slopes = both(self.t[None, :], self.x, u, p)
+        space = self.functions.space
+        y = ca.vec(ca.densify(space.put(self.functions.outputs.resolve(wanted))))
+        _, x, u, p = space.arguments
+        at = ca.vertcat(x, u, p)
+        both = ca.Function("output", space.arguments, [y, ca.densify(ca.jacobian(y, at))], {"cse": True})
+        size, m = y.numel(), self.t.size
+        parameters = np.repeat(self.problem.parameters[:, None], m, axis=1)
+        values, slopes = both(self.t[None, :], self.x, self.problem.inputs(self.t), parameters)
         rows = np.array(slopes).reshape(size, m, at.numel()).transpose(1, 0, 2)
         d = self.directions
         outer = np.vstack([d.du, d.dp])
-        return np.array(values).reshape(size, m), rows[:, :, : s.x.numel()] @ self.S + rows[:, :, s.x.numel() :] @ outer
+        return np.array(values).reshape(size, m), rows[:, :, : x.numel()] @ self.S + rows[:, :, x.numel() :] @ outer
 
 
 def sensitivities(
@@ -80,9 +81,18 @@ def sensitivities(
         raise OptionError("sensitivities: give at least two ascending times, the first one is the start.")
     what = _columns(functions, wrt, start)
     u0 = problem.inputs(t[:1])[:, 0]
+    space, p = functions.space, problem.parameters
     x0, directions = initial_derivatives(
-        functions.outputs, start, float(t[0]), problem.parameters, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
+        functions.outputs, start, float(t[0]), p, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
     )  # fmt: skip
+    if space.elimination.symbols:
+        problem = replace(problem, parameters=space.extended(float(t[0]), x0, p))
+        directions = replace(
+            directions,
+            dx=space.restricted(directions.dx),
+            dp=space.extended_change(float(t[0]), x0, p, directions.dx, directions.dp),
+        )
+        x0 = space.restricted(x0)
     found = integrate_sensitivities(problem, x0, t, directions, tolerances)
     return Sensitivities(functions, problem, t, tuple(c.name for c in what), directions, found)
 

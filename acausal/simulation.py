@@ -53,13 +53,15 @@ def simulate(
 ) -> Trajectory:
     """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
     problem = _problem(functions, inputs, parameters, options.compiled)
-    initial = initial_state(functions.outputs, start, t0, problem.parameters, problem.inputs(np.array([t0]))[:, 0])
+    p, space = problem.parameters, functions.space
+    initial = initial_state(functions.outputs, start, t0, p, problem.inputs(np.array([t0]))[:, 0])
+    problem = replace(problem, parameters=space.extended(t0, initial.x, p))
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
     atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
-        initial.x,
+        space.restricted(initial.x),
         t0,
         t1,
         options.rtol,

@@ -93,7 +93,8 @@ class Trajectory:
 
     def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
         expression = self.outputs.resolve(wanted)
-        values = self._evaluate(ca.Function("series", self._symbols(), [ca.vec(ca.densify(expression))], {"cse": True}))
+        column = ca.vec(ca.densify(self.functions.space.put(expression)))
+        values = self._evaluate(ca.Function("series", self.functions.space.arguments, [column], {"cse": True}))
         if isinstance(wanted, Expression) and self.outputs.is_angle(wanted):
             values = np.unwrap(values, axis=1)
         rows, columns = expression.shape
@@ -102,10 +103,6 @@ class Trajectory:
         if columns == 1:
             return values.T
         return values.T.reshape(-1, columns, rows).transpose(0, 2, 1)
-
-    def _symbols(self) -> list[ca.SX]:
-        s = self.outputs.system
-        return [s.t, s.x, s.u, s.p]
 
     def _evaluate(self, function: ca.Function) -> np.ndarray:
         """(rows, n): a column function at all times at once."""

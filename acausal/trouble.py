@@ -62,12 +62,13 @@ def warn_if_singular(functions: Functions, run: Trajectory, stacklevel: int) -> 
 def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.ndarray) -> str:
     """Which rows depend on one another at step k, and which velocities they leave open there and not elsewhere."""
     system = functions.outputs.system
-    function = ca.Function("A", [system.t, system.x, system.p], [system.constraints.jacobian])
+    space = functions.space
+    function = ca.Function("A", [system.t, space.x, space.p], [space.put(system.constraints.jacobian)])
     A = np.array(function(run.solution.t[k], run.solution.x[:, k], run.problem.parameters)) / scale[:, None]
     names = [name for rows in system.constraints.loops for name in rows.names]
     U, _, Vt = np.linalg.svd(A)
     opened = Vt[A.shape[0] - 1]
-    velocities = functions.state_names[system.nq : system.nq + system.tree_velocities]
+    velocities = functions.tree_state_names[system.nq : system.nq + system.tree_velocities]
     rows = combination(U[:, -1], [names[i] for i in system.constraints.kept_index])
     return f"rows {rows}; free besides: {combination(opened, velocities)}"
 
@@ -79,7 +80,9 @@ def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> N
         domain = joint.domain(joint.q.sx)
         if not domain.numel():
             continue
-        values = np.array(ca.Function("domain", [joint.q.sx], [domain])(run.solution.x[item.q]))
+        inside = functions.output(domain, name="domain")
+        t, x = run.solution.t[None, :], run.solution.x
+        values = np.array(inside(t, x, run.problem.inputs(t[0]), np.repeat(run.problem.parameters[:, None], t.size, axis=1)))
         outside = np.flatnonzero(np.min(values, axis=0) < 0)
         if outside.size:
             warnings.warn(
@@ -114,7 +117,7 @@ def _without_inertia(functions: Functions, run: Trajectory) -> str:
     levels, axes = np.linalg.eigh(M)
     if levels[0] > _MASSLESS * levels[-1]:
         return ""
-    velocities = functions.state_names[system.nq : system.nq + system.tree_velocities]
+    velocities = functions.tree_state_names[system.nq : system.nq + system.tree_velocities]
     return (
         f" Nothing with inertia resists the motion {combination(axes[:, 0], velocities)} there: add mass or a moment of inertia."
     )

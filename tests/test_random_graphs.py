@@ -21,6 +21,7 @@ from acausal.mechanics.system import mechanical_system
 from acausal.model import Model
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import reduce_system
+from acausal.reduction.state_space import whole_state_space
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
 from tests.formulations import (
@@ -118,7 +119,7 @@ class Composed:
         mechanism = build_mechanism(flatten(self.scene))
         self.mechanism = choose(mechanism, rng or np.random.default_rng(0))
         self.outputs = Outputs(reduce_system(mechanical_system(self.mechanism, time.sx)))
-        self.functions = Functions(self.outputs)
+        self.functions = Functions(self.outputs, whole_state_space(self.outputs.system))
 
     def part(self, name: str, k: int):
         return getattr(self.scene, f"{name}{k}")

@@ -15,6 +15,7 @@ from acausal.language.expression import Expression, Input
 from acausal.mechanics.joint import AbstractJoint
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import reduce_system
+from acausal.reduction.state_space import whole_state_space
 
 Unknown = Input | AbstractJoint | Expression
 
@@ -59,7 +60,8 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
         new = {force: name for made in added.values() for force, name in made}
         mechanics = outputs.system.mechanics
         mechanism = replace(mechanics.mechanism, flat=replace(mechanics.flat, names={**mechanics.flat.names, **new}))
-        functions = Functions(Outputs(reduce_system(replace(mechanics, mechanism=mechanism), extra)))
+        system = reduce_system(replace(mechanics, mechanism=mechanism), extra)
+        functions = Functions(Outputs(system), whole_state_space(system))
     inputs = functions.outputs.system.flat.inputs
     places = {
         u: (inputs.index(u),) if isinstance(u, Input) else tuple(inputs.index(force) for force, _ in added[u]) for u in unknowns

@@ -14,6 +14,7 @@ from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.mechanics.newton_euler import newton_euler
 from acausal.reduction.outputs import Outputs
+from acausal.reduction.state_space import StateSpace
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
@@ -29,10 +30,17 @@ class Functions:
     """
 
     outputs: Outputs
+    space: StateSpace
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states in x, e.g. `hinge.q`, `ball.q[2]`."""
+        names = self.tree_state_names
+        return tuple(names[i] for i in self.space.places)
+
+    @property
+    def tree_state_names(self) -> tuple[str, ...]:
+        """Names of all states of the reduced system, also of those that follow from x."""
         names: list[str] = []
         for kind in ("q", "v"):
             for item in self.outputs.system.mechanics.tree.joints:
@@ -43,7 +51,7 @@ class Functions:
     @functools.cached_property
     def explicit_dynamics(self) -> ca.Function:
         """(t, x, u, p) -> x'."""
-        return self._function("explicit_dynamics", [self.outputs.system.x_dot], ["x_dot"])
+        return self._function("explicit_dynamics", [self.space.kept(self.outputs.system.x_dot)], ["x_dot"])
 
     @functools.cached_property
     def residual_dynamics(self) -> ca.Function:
@@ -51,23 +59,34 @@ class Functions:
 
         Recursive Newton-Euler; its Jacobians are cheaper than those of `explicit_dynamics`.
         """
-        s = self.outputs.system
-        rate = ca.SX.sym("x_dot", s.x.numel())
+        s, space = self.outputs.system, self.space
+        rate = ca.SX.sym("x_dot", space.x.numel())
         force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
-        tree = s.mechanics.tree
-        q_dot, v_dot = rate[: s.nq, :], rate[s.nq : s.nq + tree.v.numel(), :]
+        tree, nv = s.mechanics.tree, s.mechanics.tree.v.numel()
+        everything = space.put(s.x)
+        L = ca.jacobian(everything, space.x)  # rates of all states by those of x
+        full = L @ rate + ca.jtimes(everything, s.t, ca.SX(1))
+        v_dot = full[s.nq : s.nq + nv, :]
         motion = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches))
         A = s.constraints.jacobian
         balance = motion.tau - s.tau
         if A.shape[0]:
             balance -= A.T @ force
-        rest = rate[s.nq + tree.v.numel() :, :] - s.x_dot[s.nq + tree.v.numel() :, :]
-        rows = [q_dot - tree.rates, balance, rest]
+        # what holds eliminated coordinates does no work
+        balance = L[s.nq : s.nq + nv, space.nq : space.nq + nv - len(space.elimination.rates)].T @ balance
+        difference = full - ca.vertcat(tree.rates, s.v_dot, s.x_dot[s.nq + nv :, :])
+        kept = [i for i in space.places if not s.nq <= i < s.nq + nv]
+        rows = [difference[[i for i in kept if i < s.nq]], balance, difference[[i for i in kept if i >= s.nq]]]
         if A.shape[0]:
             rows.append(A @ v_dot + s.constraints.bias)
         names = ["t", "x", "x_dot", "multipliers", "u", "p"]
         return ca.Function(
-            "residual_dynamics", [s.t, s.x, rate, force, s.u, s.p], [ca.vertcat(*rows)], names, ["residual"], _FOLD
+            "residual_dynamics",
+            [s.t, space.x, rate, force, s.u, space.p],
+            [space.put(ca.vertcat(*rows))],
+            names,
+            ["residual"],
+            _FOLD,
         )
 
     @functools.cached_property
@@ -101,12 +120,12 @@ class Functions:
     @functools.cached_property
     def constraint_position(self) -> ca.Function:
         """(t, x, u, p) -> residuals of joint invariants and kept loop rows; zero when assembled."""
-        return self._function("constraint_position", [self.outputs.system.position_invariants], ["g"])
+        return self._function("constraint_position", [self.space.constraints(self.outputs.system.position_invariants)], ["g"])
 
     @functools.cached_property
     def constraint_velocity(self) -> ca.Function:
         """(t, x, u, p) -> residuals of the kept velocity rows."""
-        return self._function("constraint_velocity", [self.outputs.system.velocity_invariants], ["g_dot"])
+        return self._function("constraint_velocity", [self.space.constraints(self.outputs.system.velocity_invariants)], ["g_dot"])
 
     @functools.cached_property
     def constraint_jacobian(self) -> ca.Function:
@@ -117,22 +136,19 @@ class Functions:
     def invariants(self) -> ca.Function | None:
         """(t, x, p) -> everything that stays zero along a motion; None if there is nothing."""
         s = self.outputs.system
-        rows = ca.vertcat(s.position_invariants, s.velocity_invariants)
-        return (
-            ca.Function("invariants", [s.t, s.x, s.p], [ca.densify(rows)], ["t", "x", "p"], ["g"], _FOLD)
-            if rows.numel()
-            else None
-        )
+        rows = self.space.constraints(ca.vertcat(s.position_invariants, s.velocity_invariants))
+        if not rows.numel():
+            return None
+        return ca.Function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"], _FOLD)
 
     @functools.cached_property
     def projection(self) -> ca.Function | None:
         """(t, x, p) -> x, one Newton step towards zero invariants in the mass metric; None if there is nothing to project."""
         s = self.outputs.system
-        return (
-            None
-            if s.projection is None
-            else ca.Function("projection", [s.t, s.x, s.p], [s.projection], ["t", "x", "p"], ["x_next"], _FOLD)
-        )
+        if s.projection is None or self.invariants is None:
+            return None
+        result = ca.densify(self.space.kept(s.projection))
+        return ca.Function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"], _FOLD)
 
     @functools.cached_property
     def compiled(self) -> CompiledProblem | None:
@@ -172,8 +188,8 @@ class Functions:
         return self._function("frame_kinematics", [self.outputs.resolve(e) for e in wanted], names)
 
     def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
-        s = self.outputs.system
-        return ca.Function(name, [s.t, s.x, s.u, s.p], [ca.densify(r) for r in results], ["t", "x", "u", "p"], names, _FOLD)
+        found = [ca.densify(self.space.put(r)) for r in results]
+        return ca.Function(name, self.space.arguments, found, ["t", "x", "u", "p"], names, _FOLD)
 
 
 @functools.cache

@@ -20,7 +20,7 @@ from acausal.language.expression import Parameter
 from acausal.reduction.initial import Start
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.compiled import directional_derivative, projection_with_invariants
-from acausal.simulation import input_signal, parameter_values
+from acausal.simulation import input_signal
 
 if TYPE_CHECKING:
     from acausal.model import Model
@@ -64,14 +64,15 @@ def export_simulator(
     `ExportError` for functions that have no C, and when a file cannot be written.
     """
     target = Path(folder)
+    initial = model.initial_state(start, parameters=parameters)
     facts = _Facts(
         title=model.system.flat.name,
         states=model.state_names,
         inputs=model.input_names,
         parameters=model.parameter_names,
-        start=tuple(model.initial_state(start, parameters=parameters).x.tolist()),
+        start=tuple(initial.x.tolist()),
         input_values=tuple(input_signal(model.functions, {})(np.zeros(1))[:, 0].tolist()),
-        parameter_values=tuple(parameter_values(model.functions, parameters or {}).tolist()),
+        parameter_values=tuple(initial.p.tolist()),
     )
     heading = f"{facts.title}: a simulator in C"
     texts = {

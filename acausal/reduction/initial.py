@@ -51,11 +51,12 @@ class Account:
 
 @dataclass(frozen=True)
 class InitialState:
-    """Consistent states `x` (nx,) at the start, and how the start values were `met`. Printing it tells how it was found:
+    """Consistent states `x` (nx,) at the start, parameters `p` (np,), and how the start values were `met`. Printing it tells how it was found:
     what is off, how far the coordinates moved from the sketch, which loops were closed, which values were not needed.
     """
 
     x: np.ndarray
+    p: np.ndarray
     met: tuple[Met, ...]
     account: Account = field(repr=False, compare=False)
 
@@ -95,11 +96,12 @@ def finished(
     """The state of found positions and velocities, and what became of the start values; `problem.lock` must be held."""
     x = np.concatenate([found.y, moving.y])
     account = Account(problem, data, weights, found, moving)
+    p = data[data.size - problem.outputs.system.p_values.size :]
     if problem.got is None:
-        return InitialState(x, (), account)
+        return InitialState(x, p, (), account)
     got = problem.got.at(np.concatenate([x, data])).copy()
     met = tuple(Met(t.name, w, got[t.place], t.exact, t.unit, t.periodic) for t, w in zip(problem.targets, wanted, strict=True))
-    return InitialState(x, met, account)
+    return InitialState(x, p, met, account)
 
 
 def start_data(
