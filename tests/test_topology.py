@@ -353,3 +353,32 @@ def test_balanced_reactions_of_a_skew_loop_balance_every_body():
     s = model.system
     loose = undetermined_reactions(s.mechanics, s.constraints, s.p, s.p_values)
     assert set(loose) == {f"joints[{k}]" for k in range(4)} and not any(row[2] for row in loose.values())
+
+
+@pytest.mark.parametrize("order", [("rail", "guide"), ("guide", "rail")])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_bead_on_two_rods_moves_where_they_cross(order, back):
+    """A particle has no orientation: a slider that closes a loop on it asks nothing of one. x = h tan a; T + V by hand."""
+    scene, h = ac.System(), 0.5
+    scene.world, scene.hinge, scene.arm, scene.bead = World(), Revolute("y"), RigidBody(1.0, (0.02, 0.03, 0.02)), Particle(0.4)
+    for name in order:
+        setattr(scene, name, Prismatic("-z" if name == "rail" else "x"))
+    joined(scene, scene.world.frame, scene.hinge, scene.arm.frame)
+    for joint, holder in ((scene.rail, scene.arm.frame), (scene.guide, scene.world.at((0, 0, -h)))):
+        ends = (joint.frame_b, joint.frame_a) if back else (joint.frame_a, joint.frame_b)
+        scene.connect(holder, ends[0])
+        scene.connect(ends[1], scene.bead.point)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    run = model.simulate(1.0, {scene.hinge.q: 0.4, scene.hinge.v: -1.5}, rtol=1e-11)
+    a, w = run[scene.hinge.q], run[scene.hinge.v]
+    place = np.stack([-h * np.tan(a), 0 * a, -h + 0 * a], axis=1)
+    assert np.max(np.abs(run[scene.bead.point.position] - place)) < 1e-10
+    energy = 0.5 * 0.03 * w**2 + 0.5 * 0.4 * (h * w / np.cos(a) ** 2) ** 2
+    assert np.ptp(energy) < 1e-9 * energy[0]
+    across = np.stack([np.cos(a), 0 * a, -np.sin(a)], axis=1)
+    push = run[scene.rail.frame_a.force]
+    assert np.max(np.abs(push - across * np.sum(push * across, axis=1)[:, None])) < 1e-9  # the rail is smooth
+    assert np.max(np.abs(run[scene.guide.frame_b.force][:, 0])) < 1e-9
+    lever = np.sum(push * across, axis=1) * h / np.cos(a)
+    assert np.max(np.abs(0.03 * run[scene.arm.frame.angular_acceleration][:, 1] - (-lever if back else lever))) < 1e-8

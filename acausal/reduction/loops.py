@@ -10,7 +10,7 @@ import numpy as np
 from acausal.errors import ModelError
 from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.placement import Place, Placement
-from acausal.mechanics.pose import Pose, cleaned, symbolic
+from acausal.mechanics.pose import Pose, cleaned, product, symbolic
 from acausal.topology.mechanism import Edge
 
 
@@ -37,10 +37,9 @@ class LoopRows:
 def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
     """The rows of a cut joint. Cost: linear in the length of the loop."""
     joint, t = edge.joint, placement.t
-    a, b = mounted_places(edge, placement)
-    X = placement.between(a, b)
+    X = relative_pose(edge, placement)
     R, p = symbolic(X.rotation), symbolic(X.position)
-    w, v = relative_twist(placement, a, b, X)
+    w, v = relative_twist(edge, placement, X)
     closure = joint.closure(X, t)
     if closure is None:
         raise ModelError(
@@ -88,14 +87,41 @@ def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:
 
 
 def mounted_places(edge: Edge[AbstractConstraint], placement: Placement) -> tuple[Place, Place]:
-    """Places of frame_a and frame_b turned by the joint's mounting; constants without rounding errors, so that they fold."""
+    """Places of frame_a and frame_b turned by the joint's mounting; constants without rounding errors, so that they fold.
+
+    A point has no orientation: its frame is taken along that of the other end.
+    """
     mounting = Pose(edge.joint.mounting(), np.zeros(3))
     (link_a, pose_a), (link_b, pose_b) = placement.ends(edge)
-    return (link_a, cleaned(pose_a @ mounting)), (link_b, cleaned(pose_b @ mounting))
+    a, b = (link_a, cleaned(pose_a @ mounting)), (link_b, cleaned(pose_b @ mounting))
+    if _is_point(edge.b, placement):
+        return a, _along(b, a, placement)
+    return (_along(a, b, placement), b) if _is_point(edge.a, placement) else (a, b)
 
 
-def relative_twist(placement: Placement, a: Place, b: Place, X: Pose) -> tuple[ca.SX, ca.SX]:
-    """Angular velocity and velocity of place b against place a, in b."""
+def _is_point(group: int, placement: Placement) -> bool:
+    return placement.kinematics.tree.mechanism.groups[group].kind == "point"
+
+
+def _along(place: Place, other: Place, placement: Placement) -> Place:
+    """A place turned to the axes of another one."""
+    (link, pose), (other_link, other_pose) = place, other
+    between = placement.kinematics.relative_pose(link, other_link)
+    return link, Pose(product(between.rotation, other_pose.rotation), pose.position)
+
+
+def relative_pose(edge: Edge[AbstractConstraint], placement: Placement) -> Pose:
+    """X_ab of the mounted places."""
+    X = placement.between(*mounted_places(edge, placement))
+    return Pose(np.eye(3), X.position) if _is_point(edge.a, placement) or _is_point(edge.b, placement) else X
+
+
+def relative_twist(edge: Edge[AbstractConstraint], placement: Placement, X: Pose) -> tuple[ca.SX, ca.SX]:
+    """Angular velocity and velocity of mounted place b against a, in b, for their relative pose X."""
     R, p = symbolic(X.rotation), symbolic(X.position)
-    (w_a, v_a), (w_b, v_b) = placement.twist(a), placement.twist(b)
+    (w_a, v_a), (w_b, v_b) = (placement.twist(place) for place in mounted_places(edge, placement))
+    if _is_point(edge.b, placement):
+        return ca.SX.zeros(3), v_b - v_a - ca.cross(w_a, p)
+    if _is_point(edge.a, placement):
+        return ca.SX.zeros(3), v_b - v_a - ca.cross(w_b, p)
     return w_b - R.T @ w_a, v_b - R.T @ (v_a + ca.cross(w_a, p))

@@ -13,7 +13,7 @@ from acausal.language.expression import Derivative, Expression, Input, Parameter
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import symbolic
 from acausal.reduction.initial import StartProblem
-from acausal.reduction.loops import mounted_places, relative_twist
+from acausal.reduction.loops import relative_twist
 from acausal.reduction.reactions import Reactions
 from acausal.reduction.reduce import ReducedSystem
 
@@ -155,8 +155,7 @@ class Outputs:
             return q
         if joint.v.size == joint.q.size:
             return placement.rate(q)
-        a, b = mounted_places(rows.edge, placement)
-        return joint.velocities(rows.pose, *relative_twist(placement, a, b, rows.pose))
+        return joint.velocities(rows.pose, *relative_twist(rows.edge, placement, rows.pose))
 
     def _derivative(self, symbol: Derivative) -> ca.SX:
         """By the chain rule through the dynamics, where scalar equations do not give it."""

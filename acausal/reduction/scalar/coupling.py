@@ -14,7 +14,7 @@ from acausal.language.expression import Symbol, Variable, time
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.kernels import solve_positive
 from acausal.mechanics.system import MechanicalSystem
-from acausal.reduction.loops import mounted_places
+from acausal.reduction.loops import relative_pose
 from acausal.reduction.scalar.collection import Collection, Flange, collect, has_scalar_parts
 from acausal.reduction.scalar.diagnosis import no_rate
 from acausal.reduction.scalar.equations import ScalarEquation
@@ -280,7 +280,7 @@ def _driven(mechanics: MechanicalSystem) -> tuple[Driven, ...]:
     ]
     for cut in mechanics.mechanism.cuts:
         if isinstance(cut.joint, AbstractJoint) and getattr(cut.joint, "flange", None) in connected:
-            q = cut.joint.coordinates(mechanics.placement.between(*mounted_places(cut, mechanics.placement)))
+            q = cut.joint.coordinates(relative_pose(cut, mechanics.placement))
             assert q is not None
             held.append((cut.name, cut.joint, q, mechanics.kinematics.rate(q)))
     for name, joint, q, v in held:
