@@ -13,12 +13,13 @@ from acausal.reduction.close_loops import close_loops, sketch_configuration
 from acausal.reduction.loop_groups import LoopGroup, loop_groups
 from acausal.reduction.loops import LoopRows, loop_rows
 from acausal.reduction.mobility import locked, shaky
-from acausal.reduction.redundancy import RankReport, independent_rows
+from acausal.reduction.redundancy import RankReport, independent_rows, needed_rows
 from acausal.reduction.singular import has_singular_position
 from acausal.reduction.walk import Walk
 
 _SAMPLES = 8
-_ROUNDING = 1e-12  # of the largest row: what is less than that at every sample is a sum that cancels
+_OPENED = 3
+_OPENING = 0.2
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,7 +28,7 @@ class Constraints:
 
     `position` (np, 1) and `velocity` (m, 1) residuals of the kept rows; `jacobian` A (m, nv) of `velocity` in v; `bias` (m, 1) so
     that A v' + bias = 0. `damped`: rows depend on one another in a way that only holds when assembled. The kept
-    ones alone may then be met on other branches too, so all rows are used, with a rank-tolerant solve.
+    ones alone may then be met on other branches too, so these are used as well, with a rank-tolerant solve.
     `singular`: fewer rows are independent at some positions than elsewhere. `samples`: some assembled configurations (nq,).
     `joint_invariants`: of the tree's joints (quaternion norms, gaps). `kept` and `redundant` are names.
     """
@@ -130,10 +131,14 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX) -> _Exa
     singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, samples, rank.rank))
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
-    damped = 0 < rank.rank < len(group.names)  # where nothing but rounding errors is left, there is nothing to solve
-    sizes = np.max([np.linalg.norm(walk.at(q)[2], axis=1) for q in samples], axis=0)
-    chosen = [i for i in range(len(group.names)) if sizes[i] > _ROUNDING * np.max(sizes)] if damped else list(rank.kept)
-    return _Examined(group, samples, rank, tuple(chosen), damped, singular, walk.at(start)[2], timed)
+    chosen = needed_rows(rank.kept, [walk.at(q)[2] for q in (*samples, *_opened(samples))])
+    return _Examined(group, samples, rank, chosen, len(chosen) > rank.rank, singular, walk.at(start)[2], timed)
+
+
+def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Configurations beside assembled ones, where loops are open."""
+    rng = np.random.default_rng(2)
+    return [q + _OPENING * rng.uniform(-1, 1, q.size) for q in samples[:_OPENED]]
 
 
 def _check_locked(found: Sequence[_Examined], freedoms: int) -> None:

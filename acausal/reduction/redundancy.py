@@ -49,6 +49,20 @@ def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
     return RankReport(tuple(sorted(kept)), rank, ranks[0], worst)
 
 
+def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray]) -> tuple[int, ...]:
+    """The rows `kept` where they say all that the others do, also at these configurations, in which loops may be open.
+
+    Otherwise all rows, but for those that only hold rounding errors or are sums of others with the same coefficients everywhere.
+    """
+    scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
+    rows = np.flatnonzero(scale > 1e-12 * np.max(scale, initial=1.0))
+    scaled = [J[rows] / scale[rows, None] for J in jacobians]
+    if max(_rank(J) for J in scaled) <= len(kept):
+        return kept
+    together = np.hstack(scaled)
+    return tuple(int(rows[k]) for k in sorted(_pivots(together, _rank(together))))
+
+
 def _rank(J: np.ndarray) -> int:
     return int(np.sum(np.linalg.svd(J, compute_uv=False) > _TOLERANCE)) if J.size else 0
 

@@ -39,7 +39,8 @@ class Walk:
         self._q[:] = q
         ends = np.cumsum([m * n for m, n in self._shapes])
         return [
-            part.reshape(shape, order="F") for part, shape in zip(np.split(self._kernel(), ends[:-1]), self._shapes, strict=True)
+            part.reshape(shape, order="F")
+            for part, shape in zip(np.split(self._kernel().copy(), ends[:-1]), self._shapes, strict=True)
         ]
 
     def closed(self, q: np.ndarray, tolerance: float = _CLOSED, rank: int | None = None) -> np.ndarray | None:
