@@ -16,7 +16,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from acausal.mechanics.inertia import skew
+from acausal.mechanics.forward_dynamics import massless, own_inertia
+from acausal.mechanics.inertia import Inertia, skew
 from acausal.mechanics.pose import symbolic
 from acausal.mechanics.tree import Tree
 
@@ -24,6 +25,7 @@ _LOST = 1e-9
 """Of what a motion would meet if all joints behind it were locked."""
 _ROUNDING = 1e-13
 """Of the inertia behind a joint about all axes."""
+_MOST_LINKS = 300
 
 
 def massless_motions(tree: Tree, parameters: ca.SX, samples: Sequence[np.ndarray], values: np.ndarray) -> dict[int, float]:
@@ -39,8 +41,35 @@ def massless_motions(tree: Tree, parameters: ca.SX, samples: Sequence[np.ndarray
     return found
 
 
+def check_tree_inertia(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> None:
+    """Raise `MasslessError` for a motion that meets no inertia wherever it is, as a point mass on a line through a ball joint.
+
+    What is zero by structure is found without this. Looks at two places beside q (nq,), only where there are points or thin rods.
+    """
+    if len(tree.links) > _MOST_LINKS or not any(_is_thin(group.inertia) for group in tree.mechanism.groups):
+        return
+    rng = np.random.default_rng(6)
+    places = [q + 0.3 * rng.uniform(-1, 1, q.size) for _ in range(2)]
+    one, two = (massless_motions(tree, parameters, [place], values) for place in places)
+    for i in sorted(one.keys() & two.keys()):
+        raise massless(tree.links[i])
+
+
+def _is_thin(inertia: Inertia) -> bool:
+    """Whether its moment of inertia vanishes about some axis through the centre of mass; unknown for adjustable ones: no."""
+    if not (isinstance(inertia.mass, float) and isinstance(inertia.moment, np.ndarray)) or not inertia.mass:
+        return False
+    second, c = inertia.second_moment, inertia.moment / inertia.mass
+    if not isinstance(second, np.ndarray):
+        return False
+    levels = np.linalg.eigvalsh(second - inertia.mass * (c @ c * np.eye(3) - np.outer(c, c)))
+    return bool(levels[0] <= 1e-12 * max(np.trace(second), 1e-300))
+
+
 def _link_data(tree: Tree, parameters: ca.SX) -> ca.Function:
-    """(q, t, p) -> for each link X (6, 6) that carries its parent's acceleration to it, its motion subspace, its inertia (6, 6)."""
+    """(q, t, p) -> for each link X (6, 6) that carries its parent's acceleration to it, its motion subspace, its inertia (6, 6), and
+    what its motion meets besides: (6, n), (n, n).
+    """
     parts: list[ca.SX] = []
     for link in tree.links:
         pose = link.offset @ link.motion.pose
@@ -48,12 +77,12 @@ def _link_data(tree: Tree, parameters: ca.SX) -> ca.Function:
         X = ca.blockcat([[R.T, ca.SX.zeros(3, 3)], [-(R.T @ ca.skew(p)), R.T]])
         H = symbolic(skew(link.inertia.moment))
         inertia = ca.blockcat([[symbolic(link.inertia.second_moment), H], [H.T, ca.SX(link.inertia.mass) * ca.SX.eye(3)]])
-        parts += [ca.densify(X), ca.densify(link.motion.subspace), ca.densify(inertia)]
+        parts += [ca.densify(part) for part in (X, link.motion.subspace, inertia, *own_inertia(link, 0.0))]
     return ca.Function("links", [tree.q, tree.t, parameters], parts)
 
 
 def _rotors(tree: Tree, data: Sequence[np.ndarray]) -> dict[int, float]:
-    X, subspaces, inertias = data[0::3], data[1::3], data[2::3]
+    X, subspaces, inertias, couplings, own = (data[k::5] for k in range(5))
     rigid = [inertia.copy() for inertia in inertias]
     children = [(i, link.parent) for i, link in enumerate(tree.links) if link.parent >= 0]
     for i, parent in reversed(children):
@@ -64,14 +93,14 @@ def _rotors(tree: Tree, data: Sequence[np.ndarray]) -> dict[int, float]:
     for i in reversed(range(len(tree.links))):
         S, parent = subspaces[i], tree.links[i].parent
         if S.shape[1]:
-            D = S.T @ felt[i] @ S
+            D = S.T @ felt[i] @ S + own[i]
             locked = float(np.linalg.eigvalsh(S.T @ rigid[i] @ S)[0])
             spins, slides = float(np.linalg.norm(S[:3])) ** 2, float(np.linalg.norm(S[3:])) ** 2
             around = spins * np.trace(rigid[i][:3, :3]) + slides * rigid[i][5, 5]
-            if np.linalg.eigvalsh(D)[0] <= max(_LOST * locked, _ROUNDING * around):
+            if tree.links[i].modal is None and np.linalg.eigvalsh(D)[0] <= max(_LOST * locked, _ROUNDING * around):
                 found[i] = spins * turning + slides * sliding or 1.0
                 D = D + found[i] * np.eye(len(D))
-            U = felt[i] @ S
+            U = felt[i] @ S + couplings[i]
             felt[i] = felt[i] - U @ np.linalg.solve(D, U.T)
         if parent >= 0:
             felt[parent] += X[i].T @ felt[i] @ X[i]

@@ -25,7 +25,7 @@ import numpy as np
 from acausal.mechanics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
 from acausal.mechanics.kernels import solve_damped, solve_positive, solve_semidefinite
 from acausal.mechanics.system import MechanicalSystem
-from acausal.mechanics.virtual_inertia import massless_motions
+from acausal.mechanics.virtual_inertia import check_tree_inertia, massless_motions
 from acausal.reduction.constraints import Constraints
 
 _FORCE_DAMPING = 1e-9
@@ -139,6 +139,7 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
     A, tree = ca.sparsify(constraints.jacobian), mechanics.tree
     m = A.shape[0]
     if m == 0:
+        check_tree_inertia(tree, parameters, constraints.q_start, values)
         none = ca.SX(tree.v.numel(), 0)
         return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
