@@ -16,6 +16,7 @@ from acausal.reduction.integrability.scene import scene_integrability
 from acausal.reduction.integrability.velocity_forms import held_rows, velocity_system
 from acausal.reduction.loops import LoopRows
 from acausal.reduction.reduce import ReducedSystem
+from acausal.reduction.unit_quaternions import unit_quaternions
 
 _MOST_NAMES = 4
 
@@ -158,21 +159,13 @@ def _invariants(system: ReducedSystem) -> Iterator[ConstraintEntry]:
     q, t = system.mechanics.tree.q, system.t
     for item in system.tree_joints:
         rows = item.edge.joint.invariants(q[item.q], t)
+        units = unit_quaternions(rows, q[item.q])
         for i in range(rows.numel()):
             name = f"{item.edge.name}.invariant[{i}]" if rows.numel() > 1 else f"{item.edge.name}.invariant"
-            H = ca.hessian(rows[i], q[item.q])[0]
             kind, words = "holonomic", "what the joint's coordinates cannot reach"
-            if _is_sphere(H):
+            if i in units:
                 kind, words = "normalisation", "a quaternion of a length other than 1"
             yield ConstraintEntry(name, words, kind, True, "by structure")
-
-
-def _is_sphere(H: ca.SX) -> bool:
-    """Whether a function with this second derivative is a sphere in four of its variables."""
-    if not ca.densify(H).is_constant():
-        return False
-    values = np.array(ca.DM(ca.evalf(ca.densify(H))))
-    return bool(np.array_equal(values, np.diag(np.diag(values))) and np.count_nonzero(values) == 4)
 
 
 def _loops(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:

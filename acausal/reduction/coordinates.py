@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
+from acausal.mechanics.joint import AbstractStepJoint
 from acausal.mechanics.pose import symbolic
-from acausal.mechanics.steps import Ball, Turn
+from acausal.mechanics.steps import Turn
 from acausal.mechanics.system import MechanicalSystem
+from acausal.mechanics.tree import JointSymbols, Tree
+from acausal.reduction.unit_quaternions import unit_quaternions
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     found: list[Coordinate] = []
     counted = {s.element_hash() for s in ca.symvar(coupled)}
     for item in tree.joints:
-        for c in _of_joint(item.edge.joint, f"{item.edge.name}.q", item.q.start):
+        for c in _of_joint(item, tree):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
     offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
     offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
@@ -102,29 +104,26 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     return Coordinates(tuple(found), reach if 0 < reach < np.inf else 1.0)
 
 
-def _of_joint(joint: AbstractJoint, name: str, first: int) -> list[Coordinate]:
-    size = joint.q.size
-    angles: set[int] = set()
-    quaternion: int | None = None
-    if isinstance(joint, AbstractStepJoint):
-        for step in joint.steps():
-            if isinstance(step, Ball):
-                quaternion = step.q.start
-            elif isinstance(step, Turn):
-                angles |= set(range(step.q.start, step.q.stop))
-    elif joint.q.unit != "rad" and joint.start_q()[:4] == (1.0, 0.0, 0.0, 0.0):
-        quaternion = 0
+def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
+    joint, name, first = item.edge.joint, f"{item.edge.name}.q", item.q.start
+    size, q = joint.q.size, tree.q[item.q]
+    stepped = isinstance(joint, AbstractStepJoint)
+    units = set(unit_quaternions(joint.invariants(q, tree.t), q).values())
+    angles = (
+        {i for step in joint.steps() if isinstance(step, Turn) for i in range(step.q.start, step.q.stop)}
+        if stepped
+        else set[int]()
+    )
     result: list[Coordinate] = []
     i = 0
     while i < size:
-        turning = i in angles or joint.q.unit == "rad"
-        if i == quaternion:
-            result.append(Coordinate(f"{name}[0:4]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
+        if i in units:
+            result.append(Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
             i += 4
             continue
         label = f"{name}[{i}]" if size > 1 else name
-        known = quaternion is not None or isinstance(joint, AbstractStepJoint)
-        unit = "rad" if turning else joint.q.unit or ("m" if known else "")
+        turning = i in angles or joint.q.unit == "rad"
+        unit = "rad" if turning else joint.q.unit or ("m" if units or stepped else "")
         result.append(Coordinate(label, slice(first + i, first + i + 1), unit, i in angles))
         i += 1
     return result

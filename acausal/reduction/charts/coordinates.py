@@ -1,4 +1,4 @@
-"""Coordinates of configurations without unit columns: three numbers in place of each unit quaternion.
+"""Coordinates of configurations without redundancy: three numbers in place of each unit quaternion.
 
 A unit quaternion q near a reference r is q = r * (1 - s, 2 sigma) / (1 + s) with s = sigma . sigma: the stereographic projection of
 the sphere from the point opposite to r. sigma = axis * tan(angle / 4) of the rotation from r to q are modified Rodrigues parameters;
@@ -7,18 +7,18 @@ they are exact and rational, and meet infinity only after a full turn. Schaub an
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
 
 @dataclass(frozen=True)
 class ChartCoordinates:
-    """c (nc,) for configurations q (`size`,): the entries of q, but three numbers for every unit column of four.
+    """c (nc,) for configurations q (`size`,): the entries of q, but three numbers for every unit quaternion.
 
-    `units`: where unit columns begin in q.
+    `units`: where unit quaternions begin in q.
     """
 
     size: int
@@ -29,28 +29,33 @@ class ChartCoordinates:
         """nc."""
         return self.size - len(self.units)
 
-    @property
+    @functools.cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
-        """For each part: where it begins in q, and its size in c: 3 for a unit column, 1 for any other entry."""
+        """For each part: where it begins in q, and its size in c: 3 for a unit quaternion, 1 for any other entry."""
+        units = set(self.units)
         found: list[tuple[int, int]] = []
         k = 0
         while k < self.size:
-            found.append((k, 3 if k in self.units else 1))
-            k += 4 if k in self.units else 1
+            found.append((k, 3 if k in units else 1))
+            k += 4 if k in units else 1
         return tuple(found)
 
-    def entries(self, i: int) -> list[int]:
-        """Entries of c for entry `i` of q: all three for one of a unit column."""
+    @functools.cached_property
+    def _entries(self) -> tuple[range, ...]:
+        found: list[range] = []
         first = 0
-        for begin, size in self.places:
-            if begin <= i < begin + (4 if size == 3 else 1):
-                return list(range(first, first + size))
+        for _, size in self.places:
+            found += [range(first, first + size)] * (4 if size == 3 else 1)
             first += size
-        raise IndexError(i)
+        return tuple(found)
+
+    def entries(self, i: int) -> range:
+        """Entries of c for entry `i` of q: all three for one of a unit quaternion."""
+        return self._entries[i]
 
     def orientations(self, c: ca.SX) -> list[ca.SX]:
         """sigma (3, 1) of each unit column."""
-        return [c[self.entries(k)] for k in self.units]
+        return [c[list(self.entries(k))] for k in self.units]
 
     def configuration(self, c: ca.SX, reference: ca.SX) -> ca.SX:
         """q (size, 1) from c (nc, 1), near the configuration `reference`."""
@@ -70,39 +75,13 @@ class ChartCoordinates:
             parts.append(_projected(q[whole], reference[whole]) if size == 3 else q[begin])
         return ca.vertcat(ca.SX(0, 1), *parts)
 
-    def names(self, states: Sequence[str]) -> tuple[str, ...]:
-        """Names of c from those of q, e.g. `ball.rodrigues[0]` for `ball.q[0]` ... `ball.q[3]`."""
+    def names(self, states: Sequence[str], turn: str = "rodrigues") -> tuple[str, ...]:
+        """Names of c from those of q, e.g. `ball.rodrigues[0]` for `ball.q[0]` ... `ball.q[3]`; `turn`: of the three numbers."""
         found: list[str] = []
         for begin, size in self.places:
             joint = states[begin].rpartition(".q")[0]
-            found += [f"{joint}.rodrigues[{i}]" for i in range(3)] if size == 3 else [states[begin]]
+            found += [f"{joint}.{turn}[{i}]" for i in range(3)] if size == 3 else [states[begin]]
         return tuple(found)
-
-
-def unit_columns(rows: ca.SX, q: ca.SX) -> dict[int, int]:
-    """Which of these invariants say that four neighbours in q are a unit column: number of the row -> where the column begins."""
-    place = {q[i].element_hash(): i for i in range(q.numel())}
-    found: dict[int, int] = {}
-    for k in range(rows.numel()):
-        symbols = ca.symvar(rows[k])
-        at = sorted(place.get(s.element_hash(), -1) for s in symbols)
-        if len(at) != 4 or at[0] < 0 or at[3] != at[0] + 3:
-            continue
-        column = q[at[0] : at[0] + 4]
-        H, slope = ca.hessian(rows[k], column)
-        if not ca.densify(H).is_constant():
-            continue
-        curvature = np.array(ca.DM(ca.evalf(ca.densify(H))))
-        rest = ca.Function("rest", [column], [rows[k], ca.densify(slope)])(np.zeros(4))
-        size = curvature[0, 0]
-        if (
-            size > 0
-            and np.array_equal(curvature, size * np.eye(4))
-            and float(rest[0]) == -size / 2
-            and not np.any(np.array(rest[1]))
-        ):
-            found[k] = at[0]
-    return found
 
 
 def _on_sphere(sigma: ca.SX, reference: ca.SX) -> ca.SX:

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.codegen.lower import Functions
-from acausal.reduction.charts.coordinates import ChartCoordinates, unit_columns
+from acausal.reduction.charts.coordinates import ChartCoordinates
+from acausal.reduction.unit_quaternions import unit_quaternions
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Slopes:
 class Manifold:
     """The invariants of a model, sorted for charts: `position` (t, q, p) -> (m1, 1), `rate` (t, q, w, p) -> (m2, 1), redundant ones too.
 
-    Lengths of unit columns are left out: `coordinates` keep them by themselves. `twins`: pairs of an entry of c and an entry of w that
+    Lengths of unit quaternions are left out: `coordinates` keep them by themselves. `twins`: pairs of an entry of c and an entry of w that
     is its rate.
     """
 
@@ -89,7 +90,7 @@ def manifold(functions: Functions) -> Manifold:
     s = functions.outputs.system
     nv = s.tree_velocities
     q, w = s.x[: s.nq], s.x[s.nq :]
-    units = unit_columns(s.position_invariants, q)
+    units = unit_quaternions(s.position_invariants, q)
     rows = ca.vertcat(
         *(s.position_invariants[k] for k in range(s.position_invariants.numel()) if k not in units),
         s.velocity_invariants,
