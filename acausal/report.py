@@ -36,7 +36,12 @@ def report(model: Model) -> str:
         lines.append("Held by nothing, so given a free joint of their own:")
         lines += grouped([(mechanism.groups[e.b].name, f"{e.joint.v.size} freedoms") for e in free])
     lines += _loops(model)
-    invariants = system.position_invariants.numel() + system.velocity_invariants.numel()
+    space = model.functions.space
+    if space.places != tuple(range(system.x.numel())):
+        names = model.functions.tree_state_names
+        gone = [names[i] for i in range(len(names)) if i not in space.places]
+        lines.append(f"In closed form from the others, so no states: {compact(gone, 12)}")
+    invariants = 0 if model.functions.invariants is None else model.functions.invariants.numel_out()
     if invariants:
         lines.append(
             f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions, nonlinear equations)."

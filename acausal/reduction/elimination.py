@@ -53,6 +53,12 @@ class _Relation:
     rest: ca.SX
     pivot: int = -1
 
+    def solved(self, y: ca.SX, rest: ca.SX) -> ca.SX:
+        """The pivot's entry of y (n, 1), with `rest` for the part that is not in y."""
+        others = ca.SX(self.coefficients)
+        others[self.pivot] = 0
+        return -(ca.sparsify(others) @ y + rest) / self.coefficients[self.pivot]
+
     def without(self, other: _Relation) -> _Relation:
         """With the pivot of `other` eliminated."""
         factor = self.coefficients[other.pivot] / other.coefficients[other.pivot]
@@ -85,12 +91,8 @@ def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, parameters: ca.SX, v
             known = grown
             constants.append(constant)
             sources.append(kept)
-    positions = [-(r.coefficients @ q - r.coefficients[r.pivot] * q[r.pivot] + r.rest) / r.coefficients[r.pivot] for r in known]
-    rates = [
-        -(r.coefficients @ v - r.coefficients[r.pivot] * v[r.pivot] + ca.jtimes(r.rest, tree.t, ca.SX(1)))
-        / r.coefficients[r.pivot]
-        for r in known
-    ]
+    positions = [row.solved(q, row.rest) for row in known]
+    rates = [row.solved(v, ca.jtimes(row.rest, tree.t, ca.SX(1))) for row in known]
     places = [plain[r.pivot] for r in known]
     return Elimination(
         (*(tree.q[k] for k, _ in places), *(tree.v[j] for _, j in places)), (*positions, *rates),

@@ -145,7 +145,9 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
 def _check_free(mechanics: MechanicalSystem, constraints: Constraints, scalar: ScalarPart) -> None:
     """Gears between joints may leave nothing free; a source may take the last freedom, since it moves."""
     free = mechanics.tree.v.numel() - constraints.rank.rank - scalar.rows
-    moved = ca.depends_on(ca.vertcat(scalar.position, scalar.velocity, constraints.velocity), mechanics.tree.t)
+    rows = ca.vertcat(scalar.velocity, constraints.velocity)
+    at_rest = ca.substitute(rows, mechanics.tree.v, ca.SX.zeros(mechanics.tree.v.numel()))
+    moved = ca.depends_on(ca.vertcat(scalar.position, rows), mechanics.tree.t) or not at_rest.is_zero()
     if scalar.rows and (free < 0 or (free == 0 and not moved)):
         raise LockedError(
             f"Joints cannot move: {mechanics.tree.v.numel()} freedoms meet {constraints.rank.rank} constraints of loops and "
