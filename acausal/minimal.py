@@ -83,28 +83,28 @@ class MinimalModel:
         """(t, y, u, p) -> y'."""
         t, y, u, p = self._symbols
         limits = np.zeros(self._equations.guards.numel_out(0))
-        rate = self._equations.dynamics(t, y, u, ca.vertcat(p, self._reference, limits))
+        rate = self._equations.dynamics(t, y, u, ca.vertcat(p, self.chart.reference, limits))
         return ca.Function("explicit_dynamics", [t, y, u, p], [rate], ["t", "y", "u", "p"], ["y_dot"], {"cse": True})
 
     @functools.cached_property
     def expand(self) -> ca.Function:
         """(t, y, u, p) -> x, the states of the model."""
         t, y, u, p = self._symbols
-        x = self._equations.expand(t, y, p, self._reference)
+        x = self._equations.expand(t, y, p, self.chart.reference)
         return ca.Function("expand", [t, y, u, p], [x], ["t", "y", "u", "p"], ["x"], {"cse": True})
 
     @functools.cached_property
     def restrict(self) -> ca.Function:
         """x -> y."""
         x = self._x
-        return ca.Function("restrict", [x], [self._equations.restrict(x, self._reference)], ["x"], ["y"], {"cse": True})
+        return ca.Function("restrict", [x], [self._equations.restrict(x, self.chart.reference)], ["x"], ["y"], {"cse": True})
 
     @functools.cached_property
     def residual(self) -> ca.Function:
         """(t, y, u, p) -> root of the sum of squares of all invariants at `expand`: rounding errors, or NaN off the chart."""
         t, y, u, p = self._symbols
         invariants = self.atlas.functions.invariants
-        x = self._equations.expand(t, y, p, self._reference)
+        x = self._equations.expand(t, y, p, self.chart.reference)
         total = ca.SX(0) if invariants is None else ca.sumsqr(invariants(t, x, p))
         return ca.Function(
             "residual", [t, y, u, p], [ca.densify(ca.sqrt(total))], ["t", "y", "u", "p"], ["residual"], {"cse": True}
@@ -115,7 +115,7 @@ class MinimalModel:
         """(t, x, u, p) -> number in (0, 1], zero where the chart ends; for quaternions 1 at the reference, 0.5 after half a turn."""
         t, _, u, p = self._symbols
         x = self._x
-        least = ca.mmin(self._equations.conditions(t, x, p, self._reference))
+        least = ca.mmin(self._equations.conditions(t, x, p, self.chart.reference))
         return ca.Function(
             "conditioning", [t, x, u, p], [ca.densify(least)], ["t", "x", "u", "p"], ["conditioning"], {"cse": True}
         )
@@ -169,10 +169,6 @@ class MinimalModel:
     @functools.cached_property
     def _equations(self) -> ChartEquations:
         return self.atlas.equations(self.chart.choice)
-
-    @property
-    def _reference(self) -> np.ndarray:
-        return np.concatenate([[self.chart.t], self.chart.x, self.chart.p])
 
     @property
     def _x(self) -> ca.SX:

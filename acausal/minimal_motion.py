@@ -14,8 +14,9 @@ from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators import integrate
 from acausal.integrators.problem import Guards, Problem, Solution, Status, StatusKind
 from acausal.language.expression import Expression, Input
-from acausal.reduction.charts.chart import Chart, singular_loops
+from acausal.reduction.charts.chart import Chart
 from acausal.reduction.initial import InitialState, Start, initial_state
+from acausal.reduction.singular_state import singular_loops
 from acausal.simulation import InputValue, input_signal
 from acausal.trajectory import Trajectory
 
@@ -93,7 +94,7 @@ class _Piece:
     def states(self, times: np.ndarray, y: np.ndarray) -> np.ndarray:
         """x (nx, n)."""
         minimal, n = self.minimal, times.size
-        columns = [np.repeat(v[:, None], n, axis=1) for v in (minimal.chart.p, reference(minimal.chart))]
+        columns = [np.repeat(v[:, None], n, axis=1) for v in (minimal.chart.p, minimal.chart.reference)]
         x = minimal.atlas.equations(minimal.chart.choice).expand(times[None, :], y, *columns)
         return np.array(x).reshape(-1, n)
 
@@ -132,16 +133,11 @@ def simulate(
     return _finished(functions, problem, pieces, initial, end, after, options)
 
 
-def reference(chart: Chart) -> np.ndarray:
-    """r = (t, x, p) of a chart."""
-    return np.concatenate([[chart.t], chart.x, chart.p])
-
-
 def _next(piece: _Piece, hopeful: bool) -> MinimalModel | str:
     """The chart in which a motion goes on, or why there is none; empty where it reached its end. `hopeful`: after a failure, too."""
     solution, minimal = piece.solution, piece.minimal
     here, x = float(solution.t[-1]), piece.states(solution.t[-1:], solution.x[:, -1:])[:, 0]
-    singular = singular_loops(minimal.atlas.manifold, here, x, minimal.chart.p, _NEARLY) if piece.failed else ""
+    singular = singular_loops(minimal.atlas.functions, here, x, minimal.chart.p, _NEARLY) if piece.failed else ""
     if singular or not solution.stopped or (piece.failed and not hopeful):
         return f"{solution.status.message} {singular}".strip()
     if here <= minimal.chart.t:
@@ -154,7 +150,7 @@ def _next(piece: _Piece, hopeful: bool) -> MinimalModel | str:
 
 def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) -> _Piece:
     chart, equations = minimal.chart, minimal.atlas.equations(minimal.chart.choice)
-    r = reference(chart)
+    r = chart.reference
     now = np.array(equations.conditions(chart.t, chart.x, chart.p, r)).ravel()
     limits = np.concatenate([_WORSE * now[:2], np.full(now.size - 2, _TURNED), [_STRAIN]])
     p = np.concatenate([chart.p, r, limits])

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.arguments import expressions
-from acausal.analysis.chart import Chart, Tangent, chart_at
+from acausal.analysis.deviations import Deviations, Tangent, deviations_at
 from acausal.analysis.modes import Mode, Modes, modes_of
 from acausal.analysis.point import Differentiable, OperatingPoint, labels
 from acausal.codegen.lower import Functions
@@ -120,11 +120,11 @@ def linearize(
 ) -> Linearization:
     """See `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
     s = functions.outputs.system
-    chart = chart_at(functions, point)
+    deviations = deviations_at(functions, point)
     wanted = _Wanted(functions, states, outputs)
-    chosen = chart.names if states is None else wanted.names(states)
+    chosen = deviations.names if states is None else wanted.names(states)
     names = chosen if wanted.outputs is None else wanted.names(outputs)
-    linear = _Linear(chart, wanted, chosen, names)
+    linear = _Linear(deviations, wanted, chosen, names)
     found = linear.at(point, check=True)
     scale = 1.0 + np.abs(found.A) @ np.abs(found.values) + np.abs(found.values)
     steady = bool(np.all(np.abs(found.rates) <= _STEADY * scale))
@@ -175,15 +175,15 @@ class _Matrices:
 
 
 class _Linear:
-    """The matrices at any point, in one chart."""
+    """The matrices at any point, in the same deviations."""
 
-    def __init__(self, chart: Chart, wanted: _Wanted, chosen: tuple[str, ...], output_names: tuple[str, ...]) -> None:
-        self._chart, self._wanted, self._chosen, self._output_names = chart, wanted, chosen, output_names
-        self._x_dot = Differentiable(chart.system, chart.system.x_dot)
+    def __init__(self, deviations: Deviations, wanted: _Wanted, chosen: tuple[str, ...], output_names: tuple[str, ...]) -> None:
+        self._deviations, self._wanted, self._chosen, self._output_names = deviations, wanted, chosen, output_names
+        self._x_dot = Differentiable(deviations.system, deviations.system.x_dot)
 
     def at(self, at: OperatingPoint, *, check: bool = False) -> _Matrices:
         x_dot = self._x_dot.value(at)
-        tangent = self._chart.tangent(at, x_dot)
+        tangent = self._deviations.tangent(at, x_dot)
         by_input = np.eye(at.u.size)
         if not self._wanted.given:
             # deviations are seen in axes that go along with the motion, hence the rate of `pick`
@@ -224,7 +224,7 @@ class _Linear:
             together = [n for n, part in zip(self._chosen, U[:, -1], strict=True) if abs(part) > 1e-6]
             raise OptionError(
                 f"linearize: the states {', '.join(together)} depend on one another here. There are {H.shape[1]} independent ones, "
-                f"for example {', '.join(self._chart.names[:12])}."
+                f"for example {', '.join(self._deviations.names[:12])}."
             )
 
     def _check_closed(self, R: np.ndarray, H: np.ndarray, names: tuple[str, ...], what: str) -> None:
@@ -234,7 +234,7 @@ class _Linear:
         if not R.size or np.all(worst <= _CLOSED * (1.0 + np.max(np.abs(R), axis=1))):
             return
         i = int(np.argmax(worst))
-        on = [self._chart.names[k] for k in np.argsort(-np.abs(rest[i])) if abs(rest[i, k]) > 0.1 * worst[i]][:4]
+        on = [self._deviations.names[k] for k in np.argsort(-np.abs(rest[i])) if abs(rest[i, k]) > 0.1 * worst[i]][:4]
         raise OptionError(
             f"linearize: {what.format(names[i])} on {', '.join(on)} (by {worst[i]:.3g}), which the {len(H)} chosen states leave open. "
             f"Add such a quantity to `states`, or leave `states` out to keep all {H.shape[1]}."

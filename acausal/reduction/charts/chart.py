@@ -10,10 +10,10 @@ import numpy as np
 from acausal.errors import StartValueError
 from acausal.reduction.charts.manifold import Manifold
 from acausal.reduction.independent import Independent, independent_entries
+from acausal.reduction.singular_state import singular_loops
 
 _KEEP = 0.05
 _DEGENERATE = 1e-5
-_SINGULAR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,11 @@ class Chart:
     conditioning: float
     preferred: bool
 
+    @property
+    def reference(self) -> np.ndarray:
+        """(t, x, p), which the chart's functions take as one argument."""
+        return np.concatenate([[self.t], self.x, self.p])
+
     def __str__(self) -> str:
         return (
             f"chart at t = {self.t:g} s: independent {', '.join(self.independent) or 'none'}; dependent {', '.join(self.dependent) or 'none'}; "
@@ -56,9 +61,9 @@ def choose_chart(manifold: Manifold, t: float, x: np.ndarray, p: np.ndarray, pre
     Raises `StartValueError` where the state is singular: where branches of the motion cross.
     """
     nc = manifold.coordinates.count
-    singular = singular_loops(manifold, t, x, p)
+    singular = singular_loops(manifold.functions, t, x, p)
     if singular:
-        raise StartValueError(singular)
+        raise StartValueError(f"{singular} Start beside this position; model.simulate passes it.")
     slopes = manifold.slopes(t, x, p)
     wanted = set(preferred)
     asked = wanted | {i for i, j in manifold.twins if nc + j in wanted}
@@ -90,19 +95,3 @@ def _chosen(J: np.ndarray, preferred: Sequence[int]) -> Independent:
 def _conditioning(entries: Independent) -> float:
     Z = entries.tangent[list(entries.dependent)]
     return float(1 / np.sqrt(1 + np.sum(Z**2)))
-
-
-def singular_loops(manifold: Manifold, t: float, x: np.ndarray, p: np.ndarray, limit: float = _SINGULAR) -> str:
-    """What is singular at a state, in words; empty where constraints are more independent than `limit`."""
-    smallest, direction = manifold.singularity(t, x, p)
-    if not smallest < limit:
-        return ""
-    s = manifold.functions.outputs.system
-    velocities = manifold.functions.state_names[s.nq : s.nq + s.tree_velocities]
-    moving = [velocities[i] for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > 0.1]
-    loops = ", ".join(f"'{rows.edge.name}'" for rows in s.constraints.loops)
-    return (
-        f"The loops closed by {loops} are {'singular' if smallest < _SINGULAR else 'nearly singular'} at t = {t:.6g} s (smallest singular "
-        f"value {smallest:.2g}): {', '.join(moving[:6])} may change besides the usual motion, and branches of the motion cross. No coordinates "
-        "are independent on all of them. Start beside this position; model.simulate passes it."
-    )

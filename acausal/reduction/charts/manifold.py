@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.codegen.lower import Functions
 from acausal.reduction.charts.coordinates import ChartCoordinates
+from acausal.reduction.singular_state import scaled_rows
 from acausal.reduction.unit_quaternions import unit_quaternions
 
 
@@ -66,23 +67,7 @@ class Manifold:
     def slopes(self, t: float, x: np.ndarray, p: np.ndarray) -> Slopes:
         """At a state x (nx,), each row divided by its usual length."""
         position, rate = (np.array(J) for J in self._slopes(t, x, p))
-        return Slopes(_scaled(position, self._samples[0]), _scaled(rate, self._samples[1]))
-
-    def singularity(self, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
-        """How independent the loops' constraints are at a state: of the singular values of their rows, each divided by its usual length,
-        the smallest of as many as constraints are independent elsewhere, and the velocities (nv,) that it nearly leaves free. 1 without loops.
-        """
-        s = self.functions.outputs.system
-        rank, nv = s.constraints.rank.rank, s.tree_velocities
-        if rank == 0:
-            return 1.0, np.zeros(nv)
-
-        def rows(t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
-            return np.array(self.functions.constraint_jacobian(t, x, s.u_defaults, p))
-
-        samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
-        _, values, directions = np.linalg.svd(_scaled(rows(t, x, p), samples))
-        return float(values[rank - 1]), directions[rank - 1]
+        return Slopes(scaled_rows(position, self._samples[0]), scaled_rows(rate, self._samples[1]))
 
 
 def manifold(functions: Functions) -> Manifold:
@@ -113,10 +98,3 @@ def manifold(functions: Functions) -> Manifold:
 
 def _rows(rows: ca.SX, chosen: list[int]) -> ca.SX:
     return ca.densify(rows[chosen]) if chosen else ca.SX(0, 1)
-
-
-def _scaled(J: np.ndarray, samples: list[np.ndarray]) -> np.ndarray:
-    """Each row divided by its largest length here and in `samples`; rows of rounding errors become zero."""
-    size = np.max([np.linalg.norm(rows, axis=1) for rows in (J, *samples)], axis=0)
-    size[size <= 1e-12 * np.max(size, initial=0.0)] = np.inf
-    return J / size[:, None]

@@ -1,0 +1,104 @@
+"""Small deviations from a consistent state in independent entries, where loops are closed and quaternions have unit length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.analysis.point import Differentiable, OperatingPoint
+from acausal.codegen.lower import Functions
+from acausal.errors import OptionError
+from acausal.reduction.charts.coordinates import ChartCoordinates
+from acausal.reduction.independent import independent_entries
+from acausal.reduction.reduce import ReducedSystem
+from acausal.reduction.singular_state import singular_loops
+from acausal.reduction.unit_quaternions import unit_quaternions
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Small changes at a point: dx = `expand` dy (nx, k), dy = `pick` dx (k, nx), and the rate of `pick` along the motion."""
+
+    expand: np.ndarray
+    pick: np.ndarray
+    pick_rate: np.ndarray
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Changes dy (k,) of independent entries of the state, named `names`.
+
+    In place of a unit quaternion stands the small rotation vector of frame_b, in frame_b, away from the point or the motion
+    looked at: q = q0 * (1, rotation / 2), four times the Rodrigues parameters of `coordinates` to first order. It has no singular
+    attitude. `free`: which entries of the `coordinates` of x are independent.
+    """
+
+    system: ReducedSystem
+    invariants: Differentiable
+    coordinates: ChartCoordinates
+    free: tuple[int, ...]
+    names: tuple[str, ...]
+
+    def tangent(self, at: OperatingPoint, x_dot: np.ndarray) -> Tangent:
+        """For a motion through the point with the rates `x_dot` (nx,)."""
+        turn, back = _turns(self.coordinates, at.x)
+        back_rate = _turns(self.coordinates, x_dot)[1] - _turns(self.coordinates, 0 * at.x)[1]
+        G = self.invariants.along(at, turn)
+        free = list(self.free)
+        own = set(free)
+        dependent = [i for i in range(turn.shape[1]) if i not in own]
+        change = np.zeros((turn.shape[1], len(free)))
+        change[free, range(len(free))] = 1.0
+        if dependent:
+            change[dependent] = -np.linalg.lstsq(G[:, dependent], G[:, free], rcond=None)[0]
+        return Tangent(turn @ change, back[free], back_rate[free])
+
+
+def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
+    """In the independent entries that move the others least violently at a point: first positions, then their rates and scalar states.
+
+    Raises `OptionError` where a loop is in a singular position.
+    """
+    s = functions.outputs.system
+    singular = singular_loops(functions, at.t, at.x, at.p)
+    if singular:
+        raise OptionError(f"{singular} Choose a point beside it.")
+    units = tuple(sorted(unit_quaternions(s.position_invariants, s.x[: s.nq, :]).values()))
+    coordinates = ChartCoordinates(s.x.numel(), units)
+    names = coordinates.names(functions.state_names, "rotation")
+    invariants = Differentiable(s, ca.vertcat(s.position_invariants, s.velocity_invariants))
+    G = invariants.along(at, _turns(coordinates, at.x)[0])
+    rows, nq = s.position_invariants.numel(), s.nq - len(units)
+    positions = independent_entries(G[:rows, :nq]).free
+    rates = independent_entries(G[rows:, nq:], preferred=_matching(s, coordinates, positions)).free
+    free = (*positions, *(nq + i for i in rates))
+    return Deviations(s, invariants, coordinates, free, tuple(names[i] for i in free))
+
+
+def _turns(coordinates: ChartCoordinates, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """dx = turn dz (n, nz) and dz = back dx (nz, n), z with a rotation vector in frame_b in place of each quaternion."""
+    turn, back = np.zeros((x.size, coordinates.count)), np.zeros((coordinates.count, x.size))
+    k = 0
+    for i, size in coordinates.places:
+        if size == 3:
+            a, b, c, d = x[i : i + 4]
+            L = np.array([[-b, -c, -d], [a, -d, c], [d, a, -b], [-c, b, a]])
+            turn[i : i + 4, k : k + 3], back[k : k + 3, i : i + 4] = 0.5 * L, 2.0 * L.T
+        else:
+            turn[i, k] = back[k, i] = 1.0
+        k += size
+    return turn, back
+
+
+def _matching(s: ReducedSystem, coordinates: ChartCoordinates, positions: tuple[int, ...]) -> list[int]:
+    """The velocities that belong to independent positions, where joints have as many of one as of the other."""
+    chosen = set(positions)
+    wanted: list[int] = []
+    for joint in s.tree_joints:
+        own = [i for begin in range(joint.q.start, joint.q.stop) for i in coordinates.entries(begin)]
+        own = list(dict.fromkeys(own))
+        if len(own) == joint.v.stop - joint.v.start:
+            wanted += [joint.v.start + k for k, i in enumerate(own) if i in chosen]
+    return wanted
