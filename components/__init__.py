@@ -1,6 +1,6 @@
 """The catalogue of parts.
 
-Bodies: World, RigidBody, Particle, Fixed. Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
+Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
@@ -26,6 +26,7 @@ from components.electrical import (
     SignalVoltage,
     VoltageSource,
 )
+from components.flexible import FlexibleBeam, FlexibleBody, Section, ShapeIntegrals
 from components.forces.applied import Force, Torque
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
@@ -77,10 +78,10 @@ from components.world import World
 
 __all__ = [
     "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSensor", "CurrentSource", "Cylindrical", "Damper", "Diode",
-    "ElasticGear", "ElectromotiveForce", "Fixed", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
+    "ElasticGear", "ElectromotiveForce", "Fixed", "FlexibleBeam", "FlexibleBody", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
     "NonlinearDamper", "NonlinearSpring", "OperationalAmplifier", "Particle", "Planar", "PlanetaryGear", "PointOnPlane", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "RelativeRotationSensor", "Resistor", "Revolute", "RigidBody", "Rod",
     "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
-    "RotationalSpring", "Screw", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
+    "RotationalSpring", "Screw", "Section", "ShapeIntegrals", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
     "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSensor", "TorqueSource", "TranslationSensor", "TranslationalDamper",
     "TranslationalGround", "TranslationalSpring", "Universal", "VelocitySource", "VoltageSource", "World",
 ]  # fmt: skip

@@ -5,11 +5,12 @@ from __future__ import annotations
 import casadi as ca
 
 from acausal.mechanics.kinematics import Kinematics
+from acausal.mechanics.modal_inertia import ModalInertia
 from acausal.mechanics.pose import symbolic
 
 
 def kinetic_energy(kinematics: Kinematics) -> ca.SX:
-    """Sum of m v.v/2 + v.(w x m c) + w.I w/2 over the links [J]."""
+    """Sum of m v.v/2 + v.(w x m c) + w.I w/2 over the links, and what deformation adds [J]."""
     energy = ca.SX(0)
     for i, link in enumerate(kinematics.tree.links):
         if link.inertia.is_zero:
@@ -18,6 +19,10 @@ def kinetic_energy(kinematics: Kinematics) -> ca.SX:
         moment = symbolic(link.inertia.moment)
         second = symbolic(link.inertia.second_moment)
         energy += 0.5 * ca.SX(link.inertia.mass) * ca.dot(v, v) + ca.dot(v, ca.cross(w, moment)) + 0.5 * ca.dot(w, second @ w)
+    for modal in _elastic(kinematics):
+        angular, linear = modal.momentum()
+        energy += ca.dot(kinematics.angular_velocity(modal.seat), angular) + ca.dot(modal.v, modal.modal_mass() @ modal.v) / 2
+        energy += ca.dot(kinematics.linear_velocity(modal.seat), linear)
     return energy
 
 
@@ -37,6 +42,8 @@ def linear_momentum(kinematics: Kinematics) -> ca.SX:
     for i, link in enumerate(kinematics.tree.links):
         if not link.inertia.is_zero:
             total += symbolic(kinematics.pose(i).rotation) @ _momentum(kinematics, i)
+    for modal in _elastic(kinematics):
+        total += symbolic(kinematics.pose(modal.seat).rotation) @ modal.momentum()[1]
     return total
 
 
@@ -51,7 +58,16 @@ def angular_momentum(kinematics: Kinematics) -> ca.SX:
         own = symbolic(link.inertia.second_moment) @ w + ca.cross(symbolic(link.inertia.moment), v)
         R = symbolic(X.rotation)
         total += R @ own + ca.cross(symbolic(X.position), R @ _momentum(kinematics, i))
+    for modal in _elastic(kinematics):
+        X, (angular, linear) = kinematics.pose(modal.seat), modal.momentum()
+        R = symbolic(X.rotation)
+        total += R @ angular + ca.cross(symbolic(X.position), R @ linear)
     return total
+
+
+def _elastic(kinematics: Kinematics) -> list[ModalInertia]:
+    """Elastic bodies; as if frozen they are among the links' inertias."""
+    return [link.modal for link in kinematics.tree.links if link.modal is not None]
 
 
 def _momentum(kinematics: Kinematics, link: int) -> ca.SX:

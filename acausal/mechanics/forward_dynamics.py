@@ -54,10 +54,10 @@ def articulated_inertias(tree: Tree, rotors: Mapping[int, float] | None = None) 
     for i in reversed(range(n)):
         link, motion = links[i], links[i].motion
         if motion.nv:
-            if i not in rotors:
+            if i not in rotors and link.modal is None:
                 _check_inertia(link, blocks[i])
             *felt, U[i], D_inverse[i] = (
-                kernels.eliminate(motion.nv)(*blocks[i], motion.subspace, ca.SX(rotors.get(i, 0.0)))
+                kernels.eliminate(motion.nv)(*blocks[i], motion.subspace, *own_inertia(link, rotors.get(i, 0.0)))
                 if motion.axes is None
                 else kernels.eliminate_axes(motion.axes)(*blocks[i])
             )
@@ -85,6 +85,7 @@ def forward_dynamics(
             second = ca.densify(symbolic(link.inertia.second_moment))
             torque, force = kernels.bias_wrench(second, symbolic(link.inertia.moment), kinematics.angular_velocity(i))
         bias.append((torque - wrenches[i][0], force - wrenches[i][1]))
+    tau = _add_modal_bias(kinematics, bias, tau)
     u: list[ca.SX] = [ca.SX(0, 1)] * len(found.links)
     for i in reversed(range(len(found.links))):
         felt, u[i] = _passed(found, i, bias[i], kinematics.bias(i), tau)
@@ -149,6 +150,28 @@ def _accelerated(inertias: ArticulatedInertias, i: int, u: ca.SX, before: Wrench
             total = total + link.motion.subspace @ v_dot
         result[link.v] = v_dot
     return total[:3], total[3:]
+
+
+def own_inertia(link: Link, rotor: float) -> tuple[ca.SX, ca.SX]:
+    """(6, n) and (n, n): what the motion of a link meets besides the inertia behind it."""
+    n = link.motion.nv
+    if link.modal is None:
+        return ca.SX.zeros(6, n), rotor * ca.SX.eye(n)
+    return link.modal.coupling(link.motion)
+
+
+def _add_modal_bias(kinematics: Kinematics, bias: list[Wrench], tau: ca.SX) -> ca.SX:
+    """Elastic bodies' wrenches are added to those of links; tau (nv, 1) less their forces on amplitudes is returned."""
+    for i, link in enumerate(kinematics.tree.links):
+        if link.modal is None:
+            continue
+        seat = link.modal.seat
+        torque, force, modal = link.modal.bias(kinematics.angular_velocity(seat))
+        bias[seat] = (bias[seat][0] + torque, bias[seat][1] + force)
+        if link.modal.near:  # the seat does not have the acceleration that the joint adds
+            modal = modal - link.modal.coupling(link.motion)[0].T @ kinematics.bias(i)
+        tau = ca.vertcat(tau[: link.v.start], tau[link.v] - modal, tau[link.v.stop :])
+    return tau
 
 
 def _blocks(link: Link) -> Blocks:

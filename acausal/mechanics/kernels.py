@@ -155,13 +155,14 @@ def pass_axes(axes: tuple[int, ...]) -> Kernel:
 
 @functools.cache
 def eliminate(n: int) -> Kernel:
-    """As `eliminate_axes` for a general motion subspace S (6, n), and a rotor (1, 1) on each motion."""
+    """As `eliminate_axes` for a general motion subspace S (6, n), and inertia of the motion itself: U = I S + C, D = S' I S + E."""
 
-    @inlined(M33, M33, M33, (6, n), (1, 1))
-    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX, S: ca.SX, rotor: ca.SX) -> tuple[ca.SX, ...]:
+    @inlined(M33, M33, M33, (6, n), (6, n), (n, n))
+    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX, S: ca.SX, C: ca.SX, E: ca.SX) -> tuple[ca.SX, ...]:
         full = ca.blockcat([[I3, H], [H.T, M]])
         U = full @ S
-        D_inverse = inverse_positive(symmetric(S.T @ U) + rotor * ca.SX.eye(n))
+        D_inverse = inverse_positive(symmetric(S.T @ U) + symmetric(E))
+        U = U + C
         result = symmetric(full - U @ D_inverse @ U.T)
         return result[:3, :3], result[:3, 3:], result[3:, 3:], U, D_inverse
 

@@ -52,11 +52,18 @@ def newton_euler(kinematics: Kinematics, v_dot: ca.SX, wrenches: list[Wrench]) -
             force = force + H.T @ w_dot + ca.SX(link.inertia.mass) * a
         needed.append((torque - wrenches[i][0], force - wrenches[i][1]))
     tau = ca.SX.zeros(tree.v.numel())
+    for link in tree.links:
+        if link.modal is not None:
+            seat, C, own = link.modal.seat, link.modal.frame_coupling(), v_dot[link.v]
+            torque, force, modal = link.modal.bias(kinematics.angular_velocity(seat))
+            both = C @ own + ca.vertcat(torque, force)
+            needed[seat] = (needed[seat][0] + both[:3], needed[seat][1] + both[3:])
+            tau[link.v] = C.T @ ca.vertcat(*accelerations[seat]) + link.modal.modal_mass() @ own + modal
     for i in reversed(range(len(tree.links))):
         link = tree.links[i]
         torque, force = needed[i]
         if link.motion.nv:
-            tau[link.v] = link.motion.subspace.T @ ca.vertcat(torque, force)
+            tau[link.v] += link.motion.subspace.T @ ca.vertcat(torque, force)
         if link.parent >= 0:
             for pose in (link.motion.pose, link.offset):
                 torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)

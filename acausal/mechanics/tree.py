@@ -8,8 +8,10 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression
+from acausal.mechanics.elastic_body import AbstractElasticBody
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
+from acausal.mechanics.modal_inertia import ModalInertia
 from acausal.mechanics.motion import Motion, reversed_motion
 from acausal.mechanics.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
 from acausal.mechanics.spin import balanced, one_turn, without_turn
@@ -31,6 +33,8 @@ class Link:
     motion: Motion
     v: slice
     inertia: Inertia
+    modal: ModalInertia | None = None
+    """Of an elastic body whose amplitudes are the motion."""
     where: str = ""
     """The joint's path and line, and what hangs on it, for messages."""
 
@@ -103,8 +107,10 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
             mounting = Pose(motion.mounting, np.zeros(3))
             columns = _columns(v, motion.v, nv)
             offset, motion = one_turn(base @ mounting, motion)
-            links.append(Link(item.edge.name, parent, cleaned(offset), motion, columns, Inertia.zero(), where))
+            links.append(Link(item.edge.name, parent, cleaned(offset), motion, columns, Inertia.zero(), where=where))
             parent, base = len(links) - 1, Pose(motion.spin, np.zeros(3)) @ mounting.inverse()
+        if isinstance(joint, AbstractElasticBody):
+            _put_body(links, joint, backwards)
         group_pose = base @ far.inverse()
         places[item.child] = (parent, cleaned(group_pose))
         inertia = _clean_inertia(balanced(mechanism.groups[item.child].inertia.seen_from(group_pose), q))
@@ -129,6 +135,15 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
         world,
     )
     return _still(_aligned(tree))
+
+
+def _put_body(links: list[Link], joint: AbstractElasticBody, backwards: bool) -> None:
+    """Inertia of an elastic body on the two links of its joint, which were appended last: its frame is that of the first."""
+    seat = len(links) - 2
+    moved = seat if backwards else seat + 1
+    modal = ModalInertia(joint.body(), joint.q.sx, joint.v.sx, seat, near=not backwards)
+    links[moved] = replace(links[moved], modal=modal)
+    links[seat] = replace(links[seat], inertia=modal.frozen())
 
 
 def _where(mechanism: Mechanism, item: TreeEdge) -> str:

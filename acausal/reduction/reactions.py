@@ -130,19 +130,13 @@ class Reactions:
             if item.edge.joint is joint:
                 own = self.system.placement.ends(item.edge)[connector is joint.frame_b]
                 links = self.system.tree.links
-                torque, force = self.motion.transmitted[item.link]
                 near_side = (connector is joint.frame_a) != item.reversed
-                last = item.link
                 if not near_side:
-                    return _negated(_seen_from(own[1], torque, force))
+                    return _negated(_seen_from(own[1], *self.motion.transmitted[item.link]))
                 first = next(i for i, link in enumerate(links) if link.name == item.edge.name)
-                while True:  # back through the joint's steps, which have no inertia
-                    link = links[last]
-                    for pose in (link.motion.pose, link.offset):
-                        torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
-                    if last == first:
-                        break
-                    last = link.parent
+                torque, force = self.motion.transmitted[first]
+                for pose in (links[first].motion.pose, links[first].offset):
+                    torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
                 return _seen_from(own[1], torque, force)
         on_a, on_b = self.cut_wrenches[self._name(joint)]
         (_, pose), wrench = on_a if connector is joint.frame_a else on_b

@@ -1,0 +1,265 @@
+"""Elastic bodies: beams, and bodies whose shapes come from finite elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self, final
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Expression, Scalar, leaves, number, scalar, sx
+from acausal.language.origin import origin
+from acausal.mechanics.elastic_body import AbstractElasticBody
+from acausal.mechanics.modal_inertia import ElasticBody, ShapeIntegrals
+from components.beam_shapes import AXIAL_MOST, BENDING_MOST, BeamShapes
+
+Number = float | Expression
+
+
+@dataclass(frozen=True)
+class Section:
+    """Cross section of a beam along x: `area` [m^2], second moments of area `about_y` and `about_z` [m^4] through its centroid, all > 0.
+
+    Bending along y is resisted by `about_z`. y and z are principal axes. Raises `ParameterError`.
+    """
+
+    area: Number
+    about_y: Number
+    about_z: Number
+
+    def __post_init__(self) -> None:
+        for name in ("area", "about_y", "about_z"):
+            object.__setattr__(self, name, scalar(getattr(self, name), f"Section's {name}", positive=True))
+
+    @classmethod
+    def rectangle(cls, width: Scalar, height: Scalar) -> Section:
+        """`width` along y, `height` along z [m] > 0."""
+        y, z = scalar(width, "rectangle's width", positive=True), scalar(height, "rectangle's height", positive=True)
+        return cls(y * z, y * z * z * z / 12, z * y * y * y / 12)
+
+    @classmethod
+    def circle(cls, radius: Scalar, inner: Scalar = 0.0) -> Section:
+        """Solid, or a tube with an `inner` radius [m] less than `radius` [m]."""
+        r, i = scalar(radius, "circle's radius", positive=True), scalar(inner, "circle's inner radius", non_negative=True)
+        moment = np.pi / 4 * (r * r * r * r - i * i * i * i)
+        return cls(np.pi * (r * r - i * i), moment, moment)
+
+
+@final
+class FlexibleBeam(AbstractElasticBody):
+    """A straight uniform Euler-Bernoulli beam along x of frame_a, from frame_a to frame_b, that bends and stretches a little.
+
+    Displacement at s = x / length: sum of shapes times amplitudes q [m], first `bending[0]` along y, then `bending[1]` along z, then `axial`
+    along x. Bending shapes by `support`: "pinned", sin(k pi s): frame_a and frame_b stay on the chord, as between hinges; "clamped": modes of
+    a cantilever held at frame_a, 1 at the tip. Axial shapes: polynomials of degree `axial`, each 1 at one of x = length k / axial and 0 at the
+    others and at frame_a; for two 4 s (1 - s) and s (2 s - 1).
+    `youngs_modulus` [N/m^2], `density` [kg/m^3], `length` [m] > 0; `damping` [s] >= 0: stress = youngs_modulus (strain + damping strain').
+    Sections turn with frame_a. Stores q' k q / 2, dissipates damping v' k v. No torsion, no shear, no stiffening by tension.
+    Simeon, Mathematical Modelling of Systems 2 (1996). Raises `ParameterError`.
+
+        scene.rod = FlexibleBeam(0.3, Section.rectangle(0.008, 0.008), youngs_modulus=2e11, density=7870.0, bending=(2, 0))
+    """
+
+    def __init__(
+        self,
+        length: Scalar,
+        section: Section,
+        *,
+        youngs_modulus: Scalar,
+        density: Scalar,
+        bending: tuple[int, int] = (2, 2),
+        axial: int = 0,
+        support: str = "pinned",
+        damping: Scalar = 0.0,
+    ) -> None:
+        if not isinstance(section, Section):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise ParameterError(f"FlexibleBeam's section is {section!r} ({origin()}). Give e.g. Section.rectangle(0.01, 0.02).")
+        self.length = scalar(length, "FlexibleBeam's length", positive=True)
+        self.section = section
+        self.youngs_modulus = scalar(youngs_modulus, "FlexibleBeam's youngs_modulus", positive=True)
+        self.density = scalar(density, "FlexibleBeam's density", positive=True)
+        self.damping = scalar(damping, "FlexibleBeam's damping", non_negative=True)
+        self._shapes = _checked_shapes(bending, axial, support)
+        self._set_count(self._shapes.count)
+
+    @property
+    def mass(self) -> Number:
+        """[kg]."""
+        return self.density * self.section.area * self.length
+
+    def deflection(self, s: float) -> Expression:
+        """Displacement (3, 1) [m] of the point at s = x / length in [0, 1], in frame_a."""
+        at = number(s, "deflection's s")
+        if not 0 <= at <= 1:
+            raise ParameterError(f"deflection's s is {at:g} ({origin()}). It is x / length, between 0 and 1.")
+        return Expression(sx(self._shapes.at(np.array([at]))[0]) @ self.q.sx, frozenset({self.q}))
+
+    def body(self) -> ElasticBody:
+        L, section = sx(self.length), self.section
+        y, z, E = sx(section.about_y), sx(section.about_z), sx(self.youngs_modulus)
+        along_y, along_z, axial = (sx(k) for k in self._shapes.stiffness())
+        stiffness = E / L**3 * (z * along_y + y * along_z) + E * sx(section.area) / L * axial
+        mass = self.mass
+        return ElasticBody(
+            self._shapes.integrals(), mass.sx if isinstance(mass, Expression) else mass, L, sx(self.density) * L * ca.diag(ca.vertcat(y + z, y, z)),
+            stiffness, sx(self.damping) * stiffness, L * sx([1.0, 0.0, 0.0]), sx(self._shapes.at(np.ones(1))[0]), sx(self._shapes.tip_turns()) / L,
+        )  # fmt: skip
+
+
+@final
+class FlexibleBody(AbstractElasticBody):
+    """An elastic body given by its shape integrals, `mass` [kg], modal `stiffness` and `damping` (n, n), symmetric and not negative.
+
+    `integrals`: averages over the mass of places divided by `length` [m], and of shapes, see `ShapeIntegrals`; in frame_a, the floating
+    frame of reference. `turning_inertia` (3, 3) [kg m^2]: further inertia that turns with frame_a. frame_b is at `tip` (3,) [m] plus
+    `tip_shapes` (3, n) q, turned by the small angles `tip_turns` (3, n) q [rad]. Both matrices are zero by default.
+    Units of q are those of displacement / shape. Shabana, Dynamics of Multibody Systems, chapter 5. Raises `ParameterError`.
+
+        scene.arm = FlexibleBody.lumped(masses, places, shapes, stiffness, tip=places[-1], tip_shapes=shapes[-1])
+    """
+
+    def __init__(
+        self,
+        integrals: ShapeIntegrals,
+        mass: float,
+        stiffness: Any,
+        *,
+        length: float = 1.0,
+        damping: Any = None,
+        turning_inertia: Any = None,
+        tip: Any = (0.0, 0.0, 0.0),
+        tip_shapes: Any = None,
+        tip_turns: Any = None,
+    ) -> None:
+        n = _checked_integrals(integrals)
+        self.integrals = integrals
+        self.mass = _positive(mass, "FlexibleBody's mass")
+        self.length = _positive(length, "FlexibleBody's length")
+        self.stiffness = _not_negative(stiffness, n, "FlexibleBody's stiffness")
+        self.damping = _not_negative(np.zeros((n, n)) if damping is None else damping, n, "FlexibleBody's damping")
+        self.turning_inertia = _not_negative(
+            np.zeros((3, 3)) if turning_inertia is None else turning_inertia, 3, "FlexibleBody's turning_inertia"
+        )
+        self.tip = _array(tip, (3,), "FlexibleBody's tip")
+        self.tip_shapes = _array(np.zeros((3, n)) if tip_shapes is None else tip_shapes, (3, n), "FlexibleBody's tip_shapes")
+        self.tip_turns = _array(np.zeros((3, n)) if tip_turns is None else tip_turns, (3, n), "FlexibleBody's tip_turns")
+        self._set_count(n)
+
+    @classmethod
+    def lumped(cls, masses: Any, places: Any, shapes: Any, stiffness: Any, **options: Any) -> Self:
+        """From finite elements with lumped masses: `masses` (m,) [kg] at `places` (m, 3) [m] in frame_a, displaced by `shapes` (m, 3, n) q."""
+        m = np.asarray(masses, dtype=float).size
+        weights = _array(masses, (m,), "FlexibleBody's masses")
+        if not m or np.min(weights) < 0 or np.sum(weights) <= 0:
+            raise ParameterError(
+                f"FlexibleBody's masses are {weights} ({origin()}). They must not be negative, and not all zero."
+            )
+        form = np.shape(shapes)
+        if len(form) != 3 or form[:2] != (m, 3):
+            raise ParameterError(
+                f"FlexibleBody's shapes have the shape {form} ({origin()}). For {m} masses it must be ({m}, 3, n)."
+            )
+        found = ShapeIntegrals.of_masses(
+            weights, _array(places, (m, 3), "FlexibleBody's places"), _array(shapes, (m, 3, form[2]), "FlexibleBody's shapes")
+        )
+        return cls(found, float(np.sum(weights)), stiffness, **options)
+
+    def body(self) -> ElasticBody:
+        return ElasticBody(
+            self.integrals, self.mass, self.length, self.turning_inertia, self.stiffness, self.damping, self.tip, self.tip_shapes, self.tip_turns
+        )  # fmt: skip
+
+
+def _checked_shapes(bending: Any, axial: Any, support: Any) -> BeamShapes:
+    where = f"({origin()})"
+    if support not in ("pinned", "clamped"):
+        raise ParameterError(f"FlexibleBeam's support is {support!r} {where}. Use 'pinned' or 'clamped'.")
+    counts = tuple(bending) if isinstance(bending, list | tuple) else (bending,)
+    if len(counts) != 2 or not all(_is_count(k, BENDING_MOST) for k in counts):
+        raise ParameterError(
+            f"FlexibleBeam's bending is {bending!r} {where}. Give the numbers of shapes along y and along z, each from 0 to {BENDING_MOST}: (2, 0)."
+        )
+    if not _is_count(axial, AXIAL_MOST):
+        raise ParameterError(
+            f"FlexibleBeam's axial is {axial!r} {where}. Give the number of axial shapes, from 0 to {AXIAL_MOST}."
+        )
+    if not sum(counts) + axial:
+        raise ParameterError(
+            f"FlexibleBeam has no shape {where}: bending=(0, 0) and axial=0. A beam that does not deform is a RigidBody.rod."
+        )
+    return BeamShapes(counts[0], counts[1], axial, support == "clamped")
+
+
+def _is_count(value: Any, most: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= most
+
+
+def _positive(value: Any, what: str) -> float:
+    if leaves(value):
+        raise ParameterError(f"{what} is an expression ({origin()}). Give a number; a FlexibleBeam takes parameters.")
+    result = scalar(value, what, positive=True)
+    assert isinstance(result, float)
+    return result
+
+
+def _array(value: Any, shape: tuple[int, ...], what: str) -> np.ndarray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{what} must be numbers of shape {shape}, not {value!r} ({origin()}).") from None
+    if array.shape != shape:
+        raise ParameterError(f"{what} has the shape {array.shape} ({origin()}). It must be {shape}.")
+    if not np.all(np.isfinite(array)):
+        raise ParameterError(f"{what} has entries that are not finite ({origin()}): {array}.")
+    return array
+
+
+def _not_negative(value: Any, n: int, what: str) -> np.ndarray:
+    matrix = _array(value, (n, n), what)
+    size = float(np.max(np.abs(matrix), initial=0.0))
+    if np.max(np.abs(matrix - matrix.T), initial=0.0) > 1e-9 * size:
+        raise ParameterError(f"{what} is not symmetric ({origin()}): {matrix.tolist()}.")
+    least = float(np.linalg.eigvalsh(matrix)[0])
+    if least < -1e-9 * size:
+        raise ParameterError(f"{what} has a negative eigenvalue {least:g} ({origin()}): {matrix.tolist()}.")
+    return 0.5 * (matrix + matrix.T)
+
+
+def _checked_integrals(integrals: Any) -> int:
+    """The number of shapes. Raises `ParameterError` where no masses have such averages."""
+    if not isinstance(integrals, ShapeIntegrals):
+        raise ParameterError(
+            f"FlexibleBody's integrals are {integrals!r} ({origin()}). Give ShapeIntegrals, or use FlexibleBody.lumped."
+        )
+    form = np.shape(integrals.first_shapes)
+    n = form[1] if len(form) == 2 else 0
+    if not n:
+        raise ParameterError(
+            f"FlexibleBody's first_shapes have the shape {form} ({origin()}). It must be (3, n) with at least one shape."
+        )
+    for name, shape in (
+        ("first", (3,)),
+        ("first_shapes", (3, n)),
+        ("second", (3, 3)),
+        ("mixed", (3, 3, n)),
+        ("second_shapes", (3, 3, n, n)),
+    ):
+        _array(getattr(integrals, name), shape, f"ShapeIntegrals' {name}")
+    both = integrals.second_shapes
+    if not np.allclose(both, both.transpose(1, 0, 3, 2), rtol=1e-9, atol=1e-12 * float(np.max(np.abs(both)))):
+        raise ParameterError(f"ShapeIntegrals' second_shapes ({origin()}) must stay the same when a, i and b, j are exchanged.")
+    masses = np.linalg.eigvalsh(integrals.modal_mass)
+    if masses[0] <= 1e-12 * masses[-1]:
+        raise ParameterError(
+            f"FlexibleBody's {n} shapes are not independent ({origin()}): their mass matrix has the eigenvalues {masses}. Leave out shapes that "
+            "are zero or sums of others."
+        )
+    levels = np.linalg.eigvalsh(integrals.mass_matrix())
+    if levels[0] < -1e-9 * levels[-1]:
+        raise ParameterError(
+            f"FlexibleBody's integrals ({origin()}) belong to no masses: a motion would have negative kinetic energy (eigenvalue {levels[0]:g}). Check "
+            "that all are divided by the same mass and length."
+        )
+    return n
