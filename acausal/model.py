@@ -195,10 +195,8 @@ class Model:
         """
         from acausal.simulation import Options, simulate
 
-        options = Options(
-            rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, tuple(events)
-        )
-        return simulate(self.functions, t0, float(end), start or {}, inputs or {}, parameters or {}, options)
+        options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, events)
+        return simulate(self.functions, t0, end, start, inputs, parameters, options)
 
     def sensitivities(
         self,
@@ -264,7 +262,7 @@ class Model:
 
     def linearize(
         self,
-        start: Start | Sequence[float] | None = None,
+        start: Start | Sequence[float] | np.ndarray | None = None,
         *,
         states: Sequence[Expression] | None = None,
         outputs: Sequence[Expression] = (),
@@ -283,14 +281,17 @@ class Model:
         from acausal.analysis.point import operating_point
 
         if start is not None and not isinstance(start, Mapping) and self.functions.space.elimination.symbols:
-            start = self._whole_states(t, np.asarray(start, dtype=float), parameters)
+            start = self._whole_states(t, start, parameters)
         return linearize(self._whole, operating_point(self._whole, start, t, inputs, parameters), states, outputs)
 
-    def _whole_states(self, t: float, x: np.ndarray, parameters: Mapping[Parameter, float] | None) -> np.ndarray:
+    def _whole_states(
+        self, t: float, x: Sequence[float] | np.ndarray, parameters: Mapping[Parameter, float] | None
+    ) -> Sequence[float] | np.ndarray:
         """All coordinates and velocities of the tree for states x, constants of integration as in the sketch; x of another size as it is."""
-        if x.size != len(self.state_names):
+        if len(x) != len(self.state_names):
             return x
-        return self.functions.space.expanded(t, x, self.initial_state(parameters=parameters, t0=t).p)
+        p = self.initial_state(parameters=parameters, t0=t).p
+        return self.functions.space.expanded(t, np.array(x, dtype=float), p).tolist()
 
     def minimal(
         self,
@@ -403,7 +404,7 @@ class Model:
         """The equations of motion as sympy equations, for small scenes; see `acausal.export.sympy_equations`."""
         from acausal.export.sympy_equations import equations
 
-        return equations(self.system)
+        return equations(self.functions)
 
     def export_c(self, folder: str | Path) -> Path:
         """Write C source, header and a build line for the model's functions; returns the folder."""
@@ -440,6 +441,15 @@ def _plural(count: int, word: str) -> str:
 
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
+    if not isinstance(scene, System):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+        what = (
+            f"the class {scene.__name__}, not one of it: write build({scene.__name__}())"
+            if isinstance(scene, type)
+            else repr(scene)
+        )
+        raise ModelError(
+            f"build() takes a System of parts, e.g. scene = ac.System(); scene.world = World(); it was given {what}."
+        )
     flat = flatten(scene)
     if not flat.parts:
         raise ModelError(

@@ -238,3 +238,26 @@ def test_whole_and_eliminated_states_belong_together():
     assert whole == pytest.approx({"slide.q": 1.0, "hinge.q": 0.5, "slide.v": 0.6, "hinge.v": 2.0}, abs=1e-14)
     assert np.array_equal(space.restricted(np.array(list(whole.values()))), first.x)
     assert float(model.functions.output(scene.slide.q)(0.0, first.x, [], first.p)) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_readable_equations_say_what_follows():
+    import sympy
+
+    t = sympy.Symbol("t")
+    hinge, slide = sympy.Function("q_hinge")(t), sympy.Function("q_slide")(t)
+    equations = ac.build(rack()).equations()
+    (motion,) = equations.motion
+    assert motion.lhs == hinge.diff(t, 2)
+    assert abs(float(motion.rhs.coeff(hinge)) + STIFFNESS / (BLOCK + PINION / RADIUS**2)) < 1e-12
+    assert equations.constraints == (sympy.Eq(slide, hinge / 5),)
+    rolling = ac.build(upright_disk()).equations()
+    assert [str(e) for e in rolling.constraints] == ["Eq(q_slide(t), c_1 + 3*q_hinge(t)/10)"]
+    assert "frac{d^{2}}{d t^{2}} q_{hinge}" in rolling.latex()
+
+
+def test_states_given_as_numbers_are_those_that_a_model_keeps():
+    scene = upright_disk()
+    model = ac.build(scene)
+    linear = model.linearize([0.3, 1.0])  # angle and rate; the place of the sledge follows, and is free beside them
+    assert linear.states == ("slide.q", "hinge.q", "hinge.v")
+    assert np.allclose(linear.A, [[0, 0, 0.3], [0, 0, 1], [0, 0, 0]], atol=1e-13)
