@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from acausal.errors import OptionError, StartValueError
+from acausal.arguments import consistent_states, finite, listed, whole_number
+from acausal.errors import OptionError
 from acausal.language.expression import Input, Parameter, Variable
 from acausal.reduction.charts.chart import Chart, Choice, choose_chart
 from acausal.reduction.charts.equations import ChartEquations
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
     from acausal.minimal_motion import MinimalMotion
     from acausal.simulation import InputValue
 
-_OPEN = 1e-6
 _FEWEST_STEPS = 4
 """With fewer, a path may be lost unseen."""
 _MOST_STEPS = 200
+_EXAMPLE = "prefer=[scene.crank.q]"
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,7 +140,7 @@ class MinimalModel:
         Raises `StartValueError` where x does not meet the invariants or is singular.
         """
         p = self.chart.p if parameters is None else _parameters(self.atlas.functions, parameters)
-        time = self.chart.t if t is None else float(t)
+        time = self.chart.t if t is None else finite(t, "The time t [s]")
         return replace(self, chart=_chart(self.atlas, time, x, p, self.prefer))
 
     def simulate(
@@ -191,32 +192,14 @@ def minimal_model(
     functions: Functions, t: float, initial: InitialState, p: np.ndarray, prefer: Sequence[Variable], steps: int
 ) -> MinimalModel:
     """Independent coordinates around a consistent state. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
-    if isinstance(steps, bool) or not isinstance(steps, int) or not _FEWEST_STEPS <= steps <= _MOST_STEPS:  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise OptionError(f"minimal: steps is {steps!r}; give a whole number from {_FEWEST_STEPS} to {_MOST_STEPS}.")
-    if not isinstance(prefer, list | tuple):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass a variable
-        raise OptionError(f"minimal: prefer is {prefer!r}. Give a list of variables of the scene, e.g. prefer=[scene.crank.q].")
+    steps = whole_number(steps, "minimal: steps", _FEWEST_STEPS, _MOST_STEPS)
     atlas = Atlas(functions, steps)
-    places = tuple(k for variable in prefer for k in _places(atlas, variable))
+    places = tuple(k for variable in listed(prefer, "minimal: `prefer`", _EXAMPLE) for k in _places(atlas, variable))
     return MinimalModel(atlas, _chart(atlas, t, initial.x, p, places), initial, places)
 
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
-    functions = atlas.functions
-    nx = functions.outputs.system.x.numel()
-    try:
-        state = np.array(x, dtype=float).ravel()
-    except (TypeError, ValueError):
-        raise StartValueError(f"minimal: the state x is {x!r}; give {nx} numbers.") from None
-    if state.size != nx or not np.isfinite(state).all() or not np.isfinite(t):
-        raise StartValueError(
-            f"minimal: the state x needs {nx} finite numbers ({', '.join(functions.state_names)}), not {state} at t = {t}."
-        )
-    if functions.invariants is not None:
-        gap = float(np.max(np.abs(np.array(functions.invariants(t, state, p)))))
-        if not gap < _OPEN:
-            raise StartValueError(
-                f"minimal: the state x leaves loops, gears or unit quaternions open by {gap:.3g}. Take it from model.initial_state or a simulation."
-            )
+    state = consistent_states(atlas.functions, x, t, p)
     for begin in atlas.manifold.coordinates.units:
         state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])
     return choose_chart(atlas.manifold, t, state, p, prefer)
@@ -227,7 +210,7 @@ def _places(atlas: Atlas, variable: Any) -> list[int]:
     functions, c = atlas.functions, atlas.manifold.coordinates
     s = functions.outputs.system
     if not isinstance(variable, Variable):
-        raise OptionError(f"minimal: prefer has {variable!r}. Give variables of the scene, e.g. prefer=[scene.crank.q].")
+        raise OptionError(f"minimal: {variable!r} in `prefer` is not a variable of the scene; use e.g. {_EXAMPLE}.")
     value = functions.outputs.resolve(variable)
     states = {s.x[i].element_hash(): i for i in range(s.x.numel())}
     entries = [states.get(value[i].element_hash()) for i in range(value.numel())]

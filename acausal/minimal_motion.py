@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import whole_number
 from acausal.codegen.lower import Functions, warn_no_compiler
 from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators import integrate
@@ -111,8 +112,7 @@ def simulate(
         )
     signal = input_signal(functions, inputs)
     moving = any(callable(value) for value in inputs.values())
-    if isinstance(options.samples, bool) or not isinstance(options.samples, int) or options.samples < 2:  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise OptionError(f"minimal.simulate: samples is {options.samples!r}; give a whole number of at least 2.")
+    whole_number(options.samples, "minimal.simulate: samples", 2)
     initial = replace(minimal.initial, x=chart.x)
     if start is not None:
         initial = initial_state(functions.outputs, start, chart.t, chart.p, signal(np.array([chart.t]))[:, 0])

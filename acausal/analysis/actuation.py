@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from acausal.analysis.arguments import listed
 from acausal.analysis.point import labels
+from acausal.arguments import listed
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input

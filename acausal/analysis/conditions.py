@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.analysis.arguments import expressions, finite, listed
 from acausal.analysis.nearest import Rows
 from acausal.analysis.point import Differentiable, OperatingPoint, labels
+from acausal.arguments import expressions, finite, listed
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from acausal.analysis.arguments import start_mapping
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
-from acausal.analysis.nearest import NearestRoot, Root
-from acausal.analysis.point import Differentiable, OperatingPoint, operating_point, start_values
+from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
+from acausal.analysis.point import UNCHANGED, Differentiable, OperatingPoint, before_and_after, operating_point, start_values
+from acausal.arguments import start_mapping
 from acausal.codegen.lower import Functions
 from acausal.errors import EquilibriumError
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.reduction.initial import Start, exactly, near
+from acausal.reduction.start_values import Start, softened
 from acausal.simulation import InputValue
 
 if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization
 
-_STRIDE = 1e-3
-_LASTING = 3e-8
 _STARTS = 8
 _SINK = 0.1
 _SINKING = 200
@@ -124,8 +122,7 @@ def equilibrium(
     """See `Model.equilibrium`."""
     # only what is held must be met where the search begins
     start = start_mapping(start)
-    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in start.items()}
-    began = operating_point(functions, guess, t, inputs, parameters)
+    began = operating_point(functions, softened(start), t, inputs, parameters)
     given = unknowns(functions, began, free)
     wanted = conditions(functions, start, steady)
     s = functions.outputs.system
@@ -207,15 +204,8 @@ def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found:
 
 def _goes_on(x_dot: Differentiable, balance: Differentiable, at: OperatingPoint) -> bool:
     """Whether the conditions hold a little before and after, too: in first and second order of time."""
-    rate = x_dot.value(at)
-    second = x_dot.along(at, rate[:, None], dt=1.0)[:, 0]
-    h = _STRIDE / max(1.0, float(np.max(np.abs(rate) / (1.0 + np.abs(at.x)), initial=0.0)))
-    for step in (h, -h):
-        moved = replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second)
-        size = 1.0 + np.max(np.abs(balance.along(at, np.eye(at.x.size))), axis=1, initial=0.0)
-        if np.any(np.abs(balance.value(moved)) > _LASTING * size):
-            return False
-    return True
+    size = 1.0 + np.max(np.abs(balance.along(at, np.eye(at.x.size))), axis=1, initial=0.0)
+    return all(bool(np.all(np.abs(balance.value(moved)) <= UNCHANGED * size)) for moved in before_and_after(x_dot, at))
 
 
 def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -> tuple[str, ...]:
@@ -231,12 +221,10 @@ def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -
 
 
 def _complaint(functions: Functions, names: tuple[str, ...], residual: np.ndarray, steady: bool) -> str:
-    worst = [i for i in np.argsort(-np.abs(residual)) if abs(residual[i]) > 1e-6 * np.max(np.abs(residual))][:4]
-    left = ", ".join(f"{names[i]} (off by {residual[i]:.4g})" for i in worst)
     advice = (
         "The rates asked for may be impossible; begin nearer with start={...}, give None for a rate that is to be found, or free an input."
         if steady
         else "Something may push without an end (a body in free fall, a source that drives): hold it, give the inputs or parameters that are "
         "to balance it in free=[...], look for a motion with steady={...}, or begin nearer with start={...}."
     )
-    return f"No {'steady motion' if steady else 'equilibrium'} of '{functions.outputs.system.flat.name}' was found. What cannot vanish: {left}. {advice}"
+    return f"No {'steady motion' if steady else 'equilibrium'} of '{functions.outputs.system.flat.name}' was found. What cannot vanish: {largest_gaps(names, residual)}. {advice}"

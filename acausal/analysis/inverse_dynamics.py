@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.actuation import Actuation, Unknown, actuated
-from acausal.analysis.arguments import expressions, start_mapping
 from acausal.analysis.point import labels, operating_point, start_values
 from acausal.analysis.prescribed import Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
+from acausal.arguments import expressions, start_mapping
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.reduction.initial import Start, exactly, near
+from acausal.reduction.start_values import Start, near, softened
 from acausal.simulation import InputValue, input_signal, parameter_values
 
 
@@ -113,7 +113,7 @@ def inverse_dynamics(
     functions = actuation.functions
     p = parameter_values(functions, parameters or {})
     wanted = courses(functions, motions, t, p)
-    guess = {k: v if isinstance(v, exactly | near) else near(v) for k, v in start_mapping(start).items()}
+    guess = softened(start_mapping(start))
     first = np.array([c(float(t[0]), 0) for c in wanted])
     sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
     guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}

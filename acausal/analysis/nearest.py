@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,6 +140,13 @@ class _Place:
     J: np.ndarray
     weight: np.ndarray
     size: float
+
+
+def largest_gaps(names: Sequence[str], residual: np.ndarray) -> str:
+    """At most four rows in words, the largest residual (n,) first; what is not finite counts as larger than any number."""
+    size = np.nan_to_num(np.abs(residual), nan=np.inf)
+    worst = [i for i in np.argsort(-size, kind="stable") if size[i] > 1e-3 * min(np.max(size), 1e300)][:4]
+    return ", ".join(f"{names[i]} (off by {residual[i]:.3g})" for i in worst)
 
 
 def _null_space(J: np.ndarray) -> np.ndarray:

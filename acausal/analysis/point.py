@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from acausal.analysis.arguments import finite
+from acausal.arguments import consistent_states, finite
 from acausal.codegen.lower import Functions
-from acausal.errors import StartValueError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.reduction.initial import Start, initial_state
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import ReducedSystem
 from acausal.simulation import InputValue, input_signal, parameter_values
 
-_CONSISTENT = 1e-6
+_STRIDE = 1e-3
+"""Change of the fastest state, in units of 1 + its size, that is a little."""
+UNCHANGED = 3e-8
+"""What changes by less over such a stride does not change: what is left of third order is about 1e-9."""
 
 
 @dataclass(frozen=True)
@@ -47,22 +49,7 @@ def operating_point(
     p = parameter_values(functions, parameters or {})
     if start is None or isinstance(start, Mapping):
         return OperatingPoint(t, initial_state(functions.outputs, start or {}, t, p, u).x, u, p)
-    try:
-        x = np.array(start, dtype=float).ravel()
-    except (TypeError, ValueError):
-        x = np.zeros(0)
-    names = functions.state_names
-    if x.size != len(names) or not np.isfinite(x).all():
-        raise StartValueError(
-            f"The states must be {len(names)} finite numbers, not {start!r}: {', '.join(names[:12])}. Or give start={{variable: value}}."
-        )
-    gap = 0.0 if functions.invariants is None else float(np.max(np.abs(np.array(functions.invariants(t, x, p))), initial=0.0))
-    if gap > _CONSISTENT:
-        raise StartValueError(
-            f"The states {x} violate the constraints by {gap:.3g} (loops, lengths of quaternions, or their rates). Give values of the "
-            "independent variables instead, start={variable: value}, and the others follow."
-        )
-    return OperatingPoint(t, x, u, p)
+    return OperatingPoint(t, consistent_states(functions, start, t, p), u, p)
 
 
 def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:
@@ -104,6 +91,15 @@ class Differentiable:
         seeds = [np.full((1, k), dt)]
         seeds += [np.zeros((n.size, k)) if d is None else d for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
         return np.array(self._forward(at.t, at.x, at.u, at.p, np.zeros((self.size, 1)), *seeds)).reshape(self.size, k)
+
+
+def before_and_after(x_dot: Differentiable, at: OperatingPoint) -> Iterator[OperatingPoint]:
+    """Points a little later and earlier on the motion x' = `x_dot` through a point, to second order in time, inputs held."""
+    rate = x_dot.value(at)
+    second = x_dot.along(at, rate[:, None], dt=1.0)[:, 0]
+    h = _STRIDE / max(1.0, float(np.max(np.abs(rate) / (1.0 + np.abs(at.x)), initial=0.0)))
+    for step in (h, -h):
+        yield replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second)
 
 
 def labels(outputs: Outputs, wanted: Expression | ca.SX) -> tuple[str, ...]:

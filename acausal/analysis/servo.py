@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.analysis.actuation import Actuation
 from acausal.analysis.conditions import Unknowns
-from acausal.analysis.nearest import NearestRoot, Rows
+from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
 from acausal.errors import MotionError, OptionError
@@ -132,12 +132,9 @@ class Servo:
         if not found.converged:
             names = ["a loop"] * self._closing
             names += [c.name + "'" * k for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]
-            worst = [
-                i for i in np.argsort(-np.abs(found.residual)) if abs(found.residual[i]) > 1e-3 * np.max(np.abs(found.residual))
-            ][:4]
             raise MotionError(
                 f"inverse_dynamics: at t = {t:.6g} s the mechanism cannot follow: "
-                f"{', '.join(f'{names[i]} (off by {found.residual[i]:.3g})' for i in worst)}. The motions contradict each other or the "
+                f"{largest_gaps(names, found.residual)}. The motions contradict each other or the "
                 "constraints, or lead out of reach."
             )
         return found.z, found.free
@@ -164,11 +161,9 @@ class Servo:
             u[entries] += change
             at = replace(at, u=u)
         if not np.all(np.abs(gap) <= _MET * size):
-            off = [
-                f"{c.name} (off by {g:.3g})" for c, g, s in zip(self._wanted, gap, size, strict=True) if not abs(g) <= _MET * s
-            ][:4]
+            off = largest_gaps([c.name for c in self._wanted], np.where(np.abs(gap) <= _MET * size, 0.0, gap))
             raise MotionError(
-                f"inverse_dynamics: at t = {t:.6g} s the forces {', '.join(self._actuation.names)} cannot accelerate {', '.join(off)} as asked: "
+                f"inverse_dynamics: at t = {t:.6g} s the forces {', '.join(self._actuation.names)} cannot accelerate {off} as asked: "
                 f"{len(self._wanted)} motions, {len(entries)} forces. Add an actuator to `unknowns`, or prescribe fewer motions."
             )
         return at.u

@@ -19,6 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.reduction.initial import InitialState, Start, initial_state
@@ -44,8 +45,7 @@ def assembly_function(
     name: str,
 ) -> ca.Function:
     """The values of `wrt` (n,) -> `result` column by column; see `Model.assembly_function`."""
-    if not isinstance(steps, int) or steps < 1:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
-        raise OptionError(f"assembly_function: steps is {steps!r}. Give a whole number above 0.")
+    steps = whole_number(steps, "assembly_function: steps", 1)
     if result is not None and not isinstance(result, Expression | ca.SX):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise OptionError(
             f"assembly_function: the outputs are {result!r}. Give a variable or an expression, or None for all states."

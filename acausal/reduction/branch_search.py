@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import expressions, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
 from acausal.reduction.assembly import Residual, assemble
@@ -42,9 +43,8 @@ def branches(
     seed: int,
 ) -> Branches:
     """Many searches from anywhere, then clusters; see `Model.branches`."""
-    if not isinstance(searches, int) or searches < 1:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
-        raise OptionError(f"branches: searches is {searches!r}. Give a whole number above 0.")
-    told = (by,) if isinstance(by, Expression) else tuple(by)
+    searches = whole_number(searches, "branches: searches", 1)
+    told = expressions([by] if isinstance(by, Expression) else by, "branches: `by`", "by=[scene.elbow.q]")
     first = initial_state(outputs, start, t0, p, u)
     problem = first.account.problem
     wanted, weights, data = start_data(problem, start, t0, p, u)
@@ -208,9 +208,6 @@ def _nearest(soft: Residual | None, first: np.ndarray, scale: np.ndarray, y: np.
 def _seen(outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, u: np.ndarray) -> ca.Function:
     """q -> the expressions that tell branches apart. Raises `OptionError` where they depend on velocities."""
     r = outputs.system
-    for item in by:
-        if not isinstance(item, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
-            raise OptionError(f"branches: `by` takes variables or expressions, not {item!r}.")
     values = ca.vertcat(*(ca.vec(ca.densify(outputs.resolve(item))) for item in by))
     q, v = r.x[: r.nq, :], r.x[r.nq :, :]
     if v.numel() and ca.depends_on(values, v):

@@ -36,7 +36,13 @@ class near:
 Start = Mapping[Expression, Value | exactly | near]
 
 
+def softened(start: Start) -> dict[Expression, Value | exactly | near]:
+    """Plain values as near ones; those that say how they are meant stay."""
+    return {key: value if isinstance(value, exactly | near) else near(value) for key, value in start.items()}
+
+
 def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
+    """The value (size,), column by column. Raises `StartValueError` for another size and for what is no finite number."""
     number = value.value if isinstance(value, exactly | near) else value
     try:
         wanted = np.asarray(number, dtype=float).ravel(order="F")
@@ -52,6 +58,7 @@ def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
 
 
 def start_weight(target: Target, weight: object) -> float:
+    """The weight of a near value, a float. Raises `StartValueError` unless it is finite and positive."""
     try:
         number = float(weight)  # pyright: ignore[reportArgumentType]  # users pass anything
     except (TypeError, ValueError):
@@ -64,6 +71,7 @@ def start_weight(target: Target, weight: object) -> float:
 
 
 def check_settable(leaf: Symbol) -> None:
+    """Raises `StartValueError` for a variable that no state determines: parameters, inputs, time, forces and accelerations."""
     if isinstance(leaf, Parameter):
         raise StartValueError(f"{leaf.name} is a parameter, not a state: give it by parameters={{...}}.")
     if isinstance(leaf, Input):
