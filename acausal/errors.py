@@ -12,6 +12,7 @@ AcausalError
 │   ├── LockedError             the constraints leave no freedom to move
 │   ├── UnderdeterminedError    fewer equations than unknowns
 │   └── OverdeterminedError     more equations than unknowns
+├── ExpressionError             arithmetic with symbols that has no meaning: shapes that do not fit, text, no number yet (also a TypeError)
 ├── UnknownVariableError        a variable or expression that does not belong to the model asked
 ├── StartValueError             a start value for something that cannot have one, or that is contradicted
 ├── OptionError                 an argument of a call that makes no sense, e.g. a negative duration (also a ValueError)
@@ -77,6 +78,10 @@ class UnderdeterminedError(ModelError):
 
 class OverdeterminedError(ModelError):
     """More equations than unknowns, or equations that contradict each other."""
+
+
+class ExpressionError(AcausalError, TypeError):
+    """Something was done with symbolic expressions that has no meaning, e.g. `if hinge.q:` or a sum of vectors of different lengths."""
 
 
 class UnknownVariableError(AcausalError):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
 
+_CONDITIONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
 _DIRECTIONS = {"both": 0, "rising": 1, "falling": -1}
 
 
@@ -30,6 +32,11 @@ class when:
             raise OptionError(f'when: the direction is "rising", "falling" or "both", not {self.direction!r}.')
         if not isinstance(self.expression, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
             raise OptionError(f"when: {self.expression!r} is not an expression of a scene's variables.")
+        if self.expression.sx.is_scalar() and self.expression.sx.op() in _CONDITIONS:
+            raise OptionError(
+                f"when: {self.expression!r} is a condition and does not pass through zero. In place of a > b give a - b, with the "
+                'direction: ac.when(a - b, "rising").'
+            )
 
     @property
     def sign(self) -> int:

@@ -76,7 +76,10 @@ def sensitivities(
     tolerances: Tolerances,
 ) -> Sensitivities:
     """Derivatives of a motion from start values; see `Model.sensitivities`."""
-    t = np.asarray(times, dtype=float).ravel()
+    try:
+        t = np.asarray(times, dtype=float).ravel()
+    except (TypeError, ValueError):
+        t = np.zeros(0)
     if t.size < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
         raise OptionError("sensitivities: give at least two ascending times, the first one is the start.")
     what = _columns(functions, wrt, start)
@@ -144,6 +147,7 @@ class TrajectoryFunction(ca.Callback):
 
     def __init__(self, name: str, motion: Motion) -> None:
         super().__init__()
+        motion.functions.outputs.resolve(motion.outputs)  # CasADi loses errors of get_sparsity_out
         self._motion = motion
         self._derivatives: list[ca.Callback] = []
         self.construct(name, {})

@@ -10,17 +10,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import dictionary, finite, listed, shown, start_mapping, truth, whole_number
 from acausal.codegen.lower import Functions
-from acausal.errors import OptionError, SimulationError, UnknownVariableError
+from acausal.errors import OptionError, ParameterError, SimulationError, UnknownVariableError
 from acausal.events import when
 from acausal.integrators import integrate
 from acausal.integrators.problem import Guards, Problem, StatusKind, Tolerances
+from acausal.language.component import Component
 from acausal.language.expression import Input, Parameter, number
+from acausal.language.origin import origin
 from acausal.reduction.initial import Start, initial_state
 from acausal.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.trajectory import Trajectory
 from acausal.trouble import failure, warn_if_outside, warn_if_singular
 
+_INPUTS = "{scene.torque: lambda t: np.sin(t)}"
 InputValue = float | Callable[[float], float]
 Progress = Callable[[float], None]
 
@@ -39,22 +43,48 @@ class Options:
     max_steps: int
     raise_on_failure: bool
     compiled: bool
-    events: tuple[when, ...]
+    events: Sequence[when]
+
+    def checked(self) -> Options:
+        """The same with plain numbers. Raises `OptionError` for what makes no sense."""
+        rtol = finite(self.rtol, "simulate: rtol")
+        atol = rtol if self.atol is None else finite(self.atol, "simulate: atol")
+        step = None if self.step is None else finite(self.step, "simulate: the step [s]")
+        events = tuple(listed(self.events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
+        for event in events:
+            if not isinstance(event, when):
+                raise OptionError(f'simulate: {event!r} in `events` is no event. Use ac.when(expression, "rising").')
+        if not callable(self.progress):
+            truth(self.progress, "simulate: progress")
+        return replace(
+            self,
+            rtol=rtol,
+            atol=atol,
+            step=step,
+            order=None if self.order is None else whole_number(self.order, "simulate: the order", 1),
+            samples=whole_number(self.samples, "simulate: samples", 2),
+            max_steps=whole_number(self.max_steps, "simulate: max_steps", 1),
+            raise_on_failure=truth(self.raise_on_failure, "simulate: raise_on_failure"),
+            compiled=truth(self.compiled, "simulate: compiled"),
+            events=events,
+        )
 
 
 def simulate(
     functions: Functions,
     t0: float,
     t1: float,
-    start: Start,
-    inputs: Mapping[Input, InputValue],
-    parameters: Mapping[Parameter, float],
+    start: Start | None,
+    inputs: Mapping[Input, InputValue] | None,
+    parameters: Mapping[Parameter, float] | None,
     options: Options,
 ) -> Trajectory:
     """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
-    problem = _problem(functions, inputs, parameters, options.compiled)
+    t0, t1 = finite(t0, "simulate: the start t0 [s]"), finite(t1, "simulate: the end [s]")
+    options = options.checked()
+    problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
     p, space = problem.parameters, functions.space
-    initial = initial_state(functions.outputs, start, t0, p, problem.inputs(np.array([t0]))[:, 0])
+    initial = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
     problem = replace(problem, parameters=space.extended(t0, initial.x, p))
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
@@ -72,8 +102,8 @@ def simulate(
         max_steps=options.max_steps,
         progress=_progress(options.progress),
     )
-    times = np.linspace(t0, solution.t[-1], max(2, options.samples))
-    run = Trajectory(functions, problem, solution, initial, times, options.events)
+    times = np.linspace(t0, solution.t[-1], options.samples)
+    run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
     warn_if_singular(functions, run, stacklevel=4)
     warn_if_outside(functions, run, stacklevel=4)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
@@ -92,6 +122,11 @@ def sensitivity_run(
     compiled: bool,
 ) -> Sensitivities:
     """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
+    wrt = listed(wrt, "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
+    start, inputs = start_mapping(start), dictionary(inputs, "inputs", _INPUTS)
+    tolerances = replace(
+        tolerances, rtol=finite(tolerances.rtol, "sensitivities: rtol"), atol=finite(tolerances.atol, "sensitivities: atol")
+    )
     for entry in wrt:
         if isinstance(entry, Input) and callable(inputs.get(entry)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
@@ -113,7 +148,7 @@ def _problem(
     return Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native)
 
 
-def _guards(functions: Functions, events: tuple[when, ...]) -> Guards:
+def _guards(functions: Functions, events: Sequence[when]) -> Guards:
     key = tuple(event.expression for event in events)
     function = functions.guard_functions.get(key)
     if function is None:
@@ -132,7 +167,7 @@ def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]
     """All parameters (np,), with the given ones replaced. Raises `UnknownVariableError`, `ParameterError`."""
     known = functions.outputs.system.flat.parameters
     values = functions.outputs.system.p_values.copy()
-    for parameter, value in parameters.items():
+    for parameter, value in dictionary(parameters, "parameters", "{scene.mass: 2.0}").items():
         if parameter not in known:
             raise UnknownVariableError(_unknown(parameter, "parameter", [functions.outputs.name(k) for k in known]))
         values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
@@ -143,22 +178,52 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Ca
     """times (n,) -> inputs (nu, n). A callable is asked for one time at a time."""
     known = functions.outputs.system.flat.inputs
     given: list[InputValue] = [entry.default for entry in known]
-    for entry, value in inputs.items():
+    for entry, value in dictionary(inputs, "inputs", _INPUTS).items():
         if entry not in known:
             raise UnknownVariableError(_unknown(entry, "input", [functions.outputs.name(k) for k in known]))
-        given[known.index(entry)] = value if callable(value) else number(value, functions.outputs.name(entry))
+        name = functions.outputs.name(entry)
+        if not callable(value) and not np.isscalar(value):
+            raise ParameterError(
+                f"The input {name} is given as {shown(value)} ({origin()}). Give a number, or a function of time that gives numbers: "
+                "lambda t: np.sin(t), or lambda t: np.interp(t, times, samples)."
+            )
+        given[known.index(entry)] = number(value, name) if not callable(value) else _watched(value, name)
 
     def signal(times: np.ndarray) -> np.ndarray:
         result = np.empty((len(given), times.size))
         for i, value in enumerate(given):
-            result[i] = [float(value(float(t))) for t in times] if callable(value) else value
+            result[i] = [value(float(t)) for t in times] if callable(value) else value
         return result
 
     return signal
 
 
+def _watched(function: Callable[[float], Any], name: str) -> Callable[[float], float]:
+    """The function, whose errors and results that are no numbers raise `ParameterError` with the input's name."""
+
+    def value(t: float) -> float:
+        try:
+            found = float(function(t))
+        except (TypeError, ValueError, ArithmeticError) as error:
+            raise ParameterError(
+                f"The input {name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {error} It is called with one "
+                "number, the time [s], and must return one number."
+            ) from error
+        return found
+
+    return value
+
+
 def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
-    return f"{symbol!r} is not a {kind} of this scene. It has: {', '.join(known) or 'none'}."
+    article = "an" if kind == "input" else "a"
+    held = vars(symbol).values() if isinstance(symbol, Component) else ()
+    own = [value.name for value in held if isinstance(value, Input if kind == "input" else Parameter)]
+    hint = (
+        f" Name the {kind} itself: {', '.join(f'scene.{name}' for name in own or known[:1])}."
+        if own or (known and isinstance(symbol, str))
+        else ""
+    )
+    return f"{symbol!r} is not {article} {kind} of this scene. It has: {', '.join(known) or 'none'}.{hint}"
 
 
 def _progress(wanted: bool | Progress) -> Progress | None:

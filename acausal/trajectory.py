@@ -84,7 +84,10 @@ class Trajectory:
 
     def at(self, times: Sequence[float] | np.ndarray | float) -> Trajectory:
         """The motion at other times within the simulated interval [s]. Raises `OptionError` outside of it."""
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        try:
+            wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            raise OptionError(f"run.at({times!r}): give a time or a list of times [s].") from None
         first, last = self.solution.t[0], self.solution.t[-1]
         slack = 1e-12 * max(1.0, abs(last))
         if wanted.size == 0 or np.any(wanted < first - slack) or np.any(wanted > last + slack) or not np.all(np.isfinite(wanted)):

@@ -219,7 +219,7 @@ CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] 
     ("unconnected", unconnected, errors.UnconnectedError, ("extra.frame_b", HERE, "connect both")),
     ("frame to flange", frame_to_flange, errors.IncompatibleError, ("tip of RigidBody", "flange_a of Inertia", HERE)),
     ("point where a frame is needed", point_for_frame, errors.IncompatibleError, ("extra.frame_a", "'bob'", "point", HERE, "Fixed")),
-    ("same part twice", same_part_twice, errors.DuplicateError, ("'rod' and 'again'", "Make two")),
+    ("same part twice", same_part_twice, errors.DuplicateError, ("'rod' and as 'again'", "Make two")),
     ("two grounds", two_grounds, errors.GroundError, ("other", "-1.6", "Keep one")),
     ("ground loop does not fit", grounds_in_a_loop, errors.GroundError, ("gap of 1 m", "post", HERE)),
     ("no ground", no_ground, errors.GroundError, ("no ground", "World()")),

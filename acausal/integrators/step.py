@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import finite, whole_number
 from acausal.errors import OptionError
 from acausal.integrators.tableau import gauss_legendre, radau_iia
 
@@ -16,6 +17,9 @@ def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4, h:
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
     The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
+    order = whole_number(order, "step: the order", 1)
+    if h is not None and not finite(h, "step: h [s]") > 0:
+        raise OptionError(f"step: h is {h!r} s. Give a positive number, or leave it out to have it as an argument.")
     if method == "gauss" and order >= 2 and order % 2 == 0:
         tableau = gauss_legendre(order // 2)
     elif method == "radau" and order >= 1 and order % 2 == 1:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from acausal.errors import DuplicateError, IncompatibleError
+from acausal.errors import DuplicateError, IncompatibleError, ModelError
 from acausal.language.connector import Connector, Point
 from acausal.language.equation import Equation
 from acausal.language.expression import Expression, Variable
@@ -79,6 +79,13 @@ class Component:
             raise DuplicateError(
                 f"'{name}' is a method of {type(self).__name__} and cannot be a part's name ({origin()}). Choose another name."
             )
+        if (isinstance(value, Connector) and value.owner is None) or (type(value) is Variable and value.name == "variable"):
+            kind = type(value).__name__
+            how = "Variable(...)" if kind == "Variable" else f"{kind}.port()"
+            raise ModelError(
+                f"'{name}' of {self!r} is a {kind} made while the part was made ({origin()}), so the part does not own it. Declare it in the "
+                f"body of the class: {name} = ac.{how}, outside of __init__."
+            )
         super().__setattr__(name, value)
 
     if not TYPE_CHECKING:  # a type checker finds misspelt names by itself; this is for people without one
@@ -86,13 +93,15 @@ class Component:
         def __getattr__(self, name: str) -> Any:
             if name.startswith("_"):
                 raise AttributeError(name)
-            known = [n for n in dir(type(self)) if not n.startswith("_")] + [n for n in self.__dict__ if not n.startswith("_")]
+            explained = getattr(type(self), name, None)
+            if isinstance(explained, property) and explained.fget is not None:
+                return explained.fget(self)  # says itself why it has no value
+            own = [n for n in self.__dict__ if not n.startswith("_") and n != "created_at"]
+            known = [n for n in dir(type(self)) if not n.startswith("_")] + own
             similar = difflib.get_close_matches(name, known, n=1)
-            hint = (
-                f" Did you mean '{similar[0]}'?"
-                if similar
-                else f" It has: {', '.join(n for n in self.__dict__ if not n.startswith('_'))}."
-            )
+            declarations = [*declared(type(self), Connector), *declared(type(self), Variable)]
+            has = ", ".join(dict.fromkeys([*declarations, *own])) or "nothing yet; assign parts first: self.name = ..."
+            hint = f" Did you mean '{similar[0]}'?" if similar else f" It has: {has}."
             raise AttributeError(f"{self!r} has no '{name}'.{hint}")
 
     def __repr__(self) -> str:

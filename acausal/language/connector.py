@@ -6,7 +6,8 @@ domains are pairs of one potential and one flow.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Self, cast, overload
+import difflib
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast, overload
 
 from acausal.language.expression import Symbol, Variable
 
@@ -69,8 +70,23 @@ class Connector:
         """The quantities asked for so far."""
         return tuple(value for value in self.__dict__.values() if isinstance(value, Symbol))
 
+    if not TYPE_CHECKING:  # a type checker finds misspelt names by itself; this is for people without one
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            known = [n for n in dir(type(self)) if not n.startswith("_") and n not in _NOT_READ]
+            similar = difflib.get_close_matches(name, known, n=1)
+            hint = f"Did you mean '{similar[0]}'?" if similar else f"It has: {', '.join(known)}."
+            if name in ("rotation", "torque", "angular_velocity", "angular_acceleration"):
+                hint = "A point has a position and no orientation; only frames have one."
+            raise AttributeError(f"{self!r} has no '{name}'. {hint}")
+
     def __repr__(self) -> str:
         return f"{type(self).__name__} {self.name} of {type(self.owner).__name__}"
+
+
+_NOT_READ = ("domain", "port", "quantities", "quantity")
 
 
 class Point(Connector):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from acausal.errors import ExpressionError
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Scalar, Symbol, Time, leaves, sx
 from acausal.language.origin import origin
 
@@ -25,13 +26,19 @@ class Equation:
 
 def equal(left: Scalar, right: Scalar) -> Equation:
     """The equation left = right."""
-    return Equation(Expression(sx(left) - sx(right), leaves(left, right)), origin())
+    a, b = sx(left), sx(right)
+    if a.shape != b.shape and 1 not in (a.numel(), b.numel()):
+        raise ExpressionError(f"equal(...): the left side has shape {a.shape} and the right side {b.shape} ({origin()}).")
+    return Equation(Expression(a - b, leaves(left, right)), origin())
 
 
 def der(value: Expression) -> Expression:
     """Time derivative. Of a variable: a new symbol; of an expression: by the chain rule; of constants and parameters: 0."""
     if isinstance(value, Symbol):
         return _symbol_rate(value)
+    if not isinstance(value, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+        hint = f" Declare it with brackets: name = ac.{value.__name__}(...)." if isinstance(value, type) else ""
+        raise ExpressionError(f"der(...) takes a variable or an expression of variables, not {value!r} ({origin()}).{hint}")
     moving = [leaf for leaf in value.leaves if not isinstance(leaf, Parameter)]
     rates = [_symbol_rate(leaf) for leaf in moving]
     rate = ca.SX(*value.shape)
@@ -46,7 +53,7 @@ def _symbol_rate(symbol: Symbol) -> Expression:
     if isinstance(symbol, Parameter):
         return Expression(ca.SX(0), frozenset())
     if isinstance(symbol, Input):
-        raise TypeError(f"der({symbol.name}): an input has no known rate. Declare a second input for it.")
+        raise ExpressionError(f"der({symbol.name}): an input has no known rate ({origin()}). Declare a second input for it.")
     found = symbol.__dict__.get(_DERIVATIVE)
     if found is None:
         found = symbol.__dict__[_DERIVATIVE] = Derivative(symbol)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import operator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, ClassVar, Self, overload
 
 import casadi as ca
 import numpy as np
 
-from acausal.errors import ParameterError
+from acausal.errors import ExpressionError, ParameterError
 from acausal.language.origin import origin
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
@@ -19,6 +20,7 @@ _UFUNCS: dict[str, Callable[..., Any]] = {
     "arctan2": ca.atan2, "sinh": ca.sinh, "cosh": ca.cosh, "tanh": ca.tanh, "exp": ca.exp, "log": ca.log,
     "sqrt": ca.sqrt, "absolute": ca.fabs, "fabs": ca.fabs, "sign": ca.sign, "maximum": ca.fmax, "minimum": ca.fmin,
     "square": lambda a: a * a, "hypot": ca.hypot, "floor": ca.floor, "ceil": ca.ceil,
+    "less": ca.lt, "less_equal": ca.le, "greater": ca.gt, "greater_equal": ca.ge,
 }  # fmt: skip
 
 
@@ -61,44 +63,64 @@ class Expression:
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **_: Any) -> Expression:
         operation = _UFUNCS.get(ufunc.__name__)
         if method != "__call__" or operation is None:
-            raise TypeError(f"numpy.{ufunc.__name__} is not defined for symbolic expressions; use CasADi's function on `.sx`")
-        return Expression(operation(*(sx(value) for value in inputs)), leaves(*inputs))
+            raise ExpressionError(
+                f"numpy.{ufunc.__name__} is not defined for symbolic expressions ({origin()}); CasADi's functions take them."
+            )
+        return _combined(operation, *inputs)
+
+    def __array__(self, *_: Any, **__: Any) -> np.ndarray:
+        raise ExpressionError(
+            f"{self!r} is symbolic and cannot become an array of numbers ({origin()}). Of numpy, elementary functions take it (np.sin, "
+            "np.sqrt ...); otherwise use CasADi's, e.g. ca.norm_2(...), or ca.vertcat(...) to put entries together."
+        )
 
     def __add__(self, other: Scalar) -> Expression:
-        return Expression(self.sx + sx(other), leaves(self, other))
+        return _combined(operator.add, self, other)
 
     def __radd__(self, other: Scalar) -> Expression:
-        return Expression(sx(other) + self.sx, leaves(self, other))
+        return _combined(operator.add, other, self)
 
     def __sub__(self, other: Scalar) -> Expression:
-        return Expression(self.sx - sx(other), leaves(self, other))
+        return _combined(operator.sub, self, other)
 
     def __rsub__(self, other: Scalar) -> Expression:
-        return Expression(sx(other) - self.sx, leaves(self, other))
+        return _combined(operator.sub, other, self)
 
     def __mul__(self, other: Scalar) -> Expression:
-        return Expression(self.sx * sx(other), leaves(self, other))
+        return _combined(operator.mul, self, other)
 
     def __rmul__(self, other: Scalar) -> Expression:
-        return Expression(sx(other) * self.sx, leaves(self, other))
+        return _combined(operator.mul, other, self)
 
     def __truediv__(self, other: Scalar) -> Expression:
-        return Expression(self.sx / sx(other), leaves(self, other))
+        return _combined(operator.truediv, self, other)
 
     def __rtruediv__(self, other: Scalar) -> Expression:
-        return Expression(sx(other) / self.sx, leaves(self, other))
+        return _combined(operator.truediv, other, self)
 
     def __pow__(self, other: Scalar) -> Expression:
-        return Expression(self.sx ** sx(other), leaves(self, other))
+        return _combined(operator.pow, self, other)
 
     def __rpow__(self, other: Scalar) -> Expression:
-        return Expression(sx(other) ** self.sx, leaves(self, other))
+        return _combined(operator.pow, other, self)
 
     def __matmul__(self, other: Scalar) -> Expression:
-        return Expression(self.sx @ sx(other), leaves(self, other))
+        return _combined(operator.matmul, self, other)
 
     def __rmatmul__(self, other: Scalar) -> Expression:
-        return Expression(sx(other) @ self.sx, leaves(self, other))
+        return _combined(operator.matmul, other, self)
+
+    def __lt__(self, other: Scalar) -> Expression:
+        return _combined(operator.lt, self, other)
+
+    def __le__(self, other: Scalar) -> Expression:
+        return _combined(operator.le, self, other)
+
+    def __gt__(self, other: Scalar) -> Expression:
+        return _combined(operator.gt, self, other)
+
+    def __ge__(self, other: Scalar) -> Expression:
+        return _combined(operator.ge, self, other)
 
     def __neg__(self) -> Expression:
         return Expression(-self.sx, self.leaves)
@@ -107,16 +129,33 @@ class Expression:
         return Expression(ca.fabs(self.sx), self.leaves)
 
     def __getitem__(self, index: Any) -> Expression:
-        return Expression(self.sx[index], self.leaves)
+        try:
+            return Expression(self.sx[index], self.leaves)
+        except (RuntimeError, NotImplementedError):
+            raise ExpressionError(
+                f"{self!r} has no entry [{index!r}] ({origin()}): its shape is {self.shape}. Entries are counted from 0."
+            ) from None
 
     def __len__(self) -> int:
         return self.sx.shape[0]
 
+    def __iter__(self) -> Iterator[Expression]:
+        rows, columns = self.shape
+        if rows == 1 == columns:
+            raise ExpressionError(f"{self!r} is a scalar, and a list is needed here ({origin()}). Put it into one: [...].")
+        return (self[i] if columns == 1 else self[i, :] for i in range(rows))
+
     def __float__(self) -> float:
-        raise TypeError(f"{self!r} is symbolic and has no number before a simulation; read it from a trajectory: run[...]")
+        raise ExpressionError(
+            f"{self!r} is symbolic and has no number before a simulation ({origin()}). Read it from a trajectory, run[...]; in "
+            "expressions use functions of numpy or CasADi in place of those of math."
+        )
 
     def __bool__(self) -> bool:
-        raise TypeError(f"{self!r} is symbolic and is neither true nor false; use casadi.if_else for a case distinction")
+        raise ExpressionError(
+            f"{self!r} is symbolic and is neither true nor false ({origin()}). In place of Python's `if` write "
+            "ca.if_else(condition, value, other value)."
+        )
 
     def __repr__(self) -> str:
         return str(self.sx)
@@ -132,11 +171,29 @@ def sx(value: Scalar) -> ca.SX:
         return value.sx
     if isinstance(value, ca.SX):
         return value
-    if isinstance(value, np.ndarray):
-        return ca.SX(ca.DM(value))
     if isinstance(value, list | tuple):
         return ca.vertcat(*(sx(entry) for entry in value))
-    return ca.SX(value)
+    try:
+        return ca.SX(ca.DM(value)) if isinstance(value, np.ndarray) else ca.SX(value)
+    except NotImplementedError:
+        raise ExpressionError(
+            f"{value!r} cannot stand in an expression ({origin()}). Use numbers, variables of parts, ac.time, or CasADi's SX."
+        ) from None
+
+
+def _combined(operation: Callable[..., Any], *values: Scalar) -> Expression:
+    """The result of an operation. Raises `ExpressionError` for operands that do not fit."""
+    operands = [sx(value) for value in values]
+    try:
+        result = operation(*operands)
+    except (RuntimeError, TypeError, NotImplementedError):
+        shapes = " and ".join(str(operand.shape) for operand in operands)
+        name = getattr(operation, "__name__", "")
+        raise ExpressionError(
+            f"{' and '.join(map(repr, values))} do not fit together{f' in {name!r}' if name.isidentifier() else ''} ({origin()}): their "
+            f"shapes are {shapes}."
+        ) from None
+    return Expression(result, leaves(*values))
 
 
 def leaves(*values: Any) -> frozenset[Symbol]:
@@ -266,9 +323,11 @@ time = Time()
 def number(value: Any, what: str) -> float:
     """`value` as a finite float; raises `ParameterError` naming `what` and the user's line."""
     try:
-        result = float(value)
+        result = float("text" if isinstance(value, str) else value)
     except (TypeError, ValueError):
-        raise ParameterError(f"{what} must be a number, not {value!r} ({origin()}).") from None
+        text = " ".join(repr(value).split())
+        text = text if len(text) <= 80 else text[:78] + " …"
+        raise ParameterError(f"{what} must be a number, not {text} ({origin()}).") from None
     if not math.isfinite(result):
         raise ParameterError(f"{what} is {result} ({origin()}). Give a finite number.")
     return result
@@ -327,11 +386,19 @@ def vector(value: Scalar, what: str) -> np.ndarray | Expression:
 
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
-    """A function of time becomes an expression in `ac.time`; anything else stays."""
+    """A function of time becomes an expression in `ac.time`; anything else stays. Raises `ParameterError` for one that needs numbers."""
     if not callable(value) or isinstance(value, Expression):
         return value  # pyright: ignore[reportReturnType]
-    result = value(time)
-    return Expression(result, frozenset({time})) if isinstance(result, ca.SX) else result  # CasADi's functions drop what they know
+    try:
+        result = value(time)
+    except TypeError as error:
+        raise ParameterError(
+            f"The function of time cannot be used ({origin()}): {error} It is called once, with the symbol ac.time: write it with one "
+            "argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t)."
+        ) from error
+    return (
+        Expression(result, frozenset({time})) if isinstance(result, ca.SX) else result
+    )  # CasADi's functions drop what they know
 
 
 def stacked(values: Iterable[ca.SX]) -> ca.SX:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING
 
-from acausal.errors import DuplicateError, IncompatibleError, UnconnectedError
+from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError
 from acausal.language.component import Component, Connection, System
 from acausal.language.connector import Connector
 from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable
@@ -72,6 +72,7 @@ def flatten(scene: System) -> FlatSystem:
     names: dict[Symbol, str] = {}
     connector_paths: dict[Connector, str] = {}
     connections: list[Connection] = []
+    systems: list[tuple[str, System]] = []
     queue: deque[tuple[str, Component]] = deque([("", scene)])
     while queue:
         path, component = queue.popleft()
@@ -83,19 +84,43 @@ def flatten(scene: System) -> FlatSystem:
         if not isinstance(component, System):
             parts.append(Part(path, component))
             continue
+        systems.append((prefix, component))
         for name, child in component.parts():
             if id(child) in owners:
+                first = f"as '{owners[id(child)]}'" if owners[id(child)] else "as the scene itself"
                 raise DuplicateError(
-                    f"The same {child!r} stands in the scene twice, as '{owners[id(child)]}' and '{prefix + name}'. Make two parts."
+                    f"The same {child!r} stands in the scene twice, {first} and as '{prefix + name}'. Make two parts."
                 )
             owners[id(child)] = prefix + name
             queue.append((prefix + name, child))
+    for prefix, system in systems:
+        _check_attributes(system, prefix, owners)
     _name_hidden_symbols(parts, names)
     for connection in connections:
         _check_member(connection, connector_paths)
     sets = _connection_sets(connections, connector_paths)
     _check_connected(sets, connector_paths)
     return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets)
+
+
+def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> None:
+    """Raise `ModelError` for a class in place of a part, and for parts that `System.parts` does not see."""
+    for name, value in system.__dict__.items():
+        if name.startswith("_"):
+            continue
+        if isinstance(value, type) and issubclass(value, Component):
+            raise ModelError(
+                f"{prefix}{name} is the class {value.__name__}, not a part. Make a part of it: {value.__name__}(...)."
+            )
+        inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+        for entry in inner:
+            lost = [entry] if isinstance(value, dict) else entry if isinstance(entry, list | tuple) else ()
+            for part in lost:
+                if isinstance(part, Component) and id(part) not in owners:
+                    raise ModelError(
+                        f"{prefix}{name} holds {part!r} inside a {type(value).__name__} where parts are not looked for. Assign parts by name, "
+                        "or as one flat list: scene.legs = [Leg(), Leg()]."
+                    )
 
 
 def _name_symbols(component: Component, prefix: str, names: dict[Symbol, str]) -> None:
@@ -140,7 +165,8 @@ def _check_member(connection: Connection, paths: dict[Connector, str]) -> None:
         if end not in paths:
             raise IncompatibleError(
                 f"{paths.get(other, repr(other))} is connected ({connection.origin}) to '{end.name}' of {end.owner!r}, which is "
-                f"not a part of the scene. Assign the part to the scene first: scene.name = {type(end.owner).__name__}(...)."
+                f"not a part of the scene. Assign the part to the scene first: scene.name = {type(end.owner).__name__}(...). If its name was given to "
+                "another part afterwards, connect that one."
             )
 
 

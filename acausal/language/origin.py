@@ -6,11 +6,17 @@ import os
 import sys
 from pathlib import Path
 
-_LIBRARY = (str(Path(__file__).resolve().parents[1]) + os.sep, str(Path(__file__).resolve().parents[2] / "components") + os.sep)
+import casadi
+import numpy
+
+_LIBRARY = (
+    *(str(Path(__file__).resolve().parents[k]) + os.sep + tail for k, tail in ((1, ""), (2, "components" + os.sep))),
+    *(str(Path(package.__file__ or "").parent) + os.sep for package in (casadi, numpy)),
+)
 
 
 def origin() -> str:
-    """The innermost line outside acausal and components that led here, e.g. `examples/arm.py:17`; "" if there is none."""
+    """The innermost line outside acausal, components, CasADi and numpy that led here, e.g. `examples/arm.py:17`; "" if there is none."""
     frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]  # inspect.stack reads source files: 1000 times slower
     while frame is not None:
         name = frame.f_code.co_filename

@@ -47,6 +47,11 @@ class Outputs:
         """The expression in t, x, u and p. Raises `UnknownVariableError` for a variable of another scene."""
         if isinstance(value, ca.SX):
             return self._resolve_raw(value)
+        if not isinstance(value, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise UnknownVariableError(
+                f"{value!r} is not a variable or an expression of variables. Use the scene's own, e.g. scene.hinge.q, "
+                "scene.rod.tip.position, or 2 * scene.hinge.v."
+            )
         result = value.sx
         for leaf in sorted(value.leaves, key=lambda s: s.name):
             replacement = self.symbol(leaf)

@@ -167,8 +167,9 @@ class _Elimination:
         source = self.system.equations[k]
         if not equation.consistent:
             members = [self.chains.members.get(s.element_hash()) for s in ca.symvar(source.residual)]
+            names = named(m.unknown for m in members if m is not None)
             raise OverdeterminedError(
-                f"Equation {source} of {named(m.unknown for m in members if m is not None)} contradicts the others: with what they say it reads 0 = {_told(equation.remainder)}. "
+                f"Equation {source}{f' of {names}' if names else ''} contradicts the others: with what they say it reads 0 = {_told(equation.remainder)}. "
                 f"A value or a motion is given twice: remove it, or another equation of the same variables. {self.system.totals}"
             )
         self.dropped.append(source)

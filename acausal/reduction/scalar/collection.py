@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import casadi as ca
 
 from acausal.errors import IncompatibleError, ModelError, UnknownVariableError
 from acausal.language.connector import FLOWS, Connector, Point, Quantity
-from acausal.language.equation import der
+from acausal.language.equation import Equation, der
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.reduction.scalar.equations import EquationSet, ScalarEquation, Unknown
@@ -55,9 +56,22 @@ class Collection:
 
 def has_scalar_parts(flat: FlatSystem) -> bool:
     """Whether any part has equations of its own or any joint's flange is connected."""
-    return any(True for part in flat.parts for _ in part.component.equations()) or any(
+    return any(True for part in flat.parts for _ in _written(part)) or any(
         len(group) > 1 and not isinstance(group[0], Point) for group in flat.connection_sets
     )
+
+
+def _written(part: Part) -> Iterable[Equation]:
+    """The equations of a part. Raises `ModelError` for anything else that `equations` gives."""
+    found: Any = part.component.equations()
+    name = f"equations() of {part.where}"
+    if not isinstance(found, Iterable):
+        raise ModelError(f"{name} gives {found!r}. Give every equation by itself: yield ac.equal(left, right).")
+    for k, entry in enumerate(cast("Iterable[Any]", found), start=1):
+        if not isinstance(entry, Equation):
+            hint = " '==' compares and gives no equation." if isinstance(entry, bool) else ""
+            raise ModelError(f"Equation {k} of {part.where} is {entry!r}.{hint} Write yield ac.equal(left, right).")
+        yield entry
 
 
 def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]]) -> Collection:
@@ -98,7 +112,7 @@ class _Collector:
 
     def _of_part(self, part: Part) -> Iterable[tuple[ca.SX, frozenset[Symbol], str, str]]:
         own = type(part.component).__module__.split(".")[0] not in ("acausal", "components")
-        for k, e in enumerate(part.component.equations(), start=1):
+        for k, e in enumerate(_written(part), start=1):
             # a line of the user's own component says more than where the part was made
             origin = e.origin if own and e.origin else part.component.created_at
             yield e.residual.sx, e.residual.leaves, f"equation {k} of {part.path}", origin
