@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.mechanics.pose import symbolic
 from acausal.reduction.integrability.classification import Block, Integrability
 from acausal.reduction.integrability.integral import Integral
 from acausal.reduction.integrability.pfaffian import row_space
 from acausal.reduction.integrability.scene import scene_integrability
 from acausal.reduction.integrability.velocity_forms import held_rows, velocity_system
-from acausal.reduction.loops import LoopRows
 from acausal.reduction.reduce import ReducedSystem
+from acausal.reduction.row_meaning import row_meanings
 from acausal.reduction.unit_quaternions import unit_quaternions
+from acausal.wording import compact, counted, entry_names
 
 _MOST_NAMES = 4
 
@@ -65,33 +65,27 @@ class ConstraintTable:
 
     def __str__(self) -> str:
         lines = [
-            f"{self.name}: {_counted(len(self), 'constraint')}, {_counted(self.configuration_freedom, 'freedom')} in configuration, "
-            f"{self.velocity_freedom} in velocity, {_counted(self.hidden, 'hidden integral')}"
+            f"{self.name}: {counted(len(self), 'constraint')}, {counted(self.configuration_freedom, 'freedom')} in configuration, "
+            f"{self.velocity_freedom} in velocity, {counted(self.hidden, 'hidden integral')}"
         ]
         groups: dict[tuple[str, str, bool, str], list[str]] = {}
         for entry in self.entries:
             groups.setdefault((entry.kind, entry.forbids, entry.kept, entry.known), []).append(entry.name)
         lines += [
-            f"  {kind:<13} {'kept' if kept else 'dropped':<8} {_listed(names)}: {forbids} ({known})"
+            f"  {kind:<13} {'kept' if kept else 'dropped':<8} {compact(names, _MOST_NAMES)}: {forbids} ({known})"
             for (kind, forbids, kept, known), names in groups.items()
         ]
         lines += _hidden_lines(self.velocity.blocks)
         return "\n".join(lines)
 
 
-def _counted(count: int, word: str) -> str:
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"
-
-
-def _listed(names: Sequence[str]) -> str:
-    if len(names) <= _MOST_NAMES:
-        return ", ".join(names)
-    return f"{', '.join(names[: _MOST_NAMES - 1])}, ... {names[-1]} ({len(names)} in all)"
-
-
 def _hidden_lines(blocks: Sequence[Block]) -> list[str]:
     """Integrals one by one; growth of the admissible velocities of blocks that are alike together."""
-    lines = [f"  constant: {integral.text}, from {_listed(integral.names)}" for block in blocks for integral in block.integrals]
+    lines = [
+        f"  constant: {integral.text}, from {compact(integral.names, _MOST_NAMES)}"
+        for block in blocks
+        for integral in block.integrals
+    ]
     missing = sum(block.hidden - len(block.integrals) for block in blocks)
     if missing:
         lines.append(
@@ -101,8 +95,8 @@ def _hidden_lines(blocks: Sequence[Block]) -> list[str]:
     for block in blocks:
         if not block.holonomic:
             alike.setdefault((block.growth, block.manifold, len(block.names), block.method), []).append(block)
-    for (growth, manifold, count, _), same in alike.items():
-        whose = ", ".join(same[0].names) if count <= _MOST_NAMES else _listed(same[0].names)
+    for (growth, manifold, *_), same in alike.items():
+        whose = compact(same[0].names, _MOST_NAMES)
         times = f" and {len(same) - 1} more like it" if len(same) > 1 else ""
         steps = " -> ".join(str(g) for g in growth)
         more = ", and perhaps more: undecided" if same[0].method == "undecided" else ""
@@ -160,8 +154,7 @@ def _invariants(system: ReducedSystem) -> Iterator[ConstraintEntry]:
     for item in system.tree_joints:
         rows = item.edge.joint.invariants(q[item.q], t)
         units = unit_quaternions(rows, q[item.q])
-        for i in range(rows.numel()):
-            name = f"{item.edge.name}.invariant[{i}]" if rows.numel() > 1 else f"{item.edge.name}.invariant"
+        for i, name in enumerate(entry_names(f"{item.edge.name}.invariant", rows.numel())):
             kind, words = "holonomic", "what the joint's coordinates cannot reach"
             if i in units:
                 kind, words = "normalisation", "a quaternion of a length other than 1"
@@ -170,53 +163,23 @@ def _invariants(system: ReducedSystem) -> Iterator[ConstraintEntry]:
 
 def _loops(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
     constraints = system.constraints
-    rank = (
-        f"rank at {len(constraints.samples)} assembled {'configuration' if len(constraints.samples) == 1 else 'configurations'}"
-    )
+    rank = f"rank at {counted(len(constraints.samples), 'assembled configuration')}"
     for rows in constraints.loops:
-        words = _words(system, rows)
+        means = row_meanings(system, rows)
         count = rows.position.numel()
         for k, name in enumerate(rows.names):
             kept = name in constraints.kept
-            forbids = words[k] if k < count else "slip"
             timed = ca.depends_on(rows.velocity[k], system.t)
             if not kept and not (k >= count and name in judge.velocity.vanishing):
-                yield ConstraintEntry(name, forbids, "redundant", False, rank)
+                yield ConstraintEntry(name, means[name], "redundant", False, rank)
             elif k >= count:
-                yield judge.entry(name, forbids, timed)
+                yield judge.entry(name, means[name], timed)
             else:
-                yield ConstraintEntry(name, forbids, "rheonomic" if timed else "holonomic", True, "given in positions")
+                yield ConstraintEntry(name, means[name], "rheonomic" if timed else "holonomic", True, "given in positions")
         for name in rows.dropped:
             yield ConstraintEntry(
                 name, "nothing: it holds by itself in this plane or direction", "vanishing", False, "by structure"
             )
-
-
-def _words(system: ReducedSystem, rows: LoopRows) -> list[str]:
-    """What each position row forbids, from the wrench along it on frame_b at the start."""
-    basis = ca.Function("basis", [system.mechanics.tree.q, system.t, system.p], [rows.wrench_basis])
-    values = np.array(basis(system.q_start, 0.0, system.p_values)).reshape(6, -1)
-    R = np.array(ca.DM(ca.evalf(ca.substitute(symbolic(rows.edge.joint.mounting()), system.p, ca.SX(ca.DM(system.p_values))))))
-    found: list[str] = []
-    for k in range(rows.position.numel()):
-        torque, force = R @ values[:3, k], R @ values[3:, k]
-        size = max(float(np.linalg.norm(torque)), float(np.linalg.norm(force)))
-        steady = rows.wrench_basis[:, k].is_constant()
-        if np.linalg.norm(torque) < 1e-9 * size:
-            found.append(f"a shift{_direction(force) if steady else ''}")
-        elif np.linalg.norm(force) < 1e-9 * size:
-            found.append(f"a turn{_direction(torque) if steady else ''}")
-        else:
-            found.append("a shift and a turn together")
-    return found
-
-
-def _direction(vector: np.ndarray) -> str:
-    unit = vector / np.linalg.norm(vector)
-    axis = int(np.argmax(np.abs(unit)))
-    if abs(abs(unit[axis]) - 1) < 1e-9:
-        return f" along {'xyz'[axis]} of frame_b"
-    return f" along ({', '.join(f'{c:.3g}' for c in unit)}) of frame_b"
 
 
 def _in_tree(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:

@@ -82,7 +82,7 @@ def _loops(model: Model) -> list[str]:
     dropped: list[tuple[str, str]] = []
     kept = set(constraints.kept)
     for rows in constraints.loops:
-        means = row_meanings(system.mechanics, rows, system.p, system.p_values, system.q_start)
+        means = row_meanings(system, rows)
         count, total = sum(name in kept for name in rows.names), len(rows.names) + len(rows.dropped)
         needed.append((rows.edge.name, f"{type(rows.edge.joint).__name__:<20} {count} of {total} rows are needed"))
         dropped += [(name, f"{means[name]} is redundant: it holds by itself in this plane or direction") for name in rows.dropped]

@@ -42,6 +42,18 @@ def _runs(numbers: Sequence[int]) -> list[str]:
     return [str(run[0]) if len(run) == 1 else f"{run[0]}...{run[-1]}" for run in runs]
 
 
+def entry_names(name: str, rows: int, columns: int = 1) -> tuple[str, ...]:
+    """Names of the entries of a vector or matrix, column by column: `q` for one, `q[0]`, `q[1]` ..., `R[0,0]`, `R[1,0]` ..."""
+    if rows * columns == 1:
+        return (name,)
+    return tuple(f"{name}[{i}]" if columns == 1 else f"{name}[{i},{j}]" for j in range(columns) for i in range(rows))
+
+
+def counted(count: int, word: str) -> str:
+    """`1 state`, `2 states`."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
 def grouped(rows: Sequence[tuple[str, str]], width: int = 24) -> list[str]:
     """Lines `name   text` of a table; rows with the same text are drawn together, in the order of their first names."""
     by_text: dict[str, list[str]] = {}

@@ -7,15 +7,16 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from acausal.analysis.point import labels
 from acausal.arguments import listed
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input
 from acausal.mechanics.joint import AbstractJoint
+from acausal.reduction.expression_names import labels
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import reduce_system
 from acausal.reduction.state_space import whole_state_space
+from acausal.wording import entry_names
 
 Unknown = Input | AbstractJoint | Expression
 
@@ -79,7 +80,7 @@ def _rows(outputs: Outputs, unknown: Unknown) -> tuple[ca.SX, list[str]]:
     if isinstance(unknown, AbstractJoint):
         rate = outputs.resolve(unknown.v)
         path = next((part.path for part in s.flat.parts if part.component is unknown), "joint")
-        names = [f"{path}.force" + (f"[{k}]" if rate.numel() > 1 else "") for k in range(rate.numel())]
+        names = list(entry_names(f"{path}.force", rate.numel()))
     elif isinstance(unknown, Input) or not isinstance(unknown, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
         known = ", ".join(outputs.name(entry) for entry in s.flat.inputs) or "none"
         raise OptionError(

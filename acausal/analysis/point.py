@@ -10,9 +10,8 @@ import numpy as np
 
 from acausal.arguments import consistent_states, finite
 from acausal.codegen.lower import Functions
-from acausal.language.expression import Expression, Input, Parameter, Symbol
+from acausal.language.expression import Expression, Input, Parameter
 from acausal.reduction.initial import Start, initial_state
-from acausal.reduction.outputs import Outputs
 from acausal.reduction.reduce import ReducedSystem
 from acausal.simulation import InputValue, input_signal, parameter_values
 
@@ -100,18 +99,3 @@ def before_and_after(x_dot: Differentiable, at: OperatingPoint) -> Iterator[Oper
     h = _STRIDE / max(1.0, float(np.max(np.abs(rate) / (1.0 + np.abs(at.x)), initial=0.0)))
     for step in (h, -h):
         yield replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second)
-
-
-def labels(outputs: Outputs, wanted: Expression | ca.SX) -> tuple[str, ...]:
-    """A name for every entry of an expression, with the full names of its variables."""
-    if isinstance(wanted, Symbol):
-        name, size = outputs.name(wanted), wanted.sx.numel()
-        return (name,) if size == 1 else tuple(f"{name}[{i}]" for i in range(size))
-    expression = wanted if isinstance(wanted, ca.SX) else wanted.sx
-    for leaf in () if isinstance(wanted, ca.SX) else wanted.leaves:
-        names = labels(outputs, leaf)
-        named = ca.reshape(ca.vertcat(*(ca.SX.sym(n) for n in names)), *leaf.shape)
-        expression = ca.substitute(expression, leaf.sx, named)
-    entries = ca.vec(ca.densify(expression))
-    texts = [str(entries[i]) for i in range(entries.numel())]
-    return tuple(t if len(t) <= 60 else f"expression {i}" for i, t in enumerate(texts))

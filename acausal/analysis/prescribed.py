@@ -9,10 +9,10 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from acausal.analysis.point import labels
 from acausal.codegen.lower import Functions
-from acausal.errors import OptionError
+from acausal.errors import OptionError, ParameterError
 from acausal.language.expression import Expression, Parameter, Scalar, Time, leaves, of_time, sx
+from acausal.reduction.expression_names import labels
 
 Given = Scalar | Callable[[Any], Any]
 _DEGREE = 5
@@ -89,7 +89,7 @@ def _symbolic(functions: Functions, given: Given, p: np.ndarray, names: tuple[st
     try:
         value = of_time(given)
         column = ca.vec(sx(value))
-    except (TypeError, ValueError, NotImplementedError) as error:
+    except (TypeError, ValueError, NotImplementedError, ParameterError) as error:
         raise OptionError(
             f"inverse_dynamics: the motion of {what} cannot be differentiated ({str(error).splitlines()[0]}). Use ac.time with numpy's functions, or give samples."
         ) from error

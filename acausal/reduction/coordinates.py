@@ -14,6 +14,7 @@ from acausal.mechanics.steps import Turn
 from acausal.mechanics.system import MechanicalSystem
 from acausal.mechanics.tree import JointSymbols, Tree
 from acausal.reduction.unit_quaternions import unit_quaternions
+from acausal.wording import entry_names
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
 
 def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
     joint, name, first = item.edge.joint, f"{item.edge.name}.q", item.q.start
-    size, q = joint.q.size, tree.q[item.q]
+    size, q, names = joint.q.size, tree.q[item.q], entry_names(name, joint.q.size)
     stepped = isinstance(joint, AbstractStepJoint)
     units = set(unit_quaternions(joint.invariants(q, tree.t), q).values())
     angles = (
@@ -121,9 +122,8 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
             result.append(Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
             i += 4
             continue
-        label = f"{name}[{i}]" if size > 1 else name
         turning = i in angles or joint.q.unit == "rad"
         unit = "rad" if turning else joint.q.unit or ("m" if units or stepped else "")
-        result.append(Coordinate(label, slice(first + i, first + i + 1), unit, i in angles))
+        result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, i in angles))
         i += 1
     return result

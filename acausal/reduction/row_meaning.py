@@ -6,16 +6,15 @@ import casadi as ca
 import numpy as np
 
 from acausal.mechanics.constraint import AbstractConstraint
-from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.loops import LoopRows
+from acausal.reduction.reduce import ReducedSystem
 
 
-def row_meanings(
-    system: MechanicalSystem, rows: LoopRows, parameters: ca.SX, values: np.ndarray, q: np.ndarray
-) -> dict[str, str]:
-    """For each row's name, e.g. "a shift along the axis"; the directions are those at configuration `q` (nq,)."""
+def row_meanings(system: ReducedSystem, rows: LoopRows) -> dict[str, str]:
+    """For each row's name, e.g. "a shift along the axis"; the directions are those at the start."""
     both = ca.densify(ca.horzcat(rows.wrench_basis, rows.dropped_basis))
-    basis = np.array(ca.Function("basis", [system.tree.q, system.tree.t, parameters], [both])(q, 0.0, values))
+    function = ca.Function("basis", [system.mechanics.tree.q, system.t, system.p], [both])
+    basis = np.array(function(system.q_start, 0.0, system.p_values))
     has_axis = type(rows.edge.joint).mounting is not AbstractConstraint.mounting
     return {
         name: "slip" if ".rolling[" in name else _meaning(wrench[:3], wrench[3:], has_axis)

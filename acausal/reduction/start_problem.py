@@ -15,6 +15,7 @@ from acausal.integrators.rates import Kernel
 from acausal.language.expression import Expression, Symbol
 from acausal.mechanics.free import FreeJoint
 from acausal.reduction.coordinates import Coordinates, coordinates
+from acausal.reduction.expression_names import expression_name
 from acausal.reduction.start_search import Closing, Search, Target, start_search
 from acausal.reduction.start_values import Start, check_settable, near
 
@@ -94,25 +95,10 @@ def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> lis
         for leaf in key.leaves:
             check_settable(leaf)
         expression = ca.vec(outputs.resolve(key))
-        name, unit = (outputs.name(key), key.unit) if isinstance(key, Symbol) else (_named(outputs, key), "")
+        name, unit = expression_name(outputs, key), key.unit if isinstance(key, Symbol) else ""
         targets.append(Target(name, unit, expression, exact, outputs.is_angle(key), slice(size, size + expression.numel())))
         size += expression.numel()
     return targets
-
-
-def _named(outputs: Outputs, key: Expression) -> str:
-    """The expression as CasADi prints it, with the full names of the variables in it."""
-    text = key.sx
-    for leaf in sorted(key.leaves, key=lambda leaf: leaf.name):
-        name, (rows, columns) = outputs.name(leaf), leaf.shape
-        places = (
-            [""]
-            if rows * columns == 1
-            else [f"[{i}]" if columns == 1 else f"[{i},{j}]" for j in range(columns) for i in range(rows)]
-        )
-        text = ca.substitute(text, leaf.sx, ca.reshape(ca.vertcat(*(ca.SX.sym(name + place) for place in places)), rows, columns))
-    text = str(text)
-    return text if len(text) < 80 else text[:76] + " ..."
 
 
 def _closing(outputs: Outputs) -> tuple[Closing, Closing]:

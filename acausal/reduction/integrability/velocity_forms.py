@@ -20,6 +20,7 @@ from acausal.mechanics.tree import JointSymbols, Tree
 from acausal.reduction.integrability.brackets import admissible_fields
 from acausal.reduction.integrability.pfaffian import PfaffianSystem
 from acausal.reduction.loops import LoopRows
+from acausal.wording import entry_names
 
 if TYPE_CHECKING:
     from acausal.reduction.reduce import ReducedSystem
@@ -185,8 +186,4 @@ def scene_forms(
 
 def coordinate_names(tree: Tree) -> tuple[str, ...]:
     """Names of the entries of q, e.g. `hinge.q`, `contact.q[3]`."""
-    found: list[str] = []
-    for item in tree.joints:
-        size, path = item.edge.joint.q.size, item.edge.name
-        found += [f"{path}.q"] if size == 1 else [f"{path}.q[{i}]" for i in range(size)]
-    return tuple(found)
+    return tuple(name for item in tree.joints for name in entry_names(f"{item.edge.name}.q", item.edge.joint.q.size))
