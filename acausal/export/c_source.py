@@ -55,7 +55,7 @@ def export_c(model: Model, folder: str | Path) -> Path:
             "states": list(model.state_names),
             "inputs": list(model.input_names),
             "parameters": list(model.parameter_names),
-            "parameter_values": model.initial_state().p.tolist(),
+            "parameter_values": model.functions.space.p_values.tolist(),
         }
         (target / "model.json").write_text(json.dumps(facts, indent=2), encoding="utf-8")
         text = _README.format(

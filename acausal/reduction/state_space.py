@@ -59,6 +59,12 @@ class StateSpace:
         """Number of configuration variables in x; they come first."""
         return sum(i < self.system.nq for i in self.places)
 
+    @property
+    def p_values(self) -> np.ndarray:
+        """Parameters as built, and the constants of the assembled sketch."""
+        s = self.system
+        return self.extended(0.0, np.concatenate([s.q_start, s.rate_start]), s.p_values)
+
     def restricted(self, x: np.ndarray) -> np.ndarray:
         """(nx,) or (nx, n) of states of the system."""
         return x[list(self.places)]
