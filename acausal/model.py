@@ -104,10 +104,17 @@ class Model:
         parameters: Mapping[Parameter, float] | None,
     ) -> InitialState:
         """The start in all coordinates of the tree."""
+        p, u = self._given(t0, inputs, parameters)
+        return initial_state(self.functions.outputs, start or {}, t0, p, u)
+
+    def _given(
+        self, t0: float, inputs: Mapping[Input, InputValue] | None, parameters: Mapping[Parameter, float] | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values of all parameters, and of all inputs at t0."""
         from acausal.simulation import input_signal, parameter_values
 
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
-        return initial_state(self.functions.outputs, start or {}, t0, parameter_values(self.functions, parameters or {}), u)
+        return parameter_values(self.functions, parameters or {}), u
 
     def branches(
         self,
@@ -128,10 +135,8 @@ class Model:
         `initial_state`, `OptionError`.
         """
         from acausal.reduction.branch_search import branches
-        from acausal.simulation import input_signal, parameter_values
 
-        u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
-        p = parameter_values(self.functions, parameters or {})
+        p, u = self._given(t0, inputs, parameters)
         return branches(self.functions.outputs, start or {}, t0, p, u, by, searches, seed)
 
     def assembly_function(
@@ -155,10 +160,8 @@ class Model:
         one step (give more steps). Errors as for `initial_state`, `OptionError`.
         """
         from acausal.reduction.assembly_function import assembly_function
-        from acausal.simulation import input_signal, parameter_values
 
-        u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
-        p = parameter_values(self.functions, parameters or {})
+        p, u = self._given(t0, inputs, parameters)
         wanted = self.functions.space.x if outputs is None else outputs
         return assembly_function(self.functions.outputs, wanted, wrt, start or {}, t0, p, u, steps, name)
 
