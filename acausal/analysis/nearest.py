@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.reduction.assembly import freedom
+
 _SMALL = 1e-11
 _DONE = 1e-15
 _RANK = 1e-8
@@ -103,7 +105,7 @@ class NearestRoot:
         if not at.size < np.inf:
             return Root(at.z, at.r, False, np.zeros((at.z.size, 0)))
         converged = at.size <= _SMALL * (1.0 + float(np.max(np.abs(at.z / self.scale), initial=0.0)))
-        return Root(at.z, at.r, converged, self.scale[:, None] * _null_space(at.weight[:, None] * at.J * self.scale))
+        return Root(at.z, at.r, converged, self.scale[:, None] * freedom(at.weight[:, None] * at.J * self.scale, _RANK))
 
     def _towards_wishes(self, root: Root, guess: np.ndarray) -> np.ndarray:
         """Gauss-Newton step along the free directions: to the wishes, and where they leave a choice back to the guess."""
@@ -111,7 +113,7 @@ class NearestRoot:
         if self.soft is None:
             return Z @ back
         w, Jw = self.soft.residual(root.z), self.soft.jacobian(root.z)
-        rest = _null_space(Jw @ Z)
+        rest = freedom(Jw @ Z, _RANK)
         return Z @ (rest @ (rest.T @ back) - np.linalg.pinv(Jw @ Z, rcond=_RANK) @ w)
 
     def _cost(self, z: np.ndarray, guess: np.ndarray) -> float:
@@ -147,12 +149,6 @@ def largest_gaps(names: Sequence[str], residual: np.ndarray) -> str:
     size = np.nan_to_num(np.abs(residual), nan=np.inf)
     worst = [i for i in np.argsort(-size, kind="stable") if size[i] > 1e-3 * min(np.max(size), 1e300)][:4]
     return ", ".join(f"{names[i]} (off by {residual[i]:.3g})" for i in worst)
-
-
-def _null_space(J: np.ndarray) -> np.ndarray:
-    """Orthonormal columns (n, k) with J column = 0."""
-    _, s, Vt = np.linalg.svd(J, full_matrices=True)
-    return Vt[int(np.sum(s > _RANK * max(1.0, s[0] if s.size else 0.0))) :].T
 
 
 def _norm(values: np.ndarray) -> float:

@@ -221,10 +221,18 @@ def _newton_step(
     return -Z @ (axes @ (slope / levels)), float(np.sum(slope**2 / levels))
 
 
-def freedom(J: np.ndarray) -> np.ndarray:
-    """Null space of J, (n, freedoms), orthonormal."""
-    if not J.shape[0]:
-        return np.eye(J.shape[1])
-    _, s, Vt = np.linalg.svd(J, full_matrices=True)
-    rank = int(np.sum(s > _RANK * max(1.0, s[0] if s.size else 0.0)))
-    return Vt[rank:].T
+def range_and_null_space(J: np.ndarray, tolerance: float = _RANK) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal columns (m, r) that span the range of J (m, n), and those (n, n - r) that span its null space.
+
+    Singular values below `tolerance` times the largest, or times 1 where that is less, count as zero.
+    """
+    if not J.size:
+        return np.zeros((J.shape[0], 0)), np.eye(J.shape[1])
+    U, s, Vt = np.linalg.svd(J, full_matrices=True)
+    rank = int(np.sum(s > tolerance * max(1.0, s[0])))
+    return U[:, :rank], Vt[rank:].T
+
+
+def freedom(J: np.ndarray, tolerance: float = _RANK) -> np.ndarray:
+    """Null space of J, (n, freedoms), orthonormal; see `range_and_null_space`."""
+    return range_and_null_space(J, tolerance)[1]

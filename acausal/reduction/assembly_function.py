@@ -22,11 +22,11 @@ import numpy as np
 from acausal.arguments import whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
+from acausal.reduction.assembly import range_and_null_space
 from acausal.reduction.initial import InitialState, Start, initial_state
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.start_search import Found, Search
 
-_RANK = 1e-9
 _OPEN = 1e-9
 """Largest residual that counts as closed, times the largest entry of the Jacobian where that is above 1."""
 _JUMP = 1.0
@@ -147,14 +147,13 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray) 
     if search.residual is None:
         return _Stage(plain)
     c = search.residual(y, d)
-    J = np.array(search.residual.factory("J", ["y", "data"], ["jac:c:y"])(found.y, data)).reshape(-1, found.y.size)
-    U, Z = _split(J)
+    J = search.jacobian(found.y, data)
+    U, Z = range_and_null_space(J)
     rows = [ca.mtimes(ca.DM(U.T), c)]
     if search.wish is not None:
         r = search.wish(y, d, first)
-        Jw = np.array(search.wish.factory("J", ["y", "data", "first"], ["jac:r:y"])(found.y, data, found.first))
         factors = search.wish_factors(weights)[:, None]
-        B, still = _split(factors * Jw.reshape(-1, found.y.size) @ Z)
+        B, still = range_and_null_space(factors * search.wish_jacobian(found.y, data, found.first) @ Z)
         rows.append(ca.mtimes(ca.DM((factors * B).T), r))
         Z = Z @ still
     rows.append(ca.mtimes(ca.DM(Z.T), y - ca.DM(found.y)))
@@ -164,15 +163,6 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray) 
     solve = ca.rootfinder("close", "fast_newton", square, options)
     gap = ca.Function("gap", [y, d], [ca.sumsqr(c)], {"cse": True})
     return _Stage(plain, solve, gap, (_OPEN * size) ** 2, search.side)
-
-
-def _split(J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal columns that span the range of J (m, n), and those that span its null space."""
-    if not J.size:
-        return np.zeros((J.shape[0], 0)), np.eye(J.shape[1])
-    U, s, Vt = np.linalg.svd(J, full_matrices=True)
-    rank = int(np.sum(s > _RANK * max(1.0, s[0])))
-    return U[:, :rank], Vt[rank:].T
 
 
 @dataclass(frozen=True)

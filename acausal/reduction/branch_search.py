@@ -11,7 +11,7 @@ import numpy as np
 from acausal.arguments import expressions, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
-from acausal.reduction.assembly import Residual, assemble
+from acausal.reduction.assembly import Residual, assemble, freedom
 from acausal.reduction.branches import Branch, Branches
 from acausal.reduction.initial import InitialState, finished, initial_state, start_data
 from acausal.reduction.outputs import Outputs
@@ -174,9 +174,7 @@ class _Hunt:
             return y, 0
         hard = search.rows(self.data, first)
         y = self._with_angles_near(y, first, hard)
-        J = hard(y)[1]
-        rank = int(np.linalg.matrix_rank(J, tol=_RANK * max(1.0, float(np.linalg.norm(J, 2))))) if J.size else 0
-        freedoms = y.size - rank
+        freedoms = freedom(hard(y)[1], _RANK).shape[1]
         if freedoms:
             soft = search.wish_rows(self.data, first, self.weights)
             scale = _SKETCH / self.problem.scale()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acausal.reduction.assembly import freedom
 from acausal.reduction.close_loops import sketch_configuration
 from acausal.reduction.start_search import Found, Search, Target
 
@@ -111,20 +112,19 @@ def _unneeded(search: Search, found: Found, data: np.ndarray) -> tuple[list[str]
     """Exact values whose rows depend on the others', and near values that nothing free can change."""
     if search.residual is None:
         return [], []
-    J = np.array(search.residual.factory("J", ["y", "data"], ["jac:c:y"])(found.y, data))
+    J = search.jacobian(found.y, data)
+    free = freedom(J)
     size = max(1.0, float(np.linalg.norm(J, 2)) if J.size else 1.0)
-    rank = int(np.linalg.matrix_rank(J, tol=_RANK * size)) if J.size else 0
     follows: list[str] = []
     place = search.closing_rows
     for target in search.exact:
         others = np.delete(J, range(place, place + target.size), axis=0)
         place += target.size
-        if J.shape[1] and (others.size and int(np.linalg.matrix_rank(others, tol=_RANK * size)) == rank):
+        if others.size and int(np.linalg.matrix_rank(others, tol=_RANK * size)) == J.shape[1] - free.shape[1]:
             follows.append(target.name)
     if search.wish is None or not search.wished:
         return follows, []
-    Jw = np.array(search.wish.factory("J", ["y", "data", "first"], ["jac:r:y"])(found.y, data, found.first))
-    free = np.linalg.svd(J)[2][rank:].T if J.size else np.eye(J.shape[1])
+    Jw = search.wish_jacobian(found.y, data, found.first)
     return follows, _powerless(search.wished, Jw, Jw @ free, size)
 
 

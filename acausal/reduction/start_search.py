@@ -154,6 +154,16 @@ class Search:
         """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
         return self.signs is None or bool((self.signs.at(np.concatenate([y, data])) > 0).all())
 
+    def jacobian(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
+        """d residual / dy, (m, n), for searches with constraints. Unlike `rows` for many threads at once."""
+        assert self.residual is not None
+        return np.array(self.residual.factory("J", ["y", "data"], ["jac:c:y"])(y, data)).reshape(-1, y.size)
+
+    def wish_jacobian(self, y: np.ndarray, data: np.ndarray, first: np.ndarray) -> np.ndarray:
+        """d wish / dy, (m, n), for searches with wishes, without weights."""
+        assert self.wish is not None
+        return np.array(self.wish.factory("J", ["y", "data", "first"], ["jac:r:y"])(y, data, first)).reshape(-1, y.size)
+
     def close(self, guess: np.ndarray, data: np.ndarray, kept: Sequence[int]) -> Assembled:
         """One search from `guess` that meets the rows `kept` of the constraints only."""
         return assemble(self.rows(data, guess, kept), guess, stride=self.stride)
