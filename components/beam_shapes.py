@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.mechanics.modal_inertia import ShapeIntegrals
+from acausal.mechanics.modal_inertia import ShapeIntegrals, without_rounding
 
 BENDING_MOST = 12
 AXIAL_MOST = 6
@@ -20,7 +20,8 @@ class BeamShapes:
     along_y: int
     along_z: int
     axial: int
-    clamped: bool
+    modes: str
+    """Of bending: "pinned", "cantilever" or "craig-bampton"."""
 
     @property
     def count(self) -> int:
@@ -53,25 +54,35 @@ class BeamShapes:
 
     def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(count, count) each: integrals of products of curvatures along y and along z, and of axial strains."""
+        s, weights = _quadrature()
         along_y, along_z, axial = (np.zeros((self.count, self.count)) for _ in range(3))
-        for matrix, start, n in ((along_y, 0, self.along_y), (along_z, self.along_y, self.along_z)):
-            levels = _roots(n) ** 4 / 4 if self.clamped else (np.pi * np.arange(1, n + 1)) ** 4 / 2
-            matrix[start : start + n, start : start + n] = np.diag(levels)
-        if self.axial:
-            _, weights = _quadrature()
-            slopes = _axial_slopes(self.axial)
-            first = self.along_y + self.along_z
-            axial[first:, first:] = slopes.T @ (weights[:, None] * slopes)
+        start = 0
+        for matrix, rates in (
+            (along_y, self._bending(s, self.along_y)[2]),
+            (along_z, self._bending(s, self.along_z)[2]),
+            (axial, _axial_slopes(s, self.axial)),
+        ):
+            end = start + rates.shape[1]
+            matrix[start:end, start:end] = without_rounding(rates.T @ (weights[:, None] * rates))
+            start = end
         return along_y, along_z, axial
 
-    def _bending(self, s: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Shapes and slopes (len(s), n)."""
-        if self.clamped:
-            return _cantilever(s, n)
-        k = np.arange(1, n + 1)
-        angles = np.pi * np.outer(s, k)
-        at_end = (s == 0) | (s == 1)
-        return np.where(at_end[:, None], 0.0, np.sin(angles)), np.pi * k * np.cos(angles)
+    def _bending(self, s: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shapes, slopes and curvatures (len(s), n)."""
+        if self.modes == "pinned":
+            return _pinned(s, n)
+        if self.modes == "cantilever":
+            tip = 2.0 * (-1.0) ** np.arange(n)
+            shapes, slopes, curvatures = _clamped(s, n, 1)
+            return shapes / tip, slopes / tip, curvatures / tip
+        static = (
+            np.column_stack([s * s * (3 - 2 * s), s * s * (s - 1)]),
+            np.column_stack([6 * s * (1 - s), s * (3 * s - 2)]),
+            np.column_stack([6 - 12 * s, 6 * s - 2]),
+        )
+        inner = _clamped(s, max(n - 2, 0), -1)
+        first, second, third = (np.hstack([a[:, :n], b]) for a, b in zip(static, inner, strict=True))
+        return first, second, third
 
 
 def _quadrature() -> tuple[np.ndarray, np.ndarray]:
@@ -80,25 +91,32 @@ def _quadrature() -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (1 + x), 0.5 * w
 
 
-def _roots(n: int) -> np.ndarray:
-    """b > 0 with cos b cosh b = -1 (n,), by Newton's method on cos b + 1 / cosh b."""
-    b = np.pi * (np.arange(n) + 0.5) + np.where(np.arange(n) == 0, 0.3, 0.0)
-    for _ in range(20):
-        b = b - (np.cos(b) + 1 / np.cosh(b)) / (-np.sin(b) - np.tanh(b) / np.cosh(b))
-    return b
+def _pinned(s: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """sin(k pi s), its slopes and curvatures; exactly zero at the ends."""
+    k = np.pi * np.arange(1, n + 1)
+    angles = np.outer(s, k)
+    shapes = np.where(((s == 0) | (s == 1))[:, None], 0.0, np.sin(angles))
+    return shapes, k * np.cos(angles), -k * k * shapes
 
 
-def _cantilever(s: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Modes cosh - cos - c (sinh - sin) of b s, 1 at the tip, and their slopes, (len(s), n) each, without cancellation for large b."""
-    b = _roots(n)
-    size = np.sinh(b) + np.sin(b)
-    c = (np.cosh(b) + np.cos(b)) / size
-    rest = (np.sin(b) - np.cos(b) - np.exp(-b)) / size  # 1 - c
+def _clamped(s: np.ndarray, n: int, end: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Modes cosh - cos - c (sinh - sin) of b s, their slopes and curvatures, (len(s), n) each, without cancellation for large b.
+
+    Clamped at 0; `end` 1: free at 1, -1: clamped there too, where shapes and slopes are exactly zero. b solves cos b cosh b = -end.
+    """
+    k = np.arange(n)
+    b = np.pi * (k + 0.5) + (np.where(k == 0, 0.3, 0.0) if end > 0 else np.pi)
+    for _ in range(20):  # Newton's method on cos b + end / cosh b
+        b = b - (np.cos(b) + end / np.cosh(b)) / (-np.sin(b) - end * np.tanh(b) / np.cosh(b))
+    size = np.sinh(b) + end * np.sin(b)
+    c = (np.cosh(b) + end * np.cos(b)) / size
+    rest = (end * (np.sin(b) - np.cos(b)) - np.exp(-b)) / size  # 1 - c
     x = np.outer(s, b)
     growing, falling = 0.5 * rest * np.exp(x), 0.5 * (1 + c) * np.exp(-x)
-    tip = 2.0 * (-1.0) ** np.arange(n)
     shapes = growing + falling - np.cos(x) + c * np.sin(x)
-    return shapes / tip, b * (growing - falling + np.sin(x) + c * np.cos(x)) / tip
+    slopes = b * (growing - falling + np.sin(x) + c * np.cos(x))
+    held = ((s == 0) | (s == 1))[:, None] & (end < 0)
+    return np.where(held, 0.0, shapes), np.where(held, 0.0, slopes), b * b * (growing + falling + np.cos(x) - c * np.sin(x))
 
 
 def _axial(s: np.ndarray, n: int) -> np.ndarray:
@@ -108,9 +126,8 @@ def _axial(s: np.ndarray, n: int) -> np.ndarray:
     return np.column_stack(columns) if columns else np.zeros((s.size, 0))
 
 
-def _axial_slopes(n: int) -> np.ndarray:
-    """Their derivatives at the places of the quadrature."""
-    s, _ = _quadrature()
-    fit = np.polynomial.Polynomial.fit
-    nodes = np.arange(n + 1) / n
-    return np.column_stack([fit(nodes, np.eye(n + 1)[k], n).deriv()(s) for k in range(1, n + 1)])
+def _axial_slopes(s: np.ndarray, n: int) -> np.ndarray:
+    """Their derivatives (len(s), n)."""
+    nodes = np.arange(n + 1) / max(n, 1)
+    columns = [np.polynomial.Polynomial.fit(nodes, np.eye(n + 1)[k], n).deriv()(s) for k in range(1, n + 1)]
+    return np.column_stack(columns) if columns else np.zeros((s.size, 0))

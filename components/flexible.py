@@ -9,16 +9,17 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, leaves, number, scalar, sx
+from acausal.language.expression import Expression, Scalar, evaluated, leaves, number, scalar, sx
 from acausal.language.origin import origin
 from acausal.mechanics.elastic_body import AbstractElasticBody
 from acausal.mechanics.modal_inertia import ElasticBody, ShapeIntegrals
+from acausal.visual import shapes as drawn
 from components.beam_shapes import AXIAL_MOST, BENDING_MOST, BeamShapes
 
 Number = float | Expression
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Section:
     """Cross section of a beam along x: `area` [m^2], second moments of area `about_y` and `about_z` [m^4] through its centroid, all > 0.
 
@@ -29,9 +30,9 @@ class Section:
     about_y: Number
     about_z: Number
 
-    def __post_init__(self) -> None:
-        for name in ("area", "about_y", "about_z"):
-            object.__setattr__(self, name, scalar(getattr(self, name), f"Section's {name}", positive=True))
+    def __init__(self, area: Scalar, about_y: Scalar, about_z: Scalar) -> None:
+        for name, value in (("area", area), ("about_y", about_y), ("about_z", about_z)):
+            object.__setattr__(self, name, scalar(value, f"Section's {name}", positive=True))
 
     @classmethod
     def rectangle(cls, width: Scalar, height: Scalar) -> Section:
@@ -43,6 +44,7 @@ class Section:
     def circle(cls, radius: Scalar, inner: Scalar = 0.0) -> Section:
         """Solid, or a tube with an `inner` radius [m] less than `radius` [m]."""
         r, i = scalar(radius, "circle's radius", positive=True), scalar(inner, "circle's inner radius", non_negative=True)
+        scalar(r - i, "circle's wall, radius - inner,", positive=True)
         moment = np.pi / 4 * (r * r * r * r - i * i * i * i)
         return cls(np.pi * (r * r - i * i), moment, moment)
 
@@ -52,8 +54,9 @@ class FlexibleBeam(AbstractElasticBody):
     """A straight uniform Euler-Bernoulli beam along x of frame_a, from frame_a to frame_b, that bends and stretches a little.
 
     Displacement at s = x / length: sum of shapes times amplitudes q [m], first `bending[0]` along y, then `bending[1]` along z, then `axial`
-    along x. Bending shapes by `support`: "pinned", sin(k pi s): frame_a and frame_b stay on the chord, as between hinges; "clamped": modes of
-    a cantilever held at frame_a, 1 at the tip. Axial shapes: polynomials of degree `axial`, each 1 at one of x = length k / axial and 0 at the
+    along x. Bending shapes by `modes`: "pinned", sin(k pi s): frame_a and frame_b stay on the chord, as between hinges. Held at frame_a:
+    "cantilever", modes with a free tip, 1 there; or "craig-bampton", exact for loads at the tip: its displacement and its slope times
+    length, as cubic polynomials, then modes clamped at both ends (Craig and Bampton, AIAA Journal 6, 1968). Axial shapes: polynomials of degree `axial`, each 1 at one of x = length k / axial and 0 at the
     others and at frame_a; for two 4 s (1 - s) and s (2 s - 1).
     `youngs_modulus` [N/m^2], `density` [kg/m^3], `length` [m] > 0; `damping` [s] >= 0: stress = youngs_modulus (strain + damping strain').
     Sections turn with frame_a. Stores q' k q / 2, dissipates damping v' k v. No torsion, no shear, no stiffening by tension.
@@ -71,7 +74,7 @@ class FlexibleBeam(AbstractElasticBody):
         density: Scalar,
         bending: tuple[int, int] = (2, 2),
         axial: int = 0,
-        support: str = "pinned",
+        modes: str = "pinned",
         damping: Scalar = 0.0,
     ) -> None:
         if not isinstance(section, Section):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
@@ -81,7 +84,7 @@ class FlexibleBeam(AbstractElasticBody):
         self.youngs_modulus = scalar(youngs_modulus, "FlexibleBeam's youngs_modulus", positive=True)
         self.density = scalar(density, "FlexibleBeam's density", positive=True)
         self.damping = scalar(damping, "FlexibleBeam's damping", non_negative=True)
-        self._shapes = _checked_shapes(bending, axial, support)
+        self._shapes = _checked_shapes(bending, axial, modes)
         self._set_count(self._shapes.count)
 
     @property
@@ -95,6 +98,10 @@ class FlexibleBeam(AbstractElasticBody):
         if not 0 <= at <= 1:
             raise ParameterError(f"deflection's s is {at:g} ({origin()}). It is x / length, between 0 and 1.")
         return Expression(sx(self._shapes.at(np.array([at]))[0]) @ self.q.sx, frozenset({self.q}))
+
+    def shapes(self) -> tuple[Any, ...]:
+        length, area = _present(self.length), _present(self.section.area)
+        return (drawn.Rod((0.0, 0.0, 0.0), (length, 0.0, 0.0), (area / np.pi) ** 0.5),)
 
     def body(self) -> ElasticBody:
         L, section = sx(self.length), self.section
@@ -150,9 +157,9 @@ class FlexibleBody(AbstractElasticBody):
     @classmethod
     def lumped(cls, masses: Any, places: Any, shapes: Any, stiffness: Any, **options: Any) -> Self:
         """From finite elements with lumped masses: `masses` (m,) [kg] at `places` (m, 3) [m] in frame_a, displaced by `shapes` (m, 3, n) q."""
-        m = np.asarray(masses, dtype=float).size
-        weights = _array(masses, (m,), "FlexibleBody's masses")
-        if not m or np.min(weights) < 0 or np.sum(weights) <= 0:
+        weights = _array(masses, np.shape(masses)[:1], "FlexibleBody's masses")
+        m = weights.size
+        if np.ndim(weights) != 1 or np.min(weights, initial=0.0) < 0 or np.sum(weights) <= 0:
             raise ParameterError(
                 f"FlexibleBody's masses are {weights} ({origin()}). They must not be negative, and not all zero."
             )
@@ -166,16 +173,26 @@ class FlexibleBody(AbstractElasticBody):
         )
         return cls(found, float(np.sum(weights)), stiffness, **options)
 
+    def shapes(self) -> tuple[Any, ...]:
+        x, y, z = (float(entry) for entry in self.tip)
+        return (drawn.Rod((0.0, 0.0, 0.0), (x, y, z)),) if np.any(self.tip) else ()
+
     def body(self) -> ElasticBody:
         return ElasticBody(
             self.integrals, self.mass, self.length, self.turning_inertia, self.stiffness, self.damping, self.tip, self.tip_shapes, self.tip_turns
         )  # fmt: skip
 
 
-def _checked_shapes(bending: Any, axial: Any, support: Any) -> BeamShapes:
+def _present(value: Number) -> float:
+    """For drawing: the present value of an expression."""
+    current = evaluated(value) if isinstance(value, Expression) else np.array([[value]])
+    return 0.1 if current is None else float(current[0, 0])
+
+
+def _checked_shapes(bending: Any, axial: Any, modes: Any) -> BeamShapes:
     where = f"({origin()})"
-    if support not in ("pinned", "clamped"):
-        raise ParameterError(f"FlexibleBeam's support is {support!r} {where}. Use 'pinned' or 'clamped'.")
+    if modes not in ("pinned", "cantilever", "craig-bampton"):
+        raise ParameterError(f"FlexibleBeam's modes are {modes!r} {where}. Use 'pinned', 'cantilever' or 'craig-bampton'.")
     counts = tuple(bending) if isinstance(bending, list | tuple) else (bending,)
     if len(counts) != 2 or not all(_is_count(k, BENDING_MOST) for k in counts):
         raise ParameterError(
@@ -189,7 +206,7 @@ def _checked_shapes(bending: Any, axial: Any, support: Any) -> BeamShapes:
         raise ParameterError(
             f"FlexibleBeam has no shape {where}: bending=(0, 0) and axial=0. A beam that does not deform is a RigidBody.rod."
         )
-    return BeamShapes(counts[0], counts[1], axial, support == "clamped")
+    return BeamShapes(counts[0], counts[1], axial, modes)
 
 
 def _is_count(value: Any, most: int) -> bool:

@@ -47,7 +47,7 @@ class ShapeIntegrals:
             np.einsum("k,ka,kbi->abi", shares, places, shapes),
             np.einsum("k,kai,kbj->abij", shares, shapes, shapes),
         )
-        return cls(*(np.where(np.abs(s) < _ROUNDING * np.max(np.abs(s), initial=0.0), 0.0, s) for s in sums))
+        return cls(*(without_rounding(s) for s in sums))
 
     @property
     def count(self) -> int:
@@ -172,6 +172,11 @@ class ModalInertia:
         """(Phi amplitudes) x Phi_j, (3, n)."""
         shapes = self.body.integrals.turning_shapes
         return ca.horzcat(*(_number(shapes[..., j]) @ amplitudes for j in range(shapes.shape[2])))
+
+
+def without_rounding(sums: np.ndarray) -> np.ndarray:
+    """Entries that are rounding errors of larger ones become zero, so that they fold away in symbolic code."""
+    return np.where(np.abs(sums) < _ROUNDING * np.max(np.abs(sums), initial=0.0), 0.0, sums)
 
 
 def _axial(products: np.ndarray) -> np.ndarray:

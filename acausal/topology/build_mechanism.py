@@ -10,6 +10,7 @@ from acausal.errors import GroundError, IncompatibleError, LockedError
 from acausal.language.connector import Point, Rotational
 from acausal.language.flatten import FlatSystem, Part
 from acausal.mechanics.constraint import AbstractConstraint
+from acausal.mechanics.elastic_body import AbstractElasticBody
 from acausal.mechanics.force import AbstractForce
 from acausal.mechanics.free import FreeJoint, FreePoint
 from acausal.mechanics.inertia import Inertia
@@ -66,7 +67,7 @@ def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
 
 def _edge(path: str, joint: Kind, groups: Sequence[Group], index: dict[Point, int]) -> Edge[Kind]:
     a, b = index[joint.frame_a], index[joint.frame_b]
-    if a == b:
+    if a == b and not isinstance(joint, AbstractElasticBody):
         raise LockedError(
             f"Both ends of joint '{path}' ({joint.created_at}) are fixed to the same rigid group ({', '.join(p.path for p in groups[a].parts)}), "
             "so it cannot move. Connect one end to another part."

@@ -88,6 +88,13 @@ def _bodies(run: Trajectory) -> tuple[MovingBody, ...]:
             names.append(part.path)
             shapes.append(component.shapes() or _skeleton(component, run.outputs))
             poses.append(mechanics.kinematics.pose(link) @ place @ pose)
+    edges = [item.edge for item in mechanics.tree.joints]
+    for edge in (*edges, *mechanics.mechanism.cuts):
+        if edge.joint.shapes():
+            link, place = mechanics.placement.ends(edge)[0]
+            names.append(edge.name)
+            shapes.append(edge.joint.shapes())
+            poses.append(mechanics.kinematics.pose(link) @ place)
     positions, rotations = _poses(run, poses)
     return tuple(MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
 
