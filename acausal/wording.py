@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _LAST = re.compile(r"^(.*)\[(\d+)\](.*?)$")
 _FIRST = re.compile(r"^(.*?)\[(\d+)\](.*)$")
@@ -47,6 +51,12 @@ def entry_names(name: str, rows: int, columns: int = 1) -> tuple[str, ...]:
     if rows * columns == 1:
         return (name,)
     return tuple(f"{name}[{i}]" if columns == 1 else f"{name}[{i},{j}]" for j in range(columns) for i in range(rows))
+
+
+def numbers(values: Sequence[float] | np.ndarray, most: int) -> str:
+    """`0.3`, or `(0.3, 0, -1)`; of more than `most` the first ones."""
+    shown = ", ".join(f"{v:.6g}" for v in values[:most])
+    return shown if len(values) == 1 else f"({shown}{', …' if len(values) > most else ''})"
 
 
 def counted(count: int, word: str) -> str:

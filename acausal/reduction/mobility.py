@@ -8,6 +8,7 @@ import numpy as np
 
 from acausal.errors import LockedError
 from acausal.reduction.loops import LoopRows
+from acausal.wording import compact
 
 _NEARLY = 3e-2
 
@@ -52,5 +53,4 @@ def nearly_redundant(loops: Sequence[LoopRows], A: np.ndarray) -> str:
 
 
 def _joints(loops: Sequence[LoopRows]) -> str:
-    names = [f"'{rows.edge.name}'" for rows in loops]
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    return compact((f"'{rows.edge.name}'" for rows in loops), 4)

@@ -11,10 +11,13 @@ import numpy as np
 from acausal.errors import AssemblyError, StartValueError
 from acausal.reduction.assembly import Assembled
 from acausal.reduction.start_search import Found, Search, Target
+from acausal.wording import numbers
 
 _TRIED = 6
 """Start values of the largest influence that are left out in turn."""
 _TRIES = 6
+_NUMBERS = 9
+"""Entries of a start value that are shown."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[],
     if loops is not None and not loops.converged:
         raise AssemblyError(_open_loop(search, loops, data))
     if found.gap <= 1e-9:
-        values = "; ".join(f"{t.name} = {_numbers(data[t.place])}" for t in search.exact)
+        values = "; ".join(f"{t.name} = {numbers(data[t.place], _NUMBERS)}" for t in search.exact)
         raise StartValueError(
             f"The {search.what} start values can be met only with hinge axes that point against one another, or wheels that lean by "
             f"more than a right angle: {values or 'none was given'}. Change them, or soften some with ac.near(...)."
@@ -63,13 +66,8 @@ def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[],
 def _told(f: _Fighter, data: np.ndarray) -> str:
     wanted = data[f.target.place]
     unit = f" {f.target.unit}" if f.target.unit else ""
-    text = f"{f.target.name} = {_numbers(wanted)}{unit} (off by {f.off:.3g})"
-    return text if f.instead is None else f"{text}, without which the rest is met and it would be {_numbers(f.instead)}"
-
-
-def _numbers(values: np.ndarray) -> str:
-    shown = ", ".join(f"{v:.6g}" for v in values[:9])
-    return shown if values.size == 1 else f"({shown}{', …' if values.size > 9 else ''})"
+    text = f"{f.target.name} = {numbers(wanted, _NUMBERS)}{unit} (off by {f.off:.3g})"
+    return text if f.instead is None else f"{text}, without which the rest is met and it would be {numbers(f.instead, _NUMBERS)}"
 
 
 def _open_loop(search: Search, loops: Assembled, data: np.ndarray) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from acausal.reduction.assembly import freedom
 from acausal.reduction.close_loops import sketch_configuration
 from acausal.reduction.start_search import Found, Search, Target
+from acausal.wording import compact, numbers, shortened
 
 if TYPE_CHECKING:
     from acausal.reduction.initial import Account, InitialState, Met
@@ -42,22 +43,13 @@ def _asked(met: Sequence[Met]) -> list[str]:
         return []
     rows = [("asked", "", "wanted", "got", "off by")]
     ordered = sorted(met, key=lambda m: -m.off) if len(met) > 3 * _SHOWN else list(met)
-    for m in ordered[: 3 * _SHOWN]:
+    for m in ordered:
         miss = m.off > _MET * (1 + float(np.max(np.abs(m.wanted))))
         off = f"{m.off:.3g} {m.unit}".rstrip() + ("  not met" if miss else "")
-        rows.append((m.name, "exactly" if m.exact else "near", _shown(m.wanted), _shown(m.got), off))
+        rows.append((m.name, "exactly" if m.exact else "near", numbers(m.wanted, 3), numbers(m.got, 3), off))
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     lines = ["  " + "  ".join([f"{cell:<{w}}" for cell, w in zip(row[:4], widths, strict=True)] + [row[4]]) for row in rows]
-    return lines + _rest(len(met) - 3 * _SHOWN)
-
-
-def _shown(values: np.ndarray) -> str:
-    text = ", ".join(f"{v:.6g}" for v in values[:3])
-    return text if values.size == 1 else f"({text}{', …' if values.size > 3 else ''})"
-
-
-def _rest(count: int) -> list[str]:
-    return [f"  … and {count} more"] if count > 0 else []
+    return shortened(lines, 1 + 3 * _SHOWN)
 
 
 def _moved(a: Account) -> list[str]:
@@ -72,10 +64,10 @@ def _moved(a: Account) -> list[str]:
     if not order:
         return ["nothing moved from the sketch"]
     lines = ["moved from the sketch, farthest first:"]
-    for i in order[:_SHOWN]:
+    for i in order:
         c = a.problem.coordinates.all[i]
         lines.append(f"  {c.name:<24} by {c.distance(sketch, q):.4g} {c.unit}, from {c.value(sketch)} to {c.value(q)}")
-    return lines + _rest(len(order) - _SHOWN)
+    return shortened(lines, 1 + _SHOWN)
 
 
 def _loops(a: Account) -> list[str]:
@@ -92,7 +84,7 @@ def _loops(a: Account) -> list[str]:
         first += size
     gaps.sort(key=lambda gap: -gap[0])
     lines = ["closed, with the gap that is left (m, or sine of an angle):"]
-    return lines + [f"  {gap:<8.1e} {words}" for gap, words in gaps[:_SHOWN]] + _rest(len(gaps) - _SHOWN)
+    return shortened(lines + [f"  {gap:<8.1e} {words}" for gap, words in gaps], 1 + _SHOWN)
 
 
 def _needless(a: Account) -> list[str]:
@@ -102,9 +94,9 @@ def _needless(a: Account) -> list[str]:
     for search, found, data in searches:
         follows, powerless = _unneeded(search, found, data)
         if follows:
-            lines.append(f"not needed, since each follows from the rest: {', '.join(follows)}")
+            lines.append(f"not needed, since each follows from the rest: {compact(follows, _SHOWN)}")
         if powerless:
-            lines.append(f"without influence, since exact values and loops leave no choice: {', '.join(powerless)}")
+            lines.append(f"without influence, since exact values and loops leave no choice: {compact(powerless, _SHOWN)}")
     return lines
 
 

@@ -10,6 +10,7 @@ from acausal.errors import ModelError, OverdeterminedError, UnderdeterminedError
 from acausal.reduction.scalar.chains import Chains
 from acausal.reduction.scalar.equations import EquationSet, ScalarEquation, Unknown
 from acausal.reduction.scalar.matching import Incidence, Parts, match, overdetermined, underdetermined
+from acausal.wording import compact
 
 _NAMED = 5
 
@@ -55,16 +56,12 @@ def _spread(chain: Sequence[Unknown], total: int) -> Sequence[Unknown]:
 
 def _too_many(over: Parts, sources: Sequence[ScalarEquation]) -> str:
     n = over.excess
-    labels = list(dict.fromkeys(str(sources[e]) for e in over.equations))
-    more = f" and {len(labels) - _NAMED} more" if len(labels) > _NAMED else ""
-    return f"{n} equation{' is' if n == 1 else 's are'} too many, among: {', '.join(labels[:_NAMED])}{more}."
+    return f"{n} equation{' is' if n == 1 else 's are'} too many, among: {compact((str(sources[e]) for e in over.equations), _NAMED)}."
 
 
 def named(unknowns: Iterable[Unknown]) -> str:
     """The first few unknowns in words, each once."""
-    names = list(dict.fromkeys(str(u) for u in unknowns))
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    return compact(map(str, unknowns), _NAMED)
 
 
 def singular(system: EquationSet, sources: Iterable[ScalarEquation], unknowns: Iterable[Unknown]) -> UnderdeterminedError:
