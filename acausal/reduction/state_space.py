@@ -67,10 +67,12 @@ class StateSpace:
 
     def restricted(self, x: np.ndarray) -> np.ndarray:
         """(nx,) or (nx, n) of states of the system."""
-        return x[list(self.places)]
+        return x[list(self.places)] if self.elimination.symbols else x
 
     def extended(self, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Parameters with the constants of integration of a motion that passes the system's states x at time t."""
+        if not self.elimination.constants.numel():
+            return p
         return np.concatenate([p, np.array(self._constants(t, x, p)).ravel()])
 
     def extended_change(self, t: float, x: np.ndarray, p: np.ndarray, dx: np.ndarray, dp: np.ndarray) -> np.ndarray:
