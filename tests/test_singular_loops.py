@@ -91,6 +91,21 @@ def test_four_bars_in_the_virtual_machine():
     assert drift(run) < 2e-8
 
 
+def test_forty_four_bars_pass_as_two_do():
+    """The benchmark's full size: 162 states, 80 of 200 rows used; five passes, all cranks at once."""
+    count = 40
+    scene = FourBars((1.0,) * (count + 1), (1.0,) * count)
+    model = ac.build(scene)
+    assert model.system.constraints.jacobian.shape == (80, 81)
+    assert model.operations < 900 * count  # linear: the loops' factors stay sparse
+    run = model.simulate(10.0, {scene.feet[0].q: 0.0, scene.feet[0].v: -1.0}, rtol=1e-8, compiled=False, samples=50)
+    angle, rate = parallel_motion((1.0,) * (count + 1), (1.0,) * count, 1.0, 0.0, -1.0, 10.0)
+    assert abs(run[scene.feet[0].q][-1] - angle) < 1e-7
+    assert abs(run[scene.feet[0].v][-1] - rate) < 1e-6
+    assert scene.spread(run) < 1e-9
+    assert drift(run) < 1e-7
+
+
 @pytest.mark.parametrize("method", ["gauss", "radau"])
 def test_four_bars_with_each_method(method):
     scene = FourBars()
