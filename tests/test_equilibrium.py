@@ -9,29 +9,21 @@ import acausal as ac
 from acausal.errors import EquilibriumError, OptionError, StartValueError, UnknownVariableError
 from components import (
     AngleSource,
-    ElectromotiveForce,
     Fixed,
-    Ground,
-    Inductor,
-    Inertia,
     Particle,
     Prismatic,
-    Resistor,
     Revolute,
     RigidBody,
     RollingBall,
     RollingDisk,
-    RotationalDamper,
-    RotationalGround,
     Spherical,
     Spring,
     TorqueSource,
-    VoltageSource,
     World,
 )
 from examples.bicycle import Bicycle
+from tests.analysis_scenes import Arm, Motor, Top
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
-from tests.test_linearize import Top
 
 G = 9.81
 
@@ -91,24 +83,8 @@ def test_a_loop_is_trimmed_by_the_angle_that_closes_it_up_to_full_turns():
     assert again.inputs[scene.torque] == pytest.approx(first.inputs[scene.torque], rel=1e-9)
 
 
-def arm() -> ac.System:
-    """Two links with a torque at each hinge."""
-    scene = ac.System()
-    scene.world, scene.shoulder, scene.elbow = World(), Revolute("y"), Revolute("y")
-    scene.upper, scene.lower = RigidBody.rod(2.0, (0.8, 0, 0)), RigidBody.rod(1.0, (0.5, 0, 0))
-    scene.torques = [ac.Input("N*m"), ac.Input("N*m")]
-    scene.motors = [TorqueSource(u) for u in scene.torques]
-    scene.connect(scene.world.frame, scene.shoulder.frame_a)
-    scene.connect(scene.shoulder.frame_b, scene.upper.frame)
-    scene.connect(scene.upper.tip, scene.elbow.frame_a)
-    scene.connect(scene.elbow.frame_b, scene.lower.frame)
-    for motor, joint in zip(scene.motors, (scene.shoulder, scene.elbow), strict=True):
-        scene.connect(motor.flange, joint.flange)
-    return scene
-
-
 def test_an_arm_is_trimmed_where_it_was_put():
-    scene = arm()
+    scene = Arm()
     a, b = 0.4, -0.9
     found = ac.build(scene).equilibrium({scene.shoulder.q: a, scene.elbow.q: b}, free=scene.torques)
     outer = 1.0 * G * 0.25 * np.cos(a + b)
@@ -119,7 +95,7 @@ def test_an_arm_is_trimmed_where_it_was_put():
 
 
 def test_one_torque_holds_the_arm_with_the_other_link_hanging():
-    scene = arm()
+    scene = Arm()
     found = ac.build(scene).equilibrium({scene.shoulder.q: ac.exactly(0.4), scene.elbow.q: 1.0}, free=[scene.torques[0]])
     assert found[scene.shoulder.q] == pytest.approx(0.4, abs=1e-13)
     assert found[scene.shoulder.q] + found[scene.elbow.q] == pytest.approx(np.pi / 2, abs=1e-12)
@@ -229,22 +205,7 @@ def test_a_disk_rolls_in_a_circle_for_good():
 
 def test_a_motor_runs_at_the_speed_where_friction_takes_its_torque():
     V, R, k, d = 12.0, 1.5, 0.04, 2e-4
-    scene = ac.System()
-    scene.ground, scene.source, scene.resistor, scene.inductor = Ground(), VoltageSource(V), Resistor(R), Inductor(2e-3)
-    scene.motor, scene.rotor, scene.friction, scene.base = (
-        ElectromotiveForce(k),
-        Inertia(1e-4),
-        RotationalDamper(d),
-        RotationalGround(),
-    )
-    scene.connect(scene.source.pin_b, scene.ground.pin)
-    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
-    scene.connect(scene.resistor.pin_b, scene.inductor.pin_a)
-    scene.connect(scene.inductor.pin_b, scene.motor.pin_a)
-    scene.connect(scene.motor.pin_b, scene.ground.pin)
-    scene.connect(scene.motor.flange, scene.rotor.flange_a)
-    scene.connect(scene.rotor.flange_b, scene.friction.flange_a)
-    scene.connect(scene.friction.flange_b, scene.base.flange)
+    scene = Motor(V, R, 2e-3, k, 1e-4, d)
     found = ac.build(scene).equilibrium(steady=[scene.rotor.w, scene.inductor.i])
     assert found[scene.rotor.w] == pytest.approx(k * V / (R * d + k**2), rel=1e-11)
     assert found[scene.inductor.i] == pytest.approx(d * V / (R * d + k**2), rel=1e-11)

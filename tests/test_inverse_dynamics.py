@@ -11,25 +11,17 @@ from scipy.interpolate import make_interp_spline
 import acausal as ac
 from acausal.errors import MotionError, OptionError, StartValueError, UnknownVariableError
 from components import (
-    ElectromotiveForce,
     ForceSource,
-    Ground,
-    Inductor,
-    Inertia,
     PositionSource,
     Prismatic,
-    Resistor,
     Revolute,
     RigidBody,
     RollingBall,
-    RotationalDamper,
-    RotationalGround,
     Torque,
-    VoltageSource,
     World,
 )
+from tests.analysis_scenes import Arm, Motor
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
-from tests.test_equilibrium import arm
 
 G = 9.81
 T = np.linspace(0.0, 2.0, 101)
@@ -46,7 +38,7 @@ def test_a_pendulum_needs_the_torque_of_its_equation():
 
 
 def test_the_torques_found_make_the_arm_move_so():
-    scene = arm()
+    scene = Arm()
     model = ac.build(scene)
     a, b = 0.5 * np.sin(2 * T), 0.3 + 0.2 * T**2
     motions = {scene.shoulder.q: 0.5 * np.sin(2 * ac.time), scene.elbow.q: lambda t: 0.3 + 0.2 * t**2}
@@ -96,7 +88,7 @@ def test_redundant_forces_in_a_loop_are_the_least():
 
 
 def test_a_tip_is_led_along_a_line():
-    scene = arm()
+    scene = Arm()
     tip = scene.lower.tip.position
     line = {tip[0]: 0.9 - 0.1 * ac.time**2, tip[2]: 0.2}
     start = {scene.shoulder.q: -0.5, scene.elbow.q: 1.0}
@@ -141,23 +133,7 @@ def test_what_is_not_prescribed_moves_by_its_own_dynamics():
 
 def test_a_voltage_is_found_through_an_inductor():
     R, L, k, J, d = 1.2, 3e-3, 0.05, 2e-4, 1e-3
-    scene = ac.System()
-    scene.voltage = ac.Input("V")
-    scene.ground, scene.source, scene.resistor, scene.inductor = Ground(), VoltageSource(scene.voltage), Resistor(R), Inductor(L)
-    scene.motor, scene.rotor, scene.friction, scene.base = (
-        ElectromotiveForce(k),
-        Inertia(J),
-        RotationalDamper(d),
-        RotationalGround(),
-    )
-    scene.connect(scene.source.pin_b, scene.ground.pin)
-    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
-    scene.connect(scene.resistor.pin_b, scene.inductor.pin_a)
-    scene.connect(scene.inductor.pin_b, scene.motor.pin_a)
-    scene.connect(scene.motor.pin_b, scene.ground.pin)
-    scene.connect(scene.motor.flange, scene.rotor.flange_a)
-    scene.connect(scene.rotor.flange_b, scene.friction.flange_a)
-    scene.connect(scene.friction.flange_b, scene.base.flange)
+    scene = Motor(ac.Input("V"), R, L, k, J, d)
     found = ac.build(scene).inverse_dynamics(T, {scene.rotor.w: 5 * np.sin(ac.time)}, [scene.voltage])
     w, w1, w2 = 5 * np.sin(T), 5 * np.cos(T), -5 * np.sin(T)
     i, i1 = (J * w1 + d * w) / k, (J * w2 + d * w1) / k
@@ -183,7 +159,7 @@ def test_a_ball_is_rolled_along_a_path_by_the_least_torque():
 
 
 def test_the_function_gives_the_series():
-    scene = arm()
+    scene = Arm()
     model = ac.build(scene)
     motions = {scene.shoulder.q: 0.5 * np.sin(2 * ac.time), scene.elbow.q: 0.3 + 0.2 * ac.time**2}
     found = model.inverse_dynamics(T, motions, [scene.shoulder, scene.elbow])

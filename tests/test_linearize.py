@@ -13,21 +13,16 @@ import acausal as ac
 from acausal.errors import OptionError, StartValueError, UnknownVariableError
 from components import (
     Capacitor,
-    ElectromotiveForce,
     Fixed,
     Force,
-    Gear,
     Ground,
     Inductor,
-    Inertia,
     Particle,
     Prismatic,
     Resistor,
     Revolute,
     RigidBody,
     RollingBall,
-    RotationalDamper,
-    RotationalGround,
     SlidingMass,
     Spherical,
     TranslationalGround,
@@ -36,6 +31,7 @@ from components import (
     World,
 )
 from examples.bicycle import Bicycle
+from tests.analysis_scenes import Motor, Top
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 
 G = 9.81
@@ -162,20 +158,6 @@ def test_a_free_body_turns_stably_about_its_extreme_axes_only(spin: tuple[float,
         assert np.min(np.abs(found.eigenvalues - value)) < 1e-10
 
 
-class Top(ac.System):
-    """A rotor of inertia (A, A, C) about the fixed point, at `height` along its axis; angles: precession, nutation, spin."""
-
-    def __init__(self, A: float = 0.02, C: float = 0.01, mass: float = 1.5, height: float = 0.1) -> None:
-        self.world = World()
-        self.precession, self.nutation, self.spin = Revolute("z"), Revolute("x"), Revolute("z")
-        across = A - mass * height**2
-        self.rotor = RigidBody(mass, (across, across, C), (0, 0, height))
-        self.connect(self.world.frame, self.precession.frame_a)
-        self.connect(self.precession.frame_b, self.nutation.frame_a)
-        self.connect(self.nutation.frame_b, self.spin.frame_a)
-        self.connect(self.spin.frame_b, self.rotor.frame)
-
-
 def steady_top(theta: float, spin_momentum: float, A: float, weight: float) -> float:
     """The slow precession rate: A cos(theta) w^2 - L w + m g h = 0."""
     return min(np.roots([A * np.cos(theta), -spin_momentum, weight]).real)
@@ -273,21 +255,7 @@ def test_a_series_circuit_has_its_closed_eigenvalues_and_gain():
 
 def test_a_geared_motor_has_the_poles_of_its_characteristic_polynomial():
     R, L, k, J, load, d, ratio = 1.2, 3e-3, 0.05, 2e-5, 4e-3, 1e-3, 8.0
-    scene = ac.System()
-    scene.voltage = ac.Input("V")
-    scene.ground, scene.source, scene.resistor, scene.inductor = Ground(), VoltageSource(scene.voltage), Resistor(R), Inductor(L)
-    scene.motor, scene.rotor, scene.gear, scene.load = ElectromotiveForce(k), Inertia(J), Gear(ratio), Inertia(load)
-    scene.friction, scene.base = RotationalDamper(d), RotationalGround()
-    scene.connect(scene.source.pin_b, scene.ground.pin)
-    scene.connect(scene.source.pin_a, scene.resistor.pin_a)
-    scene.connect(scene.resistor.pin_b, scene.inductor.pin_a)
-    scene.connect(scene.inductor.pin_b, scene.motor.pin_a)
-    scene.connect(scene.motor.pin_b, scene.ground.pin)
-    scene.connect(scene.motor.flange, scene.rotor.flange_a)
-    scene.connect(scene.rotor.flange_b, scene.gear.flange_a)
-    scene.connect(scene.gear.flange_b, scene.load.flange_a)
-    scene.connect(scene.load.flange_b, scene.friction.flange_a)
-    scene.connect(scene.friction.flange_b, scene.base.flange)
+    scene = Motor(ac.Input("V"), R, L, k, J, d, (ratio, load))
     found = ac.build(scene).linearize(states=[scene.inductor.i, scene.load.w], outputs=[scene.load.w])
     total = load + ratio**2 * J
     exact = np.roots([L * total, R * total + L * d, R * d + (ratio * k) ** 2])
