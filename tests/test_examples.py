@@ -15,6 +15,7 @@ LIMITS = {
     "rolling_disk": 1e-12,
     "cart_swing_up": 2e-2,
     "four_bar": 1e-13,
+    "flexible_slider_crank": 1e-12,
     "engine": 1e-13,
     "gyroscopic": 1e-12,
     "robot_r3": 1e-4,
