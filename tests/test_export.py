@@ -13,7 +13,7 @@ import sympy as sp
 
 import acausal as ac
 from acausal.export.c_source import compiler
-from components import Particle, Revolute, RigidBody, Spring, World
+from components import Particle, Prismatic, Revolute, RigidBody, Rod, Spring, World
 from tests.scenes import DoublePendulum, FourBar, PointPendulum
 
 MAIN = """
@@ -88,10 +88,24 @@ def test_equation_of_the_planar_pendulum_is_that_of_the_textbook():
     assert r"\sin" in equations.latex()
 
 
-def test_equations_of_a_loop_name_its_constraints():
-    equations = ac.build(FourBar()).equations()
-    assert len(equations.motion) == 3
-    assert len(equations.constraints) == 2
+def test_equations_of_a_loop_are_lagranges_of_the_first_kind():
+    """A bead with the coordinates x and z, held by a rod: m x'' = lambda x / L, m z'' = lambda z / L - m g."""
+    scene = ac.System()
+    scene.m, scene.L, scene.g = ac.Parameter(1.0, "kg"), ac.Parameter(1.0, "m"), ac.Parameter(9.81, "m/s^2")
+    scene.world, scene.x, scene.z = World((0, 0, -scene.g)), Prismatic("x"), Prismatic("z")
+    scene.bead, scene.rod = Particle(scene.m), Rod(scene.L)
+    scene.connect(scene.world.frame, scene.x.frame_a)
+    scene.connect(scene.x.frame_b, scene.z.frame_a)
+    scene.connect(scene.z.frame_b, scene.bead.point)
+    scene.connect(scene.world.frame, scene.rod.frame_a)
+    scene.connect(scene.rod.frame_b, scene.bead.point)
+    equations = ac.build(scene).equations()
+    t, (m, L, g) = sp.Symbol("t"), sp.symbols("m L g", positive=True)
+    x, z, force = sp.Function("q_x")(t), sp.Function("q_z")(t), sp.Symbol("lambda_1")
+    exact = m * x.diff(t, 2) - force * x / L, m * z.diff(t, 2) - force * z / L + m * g
+    assert [sp.simplify(e.lhs - want) for e, want in zip(equations.motion, exact, strict=True)] == [0, 0]
+    (closed,) = equations.constraints
+    assert sp.simplify(closed.lhs - (x**2 + z**2 - L**2) / (2 * L)) == 0
     assert "lambda_1" in str(equations)
 
 
