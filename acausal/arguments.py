@@ -72,6 +72,15 @@ def finite(value: Any, what: str) -> float:
         raise OptionError(f"{what} must be a finite number, not {value!r}.") from error
 
 
+def function_name(value: Any, what: str) -> str:
+    """A name that CasADi and C take. Raises `OptionError`."""
+    if not isinstance(value, str) or not ca.Function.check_name(value):
+        raise OptionError(
+            f"{what} is {value!r}; give a word of letters, digits and single underscores that begins with a letter."
+        )
+    return value
+
+
 def whole_number(value: Any, what: str, least: int, most: int | None = None) -> int:
     """An integer within bounds; no bool. Raises `OptionError`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least or (most is not None and value > most):

@@ -116,6 +116,10 @@ class RoundingWarning(UserWarning):
     """A tolerance asks for more than numbers of 53 bits can hold."""
 
 
+class JumpWarning(UserWarning):
+    """A motion that is given as a function of time has a jump, in its position or its speed; no force can make it."""
+
+
 class SingularWarning(UserWarning):
     """A motion came to a singular position, of a loop or of a wheel that falls flat; what follows is not reliable."""
 

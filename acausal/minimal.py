@@ -165,7 +165,7 @@ class MinimalModel:
         from acausal.minimal_motion import Options, simulate
 
         options = Options(rtol, rtol if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
-        return simulate(self, float(end), start, inputs or {}, options)
+        return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
 
     @functools.cached_property
     def _equations(self) -> ChartEquations:

@@ -18,6 +18,7 @@ from acausal.integrators.problem import Tolerances
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import flatten
+from acausal.mechanics.joint_check import check_joints
 from acausal.mechanics.system import mechanical_system
 from acausal.reduction.initial import InitialState, Start, initial_state
 from acausal.reduction.outputs import Outputs
@@ -458,6 +459,7 @@ def build(scene: System) -> Model:
         raise ModelError(
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
+    check_joints(flat)
     model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0:
         raise LockedError(

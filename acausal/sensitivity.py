@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import function_name
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, SimulationError
 from acausal.integrators.problem import Directions, Problem, Tolerances
@@ -147,6 +148,7 @@ class TrajectoryFunction(ca.Callback):
 
     def __init__(self, name: str, motion: Motion) -> None:
         super().__init__()
+        name = function_name(name, "trajectory_function: the name")
         motion.functions.outputs.resolve(motion.outputs)  # CasADi loses errors of get_sparsity_out
         self._motion = motion
         self._derivatives: list[ca.Callback] = []

@@ -14,6 +14,7 @@ from acausal.arguments import dictionary, finite, listed, shown, start_mapping, 
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, ParameterError, SimulationError, UnknownVariableError
 from acausal.events import when
+from acausal.given_motion import check_given_motions
 from acausal.integrators import integrate
 from acausal.integrators.problem import Guards, Problem, StatusKind, Tolerances
 from acausal.language.component import Component
@@ -84,14 +85,16 @@ def simulate(
     options = options.checked()
     problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
     p, space = problem.parameters, functions.space
-    initial = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
-    problem = replace(problem, parameters=space.extended(t0, initial.x, p))
+    check_given_motions(functions, t0, t1, p, stacklevel=4)
+    whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
+    initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
+    problem = replace(problem, parameters=initial.p)
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
     atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
-        space.restricted(initial.x),
+        initial.x,
         t0,
         t1,
         options.rtol,
@@ -171,6 +174,8 @@ def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]
         if parameter not in known:
             raise UnknownVariableError(_unknown(parameter, "parameter", [functions.outputs.name(k) for k in known]))
         values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
+    if parameters:
+        functions.outputs.system.flat.conditions.check(values[: len(known)])
     return values
 
 
@@ -204,11 +209,14 @@ def _watched(function: Callable[[float], Any], name: str) -> Callable[[float], f
     def value(t: float) -> float:
         try:
             found = float(function(t))
-        except (TypeError, ValueError, ArithmeticError) as error:
+        except (TypeError, ValueError) as error:
             raise ParameterError(
-                f"The input {name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {error} It is called with one "
+                f"The input {name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is called with one "
                 "number, the time [s], and must return one number."
             ) from error
+        except Exception as error:  # the user's own, in the user's own function
+            error.add_note(f"In the function of time of the input {name}, called with t = {t:.6g} s.")
+            raise
         return found
 
     return value

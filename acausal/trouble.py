@@ -9,8 +9,9 @@ import casadi as ca
 import numpy as np
 
 from acausal.codegen.lower import Functions
-from acausal.errors import SingularWarning
+from acausal.errors import AcausalError, AssemblyError, SingularWarning
 from acausal.integrators.problem import Status, StatusKind
+from acausal.reduction.initial import initial_state
 from acausal.trajectory import Trajectory
 
 _SINGULAR = 1e-9
@@ -97,12 +98,44 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
     worst = ""
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
+    if run is not None:
+        worst += _lost_input(functions, run)
     if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
-        worst += _without_inertia(functions, run)
+        worst += _without_inertia(functions, run) or _out_of_reach(functions, run)
     return (
         f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
         "The motion until then is in this error's `trajectory`."
     )
+
+
+def _lost_input(functions: Functions, run: Trajectory) -> str:
+    """An input that is no number at the last state or a little later; empty if all are."""
+    t = run.solution.t[-1]
+    values = run.problem.inputs(np.array([t, t + 1e-9 * max(1.0, abs(t))]))
+    lost = np.flatnonzero(~np.all(np.isfinite(values), axis=1))
+    if not lost.size:
+        return ""
+    name = functions.outputs.name(functions.outputs.system.flat.inputs[lost[0]])
+    return (
+        f" The input {name} is {values[lost[0]][~np.isfinite(values[lost[0]])][0]} there: its function of time must give numbers."
+    )
+
+
+def _out_of_reach(functions: Functions, run: Trajectory) -> str:
+    """Why the scene cannot be assembled a little later, where functions of time pull loops apart; empty if it can."""
+    system, outputs = functions.outputs.system, functions.outputs
+    if not ca.depends_on(system.closing, system.t):
+        return ""
+    t0, t = run.solution.t[0], run.solution.t[-1]
+    later = t + max(0.01 * (t - t0), 1e-3)
+    p = run.problem.parameters[: system.p_values.size]
+    try:
+        initial_state(outputs, {}, later, p, run.problem.inputs(np.array([later]))[:, 0])
+    except AssemblyError as error:
+        return f" A motion that is given leads out of reach. At t = {later:.6g} s: {error}"
+    except AcausalError:
+        return ""
+    return ""
 
 
 def _without_inertia(functions: Functions, run: Trajectory) -> str:

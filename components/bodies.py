@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Scalar, evaluated, leaves, scalar, sx, vector
+from acausal.language.expression import Expression, Scalar, checked, evaluated, leaves, scalar, sx, vector
 from acausal.language.origin import origin
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.pose import Matrix, Pose, pose
@@ -263,10 +263,15 @@ def _inertia_matrix(inertia: Scalar) -> np.ndarray | Expression:
         matrix = ca.reshape(entries, 3, 3).T
     else:
         raise ParameterError(f"inertia must have 3 or 6 numbers or be a matrix (3, 3), not shape {entries.shape} ({origin()}).")
-    current = evaluated(Expression(ca.densify(matrix), found))
-    if current is not None:
-        _check_physical(current)
-    return Expression(matrix, found) if found or current is None else current
+    dense = Expression(ca.densify(matrix), found)
+    if found:
+        checked(dense, _check_physical)
+        return Expression(matrix, found)
+    current = evaluated(dense)
+    if current is None:
+        return Expression(matrix, found)
+    _check_physical(current)
+    return current
 
 
 def _check_physical(matrix: np.ndarray) -> None:

@@ -49,7 +49,10 @@ def rotation_matrix(rotation: Rotation | Scalar) -> np.ndarray | None:
     if isinstance(rotation, tuple) and len(rotation) == 2:
         axis, angle = rotation
         return rotation_about(np.asarray(axis_vector(axis, "rotation axis")), float(angle))  # pyright: ignore[reportArgumentType]
-    array = np.asarray(rotation, dtype=float)
+    try:
+        array = np.asarray(rotation, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
     if array.shape == (4,):
         length = float(np.linalg.norm(array))
         if not abs(length - 1) < 1e-6:

@@ -10,16 +10,22 @@ from acausal.errors import ParameterError
 from acausal.language.component import Component
 from acausal.language.connector import Rotational
 from acausal.language.equation import Equation, der, equal
-from acausal.language.expression import Expression, Scalar, Variable, scalar
+from acausal.language.expression import Expression, Scalar, Variable, checked, scalar
 from acausal.language.origin import origin
 
 _HELD = "Connect both flanges; to hold one, connect it to a RotationalGround."
 
 
 def not_zero(value: float | Expression, what: str) -> float | Expression:
-    """The value of a ratio; raises `ParameterError` for the number 0."""
-    if not isinstance(value, Expression) and value == 0.0:
-        raise ParameterError(f"{what} is 0 ({origin()}): nothing would be transmitted. Give a number that is not zero.")
+    """The value of a ratio; raises `ParameterError` for 0, also as the value of a parameter."""
+
+    def check(found: object) -> None:
+        if found == 0.0:
+            raise ParameterError(f"{what} is 0 ({origin()}): nothing would be transmitted. Give a number that is not zero.")
+
+    if isinstance(value, Expression):
+        return checked(value, check)
+    check(value)
     return value
 
 
@@ -157,6 +163,9 @@ class AngleSource(Component):
 
     def __init__(self, angle: Scalar | Callable[[Any], Any]) -> None:
         self.angle = scalar(language.of_time(angle), "AngleSource's angle")
+
+    def given_motions(self) -> tuple[Expression, ...]:
+        return (self.angle,) if isinstance(self.angle, Expression) else ()
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange.phi, self.angle)

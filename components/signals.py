@@ -65,8 +65,10 @@ class Table(Component):
     output = Signal.port()
 
     def __init__(self, points: Sequence[float], values: Sequence[float]) -> None:
-        self.points = np.asarray(points, dtype=float)
-        self.values = np.asarray(values, dtype=float)
+        try:
+            self.points, self.values = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise ParameterError(f"Table takes two lists of numbers, not {points!r} and {values!r} ({origin()}).") from None
         if self.points.ndim != 1 or self.points.size < 2 or self.points.shape != self.values.shape:
             raise ParameterError(
                 f"Table needs two or more points and as many values, not {self.points.size} and {self.values.size} ({origin()})."

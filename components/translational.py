@@ -131,6 +131,9 @@ class PositionSource(Component):
     def __init__(self, position: Scalar | Callable[[Any], Any]) -> None:
         self.position = scalar(language.of_time(position), "PositionSource's position")
 
+    def given_motions(self) -> tuple[Expression, ...]:
+        return (self.position,) if isinstance(self.position, Expression) else ()
+
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange.s, self.position)
 

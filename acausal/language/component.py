@@ -54,6 +54,10 @@ class Component:
         """Power brought in from outside by the part [W], from its variables; 0 by default."""
         return 0.0
 
+    def given_motions(self) -> tuple[Expression, ...]:
+        """Positions and angles that the part prescribes as functions of time: they need two derivatives. None by default."""
+        return ()
+
     def connections(self) -> tuple[Connection, ...]:
         """Connections made in this part: by `connect` in a system, or by the way a joint was placed."""
         return tuple(self.__dict__.get("_connections", ()))

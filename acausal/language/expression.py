@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self, overload
 
 import casadi as ca
@@ -295,6 +296,8 @@ class Parameter(Symbol):
     def __init__(self, value: float, unit: str = "", description: str = "") -> None:
         super().__init__("parameter", unit, description)
         self.value = number(value, "a Parameter's value")
+        self.conditions: list[Condition] = []
+        """What parts ask of values that are made of it."""
 
 
 class Input(Symbol):
@@ -342,15 +345,36 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
         expression = value if isinstance(value, Expression) else Expression(value, frozenset())
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
-        current = evaluated(expression)
-        checked = None if current is None else float(current[0, 0])
-        result: float | Expression = expression
-    else:
-        result = checked = number(value, what)
-    if checked is not None and (not math.isfinite(checked) or (positive and checked <= 0) or (non_negative and checked < 0)):
-        needed = "positive" if positive else "zero or positive" if non_negative else "finite"
-        raise ParameterError(f"{what} is {checked:g} ({origin()}). It must be {needed}.")
+        return checked(expression, lambda found: _check_sign(float(found[0, 0]), what, positive, non_negative))
+    result = number(value, what)
+    _check_sign(result, what, positive, non_negative)
     return result
+
+
+def _check_sign(value: float, what: str, positive: bool, non_negative: bool) -> None:
+    if not math.isfinite(value) or (positive and value <= 0) or (non_negative and value < 0):
+        needed = "positive" if positive else "zero or positive" if non_negative else "finite"
+        raise ParameterError(f"{what} is {value:g} ({origin()}). It must be {needed}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have."""
+
+    value: Expression
+    check: Callable[[np.ndarray], None]
+
+
+def checked(value: Expression, check: Callable[[np.ndarray], None]) -> Expression:
+    """The same expression; where only parameters are in it, `check` is asked now, and again for other values of the parameters."""
+    current = evaluated(value)
+    if current is not None:
+        check(current)
+        condition = Condition(value, check)
+        for leaf in value.leaves:
+            if isinstance(leaf, Parameter):
+                leaf.conditions.append(condition)
+    return value
 
 
 def evaluated(expression: Expression) -> np.ndarray | None:
@@ -370,19 +394,20 @@ def vector(value: Scalar, what: str) -> np.ndarray | Expression:
         expression = Expression(sx(value), leaves(value))
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
-        current = evaluated(expression)
-        if current is not None and not np.all(np.isfinite(current)):
-            raise ParameterError(f"{what} is {current.ravel()} ({origin()}). Give finite numbers.")
-        return expression
+        return checked(expression, lambda found: _check_finite(found.ravel(), what))
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).") from None
     if array.shape != (3,):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).")
+    _check_finite(array, what)
+    return array
+
+
+def _check_finite(array: np.ndarray, what: str) -> None:
     if not np.all(np.isfinite(array)):
         raise ParameterError(f"{what} is {array} ({origin()}). Give finite numbers.")
-    return array
 
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
@@ -393,7 +418,7 @@ def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
         result = value(time)
     except TypeError as error:
         raise ParameterError(
-            f"The function of time cannot be used ({origin()}): {error} It is called once, with the symbol ac.time: write it with one "
+            f"The function of time cannot be used ({origin()}): {str(error).rstrip('.')}. It is called once, with the symbol ac.time: write it with one "
             "argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t)."
         ) from error
     return (

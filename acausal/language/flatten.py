@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError
 from acausal.language.component import Component, Connection, System
+from acausal.language.conditions import ParameterConditions
 from acausal.language.connector import Connector
 from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable
 from acausal.wording import compact, grouped, shortened
@@ -45,6 +47,11 @@ class FlatSystem:
     def parameters(self) -> tuple[Parameter, ...]:
         """All adjustable numbers, in the order in which they are met."""
         return tuple(symbol for symbol in self.names if isinstance(symbol, Parameter))
+
+    @functools.cached_property
+    def conditions(self) -> ParameterConditions:
+        """What the parameters must fulfil, whatever values they are given."""
+        return ParameterConditions(self.parameters)
 
     @property
     def inputs(self) -> tuple[Input, ...]:

@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import whole_number
+from acausal.arguments import function_name, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.reduction.assembly import range_and_null_space
@@ -45,7 +45,7 @@ def assembly_function(
     name: str,
 ) -> ca.Function:
     """The values of `wrt` (n,) -> `result` column by column; see `Model.assembly_function`."""
-    steps = whole_number(steps, "assembly_function: steps", 1)
+    steps, name = whole_number(steps, "assembly_function: steps", 1), function_name(name, "assembly_function: the name")
     if result is not None and not isinstance(result, Expression | ca.SX):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise OptionError(
             f"assembly_function: the outputs are {result!r}. Give a variable or an expression, or None for all states."

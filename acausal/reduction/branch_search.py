@@ -43,7 +43,7 @@ def branches(
     seed: int,
 ) -> Branches:
     """Many searches from anywhere, then clusters; see `Model.branches`."""
-    searches = whole_number(searches, "branches: searches", 1)
+    searches, seed = whole_number(searches, "branches: searches", 1), whole_number(seed, "branches: seed", 0)
     told = expressions([by] if isinstance(by, Expression) else by, "branches: `by`", "by=[scene.elbow.q]")
     first = initial_state(outputs, start, t0, p, u)
     problem = first.account.problem

@@ -62,9 +62,10 @@ def close_loops(group: LoopGroup, t: ca.SX, parameters: ca.SX, guess: np.ndarray
             return found.y
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
-    worst = _worst_loop(closing, loops, where, values)
+    worst, gaps = _worst_loop(closing, loops, where, values)
+    told = _in_words(worst, gaps)
     raise AssemblyError(
-        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle). "
+        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle){told}. "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
     )
 
@@ -78,12 +79,24 @@ def _positive(rows: LoopRows, q: ca.SX, t: ca.SX, value: np.ndarray) -> bool:
     return float(ca.Function("sign", [q, t], [rows.sign])(value, 0.0)) > 0
 
 
-def _worst_loop(closing: ca.Function, loops: tuple[LoopRows, ...], q: np.ndarray, values: np.ndarray) -> LoopRows:
-    """The loop with the largest residual."""
+def _worst_loop(
+    closing: ca.Function, loops: tuple[LoopRows, ...], q: np.ndarray, values: np.ndarray
+) -> tuple[LoopRows, np.ndarray]:
+    """The loop with the largest residual, and its residuals."""
     residual = np.abs(np.array(closing(q, 0.0, values)).ravel())
     first = residual.size - sum(rows.position.numel() for rows in loops)
-    sizes: list[float] = []
+    gaps: list[np.ndarray] = []
     for rows in loops:
-        sizes.append(float(np.max(residual[first : first + rows.position.numel()], initial=0.0)))
+        gaps.append(residual[first : first + rows.position.numel()])
         first += rows.position.numel()
-    return loops[int(np.argmax(sizes))]
+    worst = int(np.argmax([np.max(gap, initial=0.0) for gap in gaps]))
+    return loops[worst], gaps[worst]
+
+
+def _in_words(rows: LoopRows, gaps: np.ndarray) -> str:
+    """How far the joint's two ends are apart, and how far turned against one another; empty where there is but one of these."""
+    turns = np.array([rows.wrench_basis[3:, k].is_zero() for k in range(gaps.size)])
+    if not turns.any() or turns.all():
+        return ""
+    angle = np.degrees(np.arcsin(min(1.0, float(np.max(gaps[turns])))))
+    return f": the joint's ends are {float(np.max(gaps[~turns])):.2g} m apart and {angle:.2g} degrees askew"

@@ -150,8 +150,9 @@ def _check_free(mechanics: MechanicalSystem, constraints: Constraints, scalar: S
     moved = ca.depends_on(ca.vertcat(scalar.position, rows), mechanics.tree.t) or not at_rest.is_zero()
     if scalar.rows and (free < 0 or (free == 0 and not moved)):
         raise LockedError(
-            f"Joints cannot move: {mechanics.tree.v.numel()} freedoms meet {constraints.rank.rank} constraints of loops and "
-            f"{scalar.rows} of {', '.join(scalar.holding[:4])}. Remove a source or a gear, or put a spring between."
+            f"Joints cannot move: their {mechanics.tree.v.numel()} freedoms meet {constraints.rank.rank} constraints of loops and "
+            f"{scalar.rows} of gears and sources, from {', '.join(list(dict.fromkeys(scalar.holding))[:4])}. Remove a source or a gear, or put "
+            "a spring between."
         )
 
 

@@ -45,7 +45,7 @@ def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[],
         values = "; ".join(f"{t.name} = {numbers(data[t.place], _NUMBERS)}" for t in search.exact)
         raise StartValueError(
             f"The {search.what} start values can be met only with hinge axes that point against one another, or wheels that lean by "
-            f"more than a right angle: {values or 'none was given'}. Change them, or soften some with ac.near(...)."
+            f"a right angle or more: {values or 'none was given'}. Change them, or soften some with ac.near(...)."
         )
     everything, J = search.rows(data, found.y)(found.y)
     gap = float(np.max(np.abs(everything[:n]), initial=0.0))

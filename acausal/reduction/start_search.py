@@ -11,6 +11,8 @@ import numpy as np
 from acausal.integrators.rates import Kernel
 from acausal.reduction.assembly import Assembled, Residual, assemble
 
+_EDGE = 1e-9
+"""Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding."""
 _ATTEMPTS = 24
 _STAY = 1e-3
 """Weight of the orientation of free bodies, which rather stays, against values wished for."""
@@ -152,7 +154,7 @@ class Search:
 
     def is_meant(self, y: np.ndarray, data: np.ndarray) -> bool:
         """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
-        return self.signs is None or bool((self.signs.at(np.concatenate([y, data])) > 0).all())
+        return self.signs is None or bool((self.signs.at(np.concatenate([y, data])) > _EDGE).all())
 
     def jacobian(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
         """d residual / dy, (m, n), for searches with constraints. Unlike `rows` for many threads at once."""

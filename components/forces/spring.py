@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 
@@ -82,7 +82,7 @@ class NonlinearSpring(AbstractLineForce):
 
     def __init__(self, potential: Callable[[ca.SX], ca.SX]) -> None:
         length = ca.SX.sym("length")
-        if not callable(potential) or not ca.depends_on(ca.SX(potential(length)), length):
+        if not ca.depends_on(_tried(potential, "NonlinearSpring's potential", "length", length), length):
             raise ParameterError(f"NonlinearSpring's potential must be a function of the length ({origin()}).")
         self._potential = potential
 
@@ -102,6 +102,7 @@ class NonlinearDamper(AbstractLineForce):
     """
 
     def __init__(self, force: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+        _tried(force, "NonlinearDamper's force", "length, rate", ca.SX.sym("length"), ca.SX.sym("rate"))
         self._force = force
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
@@ -109,3 +110,17 @@ class NonlinearDamper(AbstractLineForce):
 
     def potential(self, length: ca.SX) -> ca.SX:
         return ca.SX(0)
+
+
+def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -> ca.SX:
+    """The law of symbols. Raises `ParameterError` for what is no function, or none of these symbols, or gives no scalar."""
+    try:
+        result = ca.SX(law(*values))
+    except (TypeError, AttributeError, NotImplementedError, RuntimeError) as error:
+        raise ParameterError(
+            f"{what} cannot be used ({origin()}): {str(error).rstrip('.')}. It must be a function of ({arguments}) in numpy's or CasADi's functions, which "
+            f"is called with symbols: lambda {arguments}: ..."
+        ) from error
+    if not result.is_scalar():
+        raise ParameterError(f"{what} must give one number, not {result.shape} ({origin()}).")
+    return result

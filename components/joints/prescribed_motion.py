@@ -41,6 +41,9 @@ class PrescribedMotion(AbstractJoint):
         for name in ("position", "angle", "axis"):
             _check_known(name, getattr(self, name))
 
+    def given_motions(self) -> tuple[Expression, ...]:
+        return tuple(given for given in (self.position, self.angle) if isinstance(given, Expression))
+
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         M = mounting(self.axis)
         R = product(product(M, rotation_about_z(sx(self.angle))), M.T)
