@@ -162,7 +162,7 @@ def ladder(count: int) -> EquationSet:
 @pytest.mark.slow
 def test_time_is_near_linear_in_the_number_of_equations():
     seconds: dict[int, float] = {}
-    for count in (250, 1000):
+    for count in (150, 600):
         system = ladder(count)
         assert len(system.equations) == 3 * count
         best = np.inf
@@ -173,8 +173,8 @@ def test_time_is_near_linear_in_the_number_of_equations():
         assert len(reduced.states) == count
         seconds[count] = best
     print(seconds)
-    assert seconds[1000] < 8 * seconds[250]
-    assert seconds[1000] < 10
+    assert seconds[600] < 8 * seconds[150]
+    assert seconds[600] < 6
 
 
 def test_a_long_shaft_of_gears_builds_quickly():
