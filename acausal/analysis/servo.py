@@ -17,6 +17,7 @@ from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
 from acausal.errors import MotionError, OptionError
 from acausal.reduction.outputs import Outputs
+from acausal.wording import counted
 
 _HIGHEST = 4
 _MET = 1e-8
@@ -164,6 +165,6 @@ class Servo:
             off = largest_gaps([c.name for c in self._wanted], np.where(np.abs(gap) <= _MET * size, 0.0, gap))
             raise MotionError(
                 f"inverse_dynamics: at t = {t:.6g} s the forces {', '.join(self._actuation.names)} cannot accelerate {off} as asked: "
-                f"{len(self._wanted)} motions, {len(entries)} forces. Add an actuator to `unknowns`, or prescribe fewer motions."
+                f"{counted(len(self._wanted), 'motion')}, {counted(len(entries), 'force')}. Add an actuator to `unknowns`, or prescribe fewer motions."
             )
         return at.u

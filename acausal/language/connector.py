@@ -24,6 +24,9 @@ class Quantity(Symbol):
         super().__init__(name, unit, shape=shape)
         self.connector = connector
 
+    def __repr__(self) -> str:
+        return f"{self.name} of {self.connector!r}"
+
 
 class Connector:
     """A place where a part can be connected; belongs to one component, its `owner`.

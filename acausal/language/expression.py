@@ -148,8 +148,8 @@ class Expression:
 
     def __float__(self) -> float:
         raise ExpressionError(
-            f"{self!r} is symbolic and has no number before a simulation ({origin()}). Read it from a trajectory, run[...]; in "
-            "expressions use functions of numpy or CasADi in place of those of math."
+            f"{self!r} is symbolic and has no number before a simulation ({origin()}). In expressions use functions of numpy or "
+            "CasADi in place of those of math; numbers are read from a trajectory, run[...]."
         )
 
     def __bool__(self) -> bool:
@@ -317,6 +317,9 @@ class Time(Symbol):
 
     def __init__(self) -> None:
         super().__init__("time", "s")
+
+    def __repr__(self) -> str:
+        return "ac.time [s]"
 
 
 time = Time()

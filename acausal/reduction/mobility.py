@@ -8,7 +8,7 @@ import numpy as np
 
 from acausal.errors import LockedError
 from acausal.reduction.loops import LoopRows
-from acausal.wording import compact
+from acausal.wording import compact, counted
 
 _NEARLY = 3e-2
 
@@ -16,8 +16,8 @@ _NEARLY = 3e-2
 def locked(loops: Sequence[LoopRows], freedoms: int, A: np.ndarray) -> LockedError:
     """As many independent constraints A (m, nv) as freedoms: the loops close here, and nothing can move."""
     return LockedError(
-        f"The mechanism is locked: {freedoms} freedoms of its joints meet {freedoms} independent constraints from closing "
-        f"{_joints(loops)}, so it closes in single positions and cannot move.{nearly_redundant(loops, A)} Remove a joint or "
+        f"The mechanism is locked: {counted(freedoms, 'freedom')} of its joints and {counted(freedoms, 'independent constraint')} from closing "
+        f"{_joints(loops)} meet, so it closes in single positions and cannot move.{nearly_redundant(loops, A)} Remove a joint or "
         "give one of them more freedom."
     )
 

@@ -17,7 +17,7 @@ from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.constraints import Constraints, analyse_constraints
 from acausal.reduction.loop_forces import loop_forces, on_branch, projection
 from acausal.reduction.scalar.coupling import ScalarPart, add_scalar_domains
-from acausal.wording import compact, grouped
+from acausal.wording import compact, counted, grouped
 
 
 @dataclass(frozen=True, repr=False)
@@ -150,8 +150,8 @@ def _check_free(mechanics: MechanicalSystem, constraints: Constraints, scalar: S
     moved = ca.depends_on(ca.vertcat(scalar.position, rows), mechanics.tree.t) or not at_rest.is_zero()
     if scalar.rows and (free < 0 or (free == 0 and not moved)):
         raise LockedError(
-            f"Joints cannot move: their {mechanics.tree.v.numel()} freedoms meet {constraints.rank.rank} constraints of loops and "
-            f"{scalar.rows} of gears and sources, from {', '.join(list(dict.fromkeys(scalar.holding))[:4])}. Remove a source or a gear, or put "
+            f"Joints cannot move: against their {counted(mechanics.tree.v.numel(), 'freedom')} stand {constraints.rank.rank} constraints of loops "
+            f"and {scalar.rows} of gears and sources, from {', '.join(list(dict.fromkeys(scalar.holding))[:4])}. Remove a source or a gear, or put "
             "a spring between."
         )
 

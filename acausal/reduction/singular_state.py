@@ -28,7 +28,7 @@ def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) ->
 
     samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
     _, values, directions = np.linalg.svd(scaled_rows(rows(t, x, p), samples))
-    return float(values[rank - 1]), directions[rank - 1]
+    return abs(float(values[rank - 1])), directions[rank - 1]
 
 
 def singular_loops(functions: Functions, t: float, x: np.ndarray, p: np.ndarray, limit: float = SINGULAR) -> str:

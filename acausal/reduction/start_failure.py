@@ -56,7 +56,7 @@ def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[],
         told += f"; … and {len(fighters) - _TRIED} more"
     helpful = [f.target.name for f in fighters if f.instead is not None]
     advice = f"Leave out {' or '.join(helpful[:3])}" if helpful else "Give fewer exact values"
-    closed = f"; {words} is then open by {gap:.3g}" if gap > 1e-9 else ""
+    closed = f"; a gap of {gap:.3g} is then left in {words}" if gap > 1e-9 else ""
     raise StartValueError(
         f"The {search.what} start values contradict each other or the constraints. Nearest to all of them, with the largest "
         f"influence first: {told or 'none was given'}{closed}. {advice}, or soften some with ac.near(...)."

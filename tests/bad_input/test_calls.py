@@ -266,7 +266,7 @@ CASES = [
     Wrong("no searches", asked(lambda s, m: m.branches(searches=0)), OPTION, ("searches is 0",)),
     Wrong("function's name with a space", asked(lambda s, m: m.assembly_function(None, [s.elbow.q], {s.elbow.q: 0.1}, name="my function")), OPTION, ("'my function'", "letters")),
     Wrong("assembly with respect to a value that was not given", asked(lambda s, m: m.assembly_function(None, [s.elbow.q])), OPTION, ("elbow", "`start`") [1:]),
-    Wrong("too few forces", inverse(lambda s: {s.shoulder.q: ac.time, s.elbow.q: 0.0}, lambda s: [s.shoulder]), errors.MotionError, ("shoulder.force", "2 motions, 1 forces", "actuator")),
+    Wrong("too few forces", inverse(lambda s: {s.shoulder.q: ac.time, s.elbow.q: 0.0}, lambda s: [s.shoulder]), errors.MotionError, ("shoulder.force", "2 motions, 1 force.", "actuator")),
     Wrong("body as a force", inverse(lambda s: {s.shoulder.q: 0.0}, lambda s: [s.upper]), OPTION, ("RigidBody", "a joint or an expression")),
     Wrong("motion as text", inverse(lambda s: {s.shoulder.q: "up"}, lambda s: [s.shoulder]), OPTION, ("shoulder.q is 'up'",)),
     Wrong("times that fall", inverse(lambda s: {s.shoulder.q: 0.0}, lambda s: [s.shoulder], [1.0, 0.0]), OPTION, ("ascending",)),

@@ -27,17 +27,19 @@ def check_regular(
     owner = match(incidence, len(roots))
     under = underdetermined(incidence, owner)
     over = overdetermined(incidence, owner)
-    missing = None if under is None else _missing(under, [chains.of_root(roots[u]) for u in under.unknowns])
+    members = [] if under is None else [chains.of_root(roots[u]) for u in under.unknowns]
+    missing = None if under is None else _missing(under, members)
     if over is not None:
         least = named(u for k in over.unknowns for u in chains.of_root(roots[k])[:1])
-        more = f" Elsewhere: {missing}" if missing else ""
+        more = f" In return {missing}." if missing else ""
         raise OverdeterminedError(
             f"{_too_many(over, sources)} They leave no freedom for: {least}. A value or a motion may be given twice: remove a source or a "
             f"connection.{more} {system.totals}"
         )
     if missing is not None:
         empty = f" Say nothing new: {', '.join(str(e) for e in dropped[:3])}." if dropped else ""
-        raise UnderdeterminedError(f"{missing}{empty} {system.totals}")
+        hints = " ".join(dict.fromkeys(u.hint for chain in members for u in chain if u.hint))
+        raise UnderdeterminedError(f"{missing}. {hints or 'A component or a connection may be missing.'}{empty} {system.totals}")
 
 
 def _missing(under: Parts, members: Sequence[Sequence[Unknown]]) -> str:
@@ -45,8 +47,7 @@ def _missing(under: Parts, members: Sequence[Sequence[Unknown]]) -> str:
     shown = named(u for chain in members for u in _spread(chain, total))
     count = "1 variable has" if n == 1 else f"{n} variables have"
     among = "" if total == n and sum(len(chain) for chain in members) == n else ", among"
-    hints = " ".join(dict.fromkeys(u.hint for chain in members for u in chain if u.hint))
-    return f"{count} no equation{among}: {shown}. {hints or 'A component or a connection may be missing.'}"
+    return f"{count} no equation{among}: {shown}"
 
 
 def _spread(chain: Sequence[Unknown], total: int) -> Sequence[Unknown]:
