@@ -54,7 +54,7 @@ class ChartCoordinates:
         return self._entries[i]
 
     def orientations(self, c: ca.SX) -> list[ca.SX]:
-        """sigma (3, 1) of each unit column."""
+        """sigma (3, 1) of each unit quaternion."""
         return [c[list(self.entries(k))] for k in self.units]
 
     def configuration(self, c: ca.SX, reference: ca.SX) -> ca.SX:
