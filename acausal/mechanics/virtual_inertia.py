@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from acausal.mechanics.elastic_body import AbstractElasticBody
 from acausal.mechanics.forward_dynamics import massless, own_inertia
 from acausal.mechanics.inertia import Inertia, skew
 from acausal.mechanics.pose import symbolic
@@ -44,12 +45,16 @@ def massless_motions(tree: Tree, parameters: ca.SX, samples: Sequence[np.ndarray
 def check_tree_inertia(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> None:
     """Raise `MasslessError` for a motion that meets no inertia wherever it is, as a point mass on a line through a ball joint.
 
-    What is zero by structure is found without this. Looks at two places beside q (nq,), only where there are points or thin rods.
+    What is zero by structure is found without this. Looks at two places beside q (nq,), only where there are points, thin rods or
+    elastic bodies: undeformed, they may be thin, or have a joint's motion among their shapes.
     """
-    if len(tree.links) > _MOST_LINKS or not any(_is_thin(group.inertia) for group in tree.mechanism.groups):
+    elastic = [joint.q for joint in tree.joints if isinstance(joint.edge.joint, AbstractElasticBody)]
+    if len(tree.links) > _MOST_LINKS or not (elastic or any(_is_thin(group.inertia) for group in tree.mechanism.groups)):
         return
     rng = np.random.default_rng(6)
     places = [q + 0.3 * rng.uniform(-1, 1, q.size) for _ in range(2)]
+    for place, amplitudes in ((place, part) for place in places for part in elastic):
+        place[amplitudes] = 0.0
     one, two = (massless_motions(tree, parameters, [place], values) for place in places)
     for i in sorted(one.keys() & two.keys()):
         raise massless(tree.links[i])
