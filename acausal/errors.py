@@ -21,7 +21,7 @@ AcausalError
 ├── SimulationError             integration stopped early; carries the status and the trajectory so far
 └── ExportError                 a file or library could not be written or compiled
 
-A message says what is wrong, where (component path and file:line), with which values, and what to try.
+A message says what is wrong, where (component path and file:line), with which values, and what to try; docs/messages.md shows some.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from acausal.errors import ExportError, NoCompilerWarning
+from acausal.given_motion import GivenMotion, given_motions
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.mechanics.newton_euler import newton_euler
@@ -168,6 +169,11 @@ class Functions:
     def loop_matrix(self) -> ca.Function:
         """(t, x, u, p) -> A M^-1 A' of the kept rows; its rank falls where a loop is singular."""
         return self._function("loop_matrix", [self.outputs.system.delassus], ["D"])
+
+    @functools.cached_property
+    def given_motions(self) -> tuple[GivenMotion, ...]:
+        """Positions and angles that parts prescribe as functions of time."""
+        return given_motions(self.outputs)
 
     @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
