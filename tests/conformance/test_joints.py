@@ -51,8 +51,12 @@ def catalogue() -> list[type[AbstractJoint]]:
 
 
 def make(cls: type[AbstractJoint]) -> AbstractJoint:
-    wanted = [n for n, p in inspect.signature(cls).parameters.items() if p.default is p.empty and p.kind != p.VAR_KEYWORD]
-    return cls(**{n: ARGUMENTS[n] for n in wanted if n != "args"})
+    wanted = [
+        n
+        for n, p in inspect.signature(cls).parameters.items()
+        if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)
+    ]
+    return cls(**{n: ARGUMENTS[n] for n in wanted})
 
 
 def is_rigid(cls: type[AbstractJoint]) -> bool:
