@@ -26,7 +26,8 @@ from components.electrical import (
     SignalVoltage,
     VoltageSource,
 )
-from components.flexible import FlexibleBeam, FlexibleBody, Section, ShapeIntegrals
+from components.flexible import FlexibleBody, ShapeIntegrals
+from components.flexible_beam import FlexibleBeam, Section
 from components.forces.applied import Force, Torque
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion

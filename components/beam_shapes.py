@@ -15,7 +15,7 @@ _POINTS = 80
 
 @dataclass(frozen=True)
 class BeamShapes:
-    """Bending along y, then along z, then axial; see `components.flexible.FlexibleBeam`."""
+    """Bending along y, then along z, then axial; see `components.flexible_beam.FlexibleBeam`."""
 
     along_y: int
     along_z: int

@@ -563,6 +563,7 @@ ONE, PLACES, UP = [1.0, 2.0], [[0, 0, 0], [1, 0, 0]], [[[0], [1], [0]], [[0], [2
         (lambda: FlexibleBody.lumped([1, -2], PLACES, UP, [[1]]), "not be negative"),
         (lambda: FlexibleBody.lumped("a", PLACES, UP, [[1]]), "masses must be numbers"),
         (lambda: FlexibleBody.lumped(ONE, PLACES, [[0, 1, 0], [0, 2, 0]], [[1]]), r"must be \(2, 3, n\)"),
+        (lambda: FlexibleBody.lumped(ONE, PLACES, [[[0], [1, 2]]], [[1]]), "different lengths"),
         (lambda: FlexibleBody.lumped(ONE, [[0, 0, 0]], UP, [[1]]), "places has the shape"),
         (lambda: FlexibleBody.lumped(ONE, PLACES, np.zeros((2, 3, 1)), [[1]]), "not independent"),
         (lambda: FlexibleBody.lumped(ONE, PLACES, UP, [[1, 2], [2, 1]]), "stiffness has the shape"),

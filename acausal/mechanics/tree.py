@@ -76,7 +76,7 @@ def _table(tree: Tree) -> str:
     rows = [f"{tree.mechanism.flat.name}: {len(tree.links)} links, {tree.q.numel()} coordinates, {tree.v.numel()} velocities"]
     rows += shortened(
         [
-            f"  link {i:<3} on {link.parent:<3} {link.name:<24} {link.motion.nv} freedoms{', no mass' if link.inertia.is_zero else ''}"
+            f"  link {i:<3} on {link.parent:<3} {link.name:<24} {link.motion.nv} freedoms{', elastic' if link.modal else ', no mass' if link.inertia.is_zero else ''}"
             for i, link in enumerate(tree.links)
         ]
     )
