@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import acausal as ac
-from acausal.wording import compact, grouped, shortened
+from acausal.wording import compact, counted, entry_names, grouped, numbers, shortened
 from components import World
 from tests.scenes import FourBar, chain
 
@@ -14,6 +14,18 @@ def test_runs_of_numbers_share_an_entry_and_long_lists_end():
     assert compact([f"p{i}" for i in range(9)], most=3) == "p0, p1, p2 and 6 more"
     assert compact([f"a[{i}].c[{k}]" for i in range(3) for k in (3, 4)]) == "a[0...2].c[3...4]"
     assert compact([]) == ""
+
+
+def test_entries_of_vectors_and_matrices_are_named_column_by_column():
+    assert entry_names("q", 1) == ("q",) and entry_names("q", 0) == ()
+    assert entry_names("v", 2) == ("v[0]", "v[1]")
+    assert entry_names("R", 2, 2) == ("R[0,0]", "R[1,0]", "R[0,1]", "R[1,1]")
+
+
+def test_numbers_in_words():
+    assert [counted(n, "state") for n in (0, 1, 2)] == ["0 states", "1 state", "2 states"]
+    assert numbers([0.25], 3) == "0.25"
+    assert numbers([0.25, -1, 0], 3) == "(0.25, -1, 0)" and numbers([0.25, -1, 0], 2) == "(0.25, -1, …)"
 
 
 def test_rows_alike_share_a_line():

@@ -25,7 +25,7 @@ def unit_quaternions(rows: ca.SX, q: ca.SX) -> dict[int, int]:
         curvature = np.array(ca.DM(ca.evalf(ca.densify(H))))
         value, slope = ca.Function("rest", [column], [rows[k], ca.densify(slope)])(np.zeros(4))
         size = curvature[0, 0]
-        sphere = size > 0 and np.array_equal(curvature, size * np.eye(4))
+        sphere = size != 0 and np.array_equal(curvature, size * np.eye(4))
         if sphere and float(value) == -size / 2 and not np.any(np.array(slope)):
             found[k] = at[0]
     return found
