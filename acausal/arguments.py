@@ -81,6 +81,17 @@ def function_name(value: Any, what: str) -> str:
     return value
 
 
+def ascending(value: Any, what: str) -> np.ndarray:
+    """Times (n,) [s], two or more. Raises `OptionError` for what does not rise or is not finite."""
+    try:
+        times = np.asarray(value, dtype=float).ravel()
+    except (TypeError, ValueError):
+        times = np.zeros(0)
+    if times.size < 2 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
+        raise OptionError(f"{what} are {value!r}; give at least two ascending times [s], the first one is the start.")
+    return times
+
+
 def whole_number(value: Any, what: str, least: int, most: int | None = None) -> int:
     """An integer within bounds; no bool. Raises `OptionError`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least or (most is not None and value > most):

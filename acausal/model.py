@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import ascending, finite, listed, start_mapping
 from acausal.codegen.lower import Functions, operations
 from acausal.errors import LockedError, ModelError
 from acausal.events import when
@@ -18,7 +19,7 @@ from acausal.integrators.problem import Tolerances
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import flatten
-from acausal.mechanics.joint_check import check_joints
+from acausal.mechanics.part_check import check_parts
 from acausal.mechanics.system import mechanical_system
 from acausal.reduction.initial import InitialState, Start, initial_state
 from acausal.reduction.outputs import Outputs
@@ -106,7 +107,7 @@ class Model:
     ) -> InitialState:
         """The start in all coordinates of the tree."""
         p, u = self._given(t0, inputs, parameters)
-        return initial_state(self.functions.outputs, start or {}, t0, p, u)
+        return initial_state(self.functions.outputs, start_mapping(start), t0, p, u)
 
     def _given(
         self, t0: float, inputs: Mapping[Input, InputValue] | None, parameters: Mapping[Parameter, float] | None
@@ -114,6 +115,7 @@ class Model:
         """Values of all parameters, and of all inputs at t0."""
         from acausal.simulation import input_signal, parameter_values
 
+        t0 = finite(t0, "The start t0 [s]")
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
         return parameter_values(self.functions, parameters or {}), u
 
@@ -138,7 +140,7 @@ class Model:
         from acausal.reduction.branch_search import branches
 
         p, u = self._given(t0, inputs, parameters)
-        return branches(self.functions.outputs, start or {}, t0, p, u, by, searches, seed)
+        return branches(self.functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
 
     def assembly_function(
         self,
@@ -164,7 +166,7 @@ class Model:
 
         p, u = self._given(t0, inputs, parameters)
         wanted = self.functions.space.x if outputs is None else outputs
-        return assembly_function(self.functions.outputs, wanted, wrt, start or {}, t0, p, u, steps, name)
+        return assembly_function(self.functions.outputs, wanted, wrt, start_mapping(start), t0, p, u, steps, name)
 
     def simulate(
         self,
@@ -247,6 +249,7 @@ class Model:
         from acausal.sensitivity import Motion, TrajectoryFunction
 
         held, fixed = inputs or {}, parameters or {}
+        wrt = listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
 
         def run(begin: Start, values: Mapping[Parameter, float], given: Mapping[Input, float]) -> Sensitivities:
             return self.sensitivities(
@@ -261,7 +264,15 @@ class Model:
             )
 
         return TrajectoryFunction(
-            name, Motion(self.functions, run, np.asarray(times, dtype=float), outputs, tuple(wrt), dict(start or {}))
+            name,
+            Motion(
+                self.functions,
+                run,
+                ascending(times, "trajectory_function: `times`"),
+                outputs,
+                tuple(wrt),
+                dict(start_mapping(start)),
+            ),
         )
 
     def linearize(
@@ -459,7 +470,7 @@ def build(scene: System) -> Model:
         raise ModelError(
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
-    check_joints(flat)
+    check_parts(flat)
     model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0:
         raise LockedError(

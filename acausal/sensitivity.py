@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import function_name
+from acausal.arguments import ascending, function_name
 from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, SimulationError
 from acausal.integrators.problem import Directions, Problem, Tolerances
@@ -77,12 +77,7 @@ def sensitivities(
     tolerances: Tolerances,
 ) -> Sensitivities:
     """Derivatives of a motion from start values; see `Model.sensitivities`."""
-    try:
-        t = np.asarray(times, dtype=float).ravel()
-    except (TypeError, ValueError):
-        t = np.zeros(0)
-    if t.size < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
-        raise OptionError("sensitivities: give at least two ascending times, the first one is the start.")
+    t = ascending(times, "sensitivities: `times`")
     what = _columns(functions, wrt, start)
     u0 = problem.inputs(t[:1])[:, 0]
     space, p = functions.space, problem.parameters

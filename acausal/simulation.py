@@ -128,8 +128,13 @@ def sensitivity_run(
     wrt = listed(wrt, "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
     start, inputs = start_mapping(start), dictionary(inputs, "inputs", _INPUTS)
     tolerances = replace(
-        tolerances, rtol=finite(tolerances.rtol, "sensitivities: rtol"), atol=finite(tolerances.atol, "sensitivities: atol")
+        tolerances,
+        rtol=finite(tolerances.rtol, "sensitivities: rtol"),
+        atol=finite(tolerances.atol, "sensitivities: atol"),
+        max_steps=whole_number(tolerances.max_steps, "sensitivities: max_steps", 1),
     )
+    if not (0 < tolerances.rtol < 1 and tolerances.atol > 0):
+        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol > 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
     for entry in wrt:
         if isinstance(entry, Input) and callable(inputs.get(entry)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")

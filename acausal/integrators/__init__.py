@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 
+from acausal.arguments import finite
 from acausal.errors import OptionError, RoundingWarning
 from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 
@@ -32,6 +33,7 @@ def integrate(
     """
     from acausal.integrators.base import integrator
 
+    rtol, atol = finite(rtol, "simulate: rtol"), finite(atol, "simulate: atol")
     if not t1 >= t0 or not np.isfinite(t1 - t0):
         raise OptionError(f"simulate: the end {t1} s must be finite and not before the start {t0} s.")
     if not (0 < rtol < 1 and atol > 0) or (step is not None and not step > 0):

@@ -148,7 +148,7 @@ def _name_hidden_symbols(parts: list[Part], names: dict[Symbol, str]) -> None:
     """Parameters and inputs that stand only inside expressions get the name of the attribute that holds them."""
     for part in parts:
         for name, value in part.component.__dict__.items():
-            for leaf in _leaves_inside(value):
+            for leaf in leaves_inside(value):
                 if isinstance(leaf, Parameter | Input) and leaf not in names:
                     path = f"{part.path}.{name}"
                     taken = sum(other == path or other.startswith(path + "#") for other in names.values())
@@ -156,15 +156,16 @@ def _name_hidden_symbols(parts: list[Part], names: dict[Symbol, str]) -> None:
                     leaf.name = names[leaf]
 
 
-def _leaves_inside(value: object) -> Iterator[Symbol]:
+def leaves_inside(value: object) -> Iterator[Symbol]:
+    """Declared symbols in an expression, or in those inside lists, tuples and dataclasses."""
     if isinstance(value, Expression):
         yield from sorted(value.leaves, key=lambda leaf: leaf.name)
     elif isinstance(value, list | tuple):
         for entry in value:
-            yield from _leaves_inside(entry)
+            yield from leaves_inside(entry)
     elif is_dataclass(value) and not isinstance(value, type):
         for field in fields(value):
-            yield from _leaves_inside(getattr(value, field.name))
+            yield from leaves_inside(getattr(value, field.name))
 
 
 def _check_member(connection: Connection, paths: dict[Connector, str]) -> None:

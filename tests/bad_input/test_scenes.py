@@ -161,6 +161,21 @@ def two_signals_into_one() -> None:
     ac.build(scene)
 
 
+def rod_of_changing_length(by: str) -> None:
+    scene = ac.System()
+    scene.world, scene.hinge = World(), Revolute("y")
+    scene.rod = RigidBody.rod(1.0, (0, 0, -1 - (ac.time if by == "time" else scene.hinge.q)))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    ac.build(scene)
+
+
+def mass_from_outside() -> None:
+    scene = Pendulum()
+    scene.load = Particle(ac.Input("kg"))
+    ac.build(scene)
+
+
 def scene_in_itself() -> None:
     one, two = ac.System(), ac.System()
     one.two, two.one = two, one
@@ -233,6 +248,10 @@ CASES = [
     Wrong("rotation as text", lambda: Fixed((0, 0, 0), rotation="x"), errors.ParameterError, ("'x'", "quaternion")),
     Wrong("gravity as a number", lambda: World(9.81), errors.ParameterError, ("gravity", "three numbers", "9.81")),
     Wrong("mass as text", lambda: Particle("1.0"), errors.ParameterError, ("'1.0'",)),
+    Wrong("length that grows with time", lambda: rod_of_changing_length("time"), errors.ParameterError, ("rod (", HERE, "the time time", "constant", "Prismatic")),
+    Wrong("length that follows a variable", lambda: rod_of_changing_length("q"), errors.ParameterError, ("rod (", "the variable q", "constant")),
+    Wrong("mass from an input", mass_from_outside, errors.ParameterError, ("load (", "mass depends on the input", "constant")),
+    Wrong("axis that turns with time", lambda: ac.build(four_bar(last_but_one=(0, 1, ac.time))), errors.ParameterError, ("c (", "axis", "time")),
     Wrong("scene in itself", scene_in_itself, errors.DuplicateError, ("scene itself", "two.one")),
     Wrong("part replaced after it was connected", part_replaced, errors.IncompatibleError, ("hinge.frame_b", "not a part", "another part afterwards")),
     Wrong("parts in a dictionary", parts_in_a_dictionary, errors.ModelError, ("balls", "dict", "flat list")),

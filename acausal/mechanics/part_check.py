@@ -1,4 +1,4 @@
-"""Joints that users write are tried once, so that what is missing or of the wrong size is told in their words."""
+"""Parts are looked at before anything is made of them: constant shapes and masses, and joints that users write."""
 
 from __future__ import annotations
 
@@ -7,21 +7,45 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.errors import ModelError
-from acausal.language.expression import Variable
-from acausal.language.flatten import FlatSystem, Part
+from acausal.errors import ModelError, ParameterError
+from acausal.language.expression import Parameter, Symbol, Variable
+from acausal.language.flatten import FlatSystem, Part, leaves_inside
+from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.joint import AbstractJoint
 from acausal.mechanics.pose import Pose, symbolic
+from acausal.mechanics.rigid import AbstractRigidPart
 
 _OWN = ("acausal", "components")
 _TOLERANCE = 1e-9
 
 
-def check_joints(flat: FlatSystem) -> None:
-    """Raises `ModelError` for a joint without q or v, whose pose is none, or whose rotation is none at some configuration."""
+def check_parts(flat: FlatSystem) -> None:
+    """Raises `ParameterError` for bodies and joints whose dimensions change, `ModelError` for a joint without q or v, whose pose is none, or
+    whose rotation is none at some configuration.
+    """
     for part in flat.parts:
+        _check_constant(part)
         if isinstance(part.component, AbstractJoint) and type(part.component).__module__.split(".")[0] not in _OWN:
             _check(part, part.component)
+
+
+def _check_constant(part: Part) -> None:
+    """Rates of lengths, axes and masses are taken to be zero. Gravity may change; what moves as it is told says so by `given_motions`."""
+    component = part.component
+    own = type(component).__module__.split(".")[0] in _OWN
+    if not isinstance(component, AbstractRigidPart) and not (isinstance(component, AbstractConstraint) and own):
+        return
+    if component.given_motions():
+        return
+    for name, value in component.__dict__.items():
+        if name == "gravity" or (isinstance(value, Symbol) and value in component.variables()):
+            continue
+        for leaf in leaves_inside(value):
+            if not isinstance(leaf, Parameter):
+                raise ParameterError(
+                    f"{part.where}: {name} depends on the {leaf.kind} {leaf.name}, but masses and dimensions of bodies and joints are constant. Use "
+                    "numbers or ac.Parameter; what moves needs a joint, e.g. PrescribedMotion or Prismatic."
+                )
 
 
 def _check(part: Part, joint: AbstractJoint) -> None:
