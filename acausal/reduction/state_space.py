@@ -52,7 +52,7 @@ class StateSpace:
             p = np.concatenate([s.p_values, rng.normal(size=self.p.numel() - s.p_values.size)])
             whole, part = (np.array(r).ravel() for r in both(rng.normal(), rng.normal(size=s.x.numel()), p))
             open_rows |= np.abs(part) > _VANISHED * (1 + np.abs(whole))
-        return left[[int(i) for i in np.flatnonzero(open_rows)]]
+        return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
 
     @property
     def nq(self) -> int:
