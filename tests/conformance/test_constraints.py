@@ -2,52 +2,30 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
-
 import casadi as ca
 import numpy as np
 import pytest
 
 import acausal as ac
-import components
 from acausal.mechanics import weld
 from acausal.mechanics.constraint import AbstractConstraint
 from acausal.mechanics.joint import AbstractJoint
 from acausal.reduction.loops import loop_rows
 from components import Force, Revolute, RigidBody, World
+from tests.conformance.catalogue import kinds, made
 
 ARGUMENTS = {"length": 0.7}
 assert weld  # found among the subclasses
 
 
 def catalogue() -> list[type[AbstractConstraint]]:
-    for module in pkgutil.walk_packages(components.__path__, "components."):
-        importlib.import_module(module.name)
-    found: list[type[AbstractConstraint]] = []
-    queue: list[type] = [AbstractConstraint]
-    while queue:
-        cls = queue.pop()
-        queue += [sub for sub in cls.__subclasses__() if not issubclass(sub, AbstractJoint)]
-        if (
-            not inspect.isabstract(cls)
-            and not cls.__name__.startswith("Abstract")
-            and cls.__module__.startswith(("components", "acausal"))
-        ):
-            found.append(cls)
-    return sorted(found, key=lambda cls: cls.__name__)
+    return kinds(AbstractConstraint, other_than=AbstractJoint)
 
 
 def scene_with(cls: type[AbstractConstraint]) -> ac.System:
     """A body on a hinge, and a free one that the constraint holds to it."""
-    wanted = [
-        n
-        for n, p in inspect.signature(cls).parameters.items()
-        if p.default is inspect.Parameter.empty and p.kind == p.POSITIONAL_OR_KEYWORD
-    ]
     scene = ac.System()
-    scene.world, scene.hinge, scene.held = World(), Revolute((1, 2, 0.5)), cls(*(ARGUMENTS[n] for n in wanted))
+    scene.world, scene.hinge, scene.held = World(), Revolute((1, 2, 0.5)), made(cls, ARGUMENTS)
     scene.one, scene.two = RigidBody(1.0, (0.1, 0.2, 0.25), (0.1, 0.2, 0.3)), RigidBody(1.5, (0.2, 0.2, 0.25), (0.1, -0.2, 0.3))
     scene.push = Force((1.0, 2.0, -0.5))
     scene.connect(scene.world.frame, scene.hinge.frame_a)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
 from dataclasses import replace
 
 import casadi as ca
@@ -12,7 +9,6 @@ import numpy as np
 import pytest
 
 import acausal as ac
-import components
 from acausal.language.expression import time
 from acausal.language.flatten import flatten
 from acausal.mechanics.elastic_body import AbstractElasticBody
@@ -25,6 +21,7 @@ from acausal.reduction.reduce import reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.mechanism import TreeEdge
 from components import Free, Revolute, RigidBody, Section, ShapeIntegrals, World
+from tests.conformance.catalogue import kinds, made
 
 SHAPES = np.random.default_rng(0).normal(size=(8, 3, 2))
 ARGUMENTS = {
@@ -34,29 +31,11 @@ ARGUMENTS = {
 
 
 def catalogue() -> list[type[AbstractJoint]]:
-    for module in pkgutil.walk_packages(components.__path__, "components."):
-        importlib.import_module(module.name)
-    found: list[type[AbstractJoint]] = []
-    queue: list[type] = [AbstractJoint]
-    while queue:
-        cls = queue.pop()
-        queue += cls.__subclasses__()
-        if (
-            not inspect.isabstract(cls)
-            and not cls.__name__.startswith("Abstract")
-            and cls.__module__.startswith(("components", "acausal"))
-        ):
-            found.append(cls)
-    return sorted(found, key=lambda cls: cls.__name__)
+    return kinds(AbstractJoint)
 
 
 def make(cls: type[AbstractJoint]) -> AbstractJoint:
-    wanted = [
-        n
-        for n, p in inspect.signature(cls).parameters.items()
-        if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)
-    ]
-    return cls(**{n: ARGUMENTS[n] for n in wanted})
+    return made(cls, ARGUMENTS)
 
 
 def is_rigid(cls: type[AbstractJoint]) -> bool:

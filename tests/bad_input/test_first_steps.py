@@ -1,4 +1,4 @@
-"""Wrong models and wrong calls: each message says what is wrong, where (part, line), with which values, what to try."""
+"""What a beginner gets wrong: each message says what is wrong, where (part, line), with which values, what to try."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from components import (
 )  # fmt: skip
 from tests.scenes import FourBar, Pendulum
 
-HERE = "test_bad_input.py:"
+HERE = "test_first_steps.py:"
 
 
 def unconnected() -> None:
