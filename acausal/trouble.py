@@ -76,12 +76,8 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
 
 def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> None:
     """Say so when a joint in the tree left the domain of its coordinates."""
-    for item in functions.outputs.system.tree_joints:
+    for item, inside in functions.domains:
         joint = item.edge.joint
-        domain = joint.domain(joint.q.sx)
-        if not domain.numel():
-            continue
-        inside = functions.output(domain, name="domain")
         t, x = run.solution.t[None, :], run.solution.x
         values = np.array(inside(t, x, run.problem.inputs(t[0]), np.repeat(run.problem.parameters[:, None], t.size, axis=1)))
         outside = np.flatnonzero(np.min(values, axis=0) < 0)

@@ -14,6 +14,7 @@ from acausal.given_motion import GivenMotion, given_motions
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.mechanics.newton_euler import newton_euler
+from acausal.mechanics.tree import JointSymbols
 from acausal.reduction.outputs import Outputs
 from acausal.reduction.state_space import StateSpace
 
@@ -174,6 +175,12 @@ class Functions:
     def given_motions(self) -> tuple[GivenMotion, ...]:
         """Positions and angles that parts prescribe as functions of time."""
         return given_motions(self.outputs)
+
+    @functools.cached_property
+    def domains(self) -> tuple[tuple[JointSymbols, ca.Function], ...]:
+        """Joints of the tree whose coordinates have a limited domain, with (t, x, u, p) -> values that are positive inside."""
+        joints = [(item, item.edge.joint.domain(item.edge.joint.q.sx)) for item in self.outputs.system.tree_joints]
+        return tuple((item, self.output(domain, name="domain")) for item, domain in joints if domain.numel())
 
     @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
