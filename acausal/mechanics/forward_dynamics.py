@@ -6,6 +6,7 @@ articulated inertias can be used again for many right-hand sides.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -33,6 +34,22 @@ class ArticulatedInertias:
     U: tuple[ca.SX, ...]
     D_inverse: tuple[ca.SX, ...]
     felt: tuple[Blocks, ...]
+
+    @functools.cached_property
+    def branches(self) -> tuple[tuple[int, ...], ...]:
+        """For each link, the links of its branch from the ground, parents first."""
+        roots: list[int] = []
+        members: dict[int, list[int]] = {}
+        for i, link in enumerate(self.links):
+            roots.append(i if link.parent < 0 else roots[link.parent])
+            members.setdefault(roots[i], []).append(i)
+        whole = {root: tuple(own) for root, own in members.items()}
+        return tuple(whole[root] for root in roots)
+
+    @functools.cached_property
+    def owners(self) -> dict[int, int]:
+        """The link that each entry of v moves."""
+        return {k: i for i, link in enumerate(self.links) for k in range(link.v.start, link.v.stop)}
 
 
 def zero_wrenches(tree: Tree) -> list[Wrench]:
@@ -102,17 +119,20 @@ def mass_solve(inertias: ArticulatedInertias, tau: ca.SX) -> ca.SX:
     """M^-1 tau (nv, 1), sparse. Cost: the links that tau moves."""
     links = inertias.links
     nothing, zero = (ca.SX.zeros(3), ca.SX.zeros(3)), ca.SX.zeros(6)
+    pushed = {inertias.owners[k] for k in tau.sparsity().row()}
+    moved = sorted({i for link in pushed for i in inertias.branches[link]})
     bias: dict[int, Wrench] = {}
     u: dict[int, ca.SX] = {}
-    for i in reversed(range(len(links))):
-        if i in bias or tau[links[i].v].nnz():
+    for i in reversed(moved):
+        if i in bias or i in pushed:
             felt, u[i] = _passed(inertias, i, bias.get(i, nothing), zero, tau)
             if links[i].parent >= 0:
                 bias.setdefault(links[i].parent, nothing)
                 _add_to_parent(links[i], felt, bias)
     result = ca.SX(tau.shape[0], 1)
     accelerations: dict[int, Wrench] = {}
-    for i, link in enumerate(links):
+    for i in moved:
+        link = links[i]
         if i in u or link.parent in accelerations:
             before = accelerations.get(link.parent, nothing)
             accelerations[i] = _accelerated(inertias, i, u.get(i, ca.SX.zeros(link.motion.nv)), before, zero, result)

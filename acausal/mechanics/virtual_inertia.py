@@ -35,10 +35,12 @@ def massless_motions(tree: Tree, parameters: ca.SX, samples: Sequence[np.ndarray
     d [kg m^2, or kg] has the size of the largest inertia of its kind in the tree. Cost: one elimination of articulated bodies in
     numbers for each sample.
     """
-    data = _link_data(tree, parameters)
+    data, shapes = _link_data(tree, parameters)
+    ends = np.cumsum([m * n for m, n in shapes])[:-1]
     found: dict[int, float] = {}
     for q in samples:
-        found |= _rotors(tree, [np.array(part) for part in data.call([ca.DM(q), ca.DM(0.0), ca.DM(values)])])
+        parts = np.split(np.array(data(q, 0.0, values)).ravel(), ends)
+        found |= _rotors(tree, [part.reshape(shape, order="F") for part, shape in zip(parts, shapes, strict=True)])
     return found
 
 
@@ -71,9 +73,9 @@ def _is_thin(inertia: Inertia) -> bool:
     return bool(levels[0] <= 1e-12 * max(np.trace(second), 1e-300))
 
 
-def _link_data(tree: Tree, parameters: ca.SX) -> ca.Function:
+def _link_data(tree: Tree, parameters: ca.SX) -> tuple[ca.Function, list[tuple[int, int]]]:
     """(q, t, p) -> for each link X (6, 6) that carries its parent's acceleration to it, its motion subspace, its inertia (6, 6), and
-    what its motion meets besides: (6, n), (n, n).
+    what its motion meets besides: (6, n), (n, n); all in one column, with the shapes of its parts.
     """
     parts: list[ca.SX] = []
     for link in tree.links:
@@ -83,7 +85,8 @@ def _link_data(tree: Tree, parameters: ca.SX) -> ca.Function:
         H = symbolic(skew(link.inertia.moment))
         inertia = ca.blockcat([[symbolic(link.inertia.second_moment), H], [H.T, ca.SX(link.inertia.mass) * ca.SX.eye(3)]])
         parts += [ca.densify(part) for part in (X, link.motion.subspace, inertia, *own_inertia(link, 0.0))]
-    return ca.Function("links", [tree.q, tree.t, parameters], parts)
+    column = ca.vertcat(ca.SX(0, 1), *(ca.vec(part) for part in parts))
+    return ca.Function("links", [tree.q, tree.t, parameters], [column]), [part.shape for part in parts]
 
 
 def _rotors(tree: Tree, data: Sequence[np.ndarray]) -> dict[int, float]:

@@ -30,7 +30,11 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     group, `IncompatibleError` for a joint held by points only.
     """
     joints = [part for part in flat.parts if isinstance(part.component, AbstractJoint)]
-    others = [part for part in flat.parts if isinstance(part.component, AbstractConstraint) and part not in joints]
+    others = [
+        part
+        for part in flat.parts
+        if isinstance(part.component, AbstractConstraint) and not isinstance(part.component, AbstractJoint)
+    ]
     forces = tuple(part for part in flat.parts if isinstance(part.component, AbstractForce))
     rigid = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart)]
     gravity = _gravity(rigid) if joints or forces or rigid else None
