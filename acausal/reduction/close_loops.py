@@ -11,6 +11,7 @@ from acausal.mechanics.system import MechanicalSystem
 from acausal.reduction.assembly import assemble
 from acausal.reduction.loop_groups import LoopGroup
 from acausal.reduction.loops import LoopRows
+from acausal.reduction.walk import Walk
 
 
 def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
@@ -34,35 +35,28 @@ def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
     return np.array(guess)
 
 
-def close_loops(group: LoopGroup, t: ca.SX, parameters: ca.SX, guess: np.ndarray, values: np.ndarray) -> np.ndarray:
+def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np.ndarray:
     """A configuration of the group's coordinates near `guess` with all its loops closed on the branch meant.
 
     Raises `AssemblyError` with the smallest gap.
     """
-    q, loops = group.q, group.loops
-    if not group.closing.numel() and not group.domain.numel():
-        return guess
-    closing = ca.Function("closing", [q, t, parameters], [group.closing])
-    jacobian = closing.jacobian()
 
     def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c = np.array(closing(q, 0.0, values)).ravel()
-        J = np.array(ca.DM(jacobian(q, 0.0, values, c)[0]))
-        return c, J
+        c, J = walk.at(q)[:2]
+        return c[:, 0], J
 
-    domain = ca.Function("domain", [q], [group.domain])
+    meant = ca.Function("meant", [group.q, t], [ca.vertcat(group.domain, *_signs(group, t))])
     rng = np.random.default_rng(0)
     smallest, where = np.inf, guess
     for attempt in range(12):
         first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
         found = assemble(residual, first)
-        right_branch = all(_positive(rows, q, t, found.y) for rows in loops)
-        right_branch = right_branch and bool(np.all(np.array(domain(found.y)) > 0))
+        right_branch = bool(np.all(np.array(meant(found.y, 0.0)) > 0))
         if found.converged and right_branch:
             return found.y
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
-    worst, gaps = _worst_loop(closing, loops, where, values)
+    worst, gaps = _worst_loop(group.loops, np.abs(residual(where)[0]))
     told = _in_words(worst, gaps)
     raise AssemblyError(
         f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle){told}. "
@@ -70,20 +64,15 @@ def close_loops(group: LoopGroup, t: ca.SX, parameters: ca.SX, guess: np.ndarray
     )
 
 
-def _positive(rows: LoopRows, q: ca.SX, t: ca.SX, value: np.ndarray) -> bool:
-    if rows.sign is None:
-        return True
-    free = {s.element_hash() for s in ca.symvar(rows.sign)}
-    if not free <= {q[i].element_hash() for i in range(q.numel())} | {t.element_hash()}:
-        return True
-    return float(ca.Function("sign", [q, t], [rows.sign])(value, 0.0)) > 0
+def _signs(group: LoopGroup, t: ca.SX) -> list[ca.SX]:
+    """Positive on the branches of closure that are meant; those that depend on parameters are left out."""
+    known = {s.element_hash() for s in (*ca.vertsplit(group.q), t)}
+    signs = [rows.sign for rows in group.loops if rows.sign is not None]
+    return [sign for sign in signs if {s.element_hash() for s in ca.symvar(sign)} <= known]
 
 
-def _worst_loop(
-    closing: ca.Function, loops: tuple[LoopRows, ...], q: np.ndarray, values: np.ndarray
-) -> tuple[LoopRows, np.ndarray]:
-    """The loop with the largest residual, and its residuals."""
-    residual = np.abs(np.array(closing(q, 0.0, values)).ravel())
+def _worst_loop(loops: tuple[LoopRows, ...], residual: np.ndarray) -> tuple[LoopRows, np.ndarray]:
+    """The loop with the largest residual, and its residuals; those of loops come last."""
     first = residual.size - sum(rows.position.numel() for rows in loops)
     gaps: list[np.ndarray] = []
     for rows in loops:

@@ -71,8 +71,13 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     sketch = sketch_configuration(system)
     found: list[_Examined] = []
     for group in loop_groups(system, loops):
-        start = close_loops(group, tree.t, parameters, sketch[list(group.q_places)], values)
-        found.append(_examined(group, Walk(group, tree.t, parameters, values), start, tree.t))
+        guess = sketch[list(group.q_places)]
+        if not (group.names or group.invariants.numel() or group.domain.numel()):
+            found.append(_unbound(group, guess))
+            continue
+        walk = Walk(group, tree.t, parameters, values)
+        start = close_loops(group, walk, tree.t, guess)
+        found.append(_examined(group, walk, start, tree.t) if group.names else _unbound(group, start))
     _check_locked(found, tree.v.numel())
     rank = sum(part.rank.rank for part in found)
     samples = tuple(_together(found, k, tree.q.numel()) for k in range(max((len(part.samples) for part in found), default=1)))
@@ -87,9 +92,8 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     ]
     velocity = ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in loops))[chosen]
     report = RankReport(
-        tuple(i for i, name in enumerate(names) if name in kept), rank, sum(part.rank.rank_at_start for part in found),
-        min((part.rank.conditioning for part in found), default=1.0),
-    )  # fmt: skip
+        tuple(i for i, name in enumerate(names) if name in kept), rank, sum(part.rank.rank_at_start for part in found)
+    )
     return Constraints(
         loops, position, velocity, ca.densify(ca.jacobian(velocity, tree.v)), system.kinematics.rate(velocity), joint_invariants(system),
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
@@ -114,25 +118,31 @@ class _Examined:
     """Whether the time enters."""
 
 
+def _unbound(group: LoopGroup, start: np.ndarray) -> _Examined:
+    """Joints without rows of loops."""
+    return _Examined(group, [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
+
+
 def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX) -> _Examined:
-    if not group.names:
-        return _Examined(group, [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
     samples: list[np.ndarray] = []
+    jacobians: list[np.ndarray] = []
     rank = RankReport((), 0, 0)
     # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
     for reach in (1, _SAMPLES):
         samples = walk.samples(start, reach)
-        rank = independent_rows([walk.at(q)[2] for q in samples])
+        jacobians = [walk.at(q)[2] for q in samples]
+        rank = independent_rows(jacobians)
         if rank.rank == len(group.names):
             break
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, samples, rank.rank))
+    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank))
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
-    chosen = needed_rows(rank.kept, [walk.at(q)[2] for q in (*samples, *_opened(samples))])
-    return _Examined(group, samples, rank, chosen, len(chosen) > rank.rank, singular, walk.at(start)[2], timed)
+        jacobians = [walk.at(q)[2] for q in samples]
+    chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(q)[2] for q in _opened(samples))])
+    return _Examined(group, samples, rank, chosen, len(chosen) > rank.rank, singular, jacobians[0], timed)
 
 
 def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:

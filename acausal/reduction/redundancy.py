@@ -23,8 +23,6 @@ class RankReport:
     kept: tuple[int, ...]
     rank: int
     rank_at_start: int
-    conditioning: float = 1.0
-    """Smallest singular value of the kept rows, each scaled to length 1, over the configurations."""
 
     @property
     def singular_at_start(self) -> bool:
@@ -45,8 +43,7 @@ def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
     rank = max(ranks)
     generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
     kept = _best_rows(generic, rank) if 0 < rank < m else tuple(range(rank))
-    worst = min((float(np.linalg.svd(J[list(kept)], compute_uv=False)[-1]) for J in generic), default=1.0) if rank else 1.0
-    return RankReport(tuple(sorted(kept)), rank, ranks[0], worst)
+    return RankReport(tuple(sorted(kept)), rank, ranks[0])
 
 
 def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray]) -> tuple[int, ...]:

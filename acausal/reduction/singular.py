@@ -42,13 +42,13 @@ def _steps(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, ahead: n
         here, walked, before = found, walked + stride, smallest
 
 
-def has_singular_position(walk: Walk, samples: list[np.ndarray], rank: int) -> bool:
-    """Whether a walk from the first of these assembled configurations, most of a turn of a hinge to either side, meets a singular
-    position.
+def has_singular_position(walk: Walk, start: np.ndarray, jacobians: list[np.ndarray], rank: int) -> bool:
+    """Whether a walk from the assembled configuration `start`, most of a turn of a hinge to either side, meets a singular position.
 
-    `rank`: independent rows of A in general. At most 120 steps with two singular value decompositions each.
+    `jacobians`: A (m, nv) there and at others; `rank`: its independent rows in general. At most 120 steps with two singular value
+    decompositions each.
     """
-    scale = np.max([np.linalg.norm(walk.at(q)[2], axis=1) for q in samples], axis=0)
+    scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
     scale = np.maximum(scale, 1e-6 * np.max(scale))
-    ahead = np.random.default_rng(1).normal(size=walk.at(samples[0])[2].shape[1])
-    return any(smallest < _SINGULAR for sense in (1.0, -1.0) for smallest in _steps(walk, samples[0], scale, rank, sense * ahead))
+    ahead = np.random.default_rng(1).normal(size=jacobians[0].shape[1])
+    return any(smallest < _SINGULAR for sense in (1.0, -1.0) for smallest in _steps(walk, start, scale, rank, sense * ahead))
