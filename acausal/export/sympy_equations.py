@@ -112,8 +112,7 @@ def _followers(space: StateSpace) -> ca.SX:
 def _slips(system: ReducedSystem) -> ca.SX:
     """Velocity constraints that are not rates of position constraints."""
     c = system.constraints
-    names = [name for rows in c.loops for name in rows.names]
-    return ca.vertcat(ca.SX(0, 1), *(c.velocity[k] for k, i in enumerate(c.kept_index) if ".rolling[" in names[i]))
+    return ca.vertcat(ca.SX(0, 1), *(c.velocity[k] for k in c.slips))
 
 
 def _sympy(rows: ca.SX, symbols: list[tuple[ca.SX, list[Any]]]) -> list[Any]:

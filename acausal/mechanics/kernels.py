@@ -231,24 +231,28 @@ def solve_positive(A: ca.SX, B: ca.SX) -> ca.SX:
     return positive_solver(A)(B)
 
 
-def solve_damped(A: ca.SX, B: ca.SX, damping: ca.SX, refinements: int) -> ca.SX:
-    """A \\ B for a symmetric semidefinite A, its components along small eigenvalues left out; straight-line code.
+def damped_solver(A: ca.SX, damping: ca.SX, refinements: int) -> Callable[[ca.SX], ca.SX]:
+    """B -> A \\ B for a symmetric semidefinite A, its components along small eigenvalues left out; straight-line code.
 
     A + diag(damping) is solved, and refined against A: along an eigenvector with eigenvalue s, in units where the damping d is the
     same for all rows, the result is the exact one times 1 - (d / (s + d))^(1 + refinements).
     """
     solve = positive_solver(A + ca.diag(damping))
-    X = solve(B)
-    for _ in range(refinements):
-        X = X + solve(B - A @ X)
-    return X
+
+    def refined(B: ca.SX) -> ca.SX:
+        X = solve(B)
+        for _ in range(refinements):
+            X = X + solve(B - A @ X)
+        return X
+
+    return refined
 
 
-def solve_semidefinite(A: ca.SX, B: ca.SX) -> ca.SX:
-    """The smallest X with A X = B for a symmetric A that may have dependent rows, and B in its range; straight-line code.
+def semidefinite_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """B -> the smallest X with A X = B for a symmetric A that may have dependent rows, and B in its range; straight-line code.
 
     Damping by 1e-9 of the mean diagonal makes A definite; three steps of refinement take the damping's error out again along
     the range of A (factor 1e-9 / eigenvalue each), while nothing grows along its null space.
     """
     n = A.shape[0]
-    return solve_damped(A, B, 1e-9 / n * ca.trace(A) * ca.SX.ones(n), 3)
+    return damped_solver(A, 1e-9 / n * ca.trace(A) * ca.SX.ones(n), 3)

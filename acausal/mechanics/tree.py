@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Expression
+from acausal.language.expression import Expression, stacked
 from acausal.mechanics.elastic_body import AbstractElasticBody
 from acausal.mechanics.inertia import Inertia
 from acausal.mechanics.joint import AbstractJoint
@@ -124,10 +124,10 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
     gravity = product(world.T, gravity.sx if isinstance(gravity, Expression) else gravity)
     tree = Tree(
         mechanism,
-        _stack(q_parts),
-        _stack(v_parts),
+        stacked(q_parts),
+        stacked(v_parts),
         t,
-        _stack(rates),
+        stacked(rates),
         tuple(links),
         tuple(places[i] for i in range(len(mechanism.groups))),
         tuple(symbols),
@@ -188,10 +188,6 @@ def _clean_inertia(inertia: Inertia) -> Inertia:
     size = float(np.max(np.abs(second), initial=0.0))
     second = np.where(np.abs(second) < 1e-15 * size, 0.0, 0.5 * (second + second.T))
     return Inertia(inertia.mass, cleaned_vector(inertia.moment), second)
-
-
-def _stack(parts: list[ca.SX]) -> ca.SX:
-    return ca.vertcat(*parts) if parts else ca.SX(0, 1)
 
 
 def _columns(v: ca.SX, own: ca.SX, first: int) -> slice:

@@ -49,6 +49,12 @@ class Constraints:
     samples: tuple[np.ndarray, ...]
 
     @property
+    def slips(self) -> tuple[int, ...]:
+        """Places in `velocity` of rows that are not rates of position rows: rolling without slip."""
+        slip = [k >= rows.position.numel() for rows in self.loops for k in range(rows.velocity.numel())]
+        return tuple(k for k, i in enumerate(self.kept_index) if slip[i])
+
+    @property
     def q_start(self) -> np.ndarray:
         """An assembled configuration (nq,), where searches begin."""
         return self.samples[0]

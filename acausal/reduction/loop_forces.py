@@ -16,14 +16,14 @@ Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and Kovecses,
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from acausal.mechanics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
-from acausal.mechanics.kernels import solve_damped, solve_positive, solve_semidefinite
+from acausal.mechanics.kernels import damped_solver, positive_solver, semidefinite_solver, solve_positive
 from acausal.mechanics.system import MechanicalSystem
 from acausal.mechanics.virtual_inertia import check_tree_inertia, massless_motions
 from acausal.reduction.constraints import Constraints
@@ -61,32 +61,38 @@ class LoopForces:
             return free, ca.SX(0, 1)
         gap = -c.bias - c.jacobian @ free
         if not self.rotors:
-            multipliers = self._solve(gap)
+            multipliers = self._force_solver(gap)
             return free + self.flexibility @ multipliers, multipliers
         # v' = free + W A' lambda + W E' mu with mu = d E v': the rows of the loops eliminated first, then the few of the rotors
-        W, places = self._rotor_flexibility, self._rotor_places
-        both = self._solve(ca.horzcat(gap, c.jacobian @ W))
-        free, W = free + self.flexibility @ both[:, 0], W - self.flexibility @ both[:, 1:]
-        mu = solve_positive(ca.densify(self._lightness - W[places, :]), free[places])
-        return free + W @ mu, both[:, 0] - both[:, 1:] @ mu
+        multipliers = self._force_solver(gap)
+        free = free + self.flexibility @ multipliers
+        W, held = self._rotor_response
+        mu = solve_positive(self._rotor_inertia, free[self._rotor_places])
+        return free + W @ mu, multipliers - held @ mu
 
     def check_inertia(self, parameters: ca.SX, values: np.ndarray) -> None:
         """Raise `MasslessError` where a motion meets no inertia in spite of closed loops."""
         if not self.rotors:
             return
-        W, tree = self._rotor_flexibility, self.mechanics.tree
-        left = self._lightness - (W - self.flexibility @ self._solve(self.constraints.jacobian @ W))[self._rotor_places, :]
-        function = ca.Function("left", [tree.q, tree.t, parameters], [ca.densify(left)])
+        tree = self.mechanics.tree
+        function = ca.Function("left", [tree.q, tree.t, parameters], [self._rotor_inertia])
         for q in self.constraints.samples:
-            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) / np.max(np.array(ca.DM(self._lightness))))
+            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * min(self.rotors.values()))
             if np.min(np.abs(levels)) < _MASSLESS:
                 link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
                 raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
 
-    def _solve(self, right: ca.SX) -> ca.SX:
+    @functools.cached_property
+    def _force_solver(self) -> Callable[[ca.SX], ca.SX]:
+        """(m, k) -> multipliers (m, k) that make these changes of the rows' rates."""
         if self.constraints.singular:
-            return solve_damped(self.delassus, right, _FORCE_DAMPING * self._scale, _FORCE_REFINEMENTS)
-        return (solve_semidefinite if self.constraints.damped else solve_positive)(self.delassus, right)
+            return damped_solver(self.delassus, _FORCE_DAMPING * self._scale, _FORCE_REFINEMENTS)
+        return self._solver
+
+    @functools.cached_property
+    def _solver(self) -> Callable[[ca.SX], ca.SX]:
+        """The same where no position is singular."""
+        return (semidefinite_solver if self.constraints.damped else positive_solver)(self.delassus)
 
     @property
     def _rotor_places(self) -> list[int]:
@@ -94,38 +100,43 @@ class LoopForces:
         links = self.mechanics.tree.links
         return [k for i in self.rotors for k in range(links[i].v.start, links[i].v.stop)]
 
-    @property
-    def _lightness(self) -> ca.SX:
-        """1 / d on the diagonal."""
-        links = self.mechanics.tree.links
-        return ca.diag(ca.SX(ca.DM([1 / d for i, d in self.rotors.items() for _ in range(links[i].motion.nv)])))
+    @functools.cached_property
+    def _rotor_response(self) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then fall."""
+        n = self.mechanics.tree.v.numel()
+        W = ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
+        held = self._force_solver(self.constraints.jacobian @ W)
+        return W - self.flexibility @ held, held
 
     @functools.cached_property
-    def _rotor_flexibility(self) -> ca.SX:
-        """M^-1 E' (nv, number of rotors)."""
-        n = self.mechanics.tree.v.numel()
-        return ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
+    def _rotor_inertia(self) -> ca.SX:
+        """1 / d less the rotors' response (k, k): positive where the constrained motion meets inertia."""
+        links = self.mechanics.tree.links
+        lightness = ca.diag(ca.SX(ca.DM([1 / d for i, d in self.rotors.items() for _ in range(links[i].motion.nv)])))
+        return ca.densify(lightness - self._rotor_response[0][self._rotor_places, :])
 
     def position_correction(self, gap: ca.SX, damping: float) -> ca.SX:
         """Change of q (nq, 1) that closes position residuals `gap`, to first order and in the mass metric."""
-        tree, names = self.mechanics.tree, [name for rows in self.constraints.loops for name in rows.names]
-        rows = [k for k, i in enumerate(self.constraints.kept_index) if ".rolling[" not in names[i]]
+        tree, slips = self.mechanics.tree, set(self.constraints.slips)
+        rows = [k for k in range(self.delassus.shape[0]) if k not in slips]
         if not rows:
             return ca.SX.zeros(tree.q.numel())
-        A, W = self.constraints.jacobian[rows, :], self.flexibility[:, rows]
-        return -(ca.jacobian(tree.rates, tree.v) @ (W @ self._correct(ca.densify(A @ W), gap, rows, damping)))
+        return -(ca.jacobian(tree.rates, tree.v) @ (self.flexibility[:, rows] @ self._corrected(gap, rows, damping)))
 
     def velocity_correction(self, damping: float) -> ca.SX:
         """Change of v (nv, 1) that closes the velocity residuals, in the mass metric."""
         c = self.constraints
         if not c.jacobian.shape[0]:
             return ca.SX.zeros(self.mechanics.tree.v.numel())
-        return -(self.flexibility @ self._correct(self.delassus, c.velocity, list(range(c.velocity.numel())), damping))
+        return -(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel())), damping))
 
-    def _correct(self, matrix: ca.SX, gap: ca.SX, rows: list[int], damping: float) -> ca.SX:
+    def _corrected(self, gap: ca.SX, rows: list[int], damping: float) -> ca.SX:
+        """Multipliers of some rows that close `gap`."""
         if self.constraints.singular:
-            return solve_damped(matrix, gap, damping * self._scale[rows], 0)
-        return (solve_semidefinite if self.constraints.damped else solve_positive)(matrix, gap)
+            return damped_solver(self.delassus[rows, rows], damping * self._scale[rows], 0)(gap)
+        if len(rows) == self.delassus.shape[0]:
+            return self._solver(gap)
+        return (semidefinite_solver if self.constraints.damped else positive_solver)(self.delassus[rows, rows])(gap)
 
     @property
     def _scale(self) -> ca.SX:

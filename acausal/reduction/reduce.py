@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import LockedError
-from acausal.language.expression import Symbol, time
+from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.mechanics.forward_dynamics import forward_dynamics
 from acausal.mechanics.system import MechanicalSystem
@@ -116,8 +116,8 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
     flat, tree = mechanics.flat, mechanics.tree
-    p = _column([parameter.sx for parameter in flat.parameters])
-    u = _column([entry.sx for entry in flat.inputs])
+    p = stacked([parameter.sx for parameter in flat.parameters])
+    u = stacked([entry.sx for entry in flat.inputs])
     values = np.array([parameter.value for parameter in flat.parameters])
     constraints = analyse_constraints(mechanics, p, values)
     tau = ca.SX.sym("tau", tree.v.numel())
@@ -130,7 +130,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     scalar = add_scalar_domains(mechanics, tau, v_dot)
     _check_free(mechanics, constraints, scalar)
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
-    states = _column([s.sx for s in scalar.states])
+    states = stacked([s.sx for s in scalar.states])
     x, second = ca.vertcat(tree.q, tree.v, states), ca.vertcat(v_dot, scalar.rates)
     if constraints.singular:
         second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
@@ -165,7 +165,3 @@ def _corrected(projected: ca.SX | None, x: ca.SX, scalar: ScalarPart) -> ca.SX |
 
 def _put(symbol: ca.SX, value: ca.SX, expression: ca.SX) -> ca.SX:
     return ca.substitute(expression, symbol, value) if symbol.numel() else expression
-
-
-def _column(parts: list[ca.SX]) -> ca.SX:
-    return ca.vertcat(*parts) if parts else ca.SX(0, 1)

@@ -29,19 +29,14 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     Raises `GroundError` without a ground or with contradicting ones, `LockedError` for a joint with both ends on one
     group, `IncompatibleError` for a joint held by points only.
     """
-    joints = [part for part in flat.parts if isinstance(part.component, AbstractJoint)]
-    others = [
-        part
-        for part in flat.parts
-        if isinstance(part.component, AbstractConstraint) and not isinstance(part.component, AbstractJoint)
-    ]
     forces = tuple(part for part in flat.parts if isinstance(part.component, AbstractForce))
     rigid = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart)]
-    gravity = _gravity(rigid) if joints or forces or rigid else None
+    constraints = [(part.path, part.component) for part in flat.parts if isinstance(part.component, AbstractConstraint)]
+    gravity = _gravity(rigid) if constraints or forces or rigid else None
     groups = rigid_groups(flat)
     index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
-    edges = [_edge(part.path, part.component, groups, index) for part in joints if isinstance(part.component, AbstractJoint)]
-    held = [_edge(part.path, part.component, groups, index) for part in others if isinstance(part.component, AbstractConstraint)]
+    edges = [_edge(path, c, groups, index) for path, c in constraints if isinstance(c, AbstractJoint)]
+    held = [_edge(path, c, groups, index) for path, c in constraints if not isinstance(c, AbstractJoint)]
     _check_points([*edges, *held], groups)
     edges += _free_edges(len(groups), edges, groups)
     found = spanning_tree(groups, edges, _driven(flat))

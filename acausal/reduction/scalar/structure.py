@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from acausal.language.expression import stacked
+
 
 @dataclass
 class Form:
@@ -46,7 +48,7 @@ def forms(expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], constants: Seq
     """The form of each scalar expression; indices count in `symbols`, and `constants` only make a form opaque."""
     if not expressions:
         return []
-    function = ca.Function("structure", [_column(symbols), _column(constants)], [ca.vertcat(*expressions)])
+    function = ca.Function("structure", [stacked(symbols), stacked(constants)], [ca.vertcat(*expressions)])
     results = [Form() for _ in expressions]
     registers: list[Form] = [Form() for _ in range(function.sz_w())]
     for k in range(function.n_instructions()):
@@ -64,10 +66,6 @@ def forms(expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], constants: Seq
             for i in function.instruction_output(k):
                 registers[i] = value
     return [_disjoint(form) for form in results]
-
-
-def _column(symbols: Sequence[ca.SX]) -> ca.SX:
-    return ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
 
 
 def _row(function: ca.Function, k: int) -> int:
