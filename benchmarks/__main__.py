@@ -13,7 +13,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # 
 os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 os.environ["JAX_PLATFORMS"] = "cpu"
 
-from benchmarks import dynamics, growth, plot, scene_sizes, sizes  # noqa: E402
+from benchmarks import compiler_flags, dynamics, growth, plot, scene_sizes, sizes  # noqa: E402
 from benchmarks.peers.table import main  # noqa: E402
 
 sizes.run()
@@ -21,6 +21,7 @@ if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 dynamics.run()
 scene_sizes.run()
+compiler_flags.main()
 growth.run()
 out = Path("out")
 out.mkdir(exist_ok=True)

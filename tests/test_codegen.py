@@ -612,7 +612,7 @@ def test_whatever_code_depends_on_compiles_again(
     compiler._machine.cache_clear()
     assert grows(command=wrapper)
     with monkeypatch.context() as patch:
-        patch.setattr(compiler, "_FLAGS", (*compiler._FLAGS, "-DUNUSED"))
+        patch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-DUNUSED"))
         assert grows()
     with monkeypatch.context() as patch:
         headers = Path(shutil.copytree(compiler.RUNTIME, tmp_path / "runtime"))

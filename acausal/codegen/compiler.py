@@ -24,7 +24,9 @@ from acausal.errors import ExportError
 
 RUNTIME = Path(__file__).resolve().parent.parent / "runtime"
 """Folder of the C sources that come with the package."""
-_FLAGS = ("-O1", "-fPIC", "-fno-math-errno", "-ffp-contract=off", "-Wno-psabi", "-fvisibility=hidden")
+FLAGS = ("-O2", "-fPIC", "-fno-math-errno", "-ffp-contract=off", "-Wno-psabi", "-fvisibility=hidden")
+"""-O2 and not -O1: only then does gcc clear the upper halves of vector registers before it calls the C library. Without that each such
+call stalls on Intel processors (`python -m benchmarks.compiler_flags` measures it)."""
 _NATIVE = "-march=native"
 
 
@@ -61,7 +63,7 @@ def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[st
 
     `key`: a hash of what the sources are made from. Raises `ExportError` when the compiler fails, or the cache cannot be written.
     """
-    name = hashlib.sha256("\0".join((key, *command, *_FLAGS, _NATIVE, _machine(command))).encode()).hexdigest()[:32]
+    name = hashlib.sha256("\0".join((key, *command, *FLAGS, _NATIVE, _machine(command))).encode()).hexdigest()[:32]
     target = cache_folder() / (name + shared_library_suffix())
     if target.exists():
         return target
@@ -86,7 +88,7 @@ def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[st
 
 
 def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], options: list[str]) -> Path:
-    flags = [*options, *_FLAGS, "-I", str(RUNTIME)]
+    flags = [*options, *FLAGS, "-I", str(RUNTIME)]
     made = folder / ("library" + shared_library_suffix())
     files = [folder / f"part{k}.c" for k in range(len(sources))]
     for file, text in zip(files, sources, strict=True):
