@@ -58,9 +58,8 @@ def _driver_time(name: str) -> float:
 
 
 def _compile_time() -> float:
-    from benchmarks.chains import chain
-
     import acausal as ac
+    from benchmarks.chains import chain
 
     functions = ac.build(chain(100)).functions
     begun = time.perf_counter()
