@@ -18,10 +18,18 @@ _SCENES = ("double_pendulum", "top", "disk", "four_bar")
 
 def main() -> None:
     """Print milliseconds of the driver at 1e-9, least of many, and seconds to compile a chain of 100 links, for each set of flags."""
-    print("| flags | " + " | ".join(f"{name} ms" for name in _SCENES) + " | compiling 100 links s |\n|" + "---|" * (len(_SCENES) + 2))
+    print(
+        "| flags | "
+        + " | ".join(f"{name} ms" for name in _SCENES)
+        + " | compiling 100 links s |\n|"
+        + "---|" * (len(_SCENES) + 2)
+    )
     for flags in (None, *_SETS):
         row = subprocess.run(
-            [sys.executable, "-m", "benchmarks.compiler_flags", "measure", flags or ""], capture_output=True, text=True, check=True
+            [sys.executable, "-m", "benchmarks.compiler_flags", "measure", flags or ""],
+            capture_output=True,
+            text=True,
+            check=True,
         )
         print(f"| {flags or 'as shipped'} | {row.stdout.strip()} |", flush=True)
 
