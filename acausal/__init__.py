@@ -1,14 +1,14 @@
 """Acausal 3-D mechanics: compose a mechanism from parts, get reduced equations, simulations and CasADi functions."""
 
 from acausal import errors
-from acausal.events import Event, when
 from acausal.export.c_source import LoadedModel, load_c
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.model import Model, build
-from acausal.reduction.initial import exactly, near
+from acausal.simulate.events import Event, when
+from acausal.start.initial import exactly, near
 
 __all__ = [
     "Component",

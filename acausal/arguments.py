@@ -14,8 +14,8 @@ from acausal.language.expression import Expression
 from acausal.language.expression import number as checked_number
 
 if TYPE_CHECKING:
-    from acausal.codegen.lower import Functions
-    from acausal.reduction.start_values import Start
+    from acausal.outputs.functions import Functions
+    from acausal.start.start_values import Start
 
 _CONSISTENT = 1e-6
 

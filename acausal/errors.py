@@ -29,7 +29,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from acausal.trajectory import Trajectory
+    from acausal.simulate.trajectory import Trajectory
 
 
 class AcausalError(Exception):

@@ -12,19 +12,19 @@ import casadi as ca
 import numpy as np
 
 from acausal.arguments import ascending, finite, listed, start_mapping
-from acausal.codegen.lower import Functions, operations
+from acausal.collocation.problem import Tolerances
+from acausal.dynamics.system import mechanical_system
 from acausal.errors import LockedError, ModelError
-from acausal.events import when
-from acausal.integrators.problem import Tolerances
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import flatten
-from acausal.mechanics.part_check import check_parts
-from acausal.mechanics.system import mechanical_system
-from acausal.reduction.initial import InitialState, Start, initial_state
-from acausal.reduction.outputs import Outputs
-from acausal.reduction.reduce import ReducedSystem, reduce_system
-from acausal.reduction.state_space import state_space, whole_state_space
+from acausal.outputs.functions import Functions, operations
+from acausal.outputs.outputs import Outputs
+from acausal.parts.part_check import check_parts
+from acausal.reduce.reduce import ReducedSystem, reduce_system
+from acausal.reduce.state_space import state_space, whole_state_space
+from acausal.simulate.events import when
+from acausal.start.initial import InitialState, Start, initial_state
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from acausal.analysis.inverse_dynamics import InverseDynamics
     from acausal.analysis.linearize import Linearization
     from acausal.analysis.prescribed import Given
-    from acausal.constraint_table import ConstraintTable
-    from acausal.minimal import MinimalModel
-    from acausal.reduction.branches import Branches
-    from acausal.sensitivity import Sensitivities, TrajectoryFunction, Wanted
-    from acausal.simulation import InputValue, Progress
-    from acausal.trajectory import Trajectory
+    from acausal.charts.minimal import MinimalModel
+    from acausal.explain.constraint_table import ConstraintTable
+    from acausal.simulate.sensitivity import Sensitivities, TrajectoryFunction, Wanted
+    from acausal.simulate.simulation import InputValue, Progress
+    from acausal.simulate.trajectory import Trajectory
+    from acausal.start.branches import Branches
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,7 +113,7 @@ class Model:
         self, t0: float, inputs: Mapping[Input, InputValue] | None, parameters: Mapping[Parameter, float] | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Values of all parameters, and of all inputs at t0."""
-        from acausal.simulation import input_signal, parameter_values
+        from acausal.simulate.simulation import input_signal, parameter_values
 
         t0 = finite(t0, "The start t0 [s]")
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
@@ -137,7 +137,7 @@ class Model:
         point nearest to the sketch is taken. There is no proof that all are found; printing says how often each was. Errors as for
         `initial_state`, `OptionError`.
         """
-        from acausal.reduction.branch_search import branches
+        from acausal.start.branch_search import branches
 
         p, u = self._given(t0, inputs, parameters)
         return branches(self.functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
@@ -162,7 +162,7 @@ class Model:
         something cannot close, where a hinge's axes would point against one another, or where an angle changes by more than 1 rad in
         one step (give more steps). Errors as for `initial_state`, `OptionError`.
         """
-        from acausal.reduction.assembly_function import assembly_function
+        from acausal.start.assembly_function import assembly_function
 
         p, u = self._given(t0, inputs, parameters)
         wanted = self.functions.space.x if outputs is None else outputs
@@ -199,7 +199,7 @@ class Model:
         `raise_on_failure` is off. `compiled`: as C, made once and kept in a cache folder; off, or without a C compiler, on CasADi's
         virtual machine (slower). Ctrl-C stops the run and keeps what was computed.
         """
-        from acausal.simulation import Options, simulate
+        from acausal.simulate.simulation import Options, simulate
 
         options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, events)
         return simulate(self.functions, t0, end, start, inputs, parameters, options)
@@ -222,7 +222,7 @@ class Model:
         `wrt`: parameters, inputs (as constants), and variables that have an exact value in `start`. Other arguments and errors as for
         `simulate`. Forward sensitivities of the numerical motion itself, carried along with it: exact to the tolerance.
         """
-        from acausal.simulation import sensitivity_run
+        from acausal.simulate.simulation import sensitivity_run
 
         tolerances = Tolerances(rtol, rtol if atol is None else atol, None, max_steps)
         return sensitivity_run(self.functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled)
@@ -246,7 +246,7 @@ class Model:
         It has exact first derivatives (see `sensitivities`) in both directions, for `ca.nlpsol` and `ca.Opti`; give the optimiser
         `hessian_approximation="limited-memory"`. Keep a reference to it as long as it is used.
         """
-        from acausal.sensitivity import Motion, TrajectoryFunction
+        from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 
         held, fixed = inputs or {}, parameters or {}
         wrt = listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
@@ -324,7 +324,7 @@ class Model:
         the start to a state of a loop: each reaches about 0.4 rad of its motion farther. Others as for `simulate`. Raises `StartValueError`
         at singular positions, `OptionError` for a preference that is no state.
         """
-        from acausal.minimal import minimal_model
+        from acausal.charts.minimal import minimal_model
 
         found = self._whole_start(start, t0, inputs, parameters)
         return minimal_model(self._whole, t0, found, found.p, prefer, steps)
@@ -405,13 +405,13 @@ class Model:
 
     def report(self) -> str:
         """In words: freedoms by component, states, operations, what was merged, cut and dropped, and why."""
-        from acausal.report import report
+        from acausal.explain.report import report
 
         return report(self)
 
     def constraints(self) -> ConstraintTable:
         """Every constraint: what it forbids, holonomic or not, kept or dropped; and what velocity constraints keep constant."""
-        from acausal.constraint_table import constraint_table
+        from acausal.explain.constraint_table import constraint_table
 
         return constraint_table(self.system)
 

@@ -2,7 +2,7 @@
 
 python -m benchmarks.compiler_flags
 
-The flags of the package should be within noise of the best row; where another row wins by half, `acausal.codegen.compiler` is to change.
+The flags of the package should be within noise of the best row; where another row wins by half, `acausal.emit.compiler` is to change.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def measure(flags: str) -> None:
     """One row, in a process of its own with an empty cache."""
     import tempfile
 
-    from acausal.codegen import compiler
+    from acausal.emit import compiler
 
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 import acausal as ac
-from acausal.codegen.compiler import cached_library, compiler
-from acausal.codegen.emit import emit, translation_units
-from acausal.codegen.lower import operations
+from acausal.emit.compiler import cached_library, compiler
+from acausal.emit.emit import emit, translation_units
+from acausal.outputs.functions import operations
 from benchmarks.chains import chain, mujoco_time, pinocchio_chain
 from benchmarks.timing import median_time
 from components import Prismatic, Revolute, RigidBody, World

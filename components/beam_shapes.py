@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.mechanics.modal_inertia import ShapeIntegrals, without_rounding
+from acausal.parts.modal_inertia import ShapeIntegrals, without_rounding
 
 BENDING_MOST = 12
 AXIAL_MOST = 6

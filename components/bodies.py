@@ -12,9 +12,9 @@ from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Scalar, checked, evaluated, leaves, scalar, sx, vector
 from acausal.language.origin import origin
-from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.pose import Matrix, Pose, pose
-from acausal.mechanics.rigid import AbstractRigidPart, Attachment
+from acausal.parts.inertia import Inertia
+from acausal.parts.pose import Matrix, Pose, pose
+from acausal.parts.rigid import AbstractRigidPart, Attachment
 from acausal.visual import shapes as drawn
 from components.orientation import Rotation, rotation_matrix
 

@@ -9,8 +9,8 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import leaves, scalar
 from acausal.language.origin import origin
-from acausal.mechanics.elastic_body import AbstractElasticBody
-from acausal.mechanics.modal_inertia import ElasticBody, ShapeIntegrals
+from acausal.parts.elastic_body import AbstractElasticBody
+from acausal.parts.modal_inertia import ElasticBody, ShapeIntegrals
 from acausal.visual import shapes as drawn
 
 

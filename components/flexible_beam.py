@@ -11,8 +11,8 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Scalar, evaluated, number, scalar, sx
 from acausal.language.origin import origin
-from acausal.mechanics.elastic_body import AbstractElasticBody
-from acausal.mechanics.modal_inertia import ElasticBody
+from acausal.parts.elastic_body import AbstractElasticBody
+from acausal.parts.modal_inertia import ElasticBody
 from acausal.visual import shapes as drawn
 from components.beam_shapes import AXIAL_MOST, BENDING_MOST, BeamShapes
 

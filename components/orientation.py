@@ -10,7 +10,7 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Scalar, vector
 from acausal.language.origin import origin
-from acausal.mechanics.pose import Matrix, rotation_from_quaternion, rotation_to_axis, rotation_to_axis_symbolic, snapped
+from acausal.parts.pose import Matrix, rotation_from_quaternion, rotation_to_axis, rotation_to_axis_symbolic, snapped
 
 Axis = str | Sequence[float] | np.ndarray | Expression
 """'x', 'y', 'z', '-x', '-y', '-z', or a vector of any positive length."""

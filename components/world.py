@@ -8,9 +8,9 @@ import numpy as np
 
 from acausal.language.connector import Frame
 from acausal.language.expression import Expression, Scalar, vector
-from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.pose import Pose, pose
-from acausal.mechanics.rigid import AbstractGround, Attachment
+from acausal.parts.inertia import Inertia
+from acausal.parts.pose import Pose, pose
+from acausal.parts.rigid import AbstractGround, Attachment
 from components.orientation import Rotation, rotation_matrix
 
 

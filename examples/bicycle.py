@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import acausal as ac
-from acausal.trajectory import Trajectory
+from acausal.simulate.trajectory import Trajectory
 from acausal.visual.shapes import Polygon, Torus
 from components import Revolute, RigidBody, RollingDisk, World
 

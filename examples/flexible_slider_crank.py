@@ -12,7 +12,7 @@ published equations; `FlexibleBeam` computes its own integrals.
 import numpy as np
 
 import acausal as ac
-from acausal.trajectory import Trajectory
+from acausal.simulate.trajectory import Trajectory
 from components import AngleSource, FlexibleBeam, FlexibleBody, Prismatic, Revolute, RigidBody, Section, ShapeIntegrals, World
 
 CRANK, ROD = 0.15, 0.3  # m

@@ -17,8 +17,8 @@ import mpmath
 import numpy as np
 
 import acausal as ac
-from acausal.mechanics.force import AbstractLineForce
-from acausal.trajectory import Trajectory
+from acausal.parts.force import AbstractLineForce
+from acausal.simulate.trajectory import Trajectory
 from components import (
     Fixed,
     Force,

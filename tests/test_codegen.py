@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from scipy.special import erfinv
 
 import acausal as ac
-from acausal.codegen import compiler, lower
-from acausal.codegen.emit import Source, emit, translation_units
+from acausal.emit import compiler
+from acausal.emit.emit import Source, emit, translation_units
 from acausal.errors import ExportError, NoCompilerWarning
+from acausal.outputs import functions as lower
 from acausal.runtime import kernels
 from acausal.runtime.compiled import CompiledProblem
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels
@@ -561,7 +562,7 @@ def test_a_library_is_compiled_once(cache: Path, runs: list[Sequence[str]]) -> N
 
 FOUR_BAR = """
 import acausal as ac
-from acausal.codegen import compiler
+from acausal.emit import compiler
 from acausal.runtime.kernels import Wanted, compiled_kernels
 from tests.scenes import FourBar
 f = ac.build(FourBar()).functions

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.codegen.compiler import compiler
+from acausal.emit.compiler import compiler
 from acausal.errors import ExportError, UnknownVariableError
 from components import Force, Particle, Prismatic, World
 from tests.scenes import DoublePendulum, FourBar

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.dynamics.energy import angular_momentum, linear_momentum
 from acausal.errors import LockedError, MasslessError, ParameterError
-from acausal.mechanics.energy import angular_momentum, linear_momentum
 from acausal.visual.scene import animation_of
 from components import (
     FlexibleBeam,

@@ -11,16 +11,16 @@ import pytest
 
 import acausal as ac
 from acausal import errors
-from acausal.constraint_table import ConstraintTable
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.pose import Pose, rotation_about_z
-from acausal.reduction.integrability.classification import integrability
-from acausal.reduction.integrability.derived import derived_system
-from acausal.reduction.integrability.frobenius import growth, integrable_alone
-from acausal.reduction.integrability.integral import Integral, constant_rows
-from acausal.reduction.integrability.pfaffian import PfaffianSystem
-from acausal.reduction.integrability.scene import integrals
-from acausal.reduction.integrability.velocity_forms import velocity_system
+from acausal.explain.constraint_table import ConstraintTable
+from acausal.explain.integrability.classification import integrability
+from acausal.explain.integrability.derived import derived_system
+from acausal.explain.integrability.frobenius import growth, integrable_alone
+from acausal.explain.integrability.integral import Integral, constant_rows
+from acausal.explain.integrability.pfaffian import PfaffianSystem
+from acausal.explain.integrability.scene import integrals
+from acausal.explain.integrability.velocity_forms import velocity_system
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, rotation_about_z
 from components import (
     Gear,
     Prismatic,

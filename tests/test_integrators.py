@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.collocation.problem import Problem, StatusKind
+from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.integrators import integrate
-from acausal.integrators.problem import Problem, StatusKind
-from acausal.integrators.tableau import gauss_legendre, radau_iia
 from components import Particle, Spring, World
 from tests.scenes import DoublePendulum, FourBar
 

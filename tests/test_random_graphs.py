@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
-from acausal.codegen.lower import Functions
+from acausal.dynamics.energy import angular_momentum, linear_momentum
+from acausal.dynamics.system import mechanical_system
 from acausal.language.expression import time
 from acausal.language.flatten import flatten
-from acausal.mechanics.energy import angular_momentum, linear_momentum
-from acausal.mechanics.free import FreeJoint, FreePoint
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.system import mechanical_system
 from acausal.model import Model
-from acausal.reduction.outputs import Outputs
-from acausal.reduction.reduce import reduce_system
-from acausal.reduction.state_space import whole_state_space
+from acausal.outputs.functions import Functions
+from acausal.outputs.outputs import Outputs
+from acausal.parts.free import FreeJoint, FreePoint
+from acausal.parts.joint import AbstractJoint
+from acausal.reduce.reduce import reduce_system
+from acausal.reduce.state_space import whole_state_space
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
 from tests.formulations import (

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 import acausal as ac
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.pose import Pose, rotation_about_z
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, rotation_about_z
 from components import RigidBody, World
 
 BLOCKS = re.findall(r"```python\n(.*?)```", (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8"), re.DOTALL)

@@ -14,12 +14,12 @@ from scipy.optimize import brentq
 
 import acausal as ac
 from acausal import errors
-from acausal.reduction.scalar.equations import EquationSet, ScalarEquation, Unknown
-from acausal.reduction.scalar.index_reduction import differentiation_counts
-from acausal.reduction.scalar.linear import SingularMatrixError, solve_linear
-from acausal.reduction.scalar.matching import blocks, match, overdetermined, underdetermined
-from acausal.reduction.scalar.reduction import reduce_equations
-from acausal.reduction.scalar.tearing import tear
+from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
+from acausal.scalar.index_reduction import differentiation_counts
+from acausal.scalar.linear import SingularMatrixError, solve_linear
+from acausal.scalar.matching import blocks, match, overdetermined, underdetermined
+from acausal.scalar.reduction import reduce_equations
+from acausal.scalar.tearing import tear
 from components import (
     AngleSource,
     Capacitor,

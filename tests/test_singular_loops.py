@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import acausal as ac
-from acausal.codegen.lower import operations
 from acausal.errors import SingularWarning
+from acausal.outputs.functions import operations
 from components import Prismatic, Revolute, RigidBody, RotationalDamper, RotationalGround, World
 from tests.hard_cases import CASES
 from tests.scenes import FourBar, rotation

@@ -8,9 +8,9 @@ import pytest
 import scipy.special
 
 import acausal as ac
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.pose import Pose, rotation_about_z
-from acausal.reduction.self_stress import undetermined_reactions
+from acausal.outputs.self_stress import undetermined_reactions
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, rotation_about_z
 from components import (
     CartesianTranslation,
     Fixed,

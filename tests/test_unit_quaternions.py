@@ -6,8 +6,8 @@ import casadi as ca
 import pytest
 
 import acausal as ac
-from acausal.reduction.charts.coordinates import ChartCoordinates
-from acausal.reduction.unit_quaternions import unit_quaternions
+from acausal.charts.coordinates import ChartCoordinates
+from acausal.reduce.unit_quaternions import unit_quaternions
 from components import RigidBody, RollingBall, Spherical, World
 
 q = ca.SX.sym("q", 6)

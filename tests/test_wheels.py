@@ -9,7 +9,7 @@ import pytest
 import acausal as ac
 from acausal.errors import SingularWarning, StartValueError
 from acausal.language.expression import sx
-from acausal.mechanics.pose import symbolic
+from acausal.parts.pose import symbolic
 from components import (
     AngleSource,
     Cylindrical,

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from acausal.arguments import listed
-from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input
-from acausal.mechanics.joint import AbstractJoint
-from acausal.reduction.expression_names import labels
-from acausal.reduction.outputs import Outputs
-from acausal.reduction.reduce import reduce_system
-from acausal.reduction.state_space import whole_state_space
+from acausal.outputs.expression_names import labels
+from acausal.outputs.functions import Functions
+from acausal.outputs.outputs import Outputs
+from acausal.parts.joint import AbstractJoint
+from acausal.reduce.reduce import reduce_system
+from acausal.reduce.state_space import whole_state_space
 from acausal.wording import entry_names
 
 Unknown = Input | AbstractJoint | Expression

@@ -11,11 +11,11 @@ import numpy as np
 from acausal.analysis.nearest import Rows
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.arguments import expressions, finite, listed
-from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.reduction.expression_names import labels
-from acausal.reduction.initial import Start, exactly, near
+from acausal.outputs.expression_names import labels
+from acausal.outputs.functions import Functions
+from acausal.start.initial import Start, exactly, near
 
 Steady = Sequence[Expression] | Mapping[Expression, float | None]
 

@@ -8,13 +8,13 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
-from acausal.codegen.lower import Functions
+from acausal.charts.coordinates import ChartCoordinates
+from acausal.charts.independent import independent_entries
+from acausal.charts.singular_state import singular_loops
 from acausal.errors import OptionError
-from acausal.reduction.charts.coordinates import ChartCoordinates
-from acausal.reduction.independent import independent_entries
-from acausal.reduction.reduce import ReducedSystem
-from acausal.reduction.singular_state import singular_loops
-from acausal.reduction.unit_quaternions import unit_quaternions
+from acausal.outputs.functions import Functions
+from acausal.reduce.reduce import ReducedSystem
+from acausal.reduce.unit_quaternions import unit_quaternions
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
 from acausal.analysis.point import UNCHANGED, Differentiable, OperatingPoint, before_and_after, operating_point, start_values
 from acausal.arguments import start_mapping
-from acausal.codegen.lower import Functions
 from acausal.errors import EquilibriumError
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.reduction.start_values import Start, softened
-from acausal.simulation import InputValue
+from acausal.outputs.functions import Functions
+from acausal.simulate.simulation import InputValue
+from acausal.start.start_values import Start, softened
 
 if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization

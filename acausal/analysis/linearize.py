@@ -14,10 +14,10 @@ from acausal.analysis.deviations import Deviations, Tangent, deviations_at
 from acausal.analysis.modes import Mode, Modes, modes_of
 from acausal.analysis.point import UNCHANGED, Differentiable, OperatingPoint, before_and_after
 from acausal.arguments import expressions
-from acausal.codegen.lower import Functions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
-from acausal.reduction.expression_names import labels
+from acausal.outputs.expression_names import labels
+from acausal.outputs.functions import Functions
 
 _CLOSED = 1e-8
 _STEADY = 1e-9

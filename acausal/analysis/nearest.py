@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.reduction.assembly import freedom
+from acausal.numerics.assembly import freedom
 
 _SMALL = 1e-11
 _DONE = 1e-15

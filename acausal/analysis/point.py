@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 
 from acausal.arguments import consistent_states, finite
-from acausal.codegen.lower import Functions
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.reduction.initial import Start, initial_state
-from acausal.reduction.reduce import ReducedSystem
-from acausal.simulation import InputValue, input_signal, parameter_values
+from acausal.outputs.functions import Functions
+from acausal.reduce.reduce import ReducedSystem
+from acausal.simulate.simulation import InputValue, input_signal, parameter_values
+from acausal.start.initial import Start, initial_state
 
 _STRIDE = 1e-3
 """Change of the fastest state, in units of 1 + its size, that is a little."""

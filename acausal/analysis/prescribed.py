@@ -9,10 +9,10 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from acausal.codegen.lower import Functions
 from acausal.errors import OptionError, ParameterError
 from acausal.language.expression import Expression, Parameter, Scalar, Time, leaves, of_time, sx
-from acausal.reduction.expression_names import labels
+from acausal.outputs.expression_names import labels
+from acausal.outputs.functions import Functions
 
 Given = Scalar | Callable[[Any], Any]
 _DEGREE = 5

@@ -16,7 +16,7 @@ from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
 from acausal.errors import MotionError, OptionError
-from acausal.reduction.outputs import Outputs
+from acausal.outputs.outputs import Outputs
 from acausal.wording import counted
 
 _HIGHEST = 4

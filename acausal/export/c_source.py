@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from acausal.codegen.compiler import compiler, run_compiler, shared_library_suffix
+from acausal.emit.compiler import compiler, run_compiler, shared_library_suffix
 from acausal.errors import ExportError
 
 if TYPE_CHECKING:

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from acausal.codegen.compiler import RUNTIME
-from acausal.codegen.emit import Source, emit, translation_units
+from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia
+from acausal.emit.compiler import RUNTIME
+from acausal.emit.emit import Source, emit, translation_units
 from acausal.errors import ExportError
 from acausal.integrators.rates import copied_states
-from acausal.integrators.tableau import Tableau, gauss_legendre, radau_iia
 from acausal.language.expression import Parameter
-from acausal.reduction.initial import Start
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.compiled import directional_derivative, projection_with_invariants
-from acausal.simulation import input_signal
+from acausal.simulate.simulation import input_signal
+from acausal.start.initial import Start
 
 if TYPE_CHECKING:
     from acausal.model import Model

@@ -7,12 +7,12 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.codegen.lower import Functions
+from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import ExportError
 from acausal.export.sympy_bridge import to_sympy
-from acausal.mechanics.newton_euler import newton_euler
-from acausal.reduction.reduce import ReducedSystem
-from acausal.reduction.state_space import StateSpace
+from acausal.outputs.functions import Functions
+from acausal.reduce.reduce import ReducedSystem
+from acausal.reduce.state_space import StateSpace
 
 _LARGEST = 600
 

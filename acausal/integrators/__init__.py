@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 
 from acausal.arguments import finite
+from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
 from acausal.errors import OptionError, RoundingWarning
-from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 
 _FINEST = 1e-15
 

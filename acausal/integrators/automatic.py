@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
+from acausal.collocation.tableau import Tableau, eigenvectors, gauss_legendre
 from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.driver import Run, drive
 from acausal.integrators.gauss import Gauss, default_order, gauss_scheme, newton_where_slow
-from acausal.integrators.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.integrators.radau import Radau
 from acausal.integrators.rates import difference_jacobian
-from acausal.integrators.tableau import Tableau, eigenvectors, gauss_legendre
 from acausal.runtime.compiled import Choice, Slow
 
 _CHECK = 25

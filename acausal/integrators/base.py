@@ -12,8 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 import acausal.integrators as package
+from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
 from acausal.errors import OptionError
-from acausal.integrators.problem import Problem, Progress, Solution, Tolerances
 
 
 class AbstractIntegrator(ABC):

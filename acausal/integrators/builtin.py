@@ -9,8 +9,8 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
 from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
 
 _GRID = 100
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.integrators.problem import Problem
+from acausal.collocation.problem import Problem
+from acausal.collocation.tableau import gauss_legendre, integrated_legendre, legendre_values
 from acausal.integrators.rates import Rates
-from acausal.integrators.tableau import gauss_legendre, integrated_legendre, legendre_values
 
 
 @dataclass(frozen=True)

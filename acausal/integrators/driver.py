@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from acausal.collocation.problem import Newton, Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.collocation.tableau import Tableau, legendre_values
 from acausal.integrators.dense import CollocationPolynomial, refined
-from acausal.integrators.problem import Newton, Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
 from acausal.integrators.projection import Projection
 from acausal.integrators.stages import StageSolver
-from acausal.integrators.tableau import Tableau, legendre_values
 
 _EPS = float(np.finfo(float).eps)
 _HARD = 8

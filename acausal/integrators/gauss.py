@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
+from acausal.collocation.tableau import gauss_legendre
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.driver import Scheme, Step, drive
-from acausal.integrators.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.integrators.stages import StageSolver
-from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice
 
 

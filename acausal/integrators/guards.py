@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
-from acausal.integrators.problem import Crossing, Problem, Solution, Status, StatusKind
+from acausal.collocation.problem import Crossing, Problem, Solution, Status, StatusKind
 
 _POINTS = 16
 _TOUCH = 1e-13

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acausal.integrators.problem import Problem
+from acausal.collocation.problem import Problem
 from acausal.integrators.rates import Kernel
 
 _EPS = float(np.finfo(float).eps)

@@ -8,7 +8,7 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from acausal.integrators.problem import Problem
+from acausal.collocation.problem import Problem
 
 
 class Kernel:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.problem import Directions, Newton, Problem, Status, StatusKind, Tolerances
+from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.automatic import Automatic, stiffness_of
 from acausal.integrators.gauss import default_order
-from acausal.integrators.problem import Directions, Newton, Problem, Status, StatusKind, Tolerances
 from acausal.integrators.radau import Radau
-from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice, CompiledProblem, Run
 
 

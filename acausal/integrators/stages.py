@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.collocation.problem import Problem
+from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.integrators.convergence import Convergence, Verdict
-from acausal.integrators.problem import Problem
 from acausal.integrators.rates import Jacobian, Rates, copied_states
-from acausal.integrators.tableau import Tableau, eigenvectors
 
 _EPS = float(np.finfo(float).eps)
 

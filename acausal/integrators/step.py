@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arguments import finite, whole_number
+from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
-from acausal.integrators.tableau import gauss_legendre, radau_iia
 
 
 def step_function(rhs: ca.Function, *, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:

@@ -27,7 +27,7 @@ class Component:
     """A part: connectors and variables declared in the class, and equations between them.
 
     A subclass declares `flange_a = Rotational.port()`, `w = Variable("rad/s")`, takes its numbers in `__init__`, and
-    yields its `equations()`. Mechanical parts give bodies, joints or forces instead (see `acausal.mechanics`).
+    yields its `equations()`. Mechanical parts give bodies, joints or forces instead (see `acausal.parts`).
     """
 
     created_at: str

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.integrators.tableau import Tableau, eigenvectors, embedded_formula
+from acausal.collocation.tableau import Tableau, eigenvectors, embedded_formula
 from acausal.runtime.kernels import Kernel
 
 _Double = ctypes.POINTER(ctypes.c_double)

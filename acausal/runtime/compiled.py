@@ -13,8 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.codegen.compiler import compiler
-from acausal.integrators.problem import (
+from acausal.collocation.problem import (
     Crossing,
     Directions,
     Guards,
@@ -27,8 +26,9 @@ from acausal.integrators.problem import (
     StatusKind,
     Tolerances,
 )
+from acausal.collocation.tableau import Tableau, gauss_legendre
+from acausal.emit.compiler import compiler
 from acausal.integrators.rates import copied_states
-from acausal.integrators.tableau import Tableau, gauss_legendre
 from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 

@@ -3,7 +3,7 @@
 #define ACAUSAL_RUNTIME_H
 #include "lanes.h"
 
-/* A function of a model (see acausal/codegen/emit.py): run(in, c, out, w). `prepare` fills c from in, whenever parameters change. */
+/* A function of a model (see acausal/emit/emit.py): run(in, c, out, w). `prepare` fills c from in, whenever parameters change. */
 typedef void (*KernelFunction)(const V *in, const V *c, V *out, V *w);
 typedef struct {
     KernelFunction run, prepare;

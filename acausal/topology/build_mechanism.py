@@ -9,15 +9,15 @@ import numpy as np
 from acausal.errors import GroundError, IncompatibleError, LockedError
 from acausal.language.connector import Point, Rotational
 from acausal.language.flatten import FlatSystem, Part
-from acausal.mechanics.constraint import AbstractConstraint
-from acausal.mechanics.elastic_body import AbstractElasticBody
-from acausal.mechanics.force import AbstractForce
-from acausal.mechanics.free import FreeJoint, FreePoint
-from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
-from acausal.mechanics.pose import Pose
-from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
-from acausal.mechanics.steps import Shift, Slide
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.elastic_body import AbstractElasticBody
+from acausal.parts.force import AbstractForce
+from acausal.parts.free import FreeJoint, FreePoint
+from acausal.parts.inertia import Inertia
+from acausal.parts.joint import AbstractJoint, AbstractStepJoint
+from acausal.parts.pose import Pose
+from acausal.parts.rigid import AbstractGround, AbstractRigidPart
+from acausal.parts.steps import Shift, Slide
 from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
 from acausal.topology.spanning_tree import spanning_tree

@@ -9,10 +9,10 @@ import numpy as np
 
 from acausal.language.connector import Point
 from acausal.language.flatten import FlatSystem, Part
-from acausal.mechanics.constraint import AbstractConstraint
-from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.pose import Pose
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.inertia import Inertia
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose
 from acausal.wording import compact, shortened
 
 if TYPE_CHECKING:

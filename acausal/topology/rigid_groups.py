@@ -10,9 +10,9 @@ import numpy as np
 from acausal.errors import AssemblyError, GroundError
 from acausal.language.connector import Frame, Point
 from acausal.language.flatten import FlatSystem, Part
-from acausal.mechanics.inertia import Inertia
-from acausal.mechanics.pose import Pose, snapped
-from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart, Attachment
+from acausal.parts.inertia import Inertia
+from acausal.parts.pose import Pose, snapped
+from acausal.parts.rigid import AbstractGround, AbstractRigidPart, Attachment
 from acausal.topology.mechanism import Group
 
 if TYPE_CHECKING:

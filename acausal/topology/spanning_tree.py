@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from acausal.mechanics.constraint import AbstractConstraint
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.weld import Weld
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.weld import Weld
 from acausal.topology.mechanism import Edge, Group, TreeEdge
 
 if TYPE_CHECKING:

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from acausal.mechanics.force import AbstractLineForce
-from acausal.mechanics.joint import AbstractJoint, AbstractStepJoint
-from acausal.mechanics.pose import Pose, symbolic
-from acausal.mechanics.rigid import AbstractGround, AbstractRigidPart
-from acausal.mechanics.steps import Ball, Shift, Slide
+from acausal.parts.force import AbstractLineForce
+from acausal.parts.joint import AbstractJoint, AbstractStepJoint
+from acausal.parts.pose import Pose, symbolic
+from acausal.parts.rigid import AbstractGround, AbstractRigidPart
+from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
 from acausal.visual.shapes import Polygon, Rod, Shape
 
 if TYPE_CHECKING:
-    from acausal.reduction.outputs import Outputs
-    from acausal.trajectory import Trajectory
+    from acausal.outputs.outputs import Outputs
+    from acausal.simulate.trajectory import Trajectory
 
 _MOST_FRAMES = 3000
 

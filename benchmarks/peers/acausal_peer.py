@@ -7,9 +7,9 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
+from acausal.collocation.problem import Newton, Problem, Tolerances
+from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.gauss import default_order
-from acausal.integrators.problem import Newton, Problem, Tolerances
-from acausal.integrators.tableau import gauss_legendre
 from acausal.runtime.compiled import Choice, Run
 from benchmarks.peers.base import AbstractPeer, Prepared
 from benchmarks.scenes import Built

@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Variable
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
-from acausal.mechanics.steps import AbstractStep, Ball, Slide
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
+from acausal.parts.steps import AbstractStep, Ball, Slide
 
 _ALONG_X, _ALONG_Y = (rotation_to_axis(np.array(axis)) for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
 

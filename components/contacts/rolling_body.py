@@ -11,9 +11,9 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, Variable, scalar, sx, vector
 from acausal.language.origin import origin
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.motion import Motion
-from acausal.mechanics.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.motion import Motion
+from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
 
 
 class AbstractRollingBody(AbstractJoint, ABC):

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.motion import Motion
-from acausal.mechanics.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.motion import Motion
+from acausal.parts.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
 from components.orientation import Axis, axis_vector, mounting
 
 _TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))

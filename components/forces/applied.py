@@ -8,13 +8,13 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
+from acausal.dynamics.placement import Placement
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Scalar, leaves, of_time, sx, vector
 from acausal.language.origin import origin
-from acausal.mechanics.force import AbstractForce, Action
-from acausal.mechanics.placement import Placement
-from acausal.mechanics.pose import symbolic
+from acausal.parts.force import AbstractForce, Action
+from acausal.parts.pose import symbolic
 
 _UNCONNECTED = "It acts on nothing: connect it to a body."
 

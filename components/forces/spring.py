@@ -10,7 +10,7 @@ import casadi as ca
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, scalar, sx
 from acausal.language.origin import origin
-from acausal.mechanics.force import AbstractLineForce
+from acausal.parts.force import AbstractLineForce
 
 
 @final

@@ -7,9 +7,9 @@ from typing import final
 import casadi as ca
 
 from acausal.language.expression import Variable
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Pose, symbolic
-from acausal.mechanics.steps import AbstractStep, Shift
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Pose, symbolic
+from acausal.parts.steps import AbstractStep, Shift
 
 
 @final

@@ -1,5 +1,5 @@
 """No joint at all: six freedoms."""
 
-from acausal.mechanics.free import FreeJoint as Free
+from acausal.parts.free import FreeJoint as Free
 
 __all__ = ["Free"]

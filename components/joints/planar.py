@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Variable
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Matrix, Pose, product, rotation_to_axis, symbolic
-from acausal.mechanics.steps import AbstractStep, Slide, Turn
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Matrix, Pose, product, rotation_to_axis, symbolic
+from acausal.parts.steps import AbstractStep, Slide, Turn
 from components.orientation import Axis, axis_vector, mounting
 
 _ALONG = (rotation_to_axis(np.array([1.0, 0.0, 0.0])), rotation_to_axis(np.array([0.0, 1.0, 0.0])))

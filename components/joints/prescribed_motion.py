@@ -10,8 +10,8 @@ import casadi as ca
 from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Parameter, Scalar, Time, Variable, of_time, scalar, sx, time, vector
 from acausal.language.origin import origin
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.pose import Pose, product, rotation_about_z, symbolic, vee
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, product, rotation_about_z, symbolic, vee
 from components.orientation import Axis, axis_vector, mounting
 
 

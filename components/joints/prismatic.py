@@ -8,9 +8,9 @@ import casadi as ca
 
 from acausal.language.connector import Translational
 from acausal.language.expression import Variable
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Matrix, Pose, symbolic
-from acausal.mechanics.steps import AbstractStep, Slide
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Matrix, Pose, symbolic
+from acausal.parts.steps import AbstractStep, Slide
 from components.orientation import Axis, axis_vector, mounting
 
 

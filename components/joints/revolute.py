@@ -8,9 +8,9 @@ import casadi as ca
 
 from acausal.language.connector import Rotational
 from acausal.language.expression import Variable
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Matrix, Pose, symbolic
-from acausal.mechanics.steps import AbstractStep, Turn
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Matrix, Pose, symbolic
+from acausal.parts.steps import AbstractStep, Turn
 from components.orientation import Axis, axis_vector, mounting
 
 

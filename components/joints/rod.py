@@ -7,8 +7,8 @@ from typing import final
 import casadi as ca
 
 from acausal.language.expression import Scalar, scalar, sx
-from acausal.mechanics.constraint import AbstractConstraint
-from acausal.mechanics.pose import Pose, symbolic
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.pose import Pose, symbolic
 
 
 @final

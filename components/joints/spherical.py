@@ -7,9 +7,9 @@ from typing import final
 import casadi as ca
 
 from acausal.language.expression import Variable
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Pose, quaternion_from_matrix, symbolic
-from acausal.mechanics.steps import AbstractStep, Ball
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Pose, quaternion_from_matrix, symbolic
+from acausal.parts.steps import AbstractStep, Ball
 
 
 @final

@@ -10,9 +10,9 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Variable
 from acausal.language.origin import origin
-from acausal.mechanics.joint import AbstractStepJoint
-from acausal.mechanics.pose import Matrix, Pose, rotation_to_axis, snapped, symbolic
-from acausal.mechanics.steps import AbstractStep, Turn
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import Matrix, Pose, rotation_to_axis, snapped, symbolic
+from acausal.parts.steps import AbstractStep, Turn
 from components.orientation import Axis, axis_vector
 
 

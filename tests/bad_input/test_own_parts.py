@@ -11,8 +11,8 @@ import pytest
 
 import acausal as ac
 from acausal import errors
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.pose import Pose
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose
 from components import RigidBody, World
 from tests.bad_input.messages import Wrong
 from tests.scenes import Pendulum

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.mechanics import weld
-from acausal.mechanics.constraint import AbstractConstraint
-from acausal.mechanics.joint import AbstractJoint
-from acausal.reduction.loops import loop_rows
+from acausal.loops.loops import loop_rows
+from acausal.parts import weld
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.joint import AbstractJoint
 from components import Force, Revolute, RigidBody, World
 from tests.conformance.catalogue import kinds, made
 

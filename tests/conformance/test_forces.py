@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.mechanics.force import AbstractLineForce
+from acausal.parts.force import AbstractLineForce
 from components import Damper, NonlinearDamper, NonlinearSpring, RigidBody, Spring, SpringDamper, World
 
 SAMPLES = [

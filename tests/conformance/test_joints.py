@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.dynamics.system import mechanical_system
 from acausal.language.expression import time
 from acausal.language.flatten import flatten
-from acausal.mechanics.elastic_body import AbstractElasticBody
-from acausal.mechanics.joint import AbstractJoint
-from acausal.mechanics.motion import motion_from_pose, reversed_motion
-from acausal.mechanics.pose import Pose, symbolic, vee
-from acausal.mechanics.system import mechanical_system
-from acausal.reduction.outputs import Outputs
-from acausal.reduction.reduce import reduce_system
+from acausal.outputs.outputs import Outputs
+from acausal.parts.elastic_body import AbstractElasticBody
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.motion import motion_from_pose, reversed_motion
+from acausal.parts.pose import Pose, symbolic, vee
+from acausal.reduce.reduce import reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.mechanism import TreeEdge
 from components import Free, Revolute, RigidBody, Section, ShapeIntegrals, World

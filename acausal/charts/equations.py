@@ -1,0 +1,176 @@
+"""The equations of motion in independent coordinates, for one choice of them and any reference state."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.charts.chart import Choice
+from acausal.charts.implicit import Followed, Known, follow, solve_rows
+from acausal.charts.manifold import Manifold
+from acausal.runtime.compiled import CompiledProblem, compile_problem
+
+_FOLD = {"cse": True}
+
+
+@dataclass(frozen=True, repr=False)
+class ChartEquations:
+    """Functions of y = (independent positions, independent velocities and scalar states), all `SX`.
+
+    The reference is an argument r = (t, x, p), so that charts with the same choice share compiled code; `limits` end a chart, see
+    `guards`. `steps`: see `follow`.
+    """
+
+    manifold: Manifold
+    choice: Choice
+    steps: int
+
+    @functools.cached_property
+    def _symbols(self) -> _Symbols:
+        s = self.manifold.functions.outputs.system
+        nx, np_ = s.x.numel(), s.p.numel()
+        y = ca.SX.sym("y", len(self.choice.positions) + len(self.choice.rates))
+        return _Symbols(s.t, y, s.u, s.p, ca.SX.sym("r", 1 + nx + np_))
+
+    @functools.cached_property
+    def _point(self) -> _Point:
+        """Everything at y."""
+        m, k, choice = self.manifold, self._symbols, self.choice
+        c_map, nq = m.coordinates, m.coordinates.size
+        t0, q0, w0, p0 = self._reference(k.r)
+        n = len(choice.positions)
+        free, rest = list(choice.positions), _others(choice.positions, c_map.count)
+
+        def closing(z: ca.SX, known: ca.SX) -> ca.SX:
+            t, y, p, q_ref = ca.vertsplit(known, [0, 1, 1 + n, 1 + n + k.p.numel(), known.numel()])
+            return m.position(t, c_map.configuration(_merged(y, free, z, rest), q_ref), p)
+
+        c0 = c_map.coordinates(q0, q0)
+        known = Known(c0[rest], ca.vertcat(t0, c0[free], p0, q0))
+        positions = follow(closing, known, ca.vertcat(k.t, k.y[:n], k.p, q0), self.steps)
+        c = _merged(k.y[:n], free, positions.z, rest)
+        q = c_map.configuration(c, q0)
+        free_w, rest_w = list(choice.rates), _others(choice.rates, w0.numel())
+
+        def moving(z: ca.SX, known: ca.SX) -> ca.SX:
+            t, q, w, p = ca.vertsplit(known, [0, 1, 1 + nq, 1 + nq + len(free_w), known.numel()])
+            return m.rate(t, q, _merged(w, free_w, z, rest_w), p)
+
+        at = Known(w0[rest_w], ca.vertcat(t0, q0, w0[free_w], p0))
+        rates = follow(moving, at, ca.vertcat(k.t, q, k.y[n:], k.p), self.steps)
+        w = _merged(k.y[n:], free_w, rates.z, rest_w)
+        return _Point(c, q, w, positions, rates)
+
+    @functools.cached_property
+    def expand(self) -> ca.Function:
+        """(t, y, p, r) -> x; NaN where the chart has ended."""
+        k, at = self._symbols, self._point
+        return ca.Function("expand", [k.t, k.y, k.p, k.r], [ca.densify(ca.vertcat(at.q, at.w))], _FOLD)
+
+    @functools.cached_property
+    def restrict(self) -> ca.Function:
+        """(x, r) -> y."""
+        s, k, choice = self.manifold.functions.outputs.system, self._symbols, self.choice
+        c = self.manifold.coordinates.coordinates(s.x[: s.nq], self._reference(k.r)[1])
+        y = ca.vertcat(c[list(choice.positions)], s.x[s.nq :][list(choice.rates)])
+        return ca.Function("restrict", [s.x, k.r], [ca.densify(y)], _FOLD)
+
+    @functools.cached_property
+    def dynamics(self) -> ca.Function:
+        """(t, y, u, (p, r, limits)) -> y'."""
+        s, k, at = self.manifold.functions.outputs.system, self._symbols, self._point
+        q = ca.SX.sym("q", s.nq)
+        q0 = self._reference(k.r)[1]
+        c = self.manifold.coordinates.coordinates(q, q0)
+        x_dot = self.manifold.functions.explicit_dynamics(k.t, ca.vertcat(at.q, at.w), k.u, k.p)
+        c_dot = ca.substitute(ca.jtimes(c, q, x_dot[: s.nq]), q, at.q) if s.nq else ca.SX(0, 1)
+        y_dot = ca.vertcat(c_dot[list(self.choice.positions)], x_dot[s.nq :][list(self.choice.rates)])
+        return ca.Function(
+            "explicit_dynamics", [k.t, k.y, k.u, ca.vertcat(k.p, k.r, self._limits)], [ca.densify(y_dot)], ["t", "y", "u", "p"], ["y_dot"], _FOLD
+        )  # fmt: skip
+
+    @functools.cached_property
+    def conditions(self) -> ca.Function:
+        """(t, x, p, r) -> (positions, velocities, each unit quaternion): 1 where nothing depends on the independent entries, and 0 where
+        the chart ends.
+        """
+        s, k = self.manifold.functions.outputs.system, self._symbols
+        q, w = s.x[: s.nq], s.x[s.nq :]
+        c = self.manifold.coordinates.coordinates(q, self._reference(k.r)[1])
+        return ca.Function("conditions", [s.t, s.x, s.p, k.r], [self._conditions(s.t, c, w, s.p, k.r)], _FOLD)
+
+    @functools.cached_property
+    def guards(self) -> ca.Function:
+        """(t, y, u, (p, r, limits)) -> what falls through zero where the chart should be left: the conditions less their limits, and
+        the strain that `follow` may have less what it has.
+        """
+        k, at = self._symbols, self._point
+        conditions = self._conditions(k.t, at.c, at.w, k.p, k.r) - self._limits[:-1]
+        strain = self._limits[-1] - (at.positions.strain + at.rates.strain)
+        p = ca.vertcat(k.p, k.r, self._limits)
+        return ca.Function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))], _FOLD)
+
+    @functools.cached_property
+    def compiled(self) -> CompiledProblem | None:
+        """The dynamics as C; None without a compiler."""
+        return compile_problem(self.dynamics)
+
+    @functools.cached_property
+    def _limits(self) -> ca.SX:
+        return ca.SX.sym("limits", 3 + len(self.manifold.coordinates.units))
+
+    def _conditions(self, t: ca.SX, c_at: ca.SX, w_at: ca.SX, p: ca.SX, r: ca.SX) -> ca.SX:
+        m = self.manifold
+        q0 = self._reference(r)[1]
+        c, w = ca.SX.sym("c", m.coordinates.count), ca.SX.sym("w", w_at.numel())
+        q = m.coordinates.configuration(c, q0)
+        gain = _gain(m.position(t, q, p), c, self.choice.positions), _gain(m.rate(t, q, w, p), w, self.choice.rates)
+        at = ca.Function("gain", [c, w, t, p, q0], [ca.vertcat(*gain)])(c_at, w_at, t, p, q0)
+        turned = [1 / (1 + ca.sumsqr(sigma)) for sigma in m.coordinates.orientations(c_at)]
+        return ca.densify(ca.vertcat(1 / ca.sqrt(1 + at), *turned))
+
+    def _reference(self, r: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """(t, q, w, p)"""
+        s = self.manifold.functions.outputs.system
+        nx = s.x.numel()
+        return r[0], r[1 : 1 + s.nq], r[1 + s.nq : 1 + nx], r[1 + nx :]
+
+
+@dataclass(frozen=True)
+class _Symbols:
+    t: ca.SX
+    y: ca.SX
+    u: ca.SX
+    p: ca.SX
+    r: ca.SX
+
+
+@dataclass(frozen=True)
+class _Point:
+    c: ca.SX
+    q: ca.SX
+    w: ca.SX
+    positions: Followed
+    rates: Followed
+
+
+def _gain(rows: ca.SX, column: ca.SX, free: tuple[int, ...]) -> ca.SX:
+    """Sum of squares of the derivatives of dependent entries of `column` by the free ones."""
+    rest = _others(free, column.numel())
+    if not rest or not free:
+        return ca.SX(0)
+    J = ca.jacobian(rows, column)
+    return ca.sumsqr(solve_rows(J[:, rest], -J[:, list(free)]))
+
+
+def _others(chosen: tuple[int, ...], count: int) -> list[int]:
+    own = set(chosen)
+    return [i for i in range(count) if i not in own]
+
+
+def _merged(a: ca.SX, places_a: list[int], b: ca.SX, places_b: list[int]) -> ca.SX:
+    """A column with entries `a` and `b` at their places."""
+    order = {place: part[i] for part, places in ((a, places_a), (b, places_b)) for i, place in enumerate(places)}
+    return ca.vertcat(ca.SX(0, 1), *(order[i] for i in range(len(order))))

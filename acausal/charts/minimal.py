@@ -1,0 +1,232 @@
+"""The equations of motion in the least number of states: an ordinary differential equation without invariants."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.arguments import consistent_states, finite, listed, whole_number
+from acausal.charts.chart import Chart, Choice, choose_chart
+from acausal.charts.equations import ChartEquations
+from acausal.charts.manifold import Manifold, manifold
+from acausal.errors import OptionError
+from acausal.language.expression import Input, Parameter, Variable
+from acausal.start.initial import InitialState, Start
+
+if TYPE_CHECKING:
+    from acausal.charts.minimal_motion import MinimalMotion
+    from acausal.outputs.functions import Functions
+    from acausal.simulate.simulation import InputValue
+
+_FEWEST_STEPS = 4
+"""With fewer, a path may be lost unseen."""
+_MOST_STEPS = 200
+_EXAMPLE = "prefer=[scene.crank.q]"
+
+
+@dataclass(frozen=True, repr=False)
+class Atlas:
+    """All charts of a model. `steps`: how many Newton steps lead from the reference of a chart to a state."""
+
+    functions: Functions
+    steps: int
+
+    @functools.cached_property
+    def manifold(self) -> Manifold:
+        """What the states obey."""
+        return manifold(self.functions)
+
+    def equations(self, choice: Choice) -> ChartEquations:
+        """Equations for a choice of independent entries; made once."""
+        found = self._known.get(choice)
+        if found is None:
+            found = self._known[choice] = ChartEquations(self.manifold, choice, self.steps)
+        return found
+
+    @functools.cached_property
+    def _known(self) -> dict[Choice, ChartEquations]:
+        return {}
+
+
+@dataclass(frozen=True, repr=False)
+class MinimalModel:
+    """y' = f(t, y, u, p) of least dimension, around the reference state of `chart`.
+
+    y = (independent positions, independent velocities and scalar states), named in `state_names`. Unit quaternions are replaced by three
+    modified Rodrigues parameters (`rodrigues`) of the rotation since the reference; velocities stay angular velocities. What depends on
+    y is found by Newton steps from the reference in straight-line code; where they do not converge, or the chart has ended, every
+    function gives NaN. All functions are CasADi `SX` functions with exact derivatives. `initial`: how start values were met; `prefer`:
+    places in (c, w) asked for.
+    """
+
+    atlas: Atlas
+    chart: Chart
+    initial: InitialState
+    prefer: tuple[int, ...] = ()
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of y, in order."""
+        return self.chart.independent
+
+    @property
+    def start(self) -> np.ndarray:
+        """y (ny,) at the reference state of the chart."""
+        return np.array(self.restrict(self.chart.x)).ravel()
+
+    @functools.cached_property
+    def explicit_dynamics(self) -> ca.Function:
+        """(t, y, u, p) -> y'."""
+        t, y, u, p = self._symbols
+        limits = np.zeros(self._equations.guards.numel_out(0))
+        rate = self._equations.dynamics(t, y, u, ca.vertcat(p, self.chart.reference, limits))
+        return ca.Function("explicit_dynamics", [t, y, u, p], [rate], ["t", "y", "u", "p"], ["y_dot"], {"cse": True})
+
+    @functools.cached_property
+    def expand(self) -> ca.Function:
+        """(t, y, u, p) -> x, the states of the model."""
+        t, y, u, p = self._symbols
+        x = self._equations.expand(t, y, p, self.chart.reference)
+        return ca.Function("expand", [t, y, u, p], [x], ["t", "y", "u", "p"], ["x"], {"cse": True})
+
+    @functools.cached_property
+    def restrict(self) -> ca.Function:
+        """x -> y."""
+        x = self._x
+        return ca.Function("restrict", [x], [self._equations.restrict(x, self.chart.reference)], ["x"], ["y"], {"cse": True})
+
+    @functools.cached_property
+    def residual(self) -> ca.Function:
+        """(t, y, u, p) -> root of the sum of squares of all invariants at `expand`: rounding errors, or NaN off the chart."""
+        t, y, u, p = self._symbols
+        invariants = self.atlas.functions.invariants
+        x = self._equations.expand(t, y, p, self.chart.reference)
+        total = ca.SX(0) if invariants is None else ca.sumsqr(invariants(t, x, p))
+        return ca.Function(
+            "residual", [t, y, u, p], [ca.densify(ca.sqrt(total))], ["t", "y", "u", "p"], ["residual"], {"cse": True}
+        )
+
+    @functools.cached_property
+    def conditioning(self) -> ca.Function:
+        """(t, x, u, p) -> number in (0, 1], zero where the chart ends; for quaternions 1 at the reference, 0.5 after half a turn."""
+        t, _, u, p = self._symbols
+        x = self._x
+        least = ca.mmin(self._equations.conditions(t, x, p, self.chart.reference))
+        return ca.Function(
+            "conditioning", [t, x, u, p], [ca.densify(least)], ["t", "x", "u", "p"], ["conditioning"], {"cse": True}
+        )
+
+    def change(self, other: MinimalModel) -> ca.Function:
+        """(t, y, u, p) -> y of the same state in another chart of the same model. Raises `OptionError` for another model."""
+        if not isinstance(other, MinimalModel):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise OptionError(f"minimal.change: {other!r} is not a minimal model. Make one by rechart(...) of this one.")
+        if other.atlas.functions is not self.atlas.functions:
+            raise OptionError("minimal.change: the other chart belongs to another model. Make it by rechart(...) of this one.")
+        arguments = self._symbols
+        return ca.Function(
+            "change", list(arguments), [other.restrict(self.expand(*arguments))], ["t", "y", "u", "p"], ["y_other"], {"cse": True}
+        )
+
+    def rechart(
+        self, x: Sequence[float] | np.ndarray, *, t: float | None = None, parameters: Mapping[Parameter, float] | None = None
+    ) -> MinimalModel:
+        """The chart that is best at another state x (nx,) of the model, at time `t` [s], by default that of this chart.
+
+        Raises `StartValueError` where x does not meet the invariants or is singular.
+        """
+        p = self.chart.p if parameters is None else _parameters(self.atlas.functions, parameters)
+        time = self.chart.t if t is None else finite(t, "The time t [s]")
+        return replace(self, chart=_chart(self.atlas, time, x, p, self.prefer))
+
+    def simulate(
+        self,
+        end: float,
+        start: Start | None = None,
+        *,
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        inputs: Mapping[Input, InputValue] | None = None,
+        samples: int = 501,
+        method: str = "auto",
+        compiled: bool = True,
+        max_steps: int = 1_000_000,
+        raise_on_failure: bool = True,
+    ) -> MinimalMotion:
+        """The motion to `end` [s] by integration of y, with another chart wherever one comes to its end.
+
+        It begins at the reference of this chart, or at `start` values, at the chart's time and with its parameters. Other arguments and
+        errors as for `Model.simulate`; `SimulationError` also where the motion becomes singular.
+        """
+        from acausal.charts.minimal_motion import Options, simulate
+
+        options = Options(rtol, rtol if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
+        return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
+
+    @functools.cached_property
+    def _equations(self) -> ChartEquations:
+        return self.atlas.equations(self.chart.choice)
+
+    @property
+    def _x(self) -> ca.SX:
+        return self.atlas.functions.outputs.system.x
+
+    @functools.cached_property
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        s = self.atlas.functions.outputs.system
+        return s.t, ca.SX.sym("y", len(self.state_names)), s.u, s.p
+
+    def __repr__(self) -> str:
+        return f"<MinimalModel {self}>"
+
+    def __str__(self) -> str:
+        flat = self.atlas.functions.outputs.system.flat
+        return f"{flat.name}: {len(self.state_names)} states; {self.chart}"
+
+
+def minimal_model(
+    functions: Functions, t: float, initial: InitialState, p: np.ndarray, prefer: Sequence[Variable], steps: int
+) -> MinimalModel:
+    """Independent coordinates around a consistent state. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
+    steps = whole_number(steps, "minimal: steps", _FEWEST_STEPS, _MOST_STEPS)
+    atlas = Atlas(functions, steps)
+    places = tuple(k for variable in listed(prefer, "minimal: `prefer`", _EXAMPLE) for k in _places(atlas, variable))
+    return MinimalModel(atlas, _chart(atlas, t, initial.x, p, places), initial, places)
+
+
+def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
+    state = consistent_states(atlas.functions, x, t, p)
+    for begin in atlas.manifold.coordinates.units:
+        state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])
+    return choose_chart(atlas.manifold, t, state, p, prefer)
+
+
+def _places(atlas: Atlas, variable: Any) -> list[int]:
+    """Places in (c, w) of a variable that is a state. Raises `OptionError`, `UnknownVariableError`."""
+    functions, c = atlas.functions, atlas.manifold.coordinates
+    s = functions.outputs.system
+    if not isinstance(variable, Variable):
+        raise OptionError(f"minimal: {variable!r} in `prefer` is not a variable of the scene; use e.g. {_EXAMPLE}.")
+    value = functions.outputs.resolve(variable)
+    states = {s.x[i].element_hash(): i for i in range(s.x.numel())}
+    entries = [states.get(value[i].element_hash()) for i in range(value.numel())]
+    if None in entries:
+        raise OptionError(
+            f"minimal: {functions.outputs.name(variable)} is not a state, so it cannot be independent. The states are "
+            f"{', '.join(functions.state_names)}; a joint that closes a loop has none."
+        )
+    found: list[int] = []
+    for i in entries:
+        assert i is not None
+        found += c.entries(i) if i < s.nq else [c.count + i - s.nq]
+    return sorted(set(found))
+
+
+def _parameters(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
+    from acausal.simulate.simulation import parameter_values
+
+    return parameter_values(functions, parameters)

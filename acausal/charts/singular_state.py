@@ -1,0 +1,54 @@
+"""Whether the loops are singular at a state: whether their constraints depend on one another more than elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acausal.outputs.functions import Functions
+from acausal.wording import compact
+
+SINGULAR = 1e-6
+"""Singular value of constraints, each divided by its usual length, below which branches of the motion cross."""
+
+
+def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
+    """How independent the loops' constraints are at a state x (nx,), time t [s], parameters p (np,): of the singular values of their rows,
+    each divided by its usual length, the smallest of as many as constraints are independent elsewhere, and the velocities (nv,) that it
+    nearly leaves free. 1 without loops.
+    """
+    s = functions.outputs.system
+    rank = s.constraints.rank.rank
+    if rank == 0:
+        return 1.0, np.zeros(s.tree_velocities)
+
+    def rows(t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.array(functions.constraint_jacobian(t, x, s.u_defaults, p))
+
+    samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
+    _, values, directions = np.linalg.svd(scaled_rows(rows(t, x, p), samples))
+    return abs(float(values[rank - 1])), directions[rank - 1]
+
+
+def singular_loops(functions: Functions, t: float, x: np.ndarray, p: np.ndarray, limit: float = SINGULAR) -> str:
+    """What is singular at a state, in words; empty where the `singularity` is at least `limit`."""
+    smallest, direction = singularity(functions, t, x, p)
+    if not smallest < limit:
+        return ""
+    s = functions.outputs.system
+    velocities = functions.tree_state_names[s.nq : s.nq + s.tree_velocities]
+    moving = [velocities[i] for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > 0.1]
+    loops = compact(f"'{rows.edge.name}'" for rows in s.constraints.loops)
+    return (
+        f"The loops closed by {loops} are in a {'singular' if smallest < SINGULAR else 'nearly singular'} position at t = {t:.6g} s (smallest "
+        f"singular value {smallest:.2g}): {compact(moving)} may change besides the usual motion, and branches of the motion cross. No "
+        "coordinates are independent on all of them."
+    )
+
+
+def scaled_rows(J: np.ndarray, samples: Sequence[np.ndarray]) -> np.ndarray:
+    """J (m, n), each row divided by its largest length there and in `samples`; rows of rounding errors become zero."""
+    size = np.max([np.linalg.norm(rows, axis=1) for rows in (J, *samples)], axis=0)
+    size[size <= 1e-12 * np.max(size, initial=0.0)] = np.inf
+    return J / size[:, None]

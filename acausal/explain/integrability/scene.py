@@ -1,0 +1,70 @@
+"""Integrability in a scene: what its velocity constraints hide, also when parameters change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from acausal.explain.integrability.classification import Integrability, integrability
+from acausal.explain.integrability.frobenius import Growth, growth
+from acausal.explain.integrability.integral import Integral, is_integral
+from acausal.explain.integrability.pfaffian import PfaffianSystem
+from acausal.explain.integrability.velocity_forms import VelocityRow, contact_rows, scalar_rows, velocity_system
+
+if TYPE_CHECKING:
+    from acausal.reduce.reduce import ReducedSystem
+
+
+def scene_integrability(system: ReducedSystem, exact: bool = True) -> Integrability:
+    """Classifies all velocity constraints of a scene; see `integrability`."""
+    result = integrability(velocity_system(system), exact)
+    if not result.integrals or not system.p.numel():
+        return result
+    other = velocity_system(system, _other_values(system))
+    blocks = tuple(
+        replace(block, integrals=_for_parameters(system, block.integrals, part))
+        for block, (_, part) in zip(result.blocks, other.blocks(), strict=True)
+    )
+    return Integrability(blocks, result.vanishing)
+
+
+def integrals(system: ReducedSystem, exact: bool = True) -> tuple[Integral, ...]:
+    """Functions of tree.q, t and p that the velocity constraints keep constant, those that are found in closed form.
+
+    `coefficients` of linear ones: (nq,), and one more for the time in a scene that depends on it. `exact` off: the linear ones only, without
+    sympy. Costs nothing where nothing rolls and no source or gear holds velocities.
+    """
+    return scene_integrability(system, exact).integrals
+
+
+def _other_values(system: ReducedSystem) -> np.ndarray:
+    """Values of parameters that differ from the present ones."""
+    return system.p_values * 1.125 + 0.0625 * (system.p_values == 0)
+
+
+def _for_parameters(system: ReducedSystem, found: tuple[Integral, ...], other: PfaffianSystem) -> tuple[Integral, ...]:
+    """Integrals with parameters in them where their row shows how these enter; or marked as ones for the present values.
+
+    `other`: the same constraints for other values.
+    """
+    reference = growth(other) if found else None
+    return tuple(_for_all(system, integral, other, reference) for integral in found if reference is not None)
+
+
+def _for_all(system: ReducedSystem, integral: Integral, other: PfaffianSystem, reference: Growth) -> Integral:
+    if is_integral(other, reference, integral.expression):
+        return integral
+    rows: tuple[VelocityRow, ...] = (*contact_rows(system.mechanics, system.constraints.loops), *scalar_rows(system))
+    own = [row for row in rows if row.name in integral.names]
+    if len(own) == 1 and integral.coefficients is not None:
+        # coefficients that do not change with q are those of any q
+        y, at = ca.vertcat(system.mechanics.tree.q, system.t), np.append(system.q_start, 0.0)
+        slopes = ca.substitute(ca.horzcat(own[0].form, own[0].drift), y, ca.SX(ca.DM(at)))
+        scale = slopes[int(np.argmax(np.abs(integral.coefficients)))]
+        expression = ca.mtimes(slopes, y) / scale
+        if is_integral(other, reference, ca.substitute(expression, system.p, ca.SX(ca.DM(_other_values(system))))):
+            return replace(integral, expression=expression)
+    return replace(integral, fixed_parameters=True)

@@ -1,0 +1,149 @@
+"""The report: in plain words, what the reduction found and did."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from acausal.explain.row_meaning import row_meanings
+from acausal.outputs.functions import operations
+from acausal.outputs.self_stress import undetermined_reactions
+from acausal.parts.pose import symbolic
+from acausal.wording import compact, grouped
+
+if TYPE_CHECKING:
+    from acausal.model import Model
+
+_MOST_STATICS = 3_000
+_MOST_LINES = 10
+
+
+def report(model: Model) -> str:
+    """Freedoms by component, states, operations; what was merged, cut and dropped, and why. Parts alike share a line."""
+    system = model.system
+    mechanism = system.mechanics.mechanism
+    lines = [str(model), ""]
+    lines += _freedoms(model)
+    merged = [g for g in mechanism.groups if len(g.parts) > 1]
+    if merged:
+        lines.append("Merged, because they cannot move against one another:")
+        lines += [f"  {compact(part.path for part in group.parts)}" for group in merged[:_MOST_LINES]]
+        lines += [f"  and {len(merged) - _MOST_LINES} more groups"] if len(merged) > _MOST_LINES else []
+    free = [item.edge for item in system.tree_joints if item.edge.implicit]
+    if free:
+        lines.append("Held by nothing, so given a free joint of their own:")
+        lines += grouped([(mechanism.groups[e.b].name, f"{e.joint.v.size} freedoms") for e in free])
+    lines += _loops(model)
+    space = model.functions.space
+    if space.places != tuple(range(system.x.numel())):
+        names = model.functions.tree_state_names
+        gone = [names[i] for i in range(len(names)) if i not in space.places]
+        lines.append(f"In closed form from the others, so no states: {compact(gone, 12)}")
+    invariants = 0 if model.functions.invariants is None else model.functions.invariants.numel_out()
+    if invariants:
+        lines.append(
+            f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions, nonlinear equations)."
+        )
+    lines.append(f"States: {compact(model.state_names, 12) or 'none'}")
+    lines.append(f"Operations: {operations(model.functions.explicit_dynamics)} for the rates of all states.")
+    return "\n".join(lines)
+
+
+def _freedoms(model: Model) -> list[str]:
+    system = model.system
+    held = f" and {system.scalar.rows} by sources or gears on their flanges" if system.scalar.rows else ""
+    rows = [
+        f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops{held}, are {model.degrees_of_freedom}."
+    ]
+    configuration = int(
+        system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints)
+    )
+    holonomic = sum(".rolling[" not in name for name in system.constraints.kept)
+    configuration -= system.scalar.position.numel()
+    if configuration - holonomic != model.degrees_of_freedom:
+        rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
+    return rows + grouped(
+        [
+            (e.name, f"{type(e.joint).__name__:<20} {e.joint.v.size} in velocity, {e.joint.q.size} coordinates")
+            for e in (item.edge for item in system.tree_joints)
+        ]
+    )
+
+
+def _loops(model: Model) -> list[str]:
+    system = model.system
+    constraints = system.constraints
+    if not constraints.loops:
+        return []
+    lines = ["Loops, cut at these joints:"]
+    needed: list[tuple[str, str]] = []
+    dropped: list[tuple[str, str]] = []
+    kept = set(constraints.kept)
+    for rows in constraints.loops:
+        means = row_meanings(system, rows)
+        count, total = sum(name in kept for name in rows.names), len(rows.names) + len(rows.dropped)
+        needed.append((rows.edge.name, f"{type(rows.edge.joint).__name__:<20} {count} of {total} rows are needed"))
+        dropped += [(name, f"{means[name]} is redundant: it holds by itself in this plane or direction") for name in rows.dropped]
+        dropped += [
+            (n, f"{means[n]} is redundant: it follows from the other joints of the loop") for n in rows.names if n not in kept
+        ]
+    lines += grouped(needed) + [f"  {line}" for line in grouped(dropped)]
+    if dropped:
+        lines += _overconstrained(model, len(dropped)) + _undetermined(model)
+    if constraints.rank.singular_at_start:
+        lines.append("  The first configuration is singular: nearby, more constraints are independent than there.")
+    elif constraints.singular:
+        lines.append(
+            "  On its way a loop passes singular positions, where motions branch; the one that momentum selects is followed."
+        )
+    normal = planar_normal(model)
+    if normal is not None:
+        shown = np.array2string(normal, precision=4, suppress_small=True)
+        lines.append(f"  The loops are planar: all their hinges are parallel to {shown}.")
+    return lines
+
+
+def _overconstrained(model: Model, dropped: int) -> list[str]:
+    """How much of the freedom is owed to exact dimensions."""
+    system = model.system
+    rows = sum(len(r.names) + len(r.dropped) for r in system.constraints.loops)
+    counted = system.tree_velocities - rows
+    return [
+        f"  Counting joints alone (Gruebler, Kutzbach) gives {counted} freedoms; {dropped} constraints hold only because the dimensions are exact."
+    ]
+
+
+def _undetermined(model: Model) -> list[str]:
+    """Which reactions the motion of rigid bodies leaves open."""
+    system = model.system
+    rows = sum(len(r.names) + len(r.dropped) for r in system.constraints.loops)
+    if rows * len(system.mechanics.tree.links) > _MOST_STATICS:
+        return ["  Reactions along redundant directions are not determined by rigid bodies; the smallest set is given."]
+    found = undetermined_reactions(system.mechanics, system.constraints, system.p, system.p_values)
+    axes = [f"{kind} {axis}" for kind in ("torque", "force") for axis in "xyz"]
+    words = [(name, ", ".join(axis for axis, loose in zip(axes, row, strict=True) if loose)) for name, row in found.items()]
+    return [
+        "  Reactions that rigid bodies do not determine (the smallest set is given), in frame_b with z along a joint's axis:",
+        *(f"  {line}" for line in grouped(words)),
+    ]
+
+
+def planar_normal(model: Model) -> np.ndarray | None:
+    """Unit vector (3,) in the world to which all joints in the loops are parallel hinges at the start; None if there is none."""
+    system = model.system
+    if not system.constraints.loops:
+        return None
+    joints = [item.edge.joint for item in system.tree_joints] + [rows.edge.joint for rows in system.constraints.loops]
+    if any(type(joint).__name__ != "Revolute" for joint in joints):
+        return None
+    axes: list[ca.SX] = []
+    for joint in joints:
+        link, place = system.mechanics.placement.place(joint.frame_a)
+        X = system.mechanics.kinematics.pose(link) @ place
+        axes.append(symbolic(X.rotation) @ symbolic(joint.mounting())[:, 2])
+    function = ca.Function("axes", [system.t, system.x, system.p], [ca.horzcat(*axes)])
+    x = np.concatenate([system.q_start, np.zeros(system.x.numel() - system.nq)])
+    values = np.array(function(0.0, x, system.p_values))
+    return values[:, 0] if np.max(np.abs(np.abs(values[:, 0] @ values) - 1)) < 1e-9 else None

@@ -1,0 +1,91 @@
+"""Closing loops in numbers: from the sketch to a configuration with every joint in place."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.system import MechanicalSystem
+from acausal.errors import AssemblyError
+from acausal.loops.loop_groups import LoopGroup
+from acausal.loops.loops import LoopRows
+from acausal.loops.walk import Walk
+from acausal.numerics.assembly import assemble
+from acausal.parts.pose import Pose
+
+
+def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
+    """First guess for q: from the rough poses of bodies where both ends of a joint have one, else the joint's own start."""
+    guess: list[float] = []
+    groups = system.mechanism.groups
+    for item in system.tree.joints:
+        edge = item.edge
+        a, b = groups[edge.a].sketch, groups[edge.b].sketch
+        if edge.a == 0 or edge.b == 0:
+            a = Pose.identity() if edge.a == 0 else a
+            b = Pose.identity() if edge.b == 0 else b
+        entries = edge.joint.start_q()
+        if a is not None and b is not None:
+            mounting = Pose(edge.joint.mounting(), np.zeros(3))
+            X = (a @ edge.pose_a @ mounting).inverse() @ (b @ edge.pose_b @ mounting)
+            found = edge.joint.coordinates(X)
+            if found is not None and ca.densify(found).is_constant():
+                entries = tuple(float(f) for f in np.array(ca.DM(ca.evalf(found))).ravel())
+        guess += entries
+    return np.array(guess)
+
+
+def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np.ndarray:
+    """A configuration of the group's coordinates near `guess` with all its loops closed on the branch meant.
+
+    Raises `AssemblyError` with the smallest gap.
+    """
+
+    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c, J = walk.at(q)[:2]
+        return c[:, 0], J
+
+    meant = ca.Function("meant", [group.q, t], [ca.vertcat(group.domain, *_signs(group, t))])
+    rng = np.random.default_rng(0)
+    smallest, where = np.inf, guess
+    for attempt in range(12):
+        first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+        found = assemble(residual, first)
+        right_branch = bool(np.all(np.array(meant(found.y, 0.0)) > 0))
+        if found.converged and right_branch:
+            return found.y
+        if found.gap < smallest and right_branch:
+            smallest, where = found.gap, found.y
+    worst, gaps = _worst_loop(group.loops, np.abs(residual(where)[0]))
+    told = _in_words(worst, gaps)
+    raise AssemblyError(
+        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle){told}. "
+        "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
+    )
+
+
+def _signs(group: LoopGroup, t: ca.SX) -> list[ca.SX]:
+    """Positive on the branches of closure that are meant; those that depend on parameters are left out."""
+    known = {s.element_hash() for s in (*ca.vertsplit(group.q), t)}
+    signs = [rows.sign for rows in group.loops if rows.sign is not None]
+    return [sign for sign in signs if {s.element_hash() for s in ca.symvar(sign)} <= known]
+
+
+def _worst_loop(loops: tuple[LoopRows, ...], residual: np.ndarray) -> tuple[LoopRows, np.ndarray]:
+    """The loop with the largest residual, and its residuals; those of loops come last."""
+    first = residual.size - sum(rows.position.numel() for rows in loops)
+    gaps: list[np.ndarray] = []
+    for rows in loops:
+        gaps.append(residual[first : first + rows.position.numel()])
+        first += rows.position.numel()
+    worst = int(np.argmax([np.max(gap, initial=0.0) for gap in gaps]))
+    return loops[worst], gaps[worst]
+
+
+def _in_words(rows: LoopRows, gaps: np.ndarray) -> str:
+    """How far the joint's two ends are apart, and how far turned against one another; empty where there is but one of these."""
+    turns = np.array([rows.wrench_basis[3:, k].is_zero() for k in range(gaps.size)])
+    if not turns.any() or turns.all():
+        return ""
+    angle = np.degrees(np.arcsin(min(1.0, float(np.max(gaps[turns])))))
+    return f": the joint's ends are {float(np.max(gaps[~turns])):.2g} m apart and {angle:.2g} degrees askew"

@@ -1,0 +1,172 @@
+"""Constraints of all loops together, which of their rows are independent, and what freedom is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.system import MechanicalSystem
+from acausal.loops.close_loops import close_loops, sketch_configuration
+from acausal.loops.loop_groups import LoopGroup, loop_groups
+from acausal.loops.loops import LoopRows, loop_rows
+from acausal.loops.mobility import locked, shaky
+from acausal.loops.redundancy import RankReport, independent_rows, needed_rows
+from acausal.loops.singular import has_singular_position
+from acausal.loops.walk import Walk
+
+_SAMPLES = 8
+_OPENED = 3
+_OPENING = 0.2
+
+
+@dataclass(frozen=True, repr=False)
+class Constraints:
+    """Independent rows of all cut joints, and the freedom that they leave.
+
+    `position` (np, 1) and `velocity` (m, 1) residuals of the kept rows; `jacobian` A (m, nv) of `velocity` in v; `bias` (m, 1) so
+    that A v' + bias = 0. `damped`: rows depend on one another in a way that only holds when assembled. The kept
+    ones alone may then be met on other branches too, so these are used as well, with a rank-tolerant solve.
+    `singular`: fewer rows are independent at some positions than elsewhere. `samples`: some assembled configurations (nq,).
+    `joint_invariants`: of the tree's joints (quaternion norms, gaps). `kept` and `redundant` are names.
+    """
+
+    loops: tuple[LoopRows, ...]
+    position: ca.SX
+    velocity: ca.SX
+    jacobian: ca.SX
+    bias: ca.SX
+    joint_invariants: ca.SX
+    kept: tuple[str, ...]
+    kept_index: tuple[int, ...]
+    redundant: tuple[str, ...]
+    vanishing: tuple[str, ...]
+    rank: RankReport
+    damped: bool
+    singular: bool
+    samples: tuple[np.ndarray, ...]
+
+    @property
+    def slips(self) -> tuple[int, ...]:
+        """Places in `velocity` of rows that are not rates of position rows: rolling without slip."""
+        slip = [k >= rows.position.numel() for rows in self.loops for k in range(rows.velocity.numel())]
+        return tuple(k for k, i in enumerate(self.kept_index) if slip[i])
+
+    @property
+    def q_start(self) -> np.ndarray:
+        """An assembled configuration (nq,), where searches begin."""
+        return self.samples[0]
+
+
+def joint_invariants(system: MechanicalSystem) -> ca.SX:
+    """Invariants of the joints in the tree, (n, 1)."""
+    tree = system.tree
+    rows = [j.edge.joint.invariants(tree.q[j.q], tree.t) for j in tree.joints]
+    return ca.vertcat(*rows) if rows else ca.SX(0, 1)
+
+
+def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.ndarray) -> Constraints:
+    """Close the loops numerically, find the redundant rows, keep the others.
+
+    Raises `AssemblyError` when a loop cannot close, `LockedError` when no freedom is left.
+    """
+    tree = system.tree
+    loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
+    sketch = sketch_configuration(system)
+    found: list[_Examined] = []
+    for group in loop_groups(system, loops):
+        guess = sketch[list(group.q_places)]
+        if not (group.names or group.invariants.numel() or group.domain.numel()):
+            found.append(_unbound(group, guess))
+            continue
+        walk = Walk(group, tree.t, parameters, values)
+        start = close_loops(group, walk, tree.t, guess)
+        found.append(_examined(group, walk, start, tree.t) if group.names else _unbound(group, start))
+    _check_locked(found, tree.v.numel())
+    rank = sum(part.rank.rank for part in found)
+    samples = tuple(_together(found, k, tree.q.numel()) for k in range(max((len(part.samples) for part in found), default=1)))
+    kept = {part.group.names[i] for part in found for i in part.rank.kept}
+    chosen_names = {part.group.names[i] for part in found for i in part.chosen}
+    names = [name for rows in loops for name in rows.names]
+    is_position = [k < rows.position.numel() for rows in loops for k in range(rows.velocity.numel())]
+    chosen = [i for i, name in enumerate(names) if name in chosen_names]
+    position_index = np.cumsum(is_position) - 1
+    position = ca.vertcat(ca.SX(0, 1), *(rows.position for rows in loops))[
+        [int(position_index[i]) for i in chosen if is_position[i]]
+    ]
+    velocity = ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in loops))[chosen]
+    report = RankReport(
+        tuple(i for i, name in enumerate(names) if name in kept), rank, sum(part.rank.rank_at_start for part in found)
+    )
+    return Constraints(
+        loops, position, velocity, ca.densify(ca.jacobian(velocity, tree.v)), system.kinematics.rate(velocity), joint_invariants(system),
+        tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
+        tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
+        any(part.singular for part in found), samples,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Examined:
+    """What is known of a group: assembled configurations of its coordinates, independent rows, the rows to be used."""
+
+    group: LoopGroup
+    samples: list[np.ndarray]
+    rank: RankReport
+    chosen: tuple[int, ...]
+    damped: bool
+    singular: bool
+    A: np.ndarray
+    """Rows in the velocities at the start."""
+    timed: bool
+    """Whether the time enters."""
+
+
+def _unbound(group: LoopGroup, start: np.ndarray) -> _Examined:
+    """Joints without rows of loops."""
+    return _Examined(group, [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
+
+
+def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX) -> _Examined:
+    samples: list[np.ndarray] = []
+    jacobians: list[np.ndarray] = []
+    rank = RankReport((), 0, 0)
+    # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
+    for reach in (1, _SAMPLES):
+        samples = walk.samples(start, reach)
+        jacobians = [walk.at(q)[2] for q in samples]
+        rank = independent_rows(jacobians)
+        if rank.rank == len(group.names):
+            break
+    timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
+    if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
+        raise shaky(group.loops, group.v.numel(), rank.rank)
+    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank))
+    if singular:  # what is usual away from singular positions is seen from afar
+        samples = walk.samples(start, _SAMPLES)
+        jacobians = [walk.at(q)[2] for q in samples]
+    chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(q)[2] for q in _opened(samples))])
+    return _Examined(group, samples, rank, chosen, len(chosen) > rank.rank, singular, jacobians[0], timed)
+
+
+def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Configurations beside assembled ones, where loops are open."""
+    rng = np.random.default_rng(2)
+    return [q + _OPENING * rng.uniform(-1, 1, q.size) for q in samples[:_OPENED]]
+
+
+def _check_locked(found: Sequence[_Examined], freedoms: int) -> None:
+    """Locked loops may be carried by what moves; nothing moves where all joints are in such loops. Raises `LockedError`."""
+    stuck = [part for part in found if part.rank.rank >= part.group.v.numel() > 0 and not part.timed]
+    if stuck and sum(part.group.v.numel() for part in stuck) == freedoms:
+        raise locked(stuck[0].group.loops, stuck[0].group.v.numel(), stuck[0].A)
+
+
+def _together(found: Sequence[_Examined], k: int, size: int) -> np.ndarray:
+    """One assembled configuration (size,) from the k-th of each group, or its last."""
+    q = np.zeros(size)
+    for part in found:
+        q[list(part.group.q_places)] = part.samples[min(k, len(part.samples) - 1)]
+    return q

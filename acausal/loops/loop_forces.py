@@ -1,0 +1,204 @@
+"""Forces that keep loops closed, and the way back to closed loops; through singular positions too.
+
+At a singular position branches of the motion cross, like the lines of x y = 0, whose gradient (y, x) vanishes there. A motion
+along y = 0 stays on its branch, the one that its momentum selects, by three means:
+
+- On the branch the acceleration has no singularity. Beside it it is wrong by about 2 y (x'/x)^2, and no step across x = 0 would
+  converge. So rates are taken at the nearest point with closed loops: they are smooth where y < x, and constant across the branch.
+- Such a point is found to rounding errors of 1e-16 / x, and not at all where x < y. So corrections fade out, nearer than 5e-3 to x = 0
+  in the rates, 5e-4 after a step. There the constraint forces alone keep the branch, in smaller steps if a step must end there.
+- Nearer than 3e-5 the constraint forces fade out too. A part of about 1e-9 of the energy may be lost or won on the way.
+
+These x are roots of the eigenvalues of A M^-1 A', against their usual size. Damping is Bayo's penalty, and refinement his augmented
+Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and Kovecses, Multibody System Dynamics 29, 2013).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
+from acausal.dynamics.kernels import damped_solver, positive_solver, semidefinite_solver, solve_positive
+from acausal.dynamics.system import MechanicalSystem
+from acausal.dynamics.virtual_inertia import check_tree_inertia, massless_motions
+from acausal.loops.constraints import Constraints
+
+_FORCE_DAMPING = 1e-9
+_FORCE_REFINEMENTS = 3
+_CORRECTION_DAMPING = 3e-5
+_PROJECTION_DAMPING = 3e-7
+_CORRECTIONS = 2
+_MASSLESS = 1e-9
+
+
+@dataclass(frozen=True, repr=False)
+class LoopForces:
+    """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
+
+    `sizes` (m,): of the diagonal of `delassus` at some configurations. `rotors`: on links whose motion meets no inertia in the tree;
+    M, whose factors are `inertias`, includes them (see `virtual_inertia`).
+    """
+
+    mechanics: MechanicalSystem
+    constraints: Constraints
+    flexibility: ca.SX
+    delassus: ca.SX
+    sizes: np.ndarray
+    rotors: Mapping[int, float]
+    inertias: ArticulatedInertias
+
+    def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
+        (A M^-1 A') lambda = -bias - A v'_free, and rotors taken away.
+        """
+        c = self.constraints
+        if not c.jacobian.shape[0]:
+            return free, ca.SX(0, 1)
+        gap = -c.bias - c.jacobian @ free
+        if not self.rotors:
+            multipliers = self._force_solver(gap)
+            return free + self.flexibility @ multipliers, multipliers
+        # v' = free + W A' lambda + W E' mu with mu = d E v': the rows of the loops eliminated first, then the few of the rotors
+        multipliers = self._force_solver(gap)
+        free = free + self.flexibility @ multipliers
+        W, held = self._rotor_response
+        mu = solve_positive(self._rotor_inertia, free[self._rotor_places])
+        return free + W @ mu, multipliers - held @ mu
+
+    def check_inertia(self, parameters: ca.SX, values: np.ndarray) -> None:
+        """Raise `MasslessError` where a motion meets no inertia in spite of closed loops."""
+        if not self.rotors:
+            return
+        tree = self.mechanics.tree
+        function = ca.Function("left", [tree.q, tree.t, parameters], [self._rotor_inertia])
+        for q in self.constraints.samples:
+            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * min(self.rotors.values()))
+            if np.min(np.abs(levels)) < _MASSLESS:
+                link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
+                raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
+
+    @functools.cached_property
+    def _force_solver(self) -> Callable[[ca.SX], ca.SX]:
+        """(m, k) -> multipliers (m, k) that make these changes of the rows' rates."""
+        if self.constraints.singular:
+            return damped_solver(self.delassus, _FORCE_DAMPING * self._scale, _FORCE_REFINEMENTS)
+        return self._solver
+
+    @functools.cached_property
+    def _solver(self) -> Callable[[ca.SX], ca.SX]:
+        """The same where no position is singular."""
+        return (semidefinite_solver if self.constraints.damped else positive_solver)(self.delassus)
+
+    @property
+    def _rotor_places(self) -> list[int]:
+        """In v."""
+        links = self.mechanics.tree.links
+        return [k for i in self.rotors for k in range(links[i].v.start, links[i].v.stop)]
+
+    @functools.cached_property
+    def _rotor_response(self) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then fall."""
+        n = self.mechanics.tree.v.numel()
+        W = ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
+        held = self._force_solver(self.constraints.jacobian @ W)
+        return W - self.flexibility @ held, held
+
+    @functools.cached_property
+    def _rotor_inertia(self) -> ca.SX:
+        """1 / d less the rotors' response (k, k): positive where the constrained motion meets inertia."""
+        links = self.mechanics.tree.links
+        lightness = ca.diag(ca.SX(ca.DM([1 / d for i, d in self.rotors.items() for _ in range(links[i].motion.nv)])))
+        return ca.densify(lightness - self._rotor_response[0][self._rotor_places, :])
+
+    def position_correction(self, gap: ca.SX, damping: float) -> ca.SX:
+        """Change of q (nq, 1) that closes position residuals `gap`, to first order and in the mass metric."""
+        tree, slips = self.mechanics.tree, set(self.constraints.slips)
+        rows = [k for k in range(self.delassus.shape[0]) if k not in slips]
+        if not rows:
+            return ca.SX.zeros(tree.q.numel())
+        return -(ca.jacobian(tree.rates, tree.v) @ (self.flexibility[:, rows] @ self._corrected(gap, rows, damping)))
+
+    def velocity_correction(self, damping: float) -> ca.SX:
+        """Change of v (nv, 1) that closes the velocity residuals, in the mass metric."""
+        c = self.constraints
+        if not c.jacobian.shape[0]:
+            return ca.SX.zeros(self.mechanics.tree.v.numel())
+        return -(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel())), damping))
+
+    def _corrected(self, gap: ca.SX, rows: list[int], damping: float) -> ca.SX:
+        """Multipliers of some rows that close `gap`."""
+        if self.constraints.singular:
+            return damped_solver(self.delassus[rows, rows], damping * self._scale[rows], 0)(gap)
+        if len(rows) == self.delassus.shape[0]:
+            return self._solver(gap)
+        return (semidefinite_solver if self.constraints.damped else positive_solver)(self.delassus[rows, rows])(gap)
+
+    @property
+    def _scale(self) -> ca.SX:
+        """The diagonal on average, in the ratios of `sizes`: no entry vanishes where a row does."""
+        ratios = ca.diag(self.delassus) / self.sizes
+        return ca.sum1(ratios) / ratios.numel() * ca.SX(self.sizes)
+
+
+def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray) -> LoopForces:
+    """For the `parameters` of a model, near these `values`. Cost: for each row, a walk over the links that it moves."""
+    A, tree = ca.sparsify(constraints.jacobian), mechanics.tree
+    m = A.shape[0]
+    if m == 0:
+        check_tree_inertia(tree, parameters, constraints.q_start, values)
+        none = ca.SX(tree.v.numel(), 0)
+        return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), {}, articulated_inertias(tree))
+    samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
+    rotors = massless_motions(tree, parameters, samples, values)
+    inertias = articulated_inertias(tree, rotors)
+    flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
+    delassus = ca.tril2symm(ca.tril(A @ flexibility))
+    sizes = np.ones(m)
+    if constraints.singular:
+        diagonal = ca.Function("diagonal", [tree.q, tree.t, parameters], [ca.densify(ca.diag(delassus))])
+        sizes = np.max([np.array(diagonal(q, 0.0, values)).ravel() for q in constraints.samples], axis=0)
+        sizes = np.maximum(sizes, 1e-12 * np.max(sizes))
+    forces = LoopForces(mechanics, constraints, flexibility, delassus, sizes, rotors, inertias)
+    forces.check_inertia(parameters, values)
+    return forces
+
+
+def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
+    """(q, v, states) one Newton step nearer to the invariants, in the mass metric; None without invariants."""
+    tree, constraints = forces.mechanics.tree, forces.constraints
+    if constraints.joint_invariants.numel() == 0 and constraints.jacobian.shape[0] == 0:
+        return None
+    q, v = tree.q, tree.v
+    dq = ca.SX.zeros(q.numel())
+    for joint in tree.joints:
+        own = joint.edge.joint.invariants(q[joint.q], tree.t)
+        if own.numel():
+            G = ca.jacobian(own, q[joint.q])
+            dq[joint.q] -= G.T @ solve_positive(ca.densify(G @ G.T), own)
+    return ca.vertcat(
+        q + dq + forces.position_correction(constraints.position, _PROJECTION_DAMPING),
+        v + forces.velocity_correction(_PROJECTION_DAMPING),
+        states,
+    )
+
+
+def on_branch(rates: ca.SX, forces: LoopForces, arguments: list[ca.SX]) -> ca.SX:
+    """`rates`, which depend on `arguments` (t, q, v, states, u, p), at the nearest q and v with closed loops.
+
+    Positions first, all corrections with the matrix of the first one, then velocities.
+    """
+    t, q, v, states, u, p = arguments
+    position = ca.Function("position", [t, q, p], [ca.densify(forces.constraints.position)])
+    gap = ca.SX.sym("gap", forces.constraints.position.numel())
+    correction = ca.Function("correction", [t, q, p, gap], [ca.densify(forces.position_correction(gap, _CORRECTION_DAMPING))])
+    velocity = ca.Function("velocity", [t, q, v, p], [ca.densify(v + forces.velocity_correction(_CORRECTION_DAMPING))])
+    q_on = q
+    for _ in range(_CORRECTIONS):
+        q_on = q_on + correction(t, q, p, position(t, q_on, p))
+    v_on = velocity(t, q_on, v, p)
+    return ca.Function("rates", arguments, [ca.densify(rates)])(t, q_on, v_on, states, u, p)

@@ -1,0 +1,83 @@
+"""Loops that share joints belong together; other loops are closed and examined on their own, so that the cost of many is linear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.dynamics.system import MechanicalSystem
+from acausal.dynamics.tree import JointSymbols
+from acausal.loops.loops import LoopRows
+
+
+@dataclass(frozen=True)
+class LoopGroup:
+    """Loops and the joints of the tree that move them, or a joint in no loop; `q`, `v` and q' = `rates` of these joints.
+
+    `q_places` and `v_places`: where they stand among those of the tree. `invariants` of the joints, and their `domain` (positive inside).
+    """
+
+    loops: tuple[LoopRows, ...]
+    q: ca.SX
+    v: ca.SX
+    rates: ca.SX
+    q_places: tuple[int, ...]
+    v_places: tuple[int, ...]
+    invariants: ca.SX
+    domain: ca.SX
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the rows that do not vanish by structure."""
+        return tuple(name for rows in self.loops for name in rows.names)
+
+    @property
+    def closing(self) -> ca.SX:
+        """Invariants of joints, then positions of loops (n, 1)."""
+        return ca.vertcat(self.invariants, *(rows.position for rows in self.loops))
+
+    @property
+    def velocity(self) -> ca.SX:
+        """Rows of the loops in the velocities (m, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in self.loops))
+
+
+def loop_groups(system: MechanicalSystem, loops: Sequence[LoopRows]) -> tuple[LoopGroup, ...]:
+    """All joints of the tree and all loops; groups in the order of their first loop, those without loops last. Linear in the size."""
+    import networkx as nx
+
+    tree = system.tree
+    owner: dict[int, int] = {}
+    for k, joint in enumerate(tree.joints):
+        for column, places in ((tree.q, joint.q), (tree.v, joint.v)):
+            owner |= {column[i].element_hash(): k for i in range(places.start, places.stop)}
+    graph: nx.Graph[tuple[str, int]] = nx.Graph()
+    graph.add_nodes_from(("joint", k) for k in range(len(tree.joints)))
+    for i, rows in enumerate(loops):
+        graph.add_node(("loop", i))
+        used = {s.element_hash() for s in ca.symvar(ca.vertcat(rows.position, rows.velocity))}
+        graph.add_edges_from((("loop", i), ("joint", owner[h])) for h in used if h in owner)
+    parts = [sorted(part) for part in nx.connected_components(graph)]
+    parts.sort(key=lambda part: min((i for kind, i in part if kind == "loop"), default=len(loops)))
+    return tuple(
+        _group(
+            system,
+            tuple(loops[i] for kind, i in part if kind == "loop"),
+            [tree.joints[k] for kind, k in part if kind == "joint"],
+        )
+        for part in parts
+    )
+
+
+def _group(system: MechanicalSystem, loops: tuple[LoopRows, ...], joints: Sequence[JointSymbols]) -> LoopGroup:
+    tree = system.tree
+    q_places = [i for joint in joints for i in range(joint.q.start, joint.q.stop)]
+    v_places = [i for joint in joints for i in range(joint.v.start, joint.v.stop)]
+    none = ca.SX(0, 1)
+    return LoopGroup(
+        loops, tree.q[q_places], tree.v[v_places], tree.rates[q_places], tuple(q_places), tuple(v_places),
+        ca.vertcat(none, *(j.edge.joint.invariants(tree.q[j.q], tree.t) for j in joints)),
+        ca.vertcat(none, *(j.edge.joint.domain(tree.q[j.q]) for j in joints)),
+    )  # fmt: skip

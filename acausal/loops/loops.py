@@ -1,0 +1,127 @@
+"""Loops: what the cut joints ask of the tree's coordinates and velocities, row by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.placement import Place, Placement
+from acausal.errors import ModelError
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.pose import Pose, cleaned, product, symbolic
+from acausal.topology.mechanism import Edge
+
+
+@dataclass(frozen=True)
+class LoopRows:
+    """Rows of one cut joint that do not vanish by structure.
+
+    `position` (n, 1): residuals in q and t. `wrench_basis` (6, n + m): unit constraint wrenches on frame_b, in
+    frame_b turned by the joint's mounting, torque first. `velocity` (n + m, 1): their rates, then the rolling rows; linear in v. `sign`: positive on the
+    branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure, with their `dropped_basis` (6, k).
+    """
+
+    edge: Edge[AbstractConstraint]
+    pose: Pose
+    position: ca.SX
+    velocity: ca.SX
+    wrench_basis: ca.SX
+    sign: ca.SX | None
+    names: tuple[str, ...]
+    dropped: tuple[str, ...]
+    dropped_basis: ca.SX
+
+
+def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
+    """The rows of a cut joint. Cost: linear in the length of the loop."""
+    joint, t = edge.joint, placement.t
+    X = relative_pose(edge, placement)
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    w, v = relative_twist(edge, placement, X)
+    closure = joint.closure(X, t)
+    if closure is None:
+        raise ModelError(
+            f"Joint '{edge.name}' closes a loop, but {type(joint).__name__} does not say what it asks of a relative pose. "
+            "Give it a method closure(X_ab, t)."
+        )
+    turn, shift = ca.SX.sym("turn", 3), ca.SX.sym("shift", 3)
+    moved = joint.closure(Pose(R @ (ca.SX.eye(3) + ca.skew(turn)), p + R @ shift), t)
+    assert moved is not None
+    at_rest = ca.SX.zeros(6)
+    basis = ca.substitute(ca.jacobian(moved, ca.vertcat(turn, shift)), ca.vertcat(turn, shift), at_rest)
+    explicit = _explicit_rate(joint, X, t)
+    rows, names, dropped, dropped_basis = [], [], [], [ca.SX(6, 0)]
+    twist = ca.vertcat(w, v)
+    for i in range(closure.numel()):
+        name = f"{edge.name}[{i}]"
+        residual = closure[i]
+        if residual.is_constant() and abs(float(residual)) < 1e-14:
+            dropped.append(name)
+            dropped_basis.append(basis[i, :].T)
+            continue
+        rows.append((residual, basis[i, :] @ twist + explicit[i], basis[i, :].T))
+        names.append(name)
+    w_s, v_s = ca.SX.sym("w", 3), ca.SX.sym("v", 3)
+    rolling = joint.closure_rates(X, w_s, v_s, t)
+    rolling_basis = ca.jacobian(rolling, ca.vertcat(w_s, v_s))
+    rolling_value = ca.substitute(rolling, ca.vertcat(w_s, v_s), twist)
+    position = ca.vertcat(*(row[0] for row in rows)) if rows else ca.SX(0, 1)
+    velocity = ca.vertcat(*(row[1] for row in rows), rolling_value)
+    wrench_basis = ca.horzcat(*(row[2] for row in rows), rolling_basis.T)
+    names += [f"{edge.name}.rolling[{i}]" for i in range(rolling.numel())]
+    return LoopRows(
+        edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped),
+        ca.densify(ca.horzcat(*dropped_basis)),
+    )  # fmt: skip
+
+
+def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:
+    """Rate of the closure at a pose held fixed, for joints whose closure depends on time."""
+    R, p = ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
+    closure = joint.closure(Pose(R, p), t)
+    assert closure is not None
+    rate = ca.jtimes(closure, t, ca.SX(1))
+    return ca.densify(ca.substitute(ca.substitute(rate, R, symbolic(X.rotation)), p, symbolic(X.position)))
+
+
+def mounted_places(edge: Edge[AbstractConstraint], placement: Placement) -> tuple[Place, Place]:
+    """Places of frame_a and frame_b turned by the joint's mounting; constants without rounding errors, so that they fold.
+
+    A point has no orientation: its frame is taken along that of the other end.
+    """
+    mounting = Pose(edge.joint.mounting(), np.zeros(3))
+    (link_a, pose_a), (link_b, pose_b) = placement.ends(edge)
+    a, b = (link_a, cleaned(pose_a @ mounting)), (link_b, cleaned(pose_b @ mounting))
+    if _is_point(edge.b, placement):
+        return a, _along(b, a, placement)
+    return (_along(a, b, placement), b) if _is_point(edge.a, placement) else (a, b)
+
+
+def _is_point(group: int, placement: Placement) -> bool:
+    return placement.kinematics.tree.mechanism.groups[group].kind == "point"
+
+
+def _along(place: Place, other: Place, placement: Placement) -> Place:
+    """A place turned to the axes of another one."""
+    (link, pose), (other_link, other_pose) = place, other
+    between = placement.kinematics.relative_pose(link, other_link)
+    return link, Pose(product(between.rotation, other_pose.rotation), pose.position)
+
+
+def relative_pose(edge: Edge[AbstractConstraint], placement: Placement) -> Pose:
+    """X_ab of the mounted places."""
+    X = placement.between(*mounted_places(edge, placement))
+    return Pose(np.eye(3), X.position) if _is_point(edge.a, placement) or _is_point(edge.b, placement) else X
+
+
+def relative_twist(edge: Edge[AbstractConstraint], placement: Placement, X: Pose) -> tuple[ca.SX, ca.SX]:
+    """Angular velocity and velocity of mounted place b against a, in b, for their relative pose X."""
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    (w_a, v_a), (w_b, v_b) = (placement.twist(place) for place in mounted_places(edge, placement))
+    if _is_point(edge.b, placement):
+        return ca.SX.zeros(3), v_b - v_a - ca.cross(w_a, p)
+    if _is_point(edge.a, placement):
+        return ca.SX.zeros(3), v_b - v_a - ca.cross(w_b, p)
+    return w_b - R.T @ w_a, v_b - R.T @ (v_a + ca.cross(w_a, p))

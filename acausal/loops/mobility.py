@@ -1,0 +1,56 @@
+"""Mobility of loops, in words: free, movable thanks to exact dimensions, locked, or closing in one position only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acausal.errors import LockedError
+from acausal.loops.loops import LoopRows
+from acausal.wording import compact, counted
+
+_NEARLY = 3e-2
+
+
+def locked(loops: Sequence[LoopRows], freedoms: int, A: np.ndarray) -> LockedError:
+    """As many independent constraints A (m, nv) as freedoms: the loops close here, and nothing can move."""
+    return LockedError(
+        f"The mechanism is locked: {counted(freedoms, 'freedom')} of its joints and {counted(freedoms, 'independent constraint')} from closing "
+        f"{_joints(loops)} meet, so it closes in single positions and cannot move.{nearly_redundant(loops, A)} Remove a joint or "
+        "give one of them more freedom."
+    )
+
+
+def shaky(loops: Sequence[LoopRows], freedoms: int, rank: int) -> LockedError:
+    """Fewer independent constraints than freedoms, but no other position closes the loops."""
+    return LockedError(
+        f"The mechanism is locked: closing {_joints(loops)} leaves {freedoms - rank} of {freedoms} freedoms to first order, but no second "
+        "position was found in which the loops close. Its parts are just long enough, as in a triangle that lies flat: it can "
+        "shake and not move. Make a part longer or shorter, or remove a joint."
+    )
+
+
+def nearly_redundant(loops: Sequence[LoopRows], A: np.ndarray) -> str:
+    """A sentence on constraints that would follow from the others if dimensions were slightly different; empty if there are none."""
+    names = [name for rows in loops for name in rows.names]
+    size = np.linalg.norm(A, axis=1)
+    torques = np.array([rows.wrench_basis[3:, k].is_zero() for rows in loops for k in range(len(rows.names))])
+    size[torques] = 1.0  # sines of angles, beside shifts against the largest shift
+    size[~torques] = np.max(size[~torques], initial=0.0) or 1.0
+    scaled = A / size[:, None]
+    U, s, _ = np.linalg.svd(scaled)
+    few = [k for k in range(min(A.shape)) if 1e-9 * s[0] < s[k] < _NEARLY * s[0]]
+    if not few:
+        return ""
+    weight = np.max(np.abs(U[:, few]), axis=1)
+    worst = [names[i] for i in np.argsort(-weight) if weight[i] > 0.3][:4]
+    return (
+        f" {len(few)} of the constraints nearly follow{'s' if len(few) == 1 else ''} from the others (to {float(s[few[-1]] / s[0]):.1g}), among "
+        f"them {', '.join(worst)}: if axes are meant to be parallel or lengths to fit, they do not quite; make them exact, or let a ball "
+        "joint or a sleeve (Cylindrical) take the place of a hinge."
+    )
+
+
+def _joints(loops: Sequence[LoopRows]) -> str:
+    return compact((f"'{rows.edge.name}'" for rows in loops), 4)

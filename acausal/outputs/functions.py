@@ -1,0 +1,220 @@
+"""Lower: named CasADi functions of a reduced system. Each is made when first asked for."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from acausal.dynamics.newton_euler import newton_euler
+from acausal.dynamics.tree import JointSymbols
+from acausal.errors import ExportError, NoCompilerWarning
+from acausal.language.connector import Frame, Point
+from acausal.language.expression import Expression
+from acausal.outputs.given_motion import GivenMotion, given_motions
+from acausal.outputs.outputs import Outputs
+from acausal.reduce.state_space import StateSpace
+
+if TYPE_CHECKING:
+    from acausal.runtime.compiled import CompiledProblem
+
+_FOLD = {"cse": True}
+
+
+@dataclass(frozen=True, repr=False)
+class Functions:
+    """CasADi `Function`s of a model. Arguments: t [s], x = (q, v), u (inputs), p (parameters), in the order of the model's names.
+
+    All are `SX` functions, so they can be differentiated, mapped, used in `ca.Opti` and turned into C.
+    """
+
+    outputs: Outputs
+    space: StateSpace
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states in x, e.g. `hinge.q`, `ball.q[2]`."""
+        names = self.tree_state_names
+        return tuple(names[i] for i in self.space.places)
+
+    @property
+    def tree_state_names(self) -> tuple[str, ...]:
+        """Names of all states of the reduced system, also of those that follow from x."""
+        names: list[str] = []
+        for kind in ("q", "v"):
+            for item in self.outputs.system.mechanics.tree.joints:
+                size = (item.edge.joint.q if kind == "q" else item.edge.joint.v).size
+                names += [f"{item.edge.name}.{kind}" + (f"[{i}]" if size > 1 else "") for i in range(size)]
+        return tuple(names + [self.outputs.name(s) for s in self.outputs.system.scalar_states])
+
+    @functools.cached_property
+    def explicit_dynamics(self) -> ca.Function:
+        """(t, x, u, p) -> x'."""
+        return self._function("explicit_dynamics", [self.space.kept(self.outputs.system.x_dot)], ["x_dot"])
+
+    @functools.cached_property
+    def residual_dynamics(self) -> ca.Function:
+        """(t, x, x_dot, multipliers, u, p) -> residual, zero along motions: q' - N v, Newton-Euler, A v' + bias.
+
+        Recursive Newton-Euler; its Jacobians are cheaper than those of `explicit_dynamics`.
+        """
+        s, space = self.outputs.system, self.space
+        rate = ca.SX.sym("x_dot", space.x.numel())
+        force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
+        tree, nv = s.mechanics.tree, s.mechanics.tree.v.numel()
+        everything = space.put(s.x)
+        L = ca.jacobian(everything, space.x)  # rates of all states by those of x
+        full = L @ rate + ca.jtimes(everything, s.t, ca.SX(1))
+        v_dot = full[s.nq : s.nq + nv, :]
+        motion = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches))
+        A = s.constraints.jacobian
+        balance = motion.tau - s.tau
+        if A.shape[0]:
+            balance -= A.T @ force
+        # what holds eliminated coordinates does no work
+        balance = L[s.nq : s.nq + nv, space.nq : space.nq + nv - len(space.elimination.rates)].T @ balance
+        difference = full - ca.vertcat(tree.rates, s.v_dot, s.x_dot[s.nq + nv :, :])
+        kept = [i for i in space.places if not s.nq <= i < s.nq + nv]
+        rows = [difference[[i for i in kept if i < s.nq]], balance, difference[[i for i in kept if i >= s.nq]]]
+        if A.shape[0]:
+            rows.append(A @ v_dot + s.constraints.bias)
+        names = ["t", "x", "x_dot", "multipliers", "u", "p"]
+        return ca.Function(
+            "residual_dynamics",
+            [s.t, space.x, rate, force, s.u, space.p],
+            [space.put(ca.vertcat(*rows))],
+            names,
+            ["residual"],
+            _FOLD,
+        )
+
+    @functools.cached_property
+    def multipliers(self) -> ca.Function:
+        """(t, x, u, p) -> multipliers of the kept constraint rows."""
+        return self._function("multipliers", [self.outputs.system.multipliers], ["multipliers"])
+
+    @functools.cached_property
+    def mass_matrix(self) -> ca.Function:
+        """(t, x, u, p) -> M(q), symmetric (nv, nv), of the tree's velocities."""
+        s = self.outputs.system
+        v_dot = ca.SX.sym("v_dot", s.mechanics.tree.v.numel())
+        tau = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches)).tau
+        return self._function("mass_matrix", [ca.densify(ca.jacobian(tau, v_dot))], ["M"])
+
+    @functools.cached_property
+    def kinetic_energy(self) -> ca.Function:
+        """(t, x, u, p) -> [J]."""
+        return self._function("kinetic_energy", [self.outputs.kinetic_energy], ["T"])
+
+    @functools.cached_property
+    def potential_energy(self) -> ca.Function:
+        """(t, x, u, p) -> [J]."""
+        return self._function("potential_energy", [self.outputs.potential_energy], ["V"])
+
+    @functools.cached_property
+    def power_loss(self) -> ca.Function:
+        """(t, x, u, p) -> power that leaves the mechanical energy: dissipated less supplied [W]."""
+        return self._function("power_loss", [self.outputs.power_loss], ["P"])
+
+    @functools.cached_property
+    def constraint_position(self) -> ca.Function:
+        """(t, x, u, p) -> residuals of joint invariants and kept loop rows; zero when assembled."""
+        return self._function("constraint_position", [self.space.constraints(self.outputs.system.position_invariants)], ["g"])
+
+    @functools.cached_property
+    def constraint_velocity(self) -> ca.Function:
+        """(t, x, u, p) -> residuals of the kept velocity rows."""
+        return self._function("constraint_velocity", [self.space.constraints(self.outputs.system.velocity_invariants)], ["g_dot"])
+
+    @functools.cached_property
+    def constraint_jacobian(self) -> ca.Function:
+        """(t, x, u, p) -> A (m, nv): the velocity rows are A v + drift."""
+        return self._function("constraint_jacobian", [self.outputs.system.constraints.jacobian], ["A"])
+
+    @functools.cached_property
+    def invariants(self) -> ca.Function | None:
+        """(t, x, p) -> everything that stays zero along a motion; None if there is nothing."""
+        s = self.outputs.system
+        rows = self.space.constraints(ca.vertcat(s.position_invariants, s.velocity_invariants))
+        if not rows.numel():
+            return None
+        return ca.Function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"], _FOLD)
+
+    @functools.cached_property
+    def projection(self) -> ca.Function | None:
+        """(t, x, p) -> x, one Newton step towards zero invariants in the mass metric; None if there is nothing to project."""
+        s = self.outputs.system
+        if s.projection is None or self.invariants is None:
+            return None
+        result = ca.densify(self.space.kept(s.projection))
+        return ca.Function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"], _FOLD)
+
+    @functools.cached_property
+    def compiled(self) -> CompiledProblem | None:
+        """Dynamics, invariants and projection as C in the memory of this process; None, said once, where that is not possible."""
+        from acausal.runtime.compiled import compile_problem
+
+        try:
+            found = compile_problem(self.explicit_dynamics, self.invariants, self.projection)
+        except ExportError as error:
+            warn_no_compiler(f"{error}\n")
+            return None
+        if found is None:
+            warn_no_compiler("No C compiler was found (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). ")
+        return found
+
+    @functools.cached_property
+    def loop_matrix(self) -> ca.Function:
+        """(t, x, u, p) -> A M^-1 A' of the kept rows; its rank falls where a loop is singular."""
+        return self._function("loop_matrix", [self.outputs.system.delassus], ["D"])
+
+    @functools.cached_property
+    def given_motions(self) -> tuple[GivenMotion, ...]:
+        """Positions and angles that parts prescribe as functions of time."""
+        return given_motions(self.outputs)
+
+    @functools.cached_property
+    def domains(self) -> tuple[tuple[JointSymbols, ca.Function], ...]:
+        """Joints of the tree whose coordinates have a limited domain, with (t, x, u, p) -> values that are positive inside."""
+        joints = [(item, item.edge.joint.domain(item.edge.joint.q.sx)) for item in self.outputs.system.tree_joints]
+        return tuple((item, self.output(domain, name="domain")) for item, domain in joints if domain.numel())
+
+    @functools.cached_property
+    def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
+        """Functions (t, x, u, p) -> values of the expressions of events, as far as they have been asked for."""
+        return {}
+
+    def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:
+        """(t, x, u, p) -> the values of any expressions of the scene's variables. Raises `UnknownVariableError`."""
+        return self._function(name, [self.outputs.resolve(e) for e in expressions], [f"y{i}" for i in range(len(expressions))])
+
+    def frame_kinematics(self, connector: Point) -> ca.Function:
+        """(t, x, u, p) -> position (3), velocity (3), and for a frame rotation (3, 3) and angular velocity (3), all in the world frame."""
+        wanted: list[Expression] = [connector.position, connector.velocity]
+        names = ["position", "velocity"]
+        if isinstance(connector, Frame):
+            wanted += [connector.rotation, connector.angular_velocity]
+            names += ["rotation", "angular_velocity"]
+        return self._function("frame_kinematics", [self.outputs.resolve(e) for e in wanted], names)
+
+    def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
+        found = [ca.densify(self.space.put(r)) for r in results]
+        return ca.Function(name, self.space.arguments, found, ["t", "x", "u", "p"], names, _FOLD)
+
+
+@functools.cache
+def warn_no_compiler(reason: str) -> None:
+    """Say, once in a process for each reason, that everything is slower than it could be."""
+    message = f"{reason}Models run on CasADi's virtual machine, many times slower; `compiled=False` silences this."
+    warnings.warn(message, NoCompilerWarning, stacklevel=5)
+
+
+_NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}
+
+
+def operations(function: ca.Function) -> int:
+    """Arithmetic operations of an `SX` function: its instructions less loads, stores and constants."""
+    return sum(function.instruction_id(i) not in _NOT_WORK for i in range(function.n_instructions()))

@@ -1,0 +1,208 @@
+"""Outputs: any expression of a scene's variables and connectors, expressed by t, x, u and p. Nothing is computed unasked."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.errors import UnknownVariableError
+from acausal.language.connector import Point, Quantity
+from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
+from acausal.loops.loops import relative_twist
+from acausal.outputs.reactions import Reactions
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import symbolic
+from acausal.reduce.reduce import ReducedSystem
+from acausal.start.initial import StartProblem
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Translates a user's expressions for one reduced system."""
+
+    system: ReducedSystem
+
+    @functools.cached_property
+    def start_problems(self) -> dict[tuple[tuple[Expression, bool], ...], StartProblem]:
+        """Searches for start values that have been made, by variables and whether they are met exactly."""
+        return {}
+
+    @functools.cached_property
+    def reactions(self) -> Reactions:
+        """Flows at connectors."""
+        r = self.system
+        return Reactions(r.mechanics, r.constraints, r.v_dot, r.multipliers)
+
+    @functools.cached_property
+    def _joint_symbols(self) -> dict[Symbol, tuple[AbstractJoint, str]]:
+        """q and v of every joint, those of implicit joints included."""
+        mechanics = self.system.mechanics
+        cuts = [cut.joint for cut in mechanics.mechanism.cuts]
+        joints = [item.edge.joint for item in mechanics.tree.joints] + [j for j in cuts if isinstance(j, AbstractJoint)]
+        return {s: (j, kind) for j in joints for s, kind in ((j.q, "q"), (j.v, "v"))}
+
+    def resolve(self, value: Expression | ca.SX) -> ca.SX:
+        """The expression in t, x, u and p. Raises `UnknownVariableError` for a variable of another scene."""
+        if isinstance(value, ca.SX):
+            return self._resolve_raw(value)
+        if not isinstance(value, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise UnknownVariableError(
+                f"{value!r} is not a variable or an expression of variables. Use the scene's own, e.g. scene.hinge.q, "
+                "scene.rod.tip.position, or 2 * scene.hinge.v."
+            )
+        result = value.sx
+        for leaf in sorted(value.leaves, key=lambda s: s.name):
+            replacement = self.symbol(leaf)
+            if replacement is not leaf.sx:
+                result = ca.substitute(result, leaf.sx, replacement)
+        return result
+
+    @functools.cached_property
+    def kinetic_energy(self) -> ca.SX:
+        """Of all bodies [J]."""
+        return self.system.mechanics.kinetic_energy()
+
+    @functools.cached_property
+    def potential_energy(self) -> ca.SX:
+        """Of gravity, force components, and what scalar components store (also in rotors) [J]."""
+        return self.system.mechanics.potential_energy() + self._sum([p.component.stored_energy() for p in self.system.flat.parts])
+
+    @functools.cached_property
+    def power_loss(self) -> ca.SX:
+        """Dissipated less supplied power [W]."""
+        parts = [part.component for part in self.system.flat.parts]
+        own = self._sum([c.dissipated_power() for c in parts]) - self._sum([c.supplied_power() for c in parts])
+        return self.system.mechanics.power_loss() + own
+
+    def _sum(self, values: list[Expression | float]) -> ca.SX:
+        total = ca.SX(0)
+        for value in values:
+            total += self.resolve(value) if isinstance(value, Expression) else value
+        return total
+
+    def name(self, symbol: Symbol) -> str:
+        """Full name of a declared symbol, e.g. `arm.elbow.q`."""
+        found = self.system.flat.names.get(symbol)
+        if found is not None:
+            return found
+        if isinstance(symbol, Quantity):
+            return f"{self.system.flat.connector_paths.get(symbol.connector, '?')}.{symbol.name}"
+        return symbol.name
+
+    def is_angle(self, value: Expression) -> bool:
+        """Whether it is the angle of a cut joint, which a relative pose gives only up to full turns."""
+        if not isinstance(value, Symbol) or value not in self._joint_symbols:
+            return False
+        return self._joint_symbols[value][1] == "q" and value.unit == "rad" and self.symbol(value) is not value.sx
+
+    def _resolve_raw(self, value: ca.SX) -> ca.SX:
+        """For plain `SX`: look its symbols up among those of the scene."""
+        known: dict[int, Symbol] = {}
+        for symbol in [*self.system.flat.names, *self._joint_symbols, *self._quantities()]:
+            for k in range(symbol.sx.numel()):
+                known[symbol.sx[k].element_hash()] = symbol
+        own = {s.element_hash() for s in ca.symvar(ca.vertcat(self.system.x, self.system.t, self.system.u, self.system.p))}
+        used: dict[int, Symbol] = {}
+        for entry in ca.symvar(value):
+            found = known.get(entry.element_hash())
+            if found is None and entry.element_hash() not in own:
+                raise UnknownVariableError(f"'{entry.name()}' is not a variable of the scene '{self.system.flat.name}'.")
+            if found is not None:
+                used[id(found)] = found
+        return self.resolve(Expression(value, frozenset(used.values())))
+
+    def _quantities(self) -> list[Symbol]:
+        return [q for connector in self.system.flat.connector_paths for q in connector.quantities]
+
+    def symbol(self, symbol: Symbol) -> ca.SX:
+        """One declared symbol in t, x, u and p."""
+        if isinstance(symbol, Time | Parameter | Input):
+            self._check_known(symbol)
+            return symbol.sx
+        if isinstance(symbol, Quantity):
+            return self._quantity(symbol)
+        if isinstance(symbol, Derivative):
+            return self._derivative(symbol)
+        if symbol in self._joint_symbols:
+            return self._joint_symbol(symbol)
+        solved = self.system.solved.get(symbol)
+        if solved is not None:
+            return solved
+        raise UnknownVariableError(self._foreign(symbol))
+
+    def _check_known(self, symbol: Symbol) -> None:
+        if not isinstance(symbol, Time) and symbol not in self.system.flat.names:
+            raise UnknownVariableError(self._foreign(symbol))
+
+    def _foreign(self, symbol: Symbol) -> str:
+        names = [name for name in self.system.flat.names.values() if name.split(".")[-1] == symbol.name.split(".")[-1]]
+        hint = f" It has: {', '.join(names[:5])}." if names else ""
+        return (
+            f"'{symbol.name}' [{symbol.unit}] is not a variable of the scene '{self.system.flat.name}'; "
+            f"it may belong to another scene, or to a part that was never assigned.{hint}"
+        )
+
+    def _joint_symbol(self, symbol: Symbol) -> ca.SX:
+        joint, kind = self._joint_symbols[symbol]
+        mechanics = self.system.mechanics
+        if any(item.edge.joint is joint for item in mechanics.tree.joints):
+            return symbol.sx
+        placement = mechanics.placement
+        rows = next(rows for rows in self.system.constraints.loops if rows.edge.joint is joint)
+        q = joint.coordinates(rows.pose)
+        if q is None:
+            raise UnknownVariableError(
+                f"{rows.edge.name}.{kind} closes a loop and has no closed form in {type(joint).__name__}.coordinates."
+            )
+        if kind == "q":
+            return q
+        if joint.v.size == joint.q.size:
+            return placement.rate(q)
+        return joint.velocities(rows.pose, *relative_twist(rows.edge, placement, rows.pose))
+
+    def _derivative(self, symbol: Derivative) -> ca.SX:
+        """By the chain rule through the dynamics, where scalar equations do not give it."""
+        solved = self.system.solved.get(symbol)
+        if solved is not None:
+            return solved
+        return self.rate(self.symbol(symbol.of))
+
+    def rate(self, value: ca.SX) -> ca.SX:
+        """Time derivative of an expression in t and x, inputs held."""
+        s = self.system
+        rate = ca.jtimes(ca.vec(value), s.t, ca.SX(1))
+        if s.x.numel():
+            rate += ca.jtimes(ca.vec(value), s.x, s.x_dot)
+        return ca.reshape(rate, *value.shape)
+
+    def _quantity(self, symbol: Quantity) -> ca.SX:
+        connector = symbol.connector
+        mechanics = self.system.mechanics
+        if not isinstance(connector, Point):
+            raise UnknownVariableError(self._foreign(symbol))
+        link, place = mechanics.placement.place(connector)
+        name = symbol.name
+        if name in ("force", "torque"):
+            torque, force = self.reactions.flow(connector)
+            return force if name == "force" else torque
+        X = mechanics.kinematics.pose(link)
+        R_link = symbolic(X.rotation)
+        p = symbolic(place.position)
+        w = mechanics.kinematics.angular_velocity(link)
+        if name == "position":
+            return symbolic((X @ place).position)
+        if name == "rotation":
+            return symbolic((X @ place).rotation)
+        if name == "angular_velocity":
+            return R_link @ w
+        if name == "velocity":
+            return R_link @ (mechanics.kinematics.linear_velocity(link) + ca.cross(w, p))
+        if link < 0:
+            return ca.SX.zeros(3)
+        w_dot, a = self.reactions.motion.accelerations[link]
+        if name == "angular_acceleration":
+            return R_link @ w_dot
+        gravity = symbolic(mechanics.tree.world) @ mechanics.tree.gravity
+        return R_link @ (a + ca.cross(w_dot, p) + ca.cross(w, ca.cross(w, p))) + gravity

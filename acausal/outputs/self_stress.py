@@ -1,0 +1,124 @@
+"""Self-stress: sets of joint reactions that balance one another, so that the motion of rigid bodies does not determine them.
+
+With constraint rows A (m, nv) of the cut joints, multipliers z with A' z = 0 change reactions around the loops and nothing else. There is
+one such direction for each redundant row. Of all sets of reactions that give the same motion the smallest is taken: the least
+sum of squares of all forces [N] and torques [N m] at the joints, about the origins of their frame_b. It does not depend on where loops are cut.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.kernels import solve_positive
+from acausal.dynamics.system import MechanicalSystem
+from acausal.dynamics.tree import JointSymbols
+from acausal.loops.constraints import Constraints
+from acausal.loops.loops import mounted_places
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.pose import Pose, symbolic
+from acausal.topology.mechanism import Edge
+
+_STIFFNESS = 1e6
+_STEPS = 3
+_NOTICED = 1e-7
+
+
+@dataclass(frozen=True, repr=False)
+class LoopReactions:
+    """How wrenches at joints depend on the multipliers of all rows of the cut joints, `m` in number, vanishing rows included.
+
+    `edges`: the joints in loops, those of the tree first. `change` (6 len(edges), m): torque and force on frame_b of each, in its mounted
+    axes. `jacobian` A (m, nv).
+    """
+
+    edges: tuple[Edge[AbstractConstraint], ...]
+    change: ca.SX
+    jacobian: ca.SX
+
+    def balanced(self, multipliers: ca.SX, wrenches: ca.SX) -> ca.SX:
+        """The multipliers (m, 1) with the smallest reactions and the motion of `multipliers`, for which the joints feel `wrenches`.
+
+        Method of multipliers on min |wrenches + change z|^2 under A' z = 0.
+        """
+        W, A = self.change, self.jacobian
+        stiffness = _STIFFNESS * ca.trace(W.T @ W) / (ca.trace(A @ A.T) + 1e-300)
+        matrix = ca.densify(W.T @ W + stiffness * (A @ A.T))
+        pull = ca.SX.zeros(A.shape[1])
+        z = ca.SX.zeros(A.shape[0])
+        for _ in range(_STEPS):
+            z = solve_positive(matrix, ca.densify(-(W.T @ wrenches) - A @ pull))
+            pull += stiffness * (A.T @ z)
+        return multipliers + z
+
+
+def loop_reactions(system: MechanicalSystem, constraints: Constraints) -> LoopReactions:
+    """Statics of the tree under unit multipliers. Cost: links times rows."""
+    tree, placement = system.tree, system.placement
+    bases = [ca.horzcat(rows.wrench_basis, rows.dropped_basis) for rows in constraints.loops]
+    m = sum(basis.shape[1] for basis in bases)
+    applied = [ca.SX(6, m) for _ in tree.links]
+    own: list[ca.SX] = []
+    first = 0
+    for rows, basis in zip(constraints.loops, bases, strict=True):
+        columns = slice(first, first + basis.shape[1])
+        at_b = ca.SX(6, m)
+        at_b[:, columns] = basis
+        own.append(at_b)
+        for (link, pose), wrench in zip(mounted_places(rows.edge, placement), (-_moved(rows.pose, at_b), at_b), strict=True):
+            if link >= 0:
+                applied[link] += _moved(pose, wrench)
+        first += basis.shape[1]
+    transmitted = [-wrench for wrench in applied]
+    for i in reversed(range(len(tree.links))):
+        link = tree.links[i]
+        if link.parent >= 0:
+            transmitted[link.parent] += _moved(link.offset @ link.motion.pose, transmitted[i])
+    edges: list[Edge[AbstractConstraint]] = []
+    blocks: list[ca.SX] = []
+    for item in tree.joints:
+        if transmitted[item.link].nnz():
+            edges.append(item.edge)
+            blocks.append(wrench_on_b(system, item, transmitted[item.link]))
+    edges += [rows.edge for rows in constraints.loops]
+    rows_of_A = [ca.jacobian(rows.velocity, tree.v) for rows in constraints.loops]
+    padded = [ca.vertcat(A, ca.SX(len(rows.dropped), A.shape[1])) for A, rows in zip(rows_of_A, constraints.loops, strict=True)]
+    return LoopReactions(tuple(edges), ca.vertcat(*blocks, *own), ca.vertcat(*padded))
+
+
+def wrench_on_b(system: MechanicalSystem, item: JointSymbols, transmitted: ca.SX) -> ca.SX:
+    """Torque and force (6, m) on a joint's frame_b, in its mounted axes, from those on its farther link, in that link's frame."""
+    b = mounted_places(item.edge, system.placement)[1]
+    seen = _moved(system.placement.between(b, (item.link, Pose.identity())), transmitted)
+    return -seen if item.reversed else seen
+
+
+def undetermined_reactions(
+    system: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray
+) -> dict[str, tuple[bool, ...]]:
+    """For each joint with a reaction that rigid bodies do not determine: which of torque x, y, z and force x, y, z on frame_b, in its
+    mounted axes. Found in numbers at a few assembled configurations.
+    """
+    if not (constraints.redundant or constraints.vanishing):
+        return {}
+    found = loop_reactions(system, constraints)
+    function = ca.Function(
+        "statics", [system.tree.q, system.tree.t, parameters], [ca.densify(found.jacobian), ca.densify(found.change)]
+    )
+    loose = np.zeros(6 * len(found.edges), dtype=bool)
+    for q in constraints.samples[:: max(1, len(constraints.samples) // 2)]:
+        A, W = (np.array(part) for part in function(q, 0.0, values))
+        U, s, _ = np.linalg.svd(A)
+        rank = int(np.sum(s > _NOTICED * max(1.0, float(s[0]) if s.size else 0.0)))
+        loose |= np.max(np.abs(W @ U[:, rank:]), axis=1, initial=0.0) > _NOTICED
+    groups = loose.reshape(-1, 6)
+    return {edge.name: tuple(bool(b) for b in row) for edge, row in zip(found.edges, groups, strict=True) if row.any()}
+
+
+def _moved(pose: Pose, wrenches: ca.SX) -> ca.SX:
+    """Wrenches (6, m) in B, in A and about A's origin, for the pose of B in A."""
+    R, p = symbolic(pose.rotation), symbolic(pose.position)
+    force = R @ wrenches[3:, :]
+    return ca.sparsify(ca.vertcat(R @ wrenches[:3, :] + ca.skew(p) @ force, force))

@@ -1,0 +1,68 @@
+"""Constraints: what two frames may not do against one another. A joint is one that also has coordinates."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Self
+
+import casadi as ca
+import numpy as np
+
+from acausal.language.component import Component, add_connection
+from acausal.language.connector import Frame
+from acausal.language.expression import Scalar
+from acausal.parts.pose import Matrix, Pose
+from acausal.parts.rigid import AbstractRigidPart
+from acausal.parts.sketch import sketched_frame
+
+_LOOSE = "A joint holds two parts: connect both of its frames."
+
+
+class AbstractConstraint(Component, ABC):
+    """Two frames, and residuals in the pose of one in the other that vanish at all times.
+
+    Must provide `closure`. Such a part brings no coordinates: the parts at its ends keep theirs.
+    """
+
+    between_points: ClassVar[bool] = False
+    """Whether only the origins of its frames matter, so that a point will do at its ends."""
+    frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+    frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+
+    @classmethod
+    def between(
+        cls, a: AbstractRigidPart | Frame, b: AbstractRigidPart | Frame, *, at: Scalar | None = None, **options: Any
+    ) -> Self:
+        """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
+
+        `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch
+        where their `position` and `rotation` say, else at the world's origin. `options` go to the joint: axes are then world axes.
+        Raises `ParameterError` when no place is given.
+        """
+        joint = cls(**options)
+        for own, other in ((joint.frame_a, a), (joint.frame_b, b)):
+            add_connection(joint, own, sketched_frame(other, at))
+        return joint
+
+    def mounting(self) -> Matrix:
+        """R (3, 3): `closure` sees the poses of frames turned by R in frame_a and frame_b (an axis becomes z)."""
+        return np.eye(3)
+
+    @abstractmethod
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
+        """Residuals that vanish when frame_b may have the pose X_ab in frame_a."""
+
+    def closure_sign(self, X_ab: Pose) -> ca.SX | None:
+        """Positive on the branch of `closure` that is meant (a hinge's axes point the same way, not opposite); None: one branch."""
+        return None
+
+    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+        """Further residuals in the velocities that are not rates of `closure` (rolling). (n, 1), empty by default.
+
+        w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
+        """
+        return ca.SX(0, 1)
+
+    def shapes(self) -> tuple[Any, ...]:
+        """What to draw at frame_a; see `acausal.visual.shapes`."""
+        return ()

@@ -1,0 +1,90 @@
+"""Forces: a law on one side, where it acts on the other."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, final
+
+import casadi as ca
+
+from acausal.dynamics.placement import Placement
+from acausal.language.component import Component
+from acausal.language.connector import Point
+from acausal.parts.pose import symbolic
+
+
+@dataclass(frozen=True)
+class Action:
+    """Force [N] and torque [N*m] about the connector's origin, (3, 1) each, on what is connected there, in its axes."""
+
+    connector: Point
+    force: ca.SX
+    torque: ca.SX
+
+
+class AbstractForce(Component, ABC):
+    """Acts on the parts that its connectors touch. Must provide `actions`, `potential_energy` and `power_loss`."""
+
+    @abstractmethod
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        """What it does to the parts at its connectors."""
+
+    @abstractmethod
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        """Energy stored [J], scalar; zero for a force without potential."""
+
+    @abstractmethod
+    def power_loss(self, placement: Placement) -> ca.SX:
+        """Power that leaves the mechanical energy [W], scalar: dissipated minus supplied."""
+
+    def shapes(self) -> tuple[Any, ...]:
+        """What to draw; see `acausal.visual.shapes`."""
+        return ()
+
+
+class AbstractLineForce(AbstractForce, ABC):
+    """Acts along the line between two points. Must provide `tension` and `potential`.
+
+    The points pull each other with `tension(length, rate)` [N]; `rate` is that of the length [m/s].
+    Both ends must lie apart: at length 0 the line has no direction.
+    """
+
+    point_a = Point.port(must_connect=True, if_unconnected="A force between two points needs both.")
+    point_b = Point.port(must_connect=True, if_unconnected="A force between two points needs both.")
+
+    @abstractmethod
+    def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
+        """Pull [N] from the length [m] and its rate [m/s]; negative when it pushes."""
+
+    @abstractmethod
+    def potential(self, length: ca.SX) -> ca.SX:
+        """Energy stored [J] at a length [m]; the part of `tension` without `rate` is its derivative."""
+
+    @final
+    def length(self, placement: Placement) -> ca.SX:
+        """Distance of the points [m]."""
+        return ca.norm_2(symbolic(placement.relative_pose(self.point_a, self.point_b).position))
+
+    @final
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        X_ab = placement.relative_pose(self.point_a, self.point_b)
+        p_ab = symbolic(X_ab.position)
+        length = ca.norm_2(p_ab)
+        symbol = ca.SX.sym("length")
+        # dividing before the length is put in lets k * length / length fold to k
+        per_length = self.tension(symbol, placement.rate(length)) / symbol
+        pull = ca.substitute(per_length, symbol, length) * p_ab
+        none = ca.SX.zeros(3)
+        return (Action(self.point_a, pull, none), Action(self.point_b, -(symbolic(X_ab.rotation).T @ pull), none))
+
+    @final
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return self.potential(self.length(placement))
+
+    @final
+    def power_loss(self, placement: Placement) -> ca.SX:
+        length = self.length(placement)
+        rate = placement.rate(length)
+        elastic = self.tension(length, ca.SX(0))
+        return (self.tension(length, rate) - elastic) * rate

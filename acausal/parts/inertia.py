@@ -1,0 +1,72 @@
+"""Inertia of a rigid part: mass, first moment and second moment about the origin of a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.parts.pose import Matrix, Pose, product, symbolic, total
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass [kg], first moment m c (3,) [kg m] and second moment (3, 3) [kg m^2] about and in one frame."""
+
+    mass: float | ca.SX
+    moment: Matrix
+    second_moment: Matrix
+
+    @classmethod
+    def zero(cls) -> Inertia:
+        """Of nothing."""
+        return cls(0.0, np.zeros(3), np.zeros((3, 3)))
+
+    @classmethod
+    def about_centre(cls, mass: float | ca.SX, centre: Matrix, central: Matrix) -> Inertia:
+        """From the centre of mass (3,) [m] and the inertia about it (3, 3) [kg m^2]: Steiner's theorem."""
+        moment = scaled(mass, centre)
+        return cls(mass, moment, total(central, -product(skew(moment), skew(centre))))
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether mass and second moment are zero by structure."""
+        return is_zero(self.mass) and is_zero(self.second_moment)
+
+    def __add__(self, other: Inertia) -> Inertia:
+        return Inertia(self.mass + other.mass, total(self.moment, other.moment), total(self.second_moment, other.second_moment))
+
+    def shared(self, parts: int) -> Inertia:
+        """One of `parts` equal shares, all of them in the same place."""
+        share = 1.0 / parts
+        return Inertia(share * self.mass, scaled(share, self.moment), scaled(share, self.second_moment))
+
+    def seen_from(self, X_AB: Pose) -> Inertia:
+        """The inertia about and in A of what is given about and in B."""
+        R, p = X_AB.rotation, X_AB.position
+        moment = product(R, self.moment)
+        second = product(product(R, self.second_moment), R.T)
+        shift = product(skew(p), skew(moment))
+        second = total(second, -total(shift, total(shift.T, product(skew(scaled(self.mass, p)), skew(p)))))
+        return Inertia(self.mass, total(moment, scaled(self.mass, p)), second)
+
+
+def skew(vector: Matrix) -> Matrix:
+    """The matrix [v]x with [v]x u = v x u."""
+    if isinstance(vector, ca.SX):
+        return ca.skew(vector)
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def scaled(factor: float | ca.SX, matrix: Matrix) -> Matrix:
+    """factor * matrix, numeric if both are."""
+    if isinstance(factor, ca.SX) or isinstance(matrix, ca.SX):
+        return ca.SX(factor) * symbolic(matrix)
+    return factor * matrix
+
+
+def is_zero(value: float | Matrix) -> bool:
+    """Whether every entry is the number zero."""
+    return value.is_zero() if isinstance(value, ca.SX) else bool(np.all(value == 0))

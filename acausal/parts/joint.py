@@ -1,0 +1,112 @@
+"""Joints: one function `pose(q, t)`; everything else follows by differentiation, or from steps with closed forms."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, final
+
+import casadi as ca
+
+from acausal.language.expression import Expression, Variable
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.motion import Motion, motion_from_pose
+from acausal.parts.pose import Pose, symbolic
+from acausal.parts.steps import AbstractStep, chained_pose
+
+
+class AbstractJoint(AbstractConstraint, ABC):
+    """Two frames and how one may move against the other.
+
+    Must declare the variables `q` (configuration, nq entries) and `v` (velocity, nv entries) and provide `pose`.
+    With nq = nv and q' = v nothing else is needed; otherwise `rates` gives q' = N(q) v.
+    """
+
+    q: Variable
+    v: Variable
+
+    @abstractmethod
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        """X_ab, the pose of frame_b in frame_a, from the configuration (nq, 1) and time [s]."""
+
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        """q' (nq, 1) from the velocity (nv, 1): N(q) v. The identity unless said otherwise."""
+        return v
+
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        """What stays zero along every motion because of how q' is made: a quaternion's norm, a gap. (n, 1), empty by default."""
+        return ca.SX(0, 1)
+
+    def domain(self, q: ca.SX) -> ca.SX:
+        """Positive where q is meant to be, (n, 1): a wheel's lean within a right angle. Empty by default."""
+        return ca.SX(0, 1)
+
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
+        """Residuals (at least 6 - nq rows) that vanish when frame_b may have the pose X_ab; None if there is no closed form: then the
+        joint keeps its coordinates also where it closes a loop.
+        """
+        return None
+
+    def coordinates(self, X_ab: Pose) -> ca.SX | None:
+        """The configuration (nq, 1) that gives the pose X_ab, angles in (-pi, pi]; None if there is no closed form."""
+        return None
+
+    def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        """The velocity v (nv, 1) that gives this twist (in frame_b); only asked where nv differs from nq. Least squares by default."""
+        q, v, t = ca.SX.sym("q", self.q.size), ca.SX.sym("v", self.v.size), ca.SX.sym("t")
+        found = self.coordinates(X_ab)
+        if found is None:
+            raise NotImplementedError(f"{type(self).__name__}.coordinates")
+        motion = motion_from_pose(self.pose, self.rates, q, v, t)
+        S = ca.substitute(motion.subspace, q, found)
+        return ca.solve(S.T @ S, S.T @ ca.vertcat(w_ab_b, v_ab_b))
+
+    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
+        """The joint as a chain of motions, outermost last; a single one by default, by differentiation of `pose`."""
+        return (motion_from_pose(self.pose, self.rates, q, v, t),)
+
+    @final
+    def supplied_power(self) -> Expression | float:
+        """What the joint gives to its ends where its pose depends on time [W]: less the wrenches into it times their twists."""
+        t = ca.SX.sym("t")
+        X = self.pose(self.q.sx, t)
+        if not ca.depends_on(ca.vertcat(ca.vec(symbolic(X.rotation)), symbolic(X.position)), t):
+            return 0.0
+        power = Expression(ca.SX(0), frozenset())
+        for frame in (self.frame_a, self.frame_b):
+            for effort, flow in ((frame.torque, frame.angular_velocity), (frame.force, frame.velocity)):
+                power = power - Expression(ca.dot(effort.sx, flow.sx), frozenset((effort, flow)))
+        return power
+
+    def start_q(self) -> tuple[float, ...]:
+        """Configuration in which a search for initial values begins; zeros unless `q.start` says otherwise."""
+        start: Any = self.q.start
+        if start is None:
+            return (0.0,) * self.q.size
+        return tuple(float(s) for s in start) if isinstance(start, list | tuple) else (float(start),) * self.q.size
+
+
+class AbstractStepJoint(AbstractJoint, ABC):
+    """A joint made of elementary steps with closed forms: turn about an axis, slide along one, and so on.
+
+    Must provide `steps()`.
+    """
+
+    @abstractmethod
+    def steps(self) -> tuple[AbstractStep, ...]:
+        """The steps from frame_a to frame_b; each takes its share of q and v in turn."""
+
+    @final
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        return chained_pose(self.steps(), q)
+
+    @final
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        return ca.vertcat(*(step.rates(q[step.q], v[step.v]) for step in sorted(self.steps(), key=lambda s: s.q.start)))
+
+    @final
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        return ca.vertcat(*(step.invariants(q[step.q]) for step in self.steps()))
+
+    @final
+    def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
+        return tuple(step.motion(q[step.q], v[step.v]) for step in self.steps())

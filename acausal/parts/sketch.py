@@ -1,0 +1,40 @@
+"""Placing joints in a rough sketch: a world point becomes a frame on each part."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acausal.errors import IncompatibleError, ParameterError
+from acausal.language.connector import Frame
+from acausal.language.expression import Scalar, vector
+from acausal.language.origin import origin
+from acausal.parts.pose import Pose
+from acausal.parts.rigid import AbstractRigidPart
+
+
+def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:
+    """A frame on a part, at the world point `at` (3,) [m] of the sketch and along the world's axes there.
+
+    For a frame: at its own place, and only turned. Raises `ParameterError`, `IncompatibleError`.
+    """
+    part = end.owner if isinstance(end, Frame) else end
+    if not isinstance(part, AbstractRigidPart):
+        raise IncompatibleError(f"between() takes bodies or their frames, not {end!r} ({origin()}).")
+    sketch = part.sketch_pose() or Pose.identity()
+    if isinstance(end, Frame):
+        position = next(a.pose.position for a in part.attachments() if a.connector is end)
+        if not isinstance(position, np.ndarray):
+            raise ParameterError(
+                f"between(): the place of {end!r} depends on a parameter; connect its frames with connect() ({origin()})."
+            )
+    elif at is None:
+        raise ParameterError(f"between() needs at=(x, y, z), or frames instead of bodies ({origin()}).")
+    else:
+        where = vector(at, "between: at")
+        if not isinstance(where, np.ndarray):
+            raise ParameterError(
+                f"between(): `at` must be numbers ({origin()}); connect frames with connect() where parameters are needed."
+            )
+        position = np.asarray(sketch.rotation).T @ (where - np.asarray(sketch.position))
+    rotation = np.asarray(sketch.rotation).T
+    return part.at(tuple(position), None if np.array_equal(rotation, np.eye(3)) else rotation)

@@ -1,0 +1,148 @@
+"""Coordinates that follow from others in closed form: they are no states.
+
+Position constraints that are linear in coordinates with q' = v, with coefficients of numbers and parameters: gears between joints, racks, sources of
+angle and position. Velocity constraints with such coefficients (a disk that rolls upright along a line) are integrated; the
+constant of integration is found from the start values. Gauss and Jordan's elimination, largest coefficient first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.tree import Tree
+
+_ZERO = 1e-9
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """`symbols` of coordinates and velocities that follow from others, with their `values` in t, the other ones, p and `constants`.
+
+    `places` and `rates`: of the coordinates among q and of the velocities among v. `constants` (n, 1), of integration, with
+    their `sources` (n, 1): the expressions in t, q and p that stay constant.
+    """
+
+    symbols: tuple[ca.SX, ...]
+    values: tuple[ca.SX, ...]
+    places: tuple[int, ...]
+    rates: tuple[int, ...]
+    constants: ca.SX
+    sources: ca.SX
+
+    @classmethod
+    def none(cls) -> Elimination:
+        """Of nothing."""
+        return cls((), (), (), (), ca.SX(0, 1), ca.SX(0, 1))
+
+    def put(self, expression: ca.SX) -> ca.SX:
+        """The expression without what is eliminated."""
+        if not self.symbols:
+            return expression
+        return ca.substitute(expression, ca.vertcat(*self.symbols), ca.vertcat(*self.values))
+
+
+@dataclass(frozen=True)
+class _Relation:
+    """coefficients (1, n) of the plain coordinates, plus `rest` in t, p and constants, is zero; `pivot`: the coordinate that follows."""
+
+    coefficients: ca.SX
+    rest: ca.SX
+    pivot: int = -1
+
+    def solved(self, y: ca.SX, rest: ca.SX) -> ca.SX:
+        """The pivot's entry of y (n, 1), with `rest` for the part that is not in y."""
+        others = ca.SX(self.coefficients)
+        others[self.pivot] = 0
+        return -(ca.sparsify(others) @ y + rest) / self.coefficients[self.pivot]
+
+    def without(self, other: _Relation) -> _Relation:
+        """With the pivot of `other` eliminated."""
+        factor = self.coefficients[other.pivot] / other.coefficients[other.pivot]
+        if factor.is_zero():
+            return self
+        coefficients = self.coefficients - factor * other.coefficients
+        coefficients[other.pivot] = 0
+        return replace(self, coefficients=ca.sparsify(coefficients), rest=self.rest - factor * other.rest)
+
+
+def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, parameters: ca.SX, values: np.ndarray) -> Elimination:
+    """From constraints `position` (n, 1) in t, q, p and `velocity` (m, 1) in t, q, v, p, of which some may follow from the former."""
+    plain = _plain(tree)
+    if not plain or not (position.numel() or velocity.numel()):
+        return Elimination.none()
+    q, v = tree.q[[k for k, _ in plain]], tree.v[[j for _, j in plain]]
+    numbers = _Numbers(parameters, values)
+    known: list[_Relation] = []
+    for row in _linear(position, q, tree.q):
+        known = _joined(known, row, numbers)
+    constants: list[ca.SX] = []
+    sources: list[ca.SX] = []
+    for row in _linear(velocity, v, ca.vertcat(tree.q, tree.v)):
+        if ca.depends_on(row.rest, tree.t):
+            continue  # not integrated
+        constant = ca.SX.sym(f"constant[{len(constants)}]")
+        kept = row.coefficients @ q + row.rest * tree.t
+        grown = _joined(known, replace(row, rest=row.rest * tree.t - constant), numbers)
+        if len(grown) > len(known):
+            known = grown
+            constants.append(constant)
+            sources.append(kept)
+    positions = [row.solved(q, row.rest) for row in known]
+    rates = [row.solved(v, ca.jtimes(row.rest, tree.t, ca.SX(1))) for row in known]
+    places = [plain[r.pivot] for r in known]
+    return Elimination(
+        (*(tree.q[k] for k, _ in places), *(tree.v[j] for _, j in places)), (*positions, *rates),
+        tuple(k for k, _ in places), tuple(j for _, j in places),
+        ca.vertcat(ca.SX(0, 1), *constants), ca.vertcat(ca.SX(0, 1), *sources),
+    )  # fmt: skip
+
+
+def _plain(tree: Tree) -> list[tuple[int, int]]:
+    """Pairs of places (k in q, j in v) with q[k]' = v[j]."""
+    of_v = {tree.v[j].element_hash(): j for j in range(tree.v.numel())}
+    rates = ca.densify(tree.rates)
+    found = [(k, of_v.get(rates[k].element_hash()) if rates[k].is_symbolic() else None) for k in range(tree.q.numel())]
+    return [(k, j) for k, j in found if j is not None]
+
+
+def _linear(rows: ca.SX, y: ca.SX, moving: ca.SX) -> list[_Relation]:
+    """The rows that are linear in y (n, 1), with slopes of parameters, and in which nothing else that is `moving` stands."""
+    slopes = ca.jacobian(rows, y)
+    found: list[_Relation] = []
+    for i in range(rows.numel()):
+        coefficients = ca.sparsify(slopes[i, :])
+        rest = ca.substitute(rows[i], y, ca.SX.zeros(y.numel()))
+        if coefficients.nnz() and not ca.depends_on(coefficients, moving) and not ca.depends_on(rest, moving):
+            found.append(_Relation(coefficients, rest))
+    return found
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Values of coefficients at the present parameters."""
+
+    parameters: ca.SX
+    values: np.ndarray
+
+    def of(self, coefficients: ca.SX) -> np.ndarray:
+        function = ca.Function("coefficients", [self.parameters], [ca.densify(coefficients)])
+        return np.array(function(self.values)).ravel()
+
+
+def _joined(known: Sequence[_Relation], row: _Relation, numbers: _Numbers) -> list[_Relation]:
+    """The relations with one more, if it does not follow from them."""
+    size = float(np.max(np.abs(numbers.of(row.coefficients))))
+    for other in known:
+        row = row.without(other)
+    left = np.abs(numbers.of(row.coefficients))
+    if not np.max(left, initial=0.0) > _ZERO * size:
+        return list(known)
+    fixed = np.array([row.coefficients[k].is_constant() for k in range(left.size)])
+    # a coefficient that no parameter changes cannot become zero
+    choice = np.where(fixed, left, 0.0) if np.any(left[fixed] > _ZERO * size) else left
+    row = replace(row, pivot=int(np.flatnonzero(choice >= 0.999 * np.max(choice))[-1]))
+    return [*(other.without(row) for other in known), row]

@@ -1,0 +1,115 @@
+"""The states that a simulation carries: those of the reduced system less what follows from them in closed form."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.reduce.elimination import Elimination, eliminate
+from acausal.reduce.reduce import ReducedSystem
+
+_VANISHED = 1e-12
+
+
+@dataclass(frozen=True, repr=False)
+class StateSpace:
+    """`x` (nx, 1), a part of the system's states, from which `elimination` gives the others; `p`: parameters, then constants of integration.
+
+    `places`: of x among the system's states.
+    """
+
+    system: ReducedSystem
+    elimination: Elimination
+    x: ca.SX
+    p: ca.SX
+    places: tuple[int, ...]
+
+    @property
+    def arguments(self) -> list[ca.SX]:
+        """t, x, u, p."""
+        return [self.system.t, self.x, self.system.u, self.p]
+
+    def put(self, expression: ca.SX) -> ca.SX:
+        """An expression of the system's states in x and p."""
+        return self.elimination.put(expression)
+
+    def kept(self, column: ca.SX) -> ca.SX:
+        """The rows of x among those of all states (in x and p)."""
+        return self.put(column[list(self.places)]) if self.elimination.symbols else column
+
+    def constraints(self, rows: ca.SX) -> ca.SX:
+        """Residuals (n, 1) in t, the system's states and p that the elimination has not made zero."""
+        if not self.elimination.symbols:
+            return rows
+        left = self.put(rows)
+        s, rng = self.system, np.random.default_rng(4)
+        both = ca.Function("rows", [s.t, s.x, self.p], [ca.densify(rows), ca.densify(left)])
+        open_rows = np.zeros(rows.numel(), dtype=bool)
+        for _ in range(3):
+            p = np.concatenate([s.p_values, rng.normal(size=self.p.numel() - s.p_values.size)])
+            whole, part = (np.array(r).ravel() for r in both(rng.normal(), rng.normal(size=s.x.numel()), p))
+            open_rows |= np.abs(part) > _VANISHED * (1 + np.abs(whole))
+        return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
+
+    @property
+    def nq(self) -> int:
+        """Number of configuration variables in x; they come first."""
+        return sum(i < self.system.nq for i in self.places)
+
+    @property
+    def p_values(self) -> np.ndarray:
+        """Parameters as built, and the constants of the assembled sketch."""
+        s = self.system
+        return self.extended(0.0, np.concatenate([s.q_start, s.rate_start]), s.p_values)
+
+    def restricted(self, x: np.ndarray) -> np.ndarray:
+        """(nx,) or (nx, n) of states of the system."""
+        return x[list(self.places)] if self.elimination.symbols else x
+
+    def extended(self, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Parameters with the constants of integration of a motion that passes the system's states x at time t."""
+        if not self.elimination.constants.numel():
+            return p
+        return np.concatenate([p, np.array(self._constants(t, x, p)).ravel()])
+
+    def extended_change(self, t: float, x: np.ndarray, p: np.ndarray, dx: np.ndarray, dp: np.ndarray) -> np.ndarray:
+        """Their changes (np + constants, n) for changes dx (nx, n) and dp (np, n)."""
+        by_x, by_p = (np.array(part) for part in self._slopes(t, x, p))
+        return np.vstack([dp, by_x @ dx + by_p @ dp])
+
+    def expanded(self, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """The system's states (n,) for x (nx,) and p with its constants."""
+        return np.array(self._everything(t, x, p)).ravel()
+
+    @functools.cached_property
+    def _constants(self) -> ca.Function:
+        s = self.system
+        return ca.Function("constants", [s.t, s.x, s.p], [ca.densify(self.elimination.sources)])
+
+    @functools.cached_property
+    def _slopes(self) -> ca.Function:
+        s, c = self.system, self.elimination.sources
+        return ca.Function("slopes", [s.t, s.x, s.p], [ca.densify(ca.jacobian(c, s.x)), ca.densify(ca.jacobian(c, s.p))])
+
+    @functools.cached_property
+    def _everything(self) -> ca.Function:
+        return ca.Function("everything", [self.system.t, self.x, self.p], [ca.densify(self.put(self.system.x))])
+
+
+def whole_state_space(system: ReducedSystem) -> StateSpace:
+    """With all states of the system."""
+    return StateSpace(system, Elimination.none(), system.x, system.p, tuple(range(system.x.numel())))
+
+
+def state_space(system: ReducedSystem) -> StateSpace:
+    """With the states that do not follow from others; with all, if none would be left."""
+    found = eliminate(system.mechanics.tree, system.position_invariants, system.velocity_invariants, system.p, system.p_values)
+    nq = system.nq
+    gone = {*found.places, *(nq + j for j in found.rates)}
+    places = tuple(i for i in range(system.x.numel()) if i not in gone)
+    if not gone or not places:
+        return whole_state_space(system)
+    return StateSpace(system, found, system.x[list(places)], ca.vertcat(system.p, found.constants), places)

@@ -1,0 +1,105 @@
+"""Blocks solved one after another: explicit assignments, linear blocks, and nonlinear blocks whose torn unknowns become states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from acausal.scalar.diagnosis import singular
+from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
+from acausal.scalar.linear import SingularMatrixError, solve_linear
+from acausal.scalar.structure import forms
+from acausal.scalar.tearing import tear
+
+
+@dataclass(frozen=True)
+class AlgebraicBlock:
+    """0 = residual(t, states, unknowns): the unknowns (n, 1) are kept as states, the residual (n, 1) as invariant."""
+
+    unknowns: tuple[Unknown, ...]
+    residual: ca.SX
+    sources: tuple[ScalarEquation, ...]
+
+
+@dataclass
+class Solution:
+    """Values of symbols as far as they are known, by states and known symbols; grows block by block."""
+
+    system: EquationSet
+    kept: Callable[[ca.SX, ScalarEquation], bool]
+    """Whether an unknown of a block of its own stays as it is, because an outer block gives it."""
+    values: dict[int, ca.SX] = field(default_factory=dict)
+    algebraic: list[AlgebraicBlock] = field(default_factory=list)
+    _samples: dict[int, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._samples.update({symbol.element_hash(): value for symbol, value in self.system.values})
+        zero = {s.element_hash() for s, rate in self.system.known_rates if rate.is_zero()}
+        self._constants = zero
+        self._random = np.random.default_rng(0)
+
+    def resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
+        """Expressions with known values put in. Costs what the expressions themselves cost."""
+        symbols = {s.element_hash(): s for e in expressions for s in ca.symvar(e)}
+        known = [(s, self.values[key]) for key, s in symbols.items() if key in self.values]
+        return ca.substitute(list(expressions), [s for s, _ in known], [v for _, v in known]) if known else list(expressions)
+
+    def solve(self, residuals: Sequence[ca.SX], sources: Sequence[ScalarEquation], unknowns: Sequence[Unknown]) -> None:
+        """Adds the values of the unknowns of a block. Raises UnderdeterminedError where it has no inverse."""
+        column = ca.vertcat(*(u.symbol for u in unknowns))
+        stacked = ca.vertcat(*residuals)
+        matrix = ca.sparsify(ca.jacobian(stacked, column))
+        if len(unknowns) == 1 and matrix.is_one() and self.kept(unknowns[0].symbol, sources[0]):
+            return
+        if _depends(matrix, column):
+            self._solve_nonlinear(residuals, sources, unknowns)
+            return
+        rest = ca.substitute([stacked], [u.symbol for u in unknowns], [ca.SX(0)] * len(unknowns))[0]
+        matrix, rest = self.resolved([matrix, rest])
+        if len(unknowns) == 1 and matrix.numel() == 1 and matrix.is_constant() and not matrix.is_zero():
+            found = [-rest if float(matrix) == 1 else rest if float(matrix) == -1 else -rest / matrix]
+        else:
+            try:
+                found = solve_linear(matrix, -ca.densify(rest), self._sample, self._constants)
+            except SingularMatrixError as error:
+                raise singular(self.system, (sources[i] for i in error.rows), (unknowns[j] for j in error.columns)) from None
+        for unknown, value in zip(unknowns, found, strict=True):
+            self.values[unknown.symbol.element_hash()] = value
+
+    def _solve_nonlinear(
+        self, residuals: Sequence[ca.SX], sources: Sequence[ScalarEquation], unknowns: Sequence[Unknown]
+    ) -> None:
+        """Torn unknowns stay symbols."""
+        symbols = [u.symbol for u in unknowns]
+        known = {s.element_hash(): s for r in residuals for s in ca.symvar(r)}
+        others = [s for key, s in known.items() if key not in {u.element_hash() for u in symbols}]
+        structure = forms(residuals, symbols, others)
+        plan = tear([f.symbols for f in structure], [set(f.linear) for f in structure])
+        for e, u in plan.steps:
+            rest = ca.substitute([residuals[e]], [symbols[u]], [ca.SX(0)])
+            self.values[symbols[u].element_hash()] = self.resolved(rest)[0] / -structure[e].linear[u]
+        left = self.resolved([residuals[e] for e in plan.residuals])
+        self.algebraic.append(
+            AlgebraicBlock(tuple(unknowns[u] for u in plan.torn), ca.vertcat(*left), tuple(sources[e] for e in plan.residuals))
+        )
+
+    def _sample(self, expressions: list[ca.SX]) -> list[float]:
+        """Values at a point: parameters as they are, anything else random."""
+        open_ones = [e for e in expressions if not e.is_constant()]
+        symbols = ca.symvar(ca.vertcat(*open_ones)) if open_ones else []
+        for symbol in symbols:
+            self._samples.setdefault(symbol.element_hash(), float(self._random.uniform(0.5, 1.5)))
+        numbers = iter(())
+        if open_ones:
+            point = ca.DM([self._samples[s.element_hash()] for s in symbols])
+            found = np.array(ca.Function("sample", [ca.vertcat(*symbols)], [ca.vertcat(*open_ones)])(point)).ravel()
+            numbers = iter([float(f) if np.isfinite(f) else 1.0 for f in found])
+        return [float(e) if e.is_constant() else next(numbers) for e in expressions]
+
+
+def _depends(matrix: ca.SX, column: ca.SX) -> bool:
+    own = {s.element_hash() for s in ca.symvar(column)}
+    return any(s.element_hash() in own for s in ca.symvar(matrix))

@@ -1,0 +1,262 @@
+"""Derivatives of motions: with respect to parameters, inputs and start values, and motions as differentiable CasADi functions."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.arguments import ascending, function_name
+from acausal.collocation.problem import Directions, Problem, Tolerances
+from acausal.errors import OptionError, SimulationError
+from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
+from acausal.language.expression import Expression, Input, Parameter
+from acausal.outputs.functions import Functions
+from acausal.start.initial import Start, initial_derivatives, near
+
+Wanted = Parameter | Input | Expression
+Run = Callable[[Start, Mapping[Parameter, float], Mapping[Input, float]], "Sensitivities"]
+"""Derivatives of a motion for other start values, parameters and inputs."""
+
+
+@dataclass(frozen=True, repr=False)
+class Sensitivities:
+    """States `x` (nx, m) at times `t` (m,) [s] and their derivatives `S` (m, nx, n).
+
+    The n columns belong to `names`: parameters, inputs held constant, and start values, each entry of a vector for itself.
+    `result[expression]` is the derivative of any expression along the motion, (m, size, n), without the middle axis for a scalar.
+    """
+
+    functions: Functions
+    problem: Problem
+    t: np.ndarray
+    names: tuple[str, ...]
+    directions: Directions
+    found: Sensitive
+
+    @property
+    def x(self) -> np.ndarray:
+        """States (nx, m)."""
+        return self.found.x
+
+    @property
+    def S(self) -> np.ndarray:
+        """Derivatives of the states (m, nx, n)."""
+        return self.found.S
+
+    def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
+        value, total = self.total_derivative(wanted)
+        return total[:, 0] if value.shape[0] == 1 else total
+
+    def total_derivative(self, wanted: Expression | ca.SX) -> tuple[np.ndarray, np.ndarray]:
+        """(size, m) values of an expression, and (m, size, n) total derivatives."""
+        space = self.functions.space
+        y = ca.vec(ca.densify(space.put(self.functions.outputs.resolve(wanted))))
+        _, x, u, p = space.arguments
+        at = ca.vertcat(x, u, p)
+        both = ca.Function("output", space.arguments, [y, ca.densify(ca.jacobian(y, at))], {"cse": True})
+        size, m = y.numel(), self.t.size
+        parameters = np.repeat(self.problem.parameters[:, None], m, axis=1)
+        values, slopes = both(self.t[None, :], self.x, self.problem.inputs(self.t), parameters)
+        rows = np.array(slopes).reshape(size, m, at.numel()).transpose(1, 0, 2)
+        d = self.directions
+        outer = np.vstack([d.du, d.dp])
+        return np.array(values).reshape(size, m), rows[:, :, : x.numel()] @ self.S + rows[:, :, x.numel() :] @ outer
+
+
+def sensitivities(
+    functions: Functions,
+    problem: Problem,
+    times: Sequence[float] | np.ndarray,
+    wrt: Sequence[Wanted],
+    start: Start,
+    tolerances: Tolerances,
+) -> Sensitivities:
+    """Derivatives of a motion from start values; see `Model.sensitivities`."""
+    t = ascending(times, "sensitivities: `times`")
+    what = _columns(functions, wrt, start)
+    u0 = problem.inputs(t[:1])[:, 0]
+    space, p = functions.space, problem.parameters
+    x0, directions = initial_derivatives(
+        functions.outputs, start, float(t[0]), p, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
+    )  # fmt: skip
+    if space.elimination.symbols:
+        problem = replace(problem, parameters=space.extended(float(t[0]), x0, p))
+        directions = replace(
+            directions,
+            dx=space.restricted(directions.dx),
+            dp=space.extended_change(float(t[0]), x0, p, directions.dx, directions.dp),
+        )
+        x0 = space.restricted(x0)
+    found = integrate_sensitivities(problem, x0, t, directions, tolerances)
+    return Sensitivities(functions, problem, t, tuple(c.name for c in what), directions, found)
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One direction: an entry among the start values, the inputs or the parameters."""
+
+    name: str
+    start: int | None = None
+    input: int | None = None
+    parameter: int | None = None
+
+
+def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[_Column]:
+    flat = functions.outputs.system.flat
+    columns: list[_Column] = []
+    offset: dict[Expression, tuple[int, int]] = {}
+    place = 0
+    for key in start:
+        size = functions.outputs.resolve(key).numel()
+        offset[key] = (place, size)
+        place += size
+    for item in wrt:
+        if isinstance(item, Parameter) and item in flat.parameters:
+            columns.append(_Column(functions.outputs.name(item), parameter=flat.parameters.index(item)))
+        elif isinstance(item, Input) and item in flat.inputs:
+            columns.append(_Column(functions.outputs.name(item), input=flat.inputs.index(item)))
+        elif item in offset:
+            if isinstance(start[item], near):
+                raise OptionError(f"sensitivities: the start value of {item!r} is only near; give it exactly.")
+            at, size = offset[item]
+            name = repr(item)
+            columns += [_Column(name + (f"[{k}]" if size > 1 else ""), start=at + k) for k in range(size)]
+        else:
+            raise OptionError(
+                f"sensitivities: {item!r} is not a parameter or an input of this scene, and has no start value in `start`. "
+                "Build with ac.Parameter for what is to vary."
+            )
+    return columns
+
+
+class TrajectoryFunction(ca.Callback):
+    """values of `wrt` (n,) -> outputs at all times, one column a time: a CasADi function with exact first derivatives.
+
+    Values and derivatives come from the same integration, which is not repeated for the same argument. Second derivatives do not
+    exist: use a limited-memory Hessian in optimisers. Where a motion fails, the result is NaN. Keep a reference as long as it is used.
+    """
+
+    def __init__(self, name: str, motion: Motion) -> None:
+        super().__init__()
+        name = function_name(name, "trajectory_function: the name")
+        motion.functions.outputs.resolve(motion.outputs)  # CasADi loses errors of get_sparsity_out
+        self._motion = motion
+        self._derivatives: list[ca.Callback] = []
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """One."""
+        return 1
+
+    def get_n_out(self) -> int:
+        """One."""
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """(n,)"""
+        return ca.Sparsity.dense(self._motion.size_in, 1)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        """(size of outputs, times)"""
+        return ca.Sparsity.dense(*self._motion.shape_out)
+
+    def eval(self, arg: Sequence[Any]) -> list[Any]:
+        """Outputs for one argument."""
+        return [ca.DM(self._motion(np.array(arg[0]).ravel())[0])]
+
+    def has_jacobian(self) -> bool:
+        """Yes."""
+        return True
+
+    def get_jacobian(self, name: str, inames: Sequence[str], onames: Sequence[str], opts: Mapping[str, Any]) -> ca.Function:
+        """(argument, result) -> derivative of the result, column by column."""
+        made = _TrajectoryJacobian(name, self._motion, opts)
+        self._derivatives.append(made)
+        return made
+
+
+class _TrajectoryJacobian(ca.Callback):
+    def __init__(self, name: str, motion: Motion, opts: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._motion = motion
+        self.construct(name, dict(opts))
+
+    def get_n_in(self) -> int:
+        return 2
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._motion.size_in, 1) if i == 0 else ca.Sparsity.dense(*self._motion.shape_out)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        rows, columns = self._motion.shape_out
+        return ca.Sparsity.dense(rows * columns, self._motion.size_in)
+
+    def eval(self, arg: Sequence[Any]) -> list[Any]:
+        return [ca.DM(self._motion(np.array(arg[0]).ravel())[1])]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Outputs (size, m) at fixed times and their derivatives (size * m, n), as a function of the values of `wrt`."""
+
+    functions: Functions
+    run: Run
+    times: np.ndarray
+    outputs: Expression | ca.SX
+    wrt: tuple[Wanted, ...]
+    start: Start
+
+    @functools.cached_property
+    def size_in(self) -> int:
+        """Entries of `wrt`."""
+        return sum(map(self._size, self.wrt))
+
+    def _size(self, item: Wanted) -> int:
+        return 1 if isinstance(item, Parameter | Input) else self.functions.outputs.resolve(item).numel()
+
+    @functools.cached_property
+    def shape_out(self) -> tuple[int, int]:
+        """Size of the outputs, number of times."""
+        return self.functions.outputs.resolve(self.outputs).numel(), self.times.size
+
+    @functools.cached_property
+    def _last(self) -> dict[bytes, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+    def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (size, m) and derivatives (size * m, n); NaN where the motion fails."""
+        key = values.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self._evaluate(values)
+        return self._last[key]
+
+    def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        start = dict(self.start)
+        parameters: dict[Parameter, float] = {}
+        inputs: dict[Input, float] = {}
+        at = 0
+        for item in self.wrt:
+            size = self._size(item)
+            if isinstance(item, Parameter):
+                parameters[item] = float(values[at])
+            elif isinstance(item, Input):
+                inputs[item] = float(values[at])
+            else:
+                start[item] = values[at : at + size]
+            at += size
+        rows, m = self.shape_out
+        try:
+            found = self.run(start, parameters, inputs)
+        except SimulationError:
+            return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
+        value, slopes = found.total_derivative(self.outputs)
+        return value, slopes.reshape(m * rows, values.size)

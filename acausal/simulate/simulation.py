@@ -1,0 +1,252 @@
+"""Simulation: from start values to a trajectory."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.arguments import dictionary, finite, listed, shown, start_mapping, truth, whole_number
+from acausal.collocation.problem import Guards, Problem, StatusKind, Tolerances
+from acausal.errors import OptionError, ParameterError, SimulationError, UnknownVariableError
+from acausal.integrators import integrate
+from acausal.language.component import Component
+from acausal.language.expression import Input, Parameter, number
+from acausal.language.origin import origin
+from acausal.outputs.functions import Functions
+from acausal.outputs.given_motion import check_given_motions
+from acausal.simulate.events import when
+from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
+from acausal.simulate.trajectory import Trajectory
+from acausal.simulate.trouble import failure, warn_if_outside, warn_if_singular
+from acausal.start.initial import Start, initial_state
+
+_INPUTS = "{scene.torque: lambda t: np.sin(t)}"
+InputValue = float | Callable[[float], float]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to integrate; see `Model.simulate`."""
+
+    rtol: float
+    atol: float | None
+    method: str
+    order: int | None
+    step: float | None
+    samples: int
+    progress: bool | Progress
+    max_steps: int
+    raise_on_failure: bool
+    compiled: bool
+    events: Sequence[when]
+
+    def checked(self) -> Options:
+        """The same with plain numbers. Raises `OptionError` for what makes no sense."""
+        rtol = finite(self.rtol, "simulate: rtol")
+        atol = rtol if self.atol is None else finite(self.atol, "simulate: atol")
+        step = None if self.step is None else finite(self.step, "simulate: the step [s]")
+        events = tuple(listed(self.events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
+        for event in events:
+            if not isinstance(event, when):
+                raise OptionError(f'simulate: {event!r} in `events` is no event. Use ac.when(expression, "rising").')
+        if not callable(self.progress):
+            truth(self.progress, "simulate: progress")
+        return replace(
+            self,
+            rtol=rtol,
+            atol=atol,
+            step=step,
+            order=None if self.order is None else whole_number(self.order, "simulate: the order", 1),
+            samples=whole_number(self.samples, "simulate: samples", 2),
+            max_steps=whole_number(self.max_steps, "simulate: max_steps", 1),
+            raise_on_failure=truth(self.raise_on_failure, "simulate: raise_on_failure"),
+            compiled=truth(self.compiled, "simulate: compiled"),
+            events=events,
+        )
+
+
+def simulate(
+    functions: Functions,
+    t0: float,
+    t1: float,
+    start: Start | None,
+    inputs: Mapping[Input, InputValue] | None,
+    parameters: Mapping[Parameter, float] | None,
+    options: Options,
+) -> Trajectory:
+    """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
+    t0, t1 = finite(t0, "simulate: the start t0 [s]"), finite(t1, "simulate: the end [s]")
+    options = options.checked()
+    problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
+    p, space = problem.parameters, functions.space
+    check_given_motions(functions, t0, t1, p, stacklevel=4)
+    whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
+    initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
+    problem = replace(problem, parameters=initial.p)
+    if options.events:
+        problem = replace(problem, guards=_guards(functions, options.events))
+    atol = options.rtol if options.atol is None else options.atol
+    solution = integrate(
+        problem,
+        initial.x,
+        t0,
+        t1,
+        options.rtol,
+        atol,
+        method=options.method,
+        order=options.order,
+        step=options.step,
+        max_steps=options.max_steps,
+        progress=_progress(options.progress),
+    )
+    times = np.linspace(t0, solution.t[-1], options.samples)
+    run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
+    warn_if_singular(functions, run, stacklevel=4)
+    warn_if_outside(functions, run, stacklevel=4)
+    if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
+        raise SimulationError(failure(functions, run.status, t1, run), run)
+    return run
+
+
+def sensitivity_run(
+    functions: Functions,
+    times: Sequence[float] | np.ndarray,
+    wrt: Sequence[Wanted],
+    start: Start,
+    inputs: Mapping[Input, InputValue],
+    parameters: Mapping[Parameter, float],
+    tolerances: Tolerances,
+    compiled: bool,
+) -> Sensitivities:
+    """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
+    wrt = listed(wrt, "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
+    start, inputs = start_mapping(start), dictionary(inputs, "inputs", _INPUTS)
+    tolerances = replace(
+        tolerances,
+        rtol=finite(tolerances.rtol, "sensitivities: rtol"),
+        atol=finite(tolerances.atol, "sensitivities: atol"),
+        max_steps=whole_number(tolerances.max_steps, "sensitivities: max_steps", 1),
+    )
+    if not (0 < tolerances.rtol < 1 and tolerances.atol > 0):
+        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol > 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
+    for entry in wrt:
+        if isinstance(entry, Input) and callable(inputs.get(entry)):
+            raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
+    problem = _problem(functions, inputs, parameters, compiled)
+    found = sensitivities(functions, problem, times, wrt, start, tolerances)
+    status = found.found.status
+    if status.kind is not StatusKind.SUCCESS:
+        raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
+    return found
+
+
+def _problem(
+    functions: Functions, inputs: Mapping[Input, InputValue], parameters: Mapping[Parameter, float], compiled: bool
+) -> Problem:
+    signal = input_signal(functions, inputs)
+    held = None if any(callable(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
+    native = functions.compiled if compiled else None
+    p = parameter_values(functions, parameters)
+    return Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native)
+
+
+def _guards(functions: Functions, events: Sequence[when]) -> Guards:
+    key = tuple(event.expression for event in events)
+    function = functions.guard_functions.get(key)
+    if function is None:
+        for event in events:
+            if functions.outputs.resolve(event.expression).numel() != 1:
+                raise OptionError(f"when: {event.expression!r} is not a scalar; give one event for each entry.")
+        if len(functions.guard_functions) >= 64:
+            functions.guard_functions.clear()
+        function = functions.guard_functions[key] = functions.output(
+            ca.vertcat(*map(functions.outputs.resolve, key)), name="guards"
+        )
+    return Guards(function, tuple(event.sign for event in events), tuple(event.stop for event in events))
+
+
+def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
+    """All parameters (np,), with the given ones replaced. Raises `UnknownVariableError`, `ParameterError`."""
+    known = functions.outputs.system.flat.parameters
+    values = functions.outputs.system.p_values.copy()
+    for parameter, value in dictionary(parameters, "parameters", "{scene.mass: 2.0}").items():
+        if parameter not in known:
+            raise UnknownVariableError(_unknown(parameter, "parameter", [functions.outputs.name(k) for k in known]))
+        values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
+    if parameters:
+        functions.outputs.system.flat.conditions.check(values[: len(known)])
+    return values
+
+
+def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Callable[[np.ndarray], np.ndarray]:
+    """times (n,) -> inputs (nu, n). A callable is asked for one time at a time."""
+    known = functions.outputs.system.flat.inputs
+    given: list[InputValue] = [entry.default for entry in known]
+    for entry, value in dictionary(inputs, "inputs", _INPUTS).items():
+        if entry not in known:
+            raise UnknownVariableError(_unknown(entry, "input", [functions.outputs.name(k) for k in known]))
+        name = functions.outputs.name(entry)
+        if not callable(value) and not np.isscalar(value):
+            raise ParameterError(
+                f"The input {name} is given as {shown(value)} ({origin()}). Give a number, or a function of time that gives numbers: "
+                "lambda t: np.sin(t), or lambda t: np.interp(t, times, samples)."
+            )
+        given[known.index(entry)] = number(value, name) if not callable(value) else _watched(value, name)
+
+    def signal(times: np.ndarray) -> np.ndarray:
+        result = np.empty((len(given), times.size))
+        for i, value in enumerate(given):
+            result[i] = [value(float(t)) for t in times] if callable(value) else value
+        return result
+
+    return signal
+
+
+def _watched(function: Callable[[float], Any], name: str) -> Callable[[float], float]:
+    """The function, whose errors and results that are no numbers raise `ParameterError` with the input's name."""
+
+    def value(t: float) -> float:
+        try:
+            found = float(function(t))
+        except (TypeError, ValueError) as error:
+            raise ParameterError(
+                f"The input {name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is called with one "
+                "number, the time [s], and must return one number."
+            ) from error
+        except Exception as error:  # the user's own, in the user's own function
+            error.add_note(f"In the function of time of the input {name}, called with t = {t:.6g} s.")
+            raise
+        return found
+
+    return value
+
+
+def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
+    article = "an" if kind == "input" else "a"
+    held = vars(symbol).values() if isinstance(symbol, Component) else ()
+    own = [value.name for value in held if isinstance(value, Input if kind == "input" else Parameter)]
+    hint = (
+        f" Name the {kind} itself: {', '.join(f'scene.{name}' for name in own or known[:1])}."
+        if own or (known and isinstance(symbol, str))
+        else ""
+    )
+    return f"{symbol!r} is not {article} {kind} of this scene. It has: {', '.join(known) or 'none'}.{hint}"
+
+
+def _progress(wanted: bool | Progress) -> Progress | None:
+    if callable(wanted):
+        return wanted
+    if not wanted or not sys.stderr.isatty():
+        return None
+
+    def show(fraction: float) -> None:
+        sys.stderr.write(f"\r{100 * fraction:5.1f} %" + ("\n" if fraction >= 1 else ""))
+        sys.stderr.flush()
+
+    return show

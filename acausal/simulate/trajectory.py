@@ -1,0 +1,202 @@
+"""Trajectories: what a simulation found, read by variable or by any expression of variables."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.collocation.problem import Solution, Statistics, Status
+from acausal.errors import OptionError
+from acausal.language.expression import Expression, Symbol
+from acausal.outputs.functions import Functions
+from acausal.outputs.outputs import Outputs
+from acausal.simulate.events import Event, when
+from acausal.start.initial import InitialState
+
+if TYPE_CHECKING:
+    from acausal.errors import OptionError
+from acausal.collocation.problem import Problem
+
+
+@dataclass(frozen=True, repr=False)
+class Trajectory:
+    """A motion: times `t` (n,) [s], states `x` (nx, n), and everything that follows from them.
+
+    `run[variable]` is the series of a variable or expression: (n,) for scalars, (n, 3) for vectors, (n, 3, 3) for rotations.
+    `run.at(times)` is the same motion at other times, interpolated with the integrator's own accuracy.
+    """
+
+    functions: Functions
+    problem: Problem
+    solution: Solution
+    initial: InitialState
+    t: np.ndarray
+    watched: tuple[when, ...] = ()
+
+    @functools.cached_property
+    def events(self) -> tuple[Event, ...]:
+        """Zeros of the expressions given as `events`, in order of time."""
+        found = self.solution.crossings
+        x = self.solution.dense(np.array([c.time for c in found])) if found else np.zeros((0, 0))
+        words = {1: "rising", -1: "falling", 0: "touching"}
+        return tuple(Event(self.watched[c.guard], c.time, words[c.direction], x[:, k]) for k, c in enumerate(found))
+
+    @functools.cached_property
+    def x(self) -> np.ndarray:
+        """States at `t`, (nx, n): the integrator's interpolant, projected so that invariants hold between steps too."""
+        x = self.solution.dense(self.t)
+        project = self.functions.projection
+        if project is None:
+            return x
+        if self.problem.compiled is not None:
+            return self.problem.compiled.projected(self.t, x, self.problem.parameters)
+        p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
+        projected = x
+        for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
+            projected = np.array(project(self.t[None, :], projected, p)).reshape(x.shape)
+        return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
+
+    @functools.cached_property
+    def u(self) -> np.ndarray:
+        """Inputs at `t`, (nu, n)."""
+        return self.problem.inputs(self.t)
+
+    @property
+    def outputs(self) -> Outputs:
+        """Translator of expressions."""
+        return self.functions.outputs
+
+    @property
+    def status(self) -> Status:
+        """How the integration ended."""
+        return self.solution.status
+
+    @property
+    def statistics(self) -> Statistics:
+        """Method, steps, evaluations and time of the integration."""
+        return self.solution.statistics
+
+    def at(self, times: Sequence[float] | np.ndarray | float) -> Trajectory:
+        """The motion at other times within the simulated interval [s]. Raises `OptionError` outside of it."""
+        try:
+            wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            raise OptionError(f"run.at({times!r}): give a time or a list of times [s].") from None
+        first, last = self.solution.t[0], self.solution.t[-1]
+        slack = 1e-12 * max(1.0, abs(last))
+        if wanted.size == 0 or np.any(wanted < first - slack) or np.any(wanted > last + slack) or not np.all(np.isfinite(wanted)):
+            raise OptionError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
+        return replace(self, t=np.clip(wanted, first, last))
+
+    def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
+        expression = self.outputs.resolve(wanted)
+        column = ca.vec(ca.densify(self.functions.space.put(expression)))
+        values = self._evaluate(ca.Function("series", self.functions.space.arguments, [column], {"cse": True}))
+        if isinstance(wanted, Expression) and self.outputs.is_angle(wanted):
+            values = np.unwrap(values, axis=1)
+        rows, columns = expression.shape
+        if rows == columns == 1:
+            return values[0]
+        if columns == 1:
+            return values.T
+        return values.T.reshape(-1, columns, rows).transpose(0, 2, 1)
+
+    def _evaluate(self, function: ca.Function) -> np.ndarray:
+        """(rows, n): a column function at all times at once."""
+        n = self.t.size
+        p = np.repeat(self.problem.parameters[:, None], n, axis=1)
+        return np.array(function(self.t[None, :], self.x, self.u, p)).reshape(-1, n)
+
+    @functools.cached_property
+    def kinetic_energy(self) -> np.ndarray:
+        """(n,) [J]."""
+        return self._evaluate(self.functions.kinetic_energy)[0]
+
+    @functools.cached_property
+    def potential_energy(self) -> np.ndarray:
+        """(n,) [J]."""
+        return self._evaluate(self.functions.potential_energy)[0]
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Kinetic and potential energy together, (n,) [J]."""
+        return self.kinetic_energy + self.potential_energy
+
+    @functools.cached_property
+    def energy_loss(self) -> np.ndarray:
+        """Energy dissipated less energy supplied since the start, (n,) [J]; Gauss quadrature of the power on the interpolant."""
+        if self.outputs.power_loss.is_zero():
+            return np.zeros(self.t.size)
+        knots = np.unique(np.concatenate([self.solution.t[self.solution.t <= self.t[-1]], self.t]))
+        nodes, weights = np.polynomial.legendre.leggauss(12)
+        half = np.diff(knots) / 2
+        times = (knots[:-1] + half)[:, None] + half[:, None] * nodes
+        power = replace(self, t=times.ravel())._evaluate(self.functions.power_loss)[0].reshape(times.shape)
+        total = np.concatenate([[0.0], np.cumsum((power * weights).sum(axis=1) * half)])
+        return np.interp(self.t, knots, total)
+
+    def energy_error(self) -> float:
+        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy."""
+        start = self if self.t[0] == self.solution.t[0] else self.at(self.solution.t[:1])
+        balance = self.energy + self.energy_loss - start.energy[0]
+        swing = np.max(np.abs(self.potential_energy - start.potential_energy[0]))
+        scale = max(float(np.max(self.kinetic_energy)), float(swing))
+        total = float(np.max(np.abs(self.energy)))
+        if scale < 1e-9 * total:  # all energy is held by scalar components, and stays there
+            scale = total
+        worst = float(np.max(np.abs(balance)))
+        return worst / scale if scale > 0 else worst
+
+    def constraint_error(self) -> float:
+        """Largest residual of any invariant (loops [m or sine of angle], their rates, quaternion norms); 0 without any."""
+        invariants = self.functions.invariants
+        if invariants is None:
+            return 0.0
+        p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
+        return float(np.max(np.abs(np.array(invariants(self.t[None, :], self.x, p)))))
+
+    def plot(self, *expressions: Expression, path: str | Path | None = None) -> Any:
+        """Plot series over time with matplotlib; returns the figure, and writes it to `path` if given."""
+        from acausal.visual.plot import plot_series
+
+        series = [(self.label(e), self[e]) for e in expressions]
+        return plot_series(self.t, series, path=path, title=self.outputs.system.flat.name)
+
+    def label(self, expression: Expression) -> str:
+        """Name and unit for axes and tables."""
+        if isinstance(expression, Symbol):
+            return f"{self.outputs.name(expression)} [{expression.unit}]" if expression.unit else self.outputs.name(expression)
+        return repr(expression)
+
+    def animate(self, path: str | Path, *, speed: float | None = None) -> Path:
+        """Write the motion as one self-contained HTML file; returns its path.
+
+        `speed`: shown against real time; by default 1, slower for motions of less than two seconds.
+        """
+        from acausal.visual.animation import write_html
+        from acausal.visual.scene import animation_of
+
+        return Path(write_html(animation_of(self, speed=speed), path))
+
+    def picture(self, path: str | Path, *, times: Sequence[float] = ()) -> Path:
+        """Write a still picture (PNG) of the mechanism at `times` [s], by default at the start; returns its path."""
+        from acausal.visual.picture import write_png
+        from acausal.visual.scene import animation_of
+
+        return Path(write_png(animation_of(self), path, times=tuple(times) or (float(self.t[0]),)))
+
+    def __len__(self) -> int:
+        return self.t.size
+
+    def __str__(self) -> str:
+        s = self.statistics
+        return (
+            f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
+            f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms"
+        )

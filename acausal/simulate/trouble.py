@@ -1,0 +1,152 @@
+"""What went wrong in a run, in terms of parts: singular loops, motions without inertia, wheels through their plane."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from acausal.collocation.problem import Status, StatusKind
+from acausal.errors import AcausalError, AssemblyError, SingularWarning
+from acausal.outputs.functions import Functions
+from acausal.simulate.trajectory import Trajectory
+from acausal.start.initial import initial_state
+
+_SINGULAR = 1e-9
+_MASSLESS = 1e-12
+_SHOWN = 4
+
+
+def combination(weights: np.ndarray, names: Sequence[str]) -> str:
+    """A vector over names in words, largest entry 1: `hinge.v - 0.5 arm.v`. Entries below 0.05 are left out, at most four are shown."""
+    scaled = weights / weights[int(np.argmax(np.abs(weights)))]
+    order = [int(i) for i in np.argsort(-np.abs(scaled)) if abs(scaled[i]) > 0.05]
+    text = ""
+    for i in order[:_SHOWN]:
+        size = f"{abs(scaled[i]):.2g} " if abs(abs(scaled[i]) - 1) > 5e-3 else ""
+        text += (" - " if scaled[i] < 0 else " + " if text else "") + size + names[i]
+    return text.strip() + (" ..." if len(order) > _SHOWN else "")
+
+
+def warn_if_singular(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
+
+    Rows of the loop's matrix are scaled to the largest diagonal that they meet. Where the reduction knows of singular positions,
+    momentum leads through them; the motion is only in doubt where there is none.
+    """
+    system = functions.outputs.system
+    if not system.constraints.jacobian.shape[0] or system.constraints.damped:
+        return
+    n, t, x = len(run.solution.t), run.solution.t, run.solution.x
+    u, p = run.problem.inputs(t), np.repeat(run.problem.parameters[:, None], n, axis=1)
+    m = system.constraints.jacobian.shape[0]
+    values = np.nan_to_num(np.array(functions.loop_matrix(t[None, :], x, u, p))).reshape(m, n, m).transpose(1, 0, 2)
+    scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
+    spectrum = np.linalg.eigvalsh(values / scale[:, None] / scale)
+    smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
+    if system.constraints.singular and np.min(smallest) < _SINGULAR:
+        kinetic = np.array(functions.kinetic_energy(t[None, :], x, u, p)).ravel()
+        smallest = np.where(kinetic <= _SINGULAR * np.max(kinetic), smallest, np.inf)
+    worst = int(np.argmin(smallest))
+    if smallest[worst] < _SINGULAR:
+        joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)
+        warnings.warn(
+            f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
+            f"({_dependent_rows(functions, run, worst, scale)}), and more than one "
+            "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
+            SingularWarning, stacklevel=stacklevel,
+        )  # fmt: skip
+
+
+def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.ndarray) -> str:
+    """Which rows depend on one another at step k, and which velocities they leave open there and not elsewhere."""
+    system = functions.outputs.system
+    space = functions.space
+    function = ca.Function("A", [system.t, space.x, space.p], [space.put(system.constraints.jacobian)])
+    A = np.array(function(run.solution.t[k], run.solution.x[:, k], run.problem.parameters)) / scale[:, None]
+    names = [name for rows in system.constraints.loops for name in rows.names]
+    U, _, Vt = np.linalg.svd(A)
+    opened = Vt[A.shape[0] - 1]
+    velocities = functions.tree_state_names[system.nq : system.nq + system.tree_velocities]
+    rows = combination(U[:, -1], [names[i] for i in system.constraints.kept_index])
+    return f"rows {rows}; free besides: {combination(opened, velocities)}"
+
+
+def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+    """Say so when a joint in the tree left the domain of its coordinates."""
+    for item, inside in functions.domains:
+        joint = item.edge.joint
+        t, x = run.solution.t[None, :], run.solution.x
+        values = np.array(inside(t, x, run.problem.inputs(t[0]), np.repeat(run.problem.parameters[:, None], t.size, axis=1)))
+        outside = np.flatnonzero(np.min(values, axis=0) < 0)
+        if outside.size:
+            warnings.warn(
+                f"By t = {run.solution.t[outside[0]]:.6g} s the wheel of '{item.edge.name}' ({joint.created_at}) has fallen through its "
+                "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
+                SingularWarning, stacklevel=stacklevel,
+            )  # fmt: skip
+
+
+def failure(functions: Functions, status: Status, t1: float, run: Trajectory | None) -> str:
+    """Why a run ended early: the status, the state that failed first, and what has no inertia there."""
+    worst = ""
+    if status.worst is not None:
+        worst = f" The state that failed first: {functions.state_names[status.worst]}."
+    if run is not None:
+        worst += _lost_input(functions, run)
+    if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
+        worst += _without_inertia(functions, run) or _out_of_reach(functions, run)
+    return (
+        f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
+        "The motion until then is in this error's `trajectory`."
+    )
+
+
+def _lost_input(functions: Functions, run: Trajectory) -> str:
+    """An input that is no number at the last state or a little later; empty if all are."""
+    t = run.solution.t[-1]
+    values = run.problem.inputs(np.array([t, t + 1e-9 * max(1.0, abs(t))]))
+    lost = np.flatnonzero(~np.all(np.isfinite(values), axis=1))
+    if not lost.size:
+        return ""
+    name = functions.outputs.name(functions.outputs.system.flat.inputs[lost[0]])
+    return (
+        f" The input {name} is {values[lost[0]][~np.isfinite(values[lost[0]])][0]} there: its function of time must give numbers."
+    )
+
+
+def _out_of_reach(functions: Functions, run: Trajectory) -> str:
+    """Why the scene cannot be assembled a little later, where functions of time pull loops apart; empty if it can."""
+    system, outputs = functions.outputs.system, functions.outputs
+    if not ca.depends_on(system.closing, system.t):
+        return ""
+    t0, t = run.solution.t[0], run.solution.t[-1]
+    later = t + max(0.01 * (t - t0), 1e-3)
+    p = run.problem.parameters[: system.p_values.size]
+    try:
+        initial_state(outputs, {}, later, p, run.problem.inputs(np.array([later]))[:, 0])
+    except AssemblyError as error:
+        return f" A motion that is given leads out of reach. At t = {later:.6g} s: {error}"
+    except AcausalError:
+        return ""
+    return ""
+
+
+def _without_inertia(functions: Functions, run: Trajectory) -> str:
+    """A motion of the tree that meets no inertia at the last state; empty if there is none, or if loops forbid it."""
+    system = functions.outputs.system
+    t, x = run.solution.t[-1], run.solution.x[:, -1]
+    if not system.tree_velocities or system.constraints.loops:
+        return ""
+    M = np.array(functions.mass_matrix(t, x, run.problem.inputs(np.array([t]))[:, 0], run.problem.parameters))
+    if not np.all(np.isfinite(M)):
+        return ""
+    levels, axes = np.linalg.eigh(M)
+    if levels[0] > _MASSLESS * levels[-1]:
+        return ""
+    velocities = functions.tree_state_names[system.nq : system.nq + system.tree_velocities]
+    return (
+        f" Nothing with inertia resists the motion {combination(axes[:, 0], velocities)} there: add mass or a moment of inertia."
+    )

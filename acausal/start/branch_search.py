@@ -1,0 +1,248 @@
+"""The search for branches: many beginnings, clusters of where they end, and which of these are one branch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from acausal.arguments import expressions, whole_number
+from acausal.errors import OptionError
+from acausal.language.expression import Expression
+from acausal.numerics.assembly import Residual, assemble, freedom
+from acausal.outputs.outputs import Outputs
+from acausal.start.branches import Branch, Branches
+from acausal.start.initial import InitialState, finished, initial_state, start_data
+from acausal.start.same_branch import Walks
+from acausal.start.start_problem import StartProblem
+from acausal.start.start_search import Found, Search
+from acausal.start.start_values import Start
+
+_ENOUGH = 10
+"""A search may end when each branch was found so often ..."""
+_LEAST = 60
+"""... and after so many beginnings."""
+_SAME, _SAME_FREE = 1e-4, 1e-2
+"""Largest distance of two that count as one: with no freedom left, and at the nearest points of a continuum."""
+_RANK = 1e-7
+_MET = 1e-5
+_SKETCH = 1e-3
+"""Weight of nearness to the sketch against near values."""
+
+
+def branches(
+    outputs: Outputs,
+    start: Start,
+    t0: float,
+    p: np.ndarray,
+    u: np.ndarray,
+    by: Expression | Sequence[Expression],
+    searches: int,
+    seed: int,
+) -> Branches:
+    """Many searches from anywhere, then clusters; see `Model.branches`."""
+    searches, seed = whole_number(searches, "branches: searches", 1), whole_number(seed, "branches: seed", 0)
+    told = expressions([by] if isinstance(by, Expression) else by, "branches: `by`", "by=[scene.elbow.q]")
+    first = initial_state(outputs, start, t0, p, u)
+    problem = first.account.problem
+    wanted, weights, data = start_data(problem, start, t0, p, u)
+    with problem.lock:
+        clusters = _Clusters(problem, data, _seen(outputs, told, t0, p, u) if told else None)
+        hunt = _Hunt(problem, data, weights, np.random.default_rng(seed))
+        found = hunt.put_down(first.account.positions.y)
+        if found is not None:
+            clusters.add(*found)
+        used = closed = 0
+        for k in range(0 if problem.positions.settled else searches):
+            used = k + 1
+            found = hunt.search([c.y for c in clusters.all])
+            if found is not None:
+                closed += 1
+                clusters.add(*found)
+            if used >= _LEAST and min((c.count for c in clusters.all), default=0) >= _ENOUGH:
+                break
+        clusters.merge(hunt)
+        made, stopped = _branches(problem, wanted, data, weights, clusters, first)
+    return Branches(tuple(made), used, closed, stopped)
+
+
+@dataclass
+class _Cluster:
+    y: np.ndarray
+    seen: np.ndarray
+    freedoms: int
+    count: int
+
+
+@dataclass(frozen=True)
+class _Clusters:
+    """Configurations that are the same up to full turns and signs of quaternions, or where `seen` is the same."""
+
+    problem: StartProblem
+    data: np.ndarray
+    seen: ca.Function | None
+    all: list[_Cluster] = field(default_factory=list[_Cluster])
+
+    def add(self, y: np.ndarray, freedoms: int) -> None:
+        seen = np.zeros(0) if self.seen is None else np.array(self.seen(y)).ravel()
+        same = _SAME_FREE if freedoms else _SAME
+        for c in self.all:
+            if self.seen is None:
+                apart = float(np.max(self.problem.coordinates.differences(c.y, y), initial=0.0))
+            else:
+                apart = float(np.max(np.abs(c.seen - seen))) / max(1.0, float(np.max(np.abs(seen))))
+            if apart < same:
+                c.count += 1
+                return
+        self.all.append(_Cluster(y, seen, freedoms, 1))
+
+    def merge(self, hunt: _Hunt) -> None:
+        """Those that one can move into another without taking it apart become one, the best near values and the nearest first.
+
+        Not those that meet all near values.
+        """
+        if self.seen is not None or not any(c.freedoms for c in self.all):
+            return
+        walks = Walks(hunt.rows, self.problem.coordinates)
+        missed = {id(c): hunt.missed(c.y) for c in self.all}
+        sketch = self.problem.positions.first(self.data)
+        self.all.sort(key=lambda c: (round(missed[id(c)], 6), float(np.sum(walks.coordinates.differences(sketch, c.y) ** 2))))
+        kept: list[tuple[_Cluster, list[np.ndarray]]] = []
+        for c in self.all:
+            rival = missed[id(c)] > _MET or not hunt.wishes
+            host = next((k for k, points in kept if c.freedoms and rival and walks.leads(points, c.y)), None)
+            if host is None:
+                kept.append((c, walks.reachable(c.y) if c.freedoms else [c.y]))
+            else:
+                host.count += c.count
+        self.all[:] = [c for c, _ in kept]
+
+
+@dataclass(frozen=True)
+class _Hunt:
+    """Single searches, from anywhere or from where earlier ones ended."""
+
+    problem: StartProblem
+    data: np.ndarray
+    weights: np.ndarray
+    rng: np.random.Generator
+
+    @property
+    def _positions(self) -> Search:
+        return self.problem.positions
+
+    @property
+    def wishes(self) -> bool:
+        """Whether there are near values."""
+        return bool(self._positions.wished)
+
+    @property
+    def rows(self) -> Residual:
+        """The constraints."""
+        return self._positions.rows(self.data, self._positions.first(self.data))
+
+    def missed(self, y: np.ndarray) -> float:
+        """By how much near values are missed, root of the weighted sum of squares."""
+        soft = self._positions.wish_rows(self.data, self._positions.first(self.data), self.weights)
+        return 0.0 if soft is None or not self.wishes else float(np.linalg.norm(soft(y)[0]))
+
+    def search(self, known: list[np.ndarray]) -> tuple[np.ndarray, int] | None:
+        """A configuration and its freedoms from one more beginning; None where nothing closes."""
+        first = self._positions.first(self.data)
+        guess = self._beginning(first, known)
+        for i, k in self._positions.plain:
+            guess[i] = self.data[k]
+        found = assemble(self._positions.rows(self.data, first), guess, limit=60)
+        return self.put_down(found.y) if found.converged else None
+
+    def _beginning(self, first: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
+        """Anywhere; or a known configuration with some of its entries turned round about the sketch's or about zero."""
+        if not known or self.rng.random() < 0.6:
+            return self.problem.coordinates.scattered(self.rng, first)
+        y = known[int(self.rng.integers(len(known)))]
+        about = first if self.rng.random() < 0.5 else np.zeros_like(y)
+        turned = self.rng.random(y.size) < 0.5
+        return np.where(turned, 2 * about - y, y) + 0.1 * self.rng.normal(size=y.size) * self.problem.scale()
+
+    def put_down(self, y: np.ndarray) -> tuple[np.ndarray, int] | None:
+        """The same branch near the sketch in what is free: full turns taken off, then least near values and distance."""
+        search = self._positions
+        first = search.first(self.data)
+        if search.settled:
+            return y, 0
+        hard = search.rows(self.data, first)
+        y = self._with_angles_near(y, first, hard)
+        freedoms = freedom(hard(y)[1], _RANK).shape[1]
+        if freedoms:
+            soft = search.wish_rows(self.data, first, self.weights)
+            scale = _SKETCH / self.problem.scale()
+            # begun at a closed configuration; wishes then only lead along what is free
+            found = assemble(hard, y, _nearest(soft, first, scale, y), limit=60, approach=False)
+            if soft is not None:
+                found = assemble(hard, found.y, soft, limit=60, approach=False)
+            y = self._with_angles_near(found.y, first, hard)
+        return (y, freedoms) if search.is_meant(y, self.data) else None
+
+    def _with_angles_near(self, y: np.ndarray, first: np.ndarray, hard: Residual) -> np.ndarray:
+        """Full turns taken off, unless start values count them."""
+        turned = self.problem.coordinates.canonical(y, first)
+        gap = float(np.max(np.abs(hard(turned)[0]), initial=0.0))
+        return turned if gap <= 1e-9 * (1 + float(np.max(np.abs(turned)))) else y
+
+
+def _nearest(soft: Residual | None, first: np.ndarray, scale: np.ndarray, y: np.ndarray) -> Residual:
+    def wishes(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away, unit = scale * (y - first), np.diag(scale)
+        if soft is None:
+            return away, unit
+        r, J = soft(y)
+        return np.concatenate([r, away]), np.vstack([J, unit])
+
+    return wishes
+
+
+def _seen(outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, u: np.ndarray) -> ca.Function:
+    """q -> the expressions that tell branches apart. Raises `OptionError` where they depend on velocities."""
+    r = outputs.system
+    values = ca.vertcat(*(ca.vec(ca.densify(outputs.resolve(item))) for item in by))
+    q, v = r.x[: r.nq, :], r.x[r.nq :, :]
+    if v.numel() and ca.depends_on(values, v):
+        raise OptionError("branches: `by` must be positions, not velocities or forces.")
+    fixed = ca.Function("seen", [q, r.t, r.u, r.p], [values])
+    free = ca.SX.sym("q", q.numel())
+    return ca.Function("seen", [free], [fixed(free, t0, u, p)])
+
+
+def _branches(
+    problem: StartProblem,
+    wanted: list[np.ndarray],
+    data: np.ndarray,
+    weights: np.ndarray,
+    clusters: _Clusters,
+    first: InitialState,
+) -> tuple[list[Branch], int]:
+    sketch = problem.positions.first(data)
+    here = problem.coordinates
+    ordered: list[tuple[float, _Cluster, Found]] = []
+    for c in clusters.all:
+        moving = problem.velocities.solve(np.concatenate([data, c.y]), weights)
+        if moving.converged:
+            far = here.differences(sketch, c.y)
+            ordered.append((float(np.sqrt(np.mean(far**2))) if far.size else 0.0, c, moving))
+    ordered.sort(key=lambda item: item[0])
+    result: list[Branch] = []
+    for distance, c, moving in ordered:
+        position = Found(c.y, sketch, first.account.positions.gap, True)
+        state = finished(problem, wanted, weights, data, position, moving)
+        words = _words(problem, ordered[0][1].y, c.y) if result else "(nearest to the sketch)"
+        result.append(Branch(state, distance, c.count, c.freedoms, words))
+    return result, len(clusters.all) - len(ordered)
+
+
+def _words(problem: StartProblem, one: np.ndarray, other: np.ndarray) -> str:
+    far = problem.coordinates.differences(one, other)
+    order = [int(i) for i in np.argsort(-far, kind="stable")[:3] if far[i] > _SAME]
+    all = problem.coordinates.all
+    return ", ".join(f"{all[i].name} {all[i].value(other)} for {all[i].value(one)}" for i in order)

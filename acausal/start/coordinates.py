@@ -1,0 +1,129 @@
+"""Coordinates of the tree's joints by kind: which are angles, quaternions, lengths; distances between configurations."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.system import MechanicalSystem
+from acausal.dynamics.tree import JointSymbols, Tree
+from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.pose import symbolic
+from acausal.parts.steps import Turn
+from acausal.reduce.unit_quaternions import unit_quaternions
+from acausal.wording import entry_names
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One freedom of a joint in q: an angle, a unit quaternion (4 entries) or any other number. `name`: e.g. `arm.elbow.q`."""
+
+    name: str
+    place: slice
+    unit: str
+    periodic: bool
+    """The same up to full turns."""
+
+    @property
+    def is_rotation(self) -> bool:
+        """Whether it is a unit quaternion, the same up to its sign."""
+        return self.place.stop - self.place.start == 4
+
+    def distance(self, a: np.ndarray, b: np.ndarray) -> float:
+        """How far apart two configurations are in it: [rad] for angles (shortest way) and quaternions, else in its unit."""
+        if self.is_rotation:
+            p, q = a[self.place] / np.linalg.norm(a[self.place]), b[self.place] / np.linalg.norm(b[self.place])
+            return float(4 * np.arcsin(min(1.0, min(np.linalg.norm(p - q), np.linalg.norm(p + q)) / 2)))
+        change = float(b[self.place.start] - a[self.place.start])
+        return float(abs(np.remainder(change + np.pi, 2 * np.pi) - np.pi)) if self.periodic else abs(change)
+
+    def value(self, q: np.ndarray) -> str:
+        """The value in words."""
+        entry = q[self.place]
+        return "(" + ", ".join(f"{x:.4g}" for x in entry) + ")" if self.is_rotation else f"{float(entry[0]):.5g}"
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """All of them, in the order of q (nq,), and the mechanism's size `length` [m]: the greatest reach of any link at the start."""
+
+    all: tuple[Coordinate, ...]
+    length: float
+
+    @functools.cached_property
+    def scale(self) -> np.ndarray:
+        """What is much for each entry of q (nq,): 1 for angles and quaternions, the mechanism's size for lengths."""
+        return np.concatenate([np.full(c.place.stop - c.place.start, self._scale(c)) for c in self.all])
+
+    def _scale(self, c: Coordinate) -> float:
+        return 1.0 if c.unit == "rad" or c.is_rotation else self.length
+
+    def differences(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Distance of two configurations in each coordinate, lengths divided by the mechanism's size."""
+        return np.array([c.distance(a, b) / self._scale(c) for c in self.all])
+
+    def canonical(self, q: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """The same configuration with angles within half a turn of `near`, quaternions of the nearer sign."""
+        result = q.copy()
+        for c in self.all:
+            if c.is_rotation:
+                result[c.place] *= 1.0 if result[c.place] @ near[c.place] >= 0 else -1.0
+            elif c.periodic:
+                i = c.place.start
+                result[i] -= 2 * np.pi * np.round((result[i] - near[i]) / (2 * np.pi))
+        return result
+
+    def scattered(self, rng: np.random.Generator, near: np.ndarray) -> np.ndarray:
+        """A configuration anywhere: angles and rotations uniform, others about `near` within the mechanism's size."""
+        result = near + self.scale * rng.normal(size=near.size)
+        for c in self.all:
+            if c.is_rotation:
+                p = rng.normal(size=4)
+                result[c.place] = p / np.linalg.norm(p)
+            elif c.periodic:
+                result[c.place] = rng.uniform(-np.pi, np.pi)
+        return result
+
+
+def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, coupled: ca.SX) -> Coordinates:
+    """Of the tree's joints; the mechanism's size is taken at `q`. Turns are counted for angles in the equations `coupled` (gears)."""
+    tree = system.tree
+    found: list[Coordinate] = []
+    counted = {s.element_hash() for s in ca.symvar(coupled)}
+    for item in tree.joints:
+        for c in _of_joint(item, tree):
+            found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
+    offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
+    offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
+    offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
+    size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
+    lengths = [float(abs(q[c.place.start])) for c in found if not c.is_rotation and c.unit != "rad"]
+    reach = float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))
+    return Coordinates(tuple(found), reach if 0 < reach < np.inf else 1.0)
+
+
+def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
+    joint, name, first = item.edge.joint, f"{item.edge.name}.q", item.q.start
+    size, q, names = joint.q.size, tree.q[item.q], entry_names(name, joint.q.size)
+    stepped = isinstance(joint, AbstractStepJoint)
+    units = set(unit_quaternions(joint.invariants(q, tree.t), q).values())
+    angles = (
+        {i for step in joint.steps() if isinstance(step, Turn) for i in range(step.q.start, step.q.stop)}
+        if stepped
+        else set[int]()
+    )
+    result: list[Coordinate] = []
+    i = 0
+    while i < size:
+        if i in units:
+            result.append(Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
+            i += 4
+            continue
+        turning = i in angles or joint.q.unit == "rad"
+        unit = "rad" if turning else joint.q.unit or ("m" if units or stepped else "")
+        result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, i in angles))
+        i += 1
+    return result

@@ -1,0 +1,151 @@
+"""Initial values: consistent states from whatever the user says about the start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from acausal.collocation.problem import Directions
+from acausal.start.start_problem import StartProblem, start_problem
+from acausal.start.start_search import Found, Search
+from acausal.start.start_values import Start, near, start_numbers, start_weight
+from acausal.start.start_values import exactly as exactly
+
+if TYPE_CHECKING:
+    from acausal.outputs.outputs import Outputs
+
+
+@dataclass(frozen=True)
+class Met:
+    """One start value: what was asked, what came out."""
+
+    name: str
+    wanted: np.ndarray
+    got: np.ndarray
+    exact: bool
+    unit: str = ""
+    periodic: bool = False
+
+    @property
+    def off(self) -> float:
+        """Largest difference; for angles of loops the shortest way round."""
+        difference = self.got - self.wanted
+        if self.periodic:
+            difference = np.remainder(difference + np.pi, 2 * np.pi) - np.pi
+        return float(np.max(np.abs(difference), initial=0.0))
+
+
+@dataclass(frozen=True)
+class Account:
+    """How a start was found: the search, its data, and what came out for positions and velocities."""
+
+    problem: StartProblem
+    data: np.ndarray
+    weights: np.ndarray
+    positions: Found
+    velocities: Found
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """Consistent states `x` (nx,) at the start, parameters `p` (np,), and how the start values were `met`. Printing it tells how it was found:
+    what is off, how far the coordinates moved from the sketch, which loops were closed, which values were not needed.
+    """
+
+    x: np.ndarray
+    p: np.ndarray
+    met: tuple[Met, ...]
+    account: Account = field(repr=False, compare=False)
+
+    def __str__(self) -> str:
+        from acausal.start.start_report import start_report
+
+        return start_report(self)
+
+
+def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> InitialState:
+    """Positions first, then velocities; unspecified velocities are zero where the constraints allow.
+
+    Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
+    """
+    problem = start_problem(outputs, start)
+    wanted, weights, data = start_data(problem, start, t0, p, u)
+    with problem.lock:
+        found = problem.positions.solve(data, weights, problem.scale)
+        if not found.converged:
+            _complain(problem.positions, found, data, problem.scale)
+        data_v = np.concatenate([data, found.y])
+        moving = problem.velocities.solve(data_v, weights)
+        if not moving.converged:
+            _complain(problem.velocities, moving, data_v, None)
+        return finished(problem, wanted, weights, data, found, moving)
+
+
+def _complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[], np.ndarray] | None) -> NoReturn:
+    from acausal.start.start_failure import complain
+
+    complain(search, found, data, scale)
+
+
+def finished(
+    problem: StartProblem, wanted: list[np.ndarray], weights: np.ndarray, data: np.ndarray, found: Found, moving: Found
+) -> InitialState:
+    """The state of found positions and velocities, and what became of the start values; `problem.lock` must be held."""
+    x = np.concatenate([found.y, moving.y])
+    account = Account(problem, data, weights, found, moving)
+    p = data[data.size - problem.outputs.system.p_values.size :]
+    if problem.got is None:
+        return InitialState(x, p, (), account)
+    got = problem.got.at(np.concatenate([x, data])).copy()
+    met = tuple(Met(t.name, w, got[t.place], t.exact, t.unit, t.periodic) for t, w in zip(problem.targets, wanted, strict=True))
+    return InitialState(x, p, met, account)
+
+
+def start_data(
+    problem: StartProblem, start: Start, t0: float, p: np.ndarray, u: np.ndarray
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Start values one by one, the weights of all their entries, and what the searches take: values, t0, inputs, parameters."""
+    wanted: list[np.ndarray] = []
+    weights = np.ones(problem.targets[-1].place.stop if problem.targets else 0)
+    for target, value in zip(problem.targets, start.values(), strict=True):
+        wanted.append(start_numbers(target, value))
+        if isinstance(value, near):
+            weights[target.place] = start_weight(target, value.weight)
+    return wanted, weights, np.concatenate([*wanted, [t0], u, p])
+
+
+def initial_derivatives(
+    outputs: Outputs,
+    start: Start,
+    t0: float,
+    p: np.ndarray,
+    u: np.ndarray,
+    starts: Sequence[int | None],
+    inputs: Sequence[int | None],
+    parameters: Sequence[int | None],
+) -> tuple[np.ndarray, Directions]:
+    """The consistent start x (nx,), and its derivatives: a column for each entry of the three lists, which have the same length and
+    name one place each: among the start values, the inputs, the parameters.
+
+    States that start values do not determine change as little as the constraints allow. Errors as for `initial_state`.
+    """
+    found = initial_state(outputs, start, t0, p, u)
+    problem = found.account.problem
+    n = sum(met.wanted.size for met in found.met)
+    count = len(starts)
+    du, dp, change = np.zeros((u.size, count)), np.zeros((p.size, count)), np.zeros((n + 1 + u.size + p.size, count))
+    for k, (at, i, j) in enumerate(zip(starts, inputs, parameters, strict=True)):
+        if at is not None:
+            change[at, k] = 1.0
+        if i is not None:
+            du[i, k] = change[n + 1 + i, k] = 1.0
+        if j is not None:
+            dp[j, k] = change[n + 1 + u.size + j, k] = 1.0
+    nq = outputs.system.nq
+    data = found.account.data
+    dq = problem.positions.derivative(found.x[:nq], data, change)
+    dv = problem.velocities.derivative(found.x[nq:], np.concatenate([data, found.x[:nq]]), np.vstack([change, dq]))
+    return found.x, Directions(np.vstack([dq, dv]), du, dp)

@@ -1,0 +1,134 @@
+"""The searches for positions and velocities, from the names of start values and what has to close in any case."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import StartValueError
+from acausal.integrators.rates import Kernel
+from acausal.language.expression import Expression, Symbol
+from acausal.outputs.expression_names import expression_name
+from acausal.parts.free import FreeJoint
+from acausal.start.coordinates import Coordinates, coordinates
+from acausal.start.start_search import Closing, Search, Target, start_search
+from acausal.start.start_values import Start, check_settable, near
+
+if TYPE_CHECKING:
+    from acausal.outputs.outputs import Outputs
+
+_KEPT = 64
+
+
+@dataclass(frozen=True)
+class StartProblem:
+    """Searches for positions, then velocities, from values of the `targets`; made once for their names, used often."""
+
+    outputs: Outputs
+    targets: tuple[Target, ...]
+    positions: Search
+    velocities: Search
+    got: Kernel | None
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    """Kernels serve one thread at a time."""
+
+    @functools.cached_property
+    def coordinates(self) -> Coordinates:
+        """Kinds and names of the entries of q."""
+        r = self.outputs.system
+        return coordinates(r.mechanics, r.p, r.p_values, r.q_start, r.scalar.position)
+
+    def scale(self) -> np.ndarray:
+        """What is much for each entry of q."""
+        return self.coordinates.scale
+
+
+def start_problem(outputs: Outputs, start: Start) -> StartProblem:
+    """The searches for start values of these variables; made when first asked for. Raises `StartValueError`."""
+    for key in start:
+        if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
+            raise StartValueError(
+                f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
+            )
+    known = outputs.start_problems
+    what = tuple((key, not isinstance(value, near)) for key, value in start.items())
+    problem = known.get(what)
+    if problem is None:
+        if len(known) >= _KEPT:
+            known.clear()
+        problem = known[what] = _start_problem(outputs, what)
+    return problem
+
+
+def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:
+    r = outputs.system
+    q, v = r.x[: r.nq, :], r.x[r.nq :, :]
+    targets = _targets(outputs, what)
+    size = sum(t.size for t in targets)
+    moving = [bool(v.numel()) and ca.depends_on(t.expression, v) for t in targets]
+    for target, at_velocity in zip(targets, moving, strict=True):
+        if not at_velocity and not (q.numel() and ca.depends_on(target.expression, q)):
+            raise StartValueError(f"{target.name} does not depend on the state: it is not free, so it cannot have a start value.")
+    wanted = ca.SX.sym("wanted", size)
+    data = ca.vertcat(wanted, r.t, r.u, r.p)
+    free_q, free_v = _free_orientations(outputs)
+    at_q, at_v = ([t for t, m in zip(targets, moving, strict=True) if m is kind] for kind in (False, True))
+    position, velocity = _closing(outputs)
+    positions = start_search("position", q, data, wanted, position, at_q, r.q_start, free_q)
+    velocities = start_search("velocity", v, ca.vertcat(data, q), wanted, velocity, at_v, r.rate_start, free_v)
+    got = None
+    if targets:
+        results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
+        got = Kernel.of(ca.Function("got", [ca.vertcat(r.x, data)], [results], {"cse": True}))
+    return StartProblem(outputs, tuple(targets), positions, velocities, got)
+
+
+def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> list[Target]:
+    targets: list[Target] = []
+    size = 0
+    for key, exact in what:
+        for leaf in key.leaves:
+            check_settable(leaf)
+        expression = ca.vec(outputs.resolve(key))
+        name, unit = expression_name(outputs, key), key.unit if isinstance(key, Symbol) else ""
+        targets.append(Target(name, unit, expression, exact, outputs.is_angle(key), slice(size, size + expression.numel())))
+        size += expression.numel()
+    return targets
+
+
+def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
+    """What positions and velocities must meet in any case: joints' invariants, loops, scalar equations; in the order of `closing`."""
+    r = outputs.system
+    loops = r.constraints.loops
+    joints = [(f"the loop closed by joint '{rows.edge.name}' ({rows.edge.joint.created_at})", rows) for rows in loops]
+    free = {s.element_hash() for s in ca.symvar(ca.vertcat(r.x[: r.nq, :], r.t, r.u, r.p))}
+    signs = [rows.sign for rows in loops if rows.sign is not None and not rows.sign.is_constant()]
+    signs = [s for s in signs if {a.element_hash() for a in ca.symvar(s)} <= free]
+    signs += [item.edge.joint.domain(r.x[item.q, :]) for item in r.tree_joints]
+    position = (
+        ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
+        *((words, rows.position.numel()) for words, rows in joints),
+        ("the equations of gears and sources", r.scalar.position.numel()),
+    )
+    velocity = (
+        *((words, rows.velocity.numel()) for words, rows in joints),
+        ("the equations of scalar parts", r.scalar.velocity.numel()),
+    )
+    none = ca.SX(0, 1)
+    return Closing(r.closing, position, ca.vertcat(none, *signs)), Closing(r.velocity_closing, velocity, none)
+
+
+def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
+    """Entries of q and v that are quaternions and angular velocities of free bodies: a body told where to be need not turn."""
+    q: list[int] = []
+    v: list[int] = []
+    for item in outputs.system.tree_joints:
+        if isinstance(item.edge.joint, FreeJoint):
+            q += range(item.q.start, item.q.start + 4)
+            v += range(item.v.start, item.v.start + 3)
+    return q, v

@@ -1,0 +1,84 @@
+"""Start values: exactly, or as near as can be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.errors import StartValueError
+from acausal.language.connector import Quantity
+from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
+from acausal.start.start_search import Target
+
+Value = float | Sequence[float] | np.ndarray
+
+
+@dataclass(frozen=True)
+class exactly:
+    """A start value that must be met; a plain number means the same."""
+
+    value: Value
+
+
+@dataclass(frozen=True)
+class near:
+    """A start value that is met as well as the constraints and the exact values allow.
+
+    Where several cannot all be met, the sum of the squares of the differences, each times its `weight` > 0, is least nearby.
+    """
+
+    value: Value
+    weight: float = 1.0
+
+
+Start = Mapping[Expression, Value | exactly | near]
+
+
+def softened(start: Start) -> dict[Expression, Value | exactly | near]:
+    """Plain values as near ones; those that say how they are meant stay."""
+    return {key: value if isinstance(value, exactly | near) else near(value) for key, value in start.items()}
+
+
+def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
+    """The value (size,), column by column. Raises `StartValueError` for another size and for what is no finite number."""
+    number = value.value if isinstance(value, exactly | near) else value
+    try:
+        wanted = np.asarray(number, dtype=float).ravel(order="F")
+    except (TypeError, ValueError):
+        raise StartValueError(f"start value of {target.name} is {number!r}, not a number.") from None
+    if wanted.size != target.size:
+        raise StartValueError(
+            f"start value of {target.name} needs {target.size} numbers, not {'one' if wanted.size == 1 else wanted.size}."
+        )
+    if not np.isfinite(wanted).all():
+        raise StartValueError(f"start value of {target.name} is {wanted}. Give finite numbers.")
+    return wanted
+
+
+def start_weight(target: Target, weight: object) -> float:
+    """The weight of a near value, a float. Raises `StartValueError` unless it is finite and positive."""
+    try:
+        number = float(weight)  # pyright: ignore[reportArgumentType]  # users pass anything
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not 0 < number < np.inf:
+        raise StartValueError(
+            f"start value of {target.name}: the weight is {weight!r}. Give a finite positive number, 1 for no preference."
+        )
+    return number
+
+
+def check_settable(leaf: Symbol) -> None:
+    """Raises `StartValueError` for a variable that no state determines: parameters, inputs, time, forces and accelerations."""
+    if isinstance(leaf, Parameter):
+        raise StartValueError(f"{leaf.name} is a parameter, not a state: give it by parameters={{...}}.")
+    if isinstance(leaf, Input):
+        raise StartValueError(f"{leaf.name} is an input, not a state: give it by inputs={{...}}.")
+    if isinstance(leaf, Time):
+        raise StartValueError("time cannot have a start value; give t0.")
+    if isinstance(leaf, Derivative) or (
+        isinstance(leaf, Quantity) and leaf.name in ("force", "torque", "acceleration", "angular_acceleration")
+    ):
+        raise StartValueError(f"{leaf.name} follows from the equations of motion and is not free: it cannot have a start value.")
