@@ -1,23 +1,17 @@
-"""Checks of what users give: lists of expressions, start values, states, times, whole numbers."""
+"""Checks of what users give: lists of expressions, times, whole numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from acausal.errors import OptionError, ParameterError, StartValueError
+from acausal.errors import OptionError, ParameterError
 from acausal.language.component import Component
 from acausal.language.expression import Expression
 from acausal.language.expression import number as checked_number
-
-if TYPE_CHECKING:
-    from acausal.outputs.functions import Functions
-    from acausal.start.start_values import Start
-
-_CONSISTENT = 1e-6
 
 
 def listed(value: Any, what: str, example: str) -> list[Any]:
@@ -33,15 +27,6 @@ def expressions(value: Any, what: str, example: str) -> list[Expression]:
         if not isinstance(entry, Expression | ca.SX):
             raise OptionError(f"{entry!r} in {what} is not a variable or an expression; use e.g. {example}.")
     return entries
-
-
-def start_mapping(value: Any) -> Start:
-    """Start values. Raises `StartValueError` for what is no dictionary."""
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise StartValueError(f"start is {value!r}. Give a dictionary of variables and values, start={{scene.hinge.q: 0.3}}.")
-    return value
 
 
 def dictionary(value: Any, what: str, example: str) -> Mapping[Any, Any]:
@@ -98,28 +83,3 @@ def whole_number(value: Any, what: str, least: int, most: int | None = None) -> 
         bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise OptionError(f"{what} is {value!r}; give a whole number {bounds}.")
     return int(value)
-
-
-def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> np.ndarray:
-    """All states (nx,) from anything like an array, at time t [s] and parameters p (np,).
-
-    Raises `StartValueError` for another number of them, for what is not finite, and where the constraints are violated.
-    """
-    names = functions.state_names
-    try:
-        states = np.array(x, dtype=float).ravel()
-    except (TypeError, ValueError):
-        states = np.zeros(0)
-    if states.size != len(names) or not np.isfinite(states).all():
-        raise StartValueError(
-            f"The states must be {len(names)} finite numbers, not {x!r}: {', '.join(names[:12])}. Or give start={{variable: value}}."
-        )
-    gap = (
-        0.0 if functions.invariants is None else float(np.max(np.abs(np.array(functions.invariants(t, states, p))), initial=0.0))
-    )
-    if not gap <= _CONSISTENT:
-        raise StartValueError(
-            f"The states {states} violate the constraints by {gap:.3g} (loops, lengths of quaternions, or their rates). Take them from "
-            "model.initial_state or a simulation, or give values of the independent variables, start={variable: value}: the others follow."
-        )
-    return states

@@ -26,10 +26,7 @@ A message says what is wrong, where (component path and file:line), with which v
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from acausal.simulate.trajectory import Trajectory
+from typing import Any
 
 
 class AcausalError(Exception):
@@ -130,6 +127,6 @@ class SimulationError(AcausalError):
     `trajectory` holds everything computed until then and its `status` says why it stopped; None for sensitivities.
     """
 
-    def __init__(self, message: str, trajectory: Trajectory | None) -> None:
+    def __init__(self, message: str, trajectory: Any) -> None:
         super().__init__(message)
         self.trajectory = trajectory

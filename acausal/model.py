@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import ascending, finite, listed, start_mapping
+from acausal.arguments import ascending, finite, listed
 from acausal.collocation.problem import Tolerances
 from acausal.dynamics.system import mechanical_system
 from acausal.errors import LockedError, ModelError
@@ -25,6 +25,7 @@ from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.reduce.state_space import state_space, whole_state_space
 from acausal.simulate.events import when
 from acausal.start.initial import InitialState, Start, initial_state
+from acausal.start.start_values import start_mapping
 from acausal.topology.build_mechanism import build_mechanism
 
 if TYPE_CHECKING:
@@ -67,14 +68,12 @@ class Model:
     @property
     def input_names(self) -> tuple[str, ...]:
         """Names of the inputs u, in order."""
-        return tuple(self.functions.outputs.name(entry) for entry in self.system.flat.inputs)
+        return self.functions.input_names
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters p, in order; constants of integrated velocity constraints last (`initial_state` gives their values)."""
-        constants = self.functions.space.elimination.constants
-        own = tuple(self.functions.outputs.name(entry) for entry in self.system.flat.parameters)
-        return own + tuple(constants[i].name() for i in range(constants.numel()))
+        return self.functions.parameter_names
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -407,7 +406,7 @@ class Model:
         """In words: freedoms by component, states, operations, what was merged, cut and dropped, and why."""
         from acausal.explain.report import report
 
-        return report(self)
+        return report(str(self), self.functions)
 
     def constraints(self) -> ConstraintTable:
         """Every constraint: what it forbids, holonomic or not, kept or dropped; and what velocity constraints keep constant."""
@@ -425,7 +424,7 @@ class Model:
         """Write C source, header and a build line for the model's functions; returns the folder."""
         from acausal.export.c_source import export_c
 
-        return export_c(self, folder)
+        return export_c(self.functions, folder)
 
     def export_simulator(
         self, folder: str | Path, start: Start | None = None, parameters: Mapping[Parameter, float] | None = None
@@ -433,7 +432,7 @@ class Model:
         """Write a program in C that simulates the model from `start` and needs nothing else; returns the folder."""
         from acausal.export.simulator import export_simulator
 
-        return export_simulator(self, folder, start, parameters)
+        return export_simulator(self.functions, folder, self.initial_state(start, parameters=parameters))
 
     def __repr__(self) -> str:
         return f"<Model {self}>"

@@ -12,7 +12,7 @@ import pytest
 import acausal as ac
 from acausal.collocation.problem import Problem, StatusKind
 from acausal.collocation.tableau import gauss_legendre, radau_iia
-from acausal.integrators import integrate
+from acausal.integrators.integrate import integrate
 from components import Particle, Spring, World
 from tests.scenes import DoublePendulum, FourBar
 

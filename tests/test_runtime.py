@@ -15,7 +15,7 @@ import pytest
 import acausal as ac
 from acausal.collocation.problem import Problem, StatusKind
 from acausal.errors import OptionError, RoundingWarning, SimulationError
-from acausal.integrators import integrate
+from acausal.integrators.integrate import integrate
 from acausal.runtime.compiled import compile_problem
 from components import NonlinearSpring, Particle, Revolute, RigidBody, RollingDisk, Spring, Torque, World
 from tests.scenes import DoublePendulum, FourBar, chain

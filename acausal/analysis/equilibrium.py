@@ -13,12 +13,11 @@ import numpy as np
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
 from acausal.analysis.point import UNCHANGED, Differentiable, OperatingPoint, before_and_after, operating_point, start_values
-from acausal.arguments import start_mapping
 from acausal.errors import EquilibriumError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions
 from acausal.simulate.simulation import InputValue
-from acausal.start.start_values import Start, softened
+from acausal.start.start_values import Start, softened, start_mapping
 
 if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization

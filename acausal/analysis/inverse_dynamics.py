@@ -12,13 +12,13 @@ from acausal.analysis.actuation import Actuation, Unknown, actuated
 from acausal.analysis.point import operating_point, start_values
 from acausal.analysis.prescribed import Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
-from acausal.arguments import expressions, start_mapping
+from acausal.arguments import expressions
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 from acausal.simulate.simulation import InputValue, input_signal, parameter_values
-from acausal.start.start_values import Start, near, softened
+from acausal.start.start_values import Start, near, softened, start_mapping
 
 
 @dataclass(frozen=True, repr=False)

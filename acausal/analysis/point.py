@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import consistent_states, finite
+from acausal.arguments import finite
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.simulation import InputValue, input_signal, parameter_values
 from acausal.start.initial import Start, initial_state
+from acausal.start.states import consistent_states
 
 _STRIDE = 1e-3
 """Change of the fastest state, in units of 1 + its size, that is a little."""

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import consistent_states, finite, listed, whole_number
+from acausal.arguments import finite, listed, whole_number
 from acausal.charts.chart import Chart, Choice, choose_chart
 from acausal.charts.equations import ChartEquations
 from acausal.charts.manifold import Manifold, manifold
+from acausal.charts.motion import MinimalMotion, Options
 from acausal.errors import OptionError
 from acausal.language.expression import Input, Parameter, Variable
 from acausal.start.initial import InitialState, Start
+from acausal.start.states import consistent_states
 
 if TYPE_CHECKING:
-    from acausal.charts.minimal_motion import MinimalMotion
     from acausal.outputs.functions import Functions
     from acausal.simulate.simulation import InputValue
 
@@ -162,7 +163,7 @@ class MinimalModel:
         It begins at the reference of this chart, or at `start` values, at the chart's time and with its parameters. Other arguments and
         errors as for `Model.simulate`; `SimulationError` also where the motion becomes singular.
         """
-        from acausal.charts.minimal_motion import Options, simulate
+        from acausal.charts.minimal_motion import simulate
 
         options = Options(rtol, rtol if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
         return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)

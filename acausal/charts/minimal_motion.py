@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 
 from acausal.arguments import whole_number
-from acausal.charts.chart import Chart
+from acausal.charts.minimal import MinimalModel
+from acausal.charts.motion import MinimalMotion, Options
 from acausal.charts.singular_state import singular_loops
 from acausal.collocation.problem import Guards, Problem, Solution, Status, StatusKind
 from acausal.errors import OptionError, SimulationError, StartValueError
-from acausal.integrators import integrate
-from acausal.language.expression import Expression, Input
+from acausal.integrators.integrate import integrate
+from acausal.language.expression import Input
 from acausal.outputs.functions import Functions, warn_no_compiler
 from acausal.simulate.simulation import InputValue, input_signal
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import InitialState, Start, initial_state
-
-if TYPE_CHECKING:
-    from acausal.charts.minimal import MinimalModel
 
 _WORSE = 0.3
 """A chart is left when its conditioning has fallen to this part of that at the reference,"""
@@ -38,46 +34,6 @@ _MOST_FAILURES = 4
 """One after the other, until a motion is given up."""
 
 _CHART_MAY_BE_TO_BLAME = (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW, StatusKind.NOT_CONVERGED)
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to integrate; see `MinimalModel.simulate`."""
-
-    rtol: float
-    atol: float
-    method: str
-    samples: int
-    compiled: bool
-    max_steps: int
-    raise_on_failure: bool
-
-
-@dataclass(frozen=True, repr=False)
-class MinimalMotion:
-    """A motion in the states x of the model, and the `charts` it ran through, which tell when each began.
-
-    `motion[variable]` reads the `trajectory`.
-    """
-
-    trajectory: Trajectory
-    charts: tuple[Chart, ...]
-
-    @property
-    def t(self) -> np.ndarray:
-        """Times (n,) [s]."""
-        return self.trajectory.t
-
-    @property
-    def x(self) -> np.ndarray:
-        """States of the model (nx, n)."""
-        return self.trajectory.x
-
-    def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
-        return self.trajectory[wanted]
-
-    def __str__(self) -> str:
-        return "\n".join([str(self.trajectory), *(f"  {chart}" for chart in self.charts)])
 
 
 @dataclass(frozen=True)

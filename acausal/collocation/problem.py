@@ -5,13 +5,10 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 import numpy as np
-
-if TYPE_CHECKING:
-    from acausal.runtime.compiled import CompiledProblem
 
 Progress = Callable[[float], None]
 
@@ -42,7 +39,7 @@ class Problem:
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
-    functions as C; without it they run on CasADi's virtual machine. `guards`: zeros to be located.
+    functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located.
     """
 
     rhs: ca.Function
@@ -51,7 +48,7 @@ class Problem:
     inputs: Callable[[np.ndarray], np.ndarray]
     parameters: np.ndarray
     constant_inputs: np.ndarray | None = None
-    compiled: CompiledProblem | None = None
+    compiled: Any = None
     guards: Guards | None = None
 
 

@@ -1,1 +1,1 @@
-
+"""Equations of motion over the tree: kinematics forward, forces backward, energies."""

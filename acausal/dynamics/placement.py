@@ -17,8 +17,8 @@ Place = tuple[int, Pose]
 """A link (-1: the ground) and a pose in its frame."""
 
 
-class Placement:
-    """Poses and velocities of connectors over a `Kinematics`; 3-vectors are (3, 1), rotations (3, 3), SI units."""
+class TreePlacement:
+    """A `Placement` over a `Kinematics`; 3-vectors are (3, 1), rotations (3, 3), SI units."""
 
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics = kinematics

@@ -10,7 +10,7 @@ from acausal.dynamics import kernels
 from acausal.dynamics.energy import gravity_potential, kinetic_energy
 from acausal.dynamics.forward_dynamics import Wrench, zero_wrenches
 from acausal.dynamics.kinematics import Kinematics
-from acausal.dynamics.placement import Placement
+from acausal.dynamics.placement import TreePlacement
 from acausal.dynamics.tree import Tree, build_tree
 from acausal.language.flatten import FlatSystem
 from acausal.parts.force import AbstractForce
@@ -25,7 +25,7 @@ class MechanicalSystem:
     mechanism: Mechanism
     tree: Tree
     kinematics: Kinematics
-    placement: Placement
+    placement: TreePlacement
     wrenches: tuple[Wrench, ...]
 
     @property
@@ -61,7 +61,7 @@ def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
     """Symbols and forces of a mechanism."""
     tree = build_tree(mechanism, t)
     kinematics = Kinematics(tree)
-    placement = Placement(kinematics)
+    placement = TreePlacement(kinematics)
     wrenches = zero_wrenches(tree)
     for part in mechanism.forces:
         assert isinstance(part.component, AbstractForce)

@@ -1,1 +1,1 @@
-
+"""C from CasADi functions, and the compilers that take it."""

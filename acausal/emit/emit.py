@@ -8,10 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 
 from acausal.errors import ExportError
+
+EMITTER = Path(__file__)
+"""This file: whoever keeps its results depends on its content."""
 
 _UNARY = {
     ca.OP_NEG: "-{0}",

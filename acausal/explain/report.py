@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as ca
 import numpy as np
 
 from acausal.explain.row_meaning import row_meanings
-from acausal.outputs.functions import operations
+from acausal.outputs.functions import Functions, operations
 from acausal.outputs.self_stress import undetermined_reactions
 from acausal.parts.pose import symbolic
 from acausal.wording import compact, grouped
-
-if TYPE_CHECKING:
-    from acausal.model import Model
 
 _MOST_STATICS = 3_000
 _MOST_LINES = 10
 
 
-def report(model: Model) -> str:
+def report(headline: str, model: Functions) -> str:
     """Freedoms by component, states, operations; what was merged, cut and dropped, and why. Parts alike share a line."""
-    system = model.system
+    system = model.outputs.system
     mechanism = system.mechanics.mechanism
-    lines = [str(model), ""]
+    lines = [headline, ""]
     lines += _freedoms(model)
     merged = [g for g in mechanism.groups if len(g.parts) > 1]
     if merged:
@@ -36,33 +31,33 @@ def report(model: Model) -> str:
         lines.append("Held by nothing, so given a free joint of their own:")
         lines += grouped([(mechanism.groups[e.b].name, f"{e.joint.v.size} freedoms") for e in free])
     lines += _loops(model)
-    space = model.functions.space
+    space = model.space
     if space.places != tuple(range(system.x.numel())):
-        names = model.functions.tree_state_names
+        names = model.tree_state_names
         gone = [names[i] for i in range(len(names)) if i not in space.places]
         lines.append(f"In closed form from the others, so no states: {compact(gone, 12)}")
-    invariants = 0 if model.functions.invariants is None else model.functions.invariants.numel_out()
+    invariants = 0 if model.invariants is None else model.invariants.numel_out()
     if invariants:
         lines.append(
             f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions, nonlinear equations)."
         )
     lines.append(f"States: {compact(model.state_names, 12) or 'none'}")
-    lines.append(f"Operations: {operations(model.functions.explicit_dynamics)} for the rates of all states.")
+    lines.append(f"Operations: {operations(model.explicit_dynamics)} for the rates of all states.")
     return "\n".join(lines)
 
 
-def _freedoms(model: Model) -> list[str]:
-    system = model.system
+def _freedoms(model: Functions) -> list[str]:
+    system = model.outputs.system
     held = f" and {system.scalar.rows} by sources or gears on their flanges" if system.scalar.rows else ""
     rows = [
-        f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops{held}, are {model.degrees_of_freedom}."
+        f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops{held}, are {model.outputs.system.degrees_of_freedom}."
     ]
     configuration = int(
         system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints)
     )
     holonomic = sum(".rolling[" not in name for name in system.constraints.kept)
     configuration -= system.scalar.position.numel()
-    if configuration - holonomic != model.degrees_of_freedom:
+    if configuration - holonomic != model.outputs.system.degrees_of_freedom:
         rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
     return rows + grouped(
         [
@@ -72,8 +67,8 @@ def _freedoms(model: Model) -> list[str]:
     )
 
 
-def _loops(model: Model) -> list[str]:
-    system = model.system
+def _loops(model: Functions) -> list[str]:
+    system = model.outputs.system
     constraints = system.constraints
     if not constraints.loops:
         return []
@@ -105,9 +100,9 @@ def _loops(model: Model) -> list[str]:
     return lines
 
 
-def _overconstrained(model: Model, dropped: int) -> list[str]:
+def _overconstrained(model: Functions, dropped: int) -> list[str]:
     """How much of the freedom is owed to exact dimensions."""
-    system = model.system
+    system = model.outputs.system
     rows = sum(len(r.names) + len(r.dropped) for r in system.constraints.loops)
     counted = system.tree_velocities - rows
     return [
@@ -115,9 +110,9 @@ def _overconstrained(model: Model, dropped: int) -> list[str]:
     ]
 
 
-def _undetermined(model: Model) -> list[str]:
+def _undetermined(model: Functions) -> list[str]:
     """Which reactions the motion of rigid bodies leaves open."""
-    system = model.system
+    system = model.outputs.system
     rows = sum(len(r.names) + len(r.dropped) for r in system.constraints.loops)
     if rows * len(system.mechanics.tree.links) > _MOST_STATICS:
         return ["  Reactions along redundant directions are not determined by rigid bodies; the smallest set is given."]
@@ -130,9 +125,9 @@ def _undetermined(model: Model) -> list[str]:
     ]
 
 
-def planar_normal(model: Model) -> np.ndarray | None:
+def planar_normal(model: Functions) -> np.ndarray | None:
     """Unit vector (3,) in the world to which all joints in the loops are parallel hinges at the start; None if there is none."""
-    system = model.system
+    system = model.outputs.system
     if not system.constraints.loops:
         return None
     joints = [item.edge.joint for item in system.tree_joints] + [rows.edge.joint for rows in system.constraints.loops]

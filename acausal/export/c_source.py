@@ -8,15 +8,12 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from acausal.emit.compiler import compiler, run_compiler, shared_library_suffix
 from acausal.errors import ExportError
-
-if TYPE_CHECKING:
-    from acausal.model import Model
+from acausal.outputs.functions import Functions
 
 _README = """\
 {title}: C code of a reduced mechanical model
@@ -33,7 +30,7 @@ Work space: `f_work(&sz_arg, &sz_res, &sz_iw, &sz_w)`. A NULL result is not comp
 """
 
 
-def export_c(model: Model, folder: str | Path) -> Path:
+def export_c(model: Functions, folder: str | Path) -> Path:
     """Write model.c, model.h, model.json (names, sizes, parameter values) and README.txt with a build line.
 
     The C is plain C99 with libm and needs nothing of acausal or CasADi. Raises `ExportError` when a file cannot be written.
@@ -50,12 +47,12 @@ def export_c(model: Model, folder: str | Path) -> Path:
             for name in ("model.c", "model.h"):
                 shutil.copy(Path(scratch) / name, target / name)
         facts = {
-            "title": model.system.flat.name,
+            "title": model.outputs.system.flat.name,
             "functions": [f.name() for f in functions],
             "states": list(model.state_names),
             "inputs": list(model.input_names),
             "parameters": list(model.parameter_names),
-            "parameter_values": model.functions.space.p_values.tolist(),
+            "parameter_values": model.space.p_values.tolist(),
         }
         (target / "model.json").write_text(json.dumps(facts, indent=2), encoding="utf-8")
         text = _README.format(
@@ -68,8 +65,7 @@ def export_c(model: Model, folder: str | Path) -> Path:
     return target
 
 
-def _exported(model: Model) -> list[ca.Function]:
-    f = model.functions
+def _exported(f: Functions) -> list[ca.Function]:
     found = [
         f.explicit_dynamics,
         f.residual_dynamics,

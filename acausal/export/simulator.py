@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,15 +15,12 @@ from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia
 from acausal.emit.compiler import RUNTIME
 from acausal.emit.emit import Source, emit, translation_units
 from acausal.errors import ExportError
-from acausal.integrators.rates import copied_states
-from acausal.language.expression import Parameter
+from acausal.numerics.kernel import copied_states
+from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.compiled import directional_derivative, projection_with_invariants
 from acausal.simulate.simulation import input_signal
-from acausal.start.initial import Start
-
-if TYPE_CHECKING:
-    from acausal.model import Model
+from acausal.start.initial import InitialState
 
 PROGRAM = Path(__file__).resolve().parent / "program"
 """Folder of the C sources that are the same for all models."""
@@ -54,24 +51,21 @@ runtime.h, runtime.c      the integrators; the other headers belong to them
 """
 
 
-def export_simulator(
-    model: Model, folder: str | Path, start: Start | None = None, parameters: Mapping[Parameter, float] | None = None
-) -> Path:
+def export_simulator(model: Functions, folder: str | Path, initial: InitialState) -> Path:
     """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
 
-    `start`, `parameters`: what it starts from, as for `simulate`. The numbers are those of `model.simulate` with method "gauss" or
-    "radau", to the bit where compiler and processor are the same. Raises `StartValueError` and others as `simulate` does, and
+    `initial`: what it starts from, with the values of its parameters. The numbers are those of `model.simulate` with method "gauss" or
+    "radau", to the bit where compiler and processor are the same. Raises
     `ExportError` for functions that have no C, and when a file cannot be written.
     """
     target = Path(folder)
-    initial = model.initial_state(start, parameters=parameters)
     facts = _Facts(
-        title=model.system.flat.name,
+        title=model.outputs.system.flat.name,
         states=model.state_names,
         inputs=model.input_names,
         parameters=model.parameter_names,
         start=tuple(initial.x.tolist()),
-        input_values=tuple(input_signal(model.functions, {})(np.zeros(1))[:, 0].tolist()),
+        input_values=tuple(input_signal(model, {})(np.zeros(1))[:, 0].tolist()),
         parameter_values=tuple(initial.p.tolist()),
     )
     heading = f"{facts.title}: a simulator in C"
@@ -105,9 +99,8 @@ class _Facts:
     parameter_values: tuple[float, ...]
 
 
-def _model_c(model: Model, facts: _Facts) -> str:
+def _model_c(f: Functions, facts: _Facts) -> str:
     """Kernels, names and values of a model; what model.h and simulator.h declare."""
-    f = model.functions
     rhs = f.explicit_dynamics
     sources = [
         emit(rhs, "model_rhs", parameters=(3,)),

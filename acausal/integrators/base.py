@@ -7,11 +7,11 @@ import functools
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
-import acausal.integrators as package
 from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
 from acausal.errors import OptionError
 
@@ -37,7 +37,7 @@ class AbstractIntegrator(ABC):
 def integrators() -> dict[str, type[AbstractIntegrator]]:
     """All integrators of this package by name."""
     found: dict[str, type[AbstractIntegrator]] = {}
-    for module in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+    for module in pkgutil.iter_modules([str(Path(__file__).parent)], __name__.rpartition(".")[0] + "."):
         for item in vars(importlib.import_module(module.name)).values():
             if isinstance(item, type) and issubclass(item, AbstractIntegrator) and item is not AbstractIntegrator:
                 found[item.name] = item

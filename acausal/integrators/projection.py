@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acausal.collocation.problem import Problem
-from acausal.integrators.rates import Kernel
+from acausal.numerics.kernel import Kernel
 
 _EPS = float(np.finfo(float).eps)
 

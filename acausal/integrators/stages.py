@@ -10,7 +10,8 @@ import numpy as np
 from acausal.collocation.problem import Problem
 from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.integrators.convergence import Convergence, Verdict
-from acausal.integrators.rates import Jacobian, Rates, copied_states
+from acausal.integrators.rates import Jacobian, Rates
+from acausal.numerics.kernel import copied_states
 
 _EPS = float(np.finfo(float).eps)
 

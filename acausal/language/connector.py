@@ -7,12 +7,9 @@ domains are pairs of one potential and one flow.
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 from acausal.language.expression import Symbol, Variable
-
-if TYPE_CHECKING:
-    from acausal.language.component import Component
 
 
 class Quantity(Symbol):
@@ -37,9 +34,7 @@ class Connector:
 
     domain: ClassVar[str] = "abstract"
 
-    def __init__(
-        self, owner: Component | None = None, name: str = "", *, must_connect: bool = False, if_unconnected: str = ""
-    ) -> None:
+    def __init__(self, owner: Any = None, name: str = "", *, must_connect: bool = False, if_unconnected: str = "") -> None:
         self.owner = owner
         self.name = name
         self.must_connect = must_connect
@@ -62,9 +57,7 @@ class Connector:
             return self
         own = instance.__dict__.get(self.name)
         if own is None:
-            own = type(self)(
-                cast("Component", instance), self.name, must_connect=self.must_connect, if_unconnected=self.if_unconnected
-            )
+            own = type(self)(instance, self.name, must_connect=self.must_connect, if_unconnected=self.if_unconnected)
             instance.__dict__[self.name] = own
         return own
 

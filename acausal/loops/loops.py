@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.placement import Place, Placement
+from acausal.dynamics.placement import Place, TreePlacement
 from acausal.errors import ModelError
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, cleaned, product, symbolic
@@ -34,7 +34,7 @@ class LoopRows:
     dropped_basis: ca.SX
 
 
-def loop_rows(edge: Edge[AbstractConstraint], placement: Placement) -> LoopRows:
+def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopRows:
     """The rows of a cut joint. Cost: linear in the length of the loop."""
     joint, t = edge.joint, placement.t
     X = relative_pose(edge, placement)
@@ -86,7 +86,7 @@ def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:
     return ca.densify(ca.substitute(ca.substitute(rate, R, symbolic(X.rotation)), p, symbolic(X.position)))
 
 
-def mounted_places(edge: Edge[AbstractConstraint], placement: Placement) -> tuple[Place, Place]:
+def mounted_places(edge: Edge[AbstractConstraint], placement: TreePlacement) -> tuple[Place, Place]:
     """Places of frame_a and frame_b turned by the joint's mounting; constants without rounding errors, so that they fold.
 
     A point has no orientation: its frame is taken along that of the other end.
@@ -99,24 +99,24 @@ def mounted_places(edge: Edge[AbstractConstraint], placement: Placement) -> tupl
     return (_along(a, b, placement), b) if _is_point(edge.a, placement) else (a, b)
 
 
-def _is_point(group: int, placement: Placement) -> bool:
+def _is_point(group: int, placement: TreePlacement) -> bool:
     return placement.kinematics.tree.mechanism.groups[group].kind == "point"
 
 
-def _along(place: Place, other: Place, placement: Placement) -> Place:
+def _along(place: Place, other: Place, placement: TreePlacement) -> Place:
     """A place turned to the axes of another one."""
     (link, pose), (other_link, other_pose) = place, other
     between = placement.kinematics.relative_pose(link, other_link)
     return link, Pose(product(between.rotation, other_pose.rotation), pose.position)
 
 
-def relative_pose(edge: Edge[AbstractConstraint], placement: Placement) -> Pose:
+def relative_pose(edge: Edge[AbstractConstraint], placement: TreePlacement) -> Pose:
     """X_ab of the mounted places."""
     X = placement.between(*mounted_places(edge, placement))
     return Pose(np.eye(3), X.position) if _is_point(edge.a, placement) or _is_point(edge.b, placement) else X
 
 
-def relative_twist(edge: Edge[AbstractConstraint], placement: Placement, X: Pose) -> tuple[ca.SX, ca.SX]:
+def relative_twist(edge: Edge[AbstractConstraint], placement: TreePlacement, X: Pose) -> tuple[ca.SX, ca.SX]:
     """Angular velocity and velocity of mounted place b against a, in b, for their relative pose X."""
     R, p = symbolic(X.rotation), symbolic(X.position)
     (w_a, v_a), (w_b, v_b) = (placement.twist(place) for place in mounted_places(edge, placement))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from acausal.integrators.rates import Kernel
 from acausal.loops.loop_groups import LoopGroup
+from acausal.numerics.kernel import Kernel
 
 _CLOSED = 1e-8
 _CLOSE_ENOUGH = 1e-11

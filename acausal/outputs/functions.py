@@ -41,6 +41,18 @@ class Functions:
         return tuple(names[i] for i in self.space.places)
 
     @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs u, in order."""
+        return tuple(self.outputs.name(entry) for entry in self.outputs.system.flat.inputs)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters p, in order; constants of integrated velocity constraints last."""
+        constants = self.space.elimination.constants
+        own = tuple(self.outputs.name(entry) for entry in self.outputs.system.flat.parameters)
+        return own + tuple(constants[i].name() for i in range(constants.numel()))
+
+    @property
     def tree_state_names(self) -> tuple[str, ...]:
         """Names of all states of the reduced system, also of those that follow from x."""
         names: list[str] = []

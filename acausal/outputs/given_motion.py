@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -13,9 +12,6 @@ from acausal.errors import JumpWarning, ParameterError
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
 from acausal.outputs.outputs import Outputs
-
-if TYPE_CHECKING:
-    from acausal.outputs.functions import Functions
 
 _SWITCHES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
 _SAMPLES = 1001
@@ -52,12 +48,12 @@ def given_motions(outputs: Outputs) -> tuple[GivenMotion, ...]:
     return tuple(found)
 
 
-def check_given_motions(functions: Functions, t0: float, t1: float, p: np.ndarray, stacklevel: int) -> None:
+def check_given_motions(motions: tuple[GivenMotion, ...], t0: float, t1: float, p: np.ndarray, stacklevel: int) -> None:
     """Raises `ParameterError` for a given motion without a value at t0 [s]; warns (`JumpWarning`) of jumps from t0 to t1.
 
     Switches are sampled and bisected to neighbouring numbers: a jump is what is left there.
     """
-    for motion in functions.given_motions:
+    for motion in motions:
         _check_value(motion, np.array(motion.course(t0, p)).ravel(), t0)
         if motion.switches is not None and t1 > t0:
             _warn_of_jump(motion, motion.switches, t0, t1, p, stacklevel + 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -15,7 +16,6 @@ from acausal.outputs.reactions import Reactions
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import symbolic
 from acausal.reduce.reduce import ReducedSystem
-from acausal.start.initial import StartProblem
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Outputs:
     system: ReducedSystem
 
     @functools.cached_property
-    def start_problems(self) -> dict[tuple[tuple[Expression, bool], ...], StartProblem]:
-        """Searches for start values that have been made, by variables and whether they are met exactly."""
+    def start_problems(self) -> dict[tuple[tuple[Expression, bool], ...], Any]:
+        """Searches for start values that have been made (see `acausal.start`), by variables and whether they are met exactly."""
         return {}
 
     @functools.cached_property

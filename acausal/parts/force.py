@@ -8,9 +8,9 @@ from typing import Any, final
 
 import casadi as ca
 
-from acausal.dynamics.placement import Placement
 from acausal.language.component import Component
 from acausal.language.connector import Point
+from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 
 

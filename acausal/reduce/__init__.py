@@ -1,1 +1,1 @@
-
+"""The reduced system: least states, elimination, invariants."""

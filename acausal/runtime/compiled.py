@@ -28,7 +28,7 @@ from acausal.collocation.problem import (
 )
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
-from acausal.integrators.rates import copied_states
+from acausal.numerics.kernel import copied_states
 from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import casadi as ca
 
 from acausal.emit.compiler import RUNTIME, cached_library, compiler
-from acausal.emit.emit import emit, translation_units
+from acausal.emit.emit import EMITTER, emit, translation_units
 from acausal.errors import ExportError
 
 
@@ -78,9 +78,7 @@ def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
 @functools.cache
 def _sources() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
-    import acausal.emit.emit as emitter
-
-    files = [RUNTIME / "lanes.h", RUNTIME / "vector_math.h", Path(emitter.__file__)]
+    files = [RUNTIME / "lanes.h", RUNTIME / "vector_math.h", EMITTER]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 

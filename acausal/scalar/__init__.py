@@ -1,1 +1,1 @@
-"""Reduction of general scalar equations: aliases, index reduction, block lower triangular form, tearing, symbolic solution."""
+"""Scalar equations: aliases, index reduction, block lower triangular form, tearing, and their coupling with mechanics."""

@@ -10,10 +10,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary, finite, listed, shown, start_mapping, truth, whole_number
+from acausal.arguments import dictionary, finite, listed, shown, truth, whole_number
 from acausal.collocation.problem import Guards, Problem, StatusKind, Tolerances
 from acausal.errors import OptionError, ParameterError, SimulationError, UnknownVariableError
-from acausal.integrators import integrate
+from acausal.integrators.integrate import integrate
 from acausal.language.component import Component
 from acausal.language.expression import Input, Parameter, number
 from acausal.language.origin import origin
@@ -24,6 +24,7 @@ from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import failure, warn_if_outside, warn_if_singular
 from acausal.start.initial import Start, initial_state
+from acausal.start.start_values import start_mapping
 
 _INPUTS = "{scene.torque: lambda t: np.sin(t)}"
 InputValue = float | Callable[[float], float]
@@ -85,7 +86,7 @@ def simulate(
     options = options.checked()
     problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
     p, space = problem.parameters, functions.space
-    check_given_motions(functions, t0, t1, p, stacklevel=4)
+    check_given_motions(functions.given_motions, t0, t1, p, stacklevel=4)
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)

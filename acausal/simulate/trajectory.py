@@ -6,22 +6,18 @@ import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from acausal.collocation.problem import Solution, Statistics, Status
+from acausal.collocation.problem import Problem, Solution, Statistics, Status
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Symbol
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.simulate.events import Event, when
 from acausal.start.initial import InitialState
-
-if TYPE_CHECKING:
-    from acausal.errors import OptionError
-from acausal.collocation.problem import Problem
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
-from acausal.integrators.rates import Kernel
 from acausal.language.expression import Expression, Symbol
+from acausal.numerics.kernel import Kernel
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
 from acausal.start.coordinates import Coordinates, coordinates

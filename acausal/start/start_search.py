@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.integrators.rates import Kernel
 from acausal.numerics.assembly import Assembled, Residual, assemble
+from acausal.numerics.kernel import Kernel
 
 _EDGE = 1e-9
 """Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding."""

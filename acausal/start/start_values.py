@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,15 @@ class near:
 
 
 Start = Mapping[Expression, Value | exactly | near]
+
+
+def start_mapping(value: Any) -> Start:
+    """Start values. Raises `StartValueError` for what is no dictionary."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise StartValueError(f"start is {value!r}. Give a dictionary of variables and values, start={{scene.hinge.q: 0.3}}.")
+    return value
 
 
 def softened(start: Start) -> dict[Expression, Value | exactly | near]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
+from acausal.language.expression import Expression
+from acausal.outputs.outputs import Outputs
 from acausal.parts.force import AbstractLineForce
 from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose, symbolic
@@ -15,22 +17,39 @@ from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
 from acausal.visual.shapes import Polygon, Rod, Shape
 
-if TYPE_CHECKING:
-    from acausal.outputs.outputs import Outputs
-    from acausal.simulate.trajectory import Trajectory
-
 _MOST_FRAMES = 3000
 
 
-def animation_of(run: Trajectory, *, speed: float | None = None) -> Animation:
+class Motion(Protocol):
+    """What is drawn of: expressions of one scene, `outputs`, at times `t` (n,) [s]."""
+
+    @property
+    def outputs(self) -> Outputs:
+        """Translates expressions."""
+        ...
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times (n,) [s]."""
+        ...
+
+    def at(self, times: np.ndarray) -> Motion:
+        """The same motion at other times."""
+        ...
+
+    def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray: ...
+
+
+def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     """Bodies by their shapes, joints, line forces and the longest trails of a motion.
 
     `speed`: shown against real time; by default 1, slower for motions of less than two seconds. 60 frames a shown second.
     """
-    span = float(run.solution.t[-1] - run.solution.t[0])
+    begin, end = float(run.t[0]), float(run.t[-1])
+    span = end - begin
     pace = speed if speed is not None else 1.0 if span >= 2 else max(span, 1e-9) / 8
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
-    moving = run.at(np.linspace(run.solution.t[0], run.solution.t[-1], frames))
+    moving = run.at(np.linspace(begin, end, frames))
     bodies = _bodies(moving)
     links = tuple(
         _link(moving, part.path, part.component)
@@ -49,7 +68,7 @@ def animation_of(run: Trajectory, *, speed: float | None = None) -> Animation:
     return Animation(run.outputs.system.flat.name, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
 
 
-def _poses(run: Trajectory, poses: list[Pose]) -> tuple[np.ndarray, np.ndarray]:
+def _poses(run: Motion, poses: list[Pose]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (k, n, 3) and rotations (k, n, 3, 3) of symbolic poses along a motion, in one evaluation."""
     columns = [ca.vertcat(symbolic(X.position), ca.vec(symbolic(X.rotation))) for X in poses]
     values = run[ca.vertcat(*columns)] if columns else np.zeros((run.t.size, 0))
@@ -75,7 +94,7 @@ def _quaternions(R: np.ndarray) -> np.ndarray:
     return q * np.cumprod(flips)[:, None]
 
 
-def _bodies(run: Trajectory) -> tuple[MovingBody, ...]:
+def _bodies(run: Motion) -> tuple[MovingBody, ...]:
     mechanics = run.outputs.system.mechanics
     names: list[str] = []
     shapes: list[tuple[Shape, ...]] = []
@@ -112,12 +131,12 @@ def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:
     return (Polygon(tuple(unique)),) if unique else ()
 
 
-def _link(run: Trajectory, name: str, force: AbstractLineForce) -> MovingLink:
+def _link(run: Motion, name: str, force: AbstractLineForce) -> MovingLink:
     kind = "damper" if force.potential(ca.SX.sym("length")).is_zero() else "spring"
     return MovingLink(name, kind, run[force.point_a.position], run[force.point_b.position])
 
 
-def _joints(run: Trajectory) -> tuple[JointMarker, ...]:
+def _joints(run: Motion) -> tuple[JointMarker, ...]:
     mechanics = run.outputs.system.mechanics
     joints = [(item.edge.name, item.edge.joint) for item in mechanics.tree.joints if not item.edge.implicit]
     joints += [(cut.name, cut.joint) for cut in mechanics.mechanism.cuts if isinstance(cut.joint, AbstractJoint)]

@@ -8,12 +8,12 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.placement import Placement
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Scalar, leaves, of_time, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.force import AbstractForce, Action
+from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 
 _UNCONNECTED = "It acts on nothing: connect it to a body."

@@ -1,0 +1,1 @@
+"""Collocation as values: tableaus, the problem, the solution."""

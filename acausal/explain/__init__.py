@@ -1,0 +1,1 @@
+"""What the reduction found, in words and tables."""

@@ -1,0 +1,1 @@
+"""Closed loops: rows, groups, redundancy, mobility, singular positions, forces."""

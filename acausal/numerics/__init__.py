@@ -1,0 +1,1 @@
+"""Decisions by numbers: solvers, ranks, kernels for values; knows no model."""

@@ -1,0 +1,68 @@
+"""CasADi functions on arrays that stay where they are: no conversion and no copy per call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+import casadi as ca
+import numpy as np
+
+
+class Kernel:
+    """A CasADi function of one result, bound to its argument arrays and to `result`; calling it fills `result`.
+
+    The arrays are column-major as CasADi sees them, so a numpy array (m, n) is a CasADi matrix (n, m). Not for two threads.
+    """
+
+    def __init__(self, function: ca.Function, arguments: Sequence[np.ndarray], result: np.ndarray) -> None:
+        function = dense(function)
+        buffer, run = cast(Any, function.buffer())  # CasADi's stub leaves the size argument out
+        for i, array in enumerate(arguments):
+            buffer.set_arg(i, array.data)
+        buffer.set_res(0, result.data)
+        self.result = result
+        self.run = run
+        self.arguments = tuple(arguments)
+        self._alive = (function, buffer)  # their addresses are in use
+
+    @staticmethod
+    def of(function: ca.Function) -> Kernel:
+        """A kernel of a function of one column, with arrays of its own; see `at`."""
+        return Kernel(function, (np.empty(function.size1_in(0)),), np.empty(function.numel_out(0)))
+
+    def at(self, argument: np.ndarray) -> np.ndarray:
+        """The result for a value of the first argument; the array is used again by the next call."""
+        self.arguments[0][:] = argument
+        return self()
+
+    def __call__(self) -> np.ndarray:
+        self.run()
+        return self.result
+
+
+def dense(function: ca.Function) -> ca.Function:
+    """The same function without structural zeros in its first result: `buffer` moves stored entries only."""
+    if function.nnz_out(0) == function.numel_out(0):
+        return function
+    symbols = arguments(function)
+    return ca.Function(function.name(), symbols, [ca.densify(function.call(symbols)[0])])
+
+
+def arguments(function: ca.Function) -> list[Any]:
+    """Fresh symbols for all arguments: SX for an SX function, MX for any other."""
+    kind = ca.SX if function.is_a("SXFunction") else ca.MX
+    return [kind.sym(f"a{i}", *function.size_in(i)) for i in range(function.n_in())]
+
+
+def copied_states(rhs: ca.Function) -> list[tuple[int, int]]:
+    """Pairs (i, j) of states with x_i' = x_j as it stands, such as positions and velocities. Empty for a function that is not SX."""
+    if not rhs.is_a("SXFunction"):
+        return []
+    symbols = arguments(rhs)
+    x, rate = symbols[1], ca.densify(rhs.call(symbols)[0])
+    place = {e.element_hash(): j for j, e in enumerate(ca.vertsplit(x))} if x.numel() else {}
+    rows = [(i, e) for i, e in enumerate(ca.vertsplit(rate)) if e.is_symbolic()] if x.numel() else []
+    pairs = [(i, place[e.element_hash()]) for i, e in rows if e.element_hash() in place]
+    sources = {j for _, j in pairs}
+    return [(i, j) for i, j in pairs if i not in sources]

@@ -1,0 +1,1 @@
+"""Any expression of a scene by time, states, inputs and parameters, and the functions that give it."""

@@ -1,0 +1,1 @@
+"""Runs: from start values to a trajectory, events, sensitivities, and what went wrong."""

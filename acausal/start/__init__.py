@@ -1,0 +1,1 @@
+"""How a motion begins: start values, assembly, branches, and what is said of them."""
