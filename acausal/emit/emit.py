@@ -1,6 +1,7 @@
 """C source of `SX` functions, one statement an operation, for values in lanes (see `acausal/runtime/lanes.h`).
 
-The same text is compiled for one lane or for many, and rounds alike: contractions are chosen here, not by the compiler.
+The same text is compiled for one lane or for many, and rounds alike. Products and sums are not contracted: where a factor of 1 is folded
+away and one of 4 is not, contractions would round a scene in other units differently, though powers of two are exact.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ class Source:
     work: int
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Value:
     """A value in static single assignment: how it is made from others (`code`, `args`), or a constant `number`, or an input `place`."""
 
@@ -85,18 +86,12 @@ class _Value:
     place: int = 0
 
 
-_FUSED = -1
-"""Code of a fused multiply-add; `number` 1: a b + c, 2: a b - c, 3: c - a b."""
-_FUSIONS = {1: "v_fma({0}, {1}, {2})", 2: "v_fma({0}, {1}, -{2})", 3: "v_fma(-{0}, {1}, {2})"}
-
-
 def emit(function: ca.Function, name: str, *, parameters: tuple[int, ...] = (), chunk: int = _CHUNK) -> Source:
     """C of an `SX` function. `parameters`: numbers of the arguments that seldom change; what depends on them only is computed once.
 
     Raises `ExportError` for an operation that has no C, and for functions that cannot be expanded to `SX`.
     """
     values, results = _read(function, name)
-    _fuse(values, results)
     offsets = [sum(function.nnz_in(k) for k in range(i)) for i in range(function.n_in() + 1)]
     seldom = {place for i in parameters for place in range(offsets[i], offsets[i + 1])}
     needed = _needed(values, results)
@@ -170,29 +165,6 @@ def _read(function: ca.Function, name: str) -> tuple[list[_Value], list[tuple[in
 def _name(code: int) -> str:
     found = [n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == code]
     return f"the operation {found[0][3:].lower()}" if found else f"operation number {code}"
-
-
-def _fuse(values: list[_Value], results: list[tuple[int, int]]) -> None:
-    """Turn products that are used once, by a sum or a difference, into fused multiply-adds."""
-    uses = [0] * len(values)
-    for value in values:
-        for a in value.args:
-            uses[a] += 1
-    for _, v in results:
-        uses[v] += 1
-    for value in values:
-        if value.code not in (ca.OP_ADD, ca.OP_SUB):
-            continue
-        left, right = value.args
-        for product, other, kind in (
-            (left, right, 1 if value.code == ca.OP_ADD else 2),
-            (right, left, 1 if value.code == ca.OP_ADD else 3),
-        ):
-            source = values[product]
-            if source.code in _MULTIPLY and uses[product] == 1:
-                value.code, value.number = _FUSED, kind
-                value.args = (source.args[0], source.args[-1], other)
-                break
 
 
 def _needed(values: list[_Value], results: list[tuple[int, int]]) -> list[bool]:
@@ -326,8 +298,6 @@ def _sines_and_cosines(values: list[_Value], part: list[int]) -> dict[int, tuple
 
 
 def _formula(values: list[_Value], value: _Value, arguments: list[str]) -> str:
-    if value.code == _FUSED:
-        return _FUSIONS[int(value.number)].format(*arguments)
     if value.code == ca.OP_CONSTPOW:
         short = _power(arguments[0], values[value.args[1]].number)
         if short is not None:

@@ -1,0 +1,86 @@
+"""What holds in metres holds in millimetres: scenes in other units, elsewhere and turned move as their originals do.
+
+Factors that are powers of four are exact in binary numbers, and so are their square roots: then every bit is the same, unless a
+number with a unit is compared somewhere with one without.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from tests.scenes import rotation
+from tests.similar import SCENES, Similar, Units
+
+RTOL = 1e-10
+
+
+@functools.cache
+def original(name: str) -> tuple[Similar, ac.Model, np.ndarray]:
+    """A scene in metres, kilograms and seconds, and what is seen of its motion."""
+    return _moved(name, Units())
+
+
+def _moved(name: str, of: Units) -> tuple[Similar, ac.Model, np.ndarray]:
+    similar = SCENES[name](of)
+    model = ac.build(similar.scene)
+    run = model.simulate(similar.end, similar.start, rtol=RTOL, samples=7, progress=False)
+    return similar, model, similar.numbers(run)
+
+
+def _same_decisions(one: ac.Model, other: ac.Model) -> None:
+    a, b = one.system.constraints, other.system.constraints
+    assert one.degrees_of_freedom == other.degrees_of_freedom
+    assert one.state_names == other.state_names
+    assert (a.redundant, a.vanishing, a.jacobian.shape) == (b.redundant, b.vanishing, b.jacobian.shape)
+
+
+POWERS = {"length": (-15, -3, 2, 15), "mass": (-15, 15), "time": (-4, 1, 9)}
+
+
+@pytest.mark.parametrize("quantity", POWERS)
+@pytest.mark.parametrize("name", SCENES)
+def test_same_bits_in_units_of_powers_of_four(name: str, quantity: str) -> None:
+    _, model, numbers = original(name)
+    powers = POWERS[quantity]
+    _, scaled, found = _moved(name, Units(**{quantity: 4.0 ** powers[len(name) % len(powers)]}))
+    _same_decisions(model, scaled)
+    assert np.array_equal(found, numbers), np.max(np.abs(found - numbers))
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        Units(length=1e-9, mass=1e9),
+        Units(length=3e4, time=1e-3),
+        Units(length=1e-3, mass=1e-6, time=10.0),
+        Units(length=1e9, mass=1e-9, time=3e5),
+    ],
+    ids=["nm", "km", "mm", "Gm"],
+)
+@pytest.mark.parametrize("name", SCENES)
+def test_other_units_move_alike(name: str, of: Units) -> None:
+    similar, model, numbers = original(name)
+    _, scaled, found = _moved(name, of)
+    _same_decisions(model, scaled)
+    assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * RTOL
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_turned_scenes_move_alike(name: str) -> None:
+    similar, model, numbers = original(name)
+    _, turned, found = _moved(name, Units(place=(rotation(len(name)), np.zeros(3))))
+    _same_decisions(model, turned)
+    assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * RTOL
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_far_away_move_alike(name: str) -> None:
+    """At a million times their size from the origin: places are rounded to 1e-10 of the size there."""
+    similar, model, numbers = original(name)
+    _, moved, found = _moved(name, Units(place=(np.eye(3), np.array([1e6, 2e5, -3e5]))))
+    _same_decisions(model, moved)
+    assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * (RTOL + 1e6 * np.finfo(float).eps)
