@@ -7,6 +7,7 @@ from acausal.language.connector import Electrical, Frame, Point, Rotational, Sig
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.model import Model, build
+from acausal.moved import answer_to_old_names
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 
@@ -37,3 +38,5 @@ __all__ = [
     "time",
     "when",
 ]  # fmt: skip
+
+answer_to_old_names()

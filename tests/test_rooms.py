@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pytest
 import acausal
 
 FLOORS = (
-    ("errors", "wording"),
+    ("errors", "wording", "moved"),
     ("language",),
     ("arguments",),
     ("numerics",),
@@ -100,3 +102,14 @@ def test_components_know_authors_rooms_only() -> None:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
             if isinstance(node, ast.ImportFrom)
         }, f"{file} imports components"
+
+
+@pytest.mark.parametrize(
+    ("old", "name"),
+    [("acausal.mechanics.joint", "AbstractJoint"), ("acausal.mechanics.pose", "Pose"), ("acausal.trajectory", "Trajectory")],
+)
+def test_old_module_names_answer_with_a_warning(old: str, name: str) -> None:
+    sys.modules.pop(old, None)
+    with pytest.warns(DeprecationWarning, match=f"{old} is acausal."):
+        found = importlib.import_module(old)
+    assert vars(found)[name].__name__ == name
