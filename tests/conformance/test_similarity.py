@@ -84,3 +84,36 @@ def test_scenes_far_away_move_alike(name: str) -> None:
     _, moved, found = _moved(name, Units(place=(np.eye(3), np.array([1e6, 2e5, -3e5]))))
     _same_decisions(model, moved)
     assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * (RTOL + 1e6 * np.finfo(float).eps)
+
+
+SMALL = Units(length=4.0**-10, mass=4.0**-7, time=4.0**-5)
+"""A millionth of the size, a ten thousandth of the mass, and a thousandth of the time: the same gravity."""
+PAIRS = [
+    ("double_pendulum", "double_pendulum"),
+    ("four_bar", "stewart_platform"),
+    ("stewart_platform", "four_bar"),
+    ("rolling_disk", "rods_in_space"),
+    ("geared_pendulums", "screw_press"),
+    ("two_four_bars", "slider_crank"),
+    ("slider_crank", "two_four_bars"),
+    ("orthogonal_linkage", "sarrus_linkage"),
+    ("bennett_linkage", "bennett_linkage"),
+]
+
+
+@pytest.mark.parametrize(("big", "small"), PAIRS)
+def test_scenes_of_different_size_in_one_system_move_as_each_alone(big: str, small: str) -> None:
+    one, other = SCENES[big](Units()), SCENES[small](SMALL)
+    scene = ac.System()
+    scene.big, scene.small = one.scene, other.scene
+    model = ac.build(scene)
+    end = min(one.end, other.end)
+    run = model.simulate(end, {**one.start, **other.start}, rtol=RTOL, samples=5, progress=False)
+    freedoms = 0
+    for similar, make, of in ((one, SCENES[big], Units()), (other, SCENES[small], SMALL)):
+        alone = make(of)
+        apart = ac.build(alone.scene)
+        freedoms += apart.degrees_of_freedom
+        expected = alone.numbers(apart.simulate(end, alone.start, rtol=RTOL, samples=5, progress=False))
+        assert np.max(np.abs(similar.numbers(run) - expected)) < 1e2 * similar.growth * RTOL
+    assert model.degrees_of_freedom == freedoms
