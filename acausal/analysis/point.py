@@ -55,10 +55,10 @@ def operating_point(
 def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:
     """All coordinates, velocities and scalar states of the states x (nx,), as start values of a simulation."""
     s = functions.outputs.system
-    rates, last = x[s.nq : s.nq + s.tree_velocities], x[s.nq + s.tree_velocities :]
+    rates = x[s.nq : s.nq + s.tree_velocities]
     values: dict[Expression, np.ndarray] = {joint.edge.joint.q: x[joint.q] for joint in s.tree_joints}
     values |= {joint.edge.joint.v: rates[joint.v] for joint in s.tree_joints}
-    values |= {state: last[[i]] for i, state in enumerate(s.scalar_states)}
+    values |= {state: x[[i]] for i, state in zip(s.scalar_places, s.scalar_states, strict=True)}
     return {key: value for key, value in values.items() if value.size}
 
 

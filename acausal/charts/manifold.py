@@ -61,7 +61,7 @@ class Manifold:
     def _samples(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """`_slopes` at some assembled configurations."""
         s = self.functions.outputs.system
-        found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
+        found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.closed_positions]
         return [np.array(position) for position, _ in found], [np.array(rate) for _, rate in found]
 
     def slopes(self, t: float, x: np.ndarray, p: np.ndarray) -> Slopes:
@@ -88,7 +88,7 @@ def manifold(functions: Functions) -> Manifold:
     coordinates = ChartCoordinates(s.nq, tuple(sorted(units.values())))
     rates, place = s.mechanics.tree.rates, {w[i].element_hash(): i for i in range(nv)}
     twins: list[tuple[int, int]] = []
-    for i in range(s.nq):
+    for i in range(rates.numel()):
         if rates[i].is_symbolic() and rates[i].element_hash() in place:
             twins.append((coordinates.entries(i)[0], place[rates[i].element_hash()]))
     return Manifold(

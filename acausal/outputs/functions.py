@@ -56,11 +56,13 @@ class Functions:
     def tree_state_names(self) -> tuple[str, ...]:
         """Names of all states of the reduced system, also of those that follow from x."""
         names: list[str] = []
+        scalars, n = self.outputs.system.scalar_states, self.outputs.system.scalar.positions
         for kind in ("q", "v"):
             for item in self.outputs.system.mechanics.tree.joints:
                 size = (item.edge.joint.q if kind == "q" else item.edge.joint.v).size
                 names += [f"{item.edge.name}.{kind}" + (f"[{i}]" if size > 1 else "") for i in range(size)]
-        return tuple(names + [self.outputs.name(s) for s in self.outputs.system.scalar_states])
+            names += [self.outputs.name(s) for s in (scalars[:n] if kind == "q" else scalars[n:])]
+        return tuple(names)
 
     @functools.cached_property
     def explicit_dynamics(self) -> ca.Function:
@@ -88,7 +90,7 @@ class Functions:
             balance -= A.T @ force
         # what holds eliminated coordinates does no work
         balance = L[s.nq : s.nq + nv, space.nq : space.nq + nv - len(space.elimination.rates)].T @ balance
-        difference = full - ca.vertcat(tree.rates, s.v_dot, s.x_dot[s.nq + nv :, :])
+        difference = full - ca.vertcat(s.x_dot[: s.nq, :], s.v_dot, s.x_dot[s.nq + nv :, :])
         kept = [i for i in space.places if not s.nq <= i < s.nq + nv]
         rows = [difference[[i for i in kept if i < s.nq]], balance, difference[[i for i in kept if i >= s.nq]]]
         if A.shape[0]:

@@ -51,7 +51,7 @@ class StateSpace:
         for _ in range(3):
             p = np.concatenate([s.p_values, rng.normal(size=self.p.numel() - s.p_values.size)])
             whole, part = (np.array(r).ravel() for r in both(rng.normal(), rng.normal(size=s.x.numel()), p))
-            open_rows |= np.abs(part) > _VANISHED * (1 + np.abs(whole))
+            open_rows |= ~(np.abs(part) <= _VANISHED * (1 + np.abs(whole)))
         return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
 
     @property
@@ -106,7 +106,10 @@ def whole_state_space(system: ReducedSystem) -> StateSpace:
 
 def state_space(system: ReducedSystem) -> StateSpace:
     """With the states that do not follow from others; with all, if none would be left."""
-    found = eliminate(system.mechanics.tree, system.position_invariants, system.velocity_invariants, system.p, system.p_values)
+    moving = ca.vertcat(system.x, system.u)
+    found = eliminate(
+        system.mechanics.tree, system.position_invariants, system.velocity_invariants, moving, system.p, system.p_values
+    )
     nq = system.nq
     gone = {*found.places, *(nq + j for j in found.rates)}
     places = tuple(i for i in range(system.x.numel()) if i not in gone)

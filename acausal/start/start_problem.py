@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -15,7 +15,7 @@ from acausal.language.expression import Expression, Symbol
 from acausal.numerics.kernel import Kernel
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
-from acausal.start.coordinates import Coordinates, coordinates
+from acausal.start.coordinates import Coordinate, Coordinates, coordinates
 from acausal.start.start_search import Closing, Search, Target, start_search
 from acausal.start.start_values import Start, check_settable, near
 
@@ -41,7 +41,9 @@ class StartProblem:
     def coordinates(self) -> Coordinates:
         """Kinds and names of the entries of q."""
         r = self.outputs.system
-        return coordinates(r.mechanics, r.p, r.p_values, r.q_start, r.scalar.position)
+        joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
+        scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
+        return replace(joints, all=(*joints.all, *(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars)))
 
     def scale(self) -> np.ndarray:
         """What is much for each entry of q."""

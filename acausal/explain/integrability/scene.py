@@ -61,7 +61,7 @@ def _for_all(system: ReducedSystem, integral: Integral, other: PfaffianSystem, r
     own = [row for row in rows if row.name in integral.names]
     if len(own) == 1 and integral.coefficients is not None:
         # coefficients that do not change with q are those of any q
-        y, at = ca.vertcat(system.mechanics.tree.q, system.t), np.append(system.q_start, 0.0)
+        y, at = ca.vertcat(system.mechanics.tree.q, system.t), np.append(system.constraints.q_start, 0.0)
         slopes = ca.substitute(ca.horzcat(own[0].form, own[0].drift), y, ca.SX(ca.DM(at)))
         scale = slopes[int(np.argmax(np.abs(integral.coefficients)))]
         expression = ca.mtimes(slopes, y) / scale
