@@ -126,7 +126,7 @@ class ReducedSystem:
     @functools.cached_property
     def closed_positions(self) -> list[np.ndarray]:
         """Some configurations (nq,) at which loops and scalar equations are closed."""
-        return closed_positions(self) if self.scalar.positions else self.samples
+        return closed_positions(self) if any(h.depth > 1 for h in self.scalar.held) else self.samples
 
     @functools.cached_property
     def holding(self) -> Holding:
