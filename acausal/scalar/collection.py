@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import IncompatibleError, ModelError, UnknownVariableError
 from acausal.language.connector import FLOWS, Connector, Point, Quantity
@@ -15,6 +16,10 @@ from acausal.language.equation import Equation, der
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
+
+
+_FAR = 1e6
+"""A parameter may become so many times larger or smaller."""
 
 
 @dataclass(frozen=True)
@@ -232,13 +237,27 @@ class _Collector:
         derivatives = [(s.sx, s.of.sx) for s in self._all_scalars() if isinstance(s, Derivative)]
         opaque = [symbol for f in flanges for symbol in (f.bias, *ca.vertsplit(f.flexibility.T))]
         rated = [(s.sx, rate) for s, rate in self.known.items() if not isinstance(s, Input)]
+        parameters = [s for s in self.known if isinstance(s, Parameter)]
         return EquationSet(
             tuple(equations), tuple(u for key, u in unknowns.items() if key not in outer), tuple(derivatives),
             (*(s.sx for s in self.known), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
-            tuple((s.sx, s.value) for s in self.known if isinstance(s, Parameter)),
+            tuple((s.sx, s.value) for s in parameters), self._limits(parameters),
             tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known),
             tuple(unknowns[f.position.element_hash()] for f in flanges), self._rate_symbol,
         )  # fmt: skip
+
+    def _limits(self, parameters: Sequence[Parameter]) -> np.ndarray:
+        """Values (k, n) of these parameters: one of them 0, large or small, the others as they are; without those that parts refuse."""
+        present = np.array([s.value for s in self.flat.parameters])
+        places = [self.flat.parameters.index(s) for s in parameters]
+        found: list[np.ndarray] = []
+        for k in places:
+            for value in dict.fromkeys((0.0, _FAR * present[k], present[k] / _FAR)):
+                at = present.copy()
+                at[k] = value
+                if value != present[k] and self.flat.conditions.allow(at):
+                    found.append(at[places])
+        return np.array(found).reshape(len(found), len(places))
 
     def _all_scalars(self) -> list[Symbol]:
         """Scalars of all symbols and what they are derivatives of, in the order of parts."""

@@ -20,7 +20,7 @@ from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, check
 from acausal.scalar.index_reduction import Offsets, differentiation_counts
 from acausal.scalar.matching import blocks, match, underdetermined
 from acausal.scalar.naming import Names
-from acausal.scalar.solution import AlgebraicBlock, Solution
+from acausal.scalar.solution import AlgebraicBlock, LinearBlock, Solution
 from acausal.scalar.state_choice import choose_dummies
 
 
@@ -56,6 +56,7 @@ class ReducedEquations:
     values: dict[int, ca.SX]
     steps: tuple[tuple[str, ...], ...]
     """Names of the unknowns of each block, in the order of solution."""
+    blocks: tuple[LinearBlock, ...] = ()
 
     def __str__(self) -> str:
         lines = [
@@ -210,7 +211,7 @@ class _Reduction:
         tops = solution.resolved([self.names[level].factor * self.names.bare((level[0], top[level[0]])) for level in states])
         return ReducedEquations(
             tuple(self.names[level].unknown for level in states), tuple(rates), tuple(tops), tuple(top[root] - k for root, k in states),
-            tuple(solution.algebraic), tuple(self._invariant(*found, solution) for found in kept), self._values(solution), tuple(steps),
+            tuple(solution.algebraic), tuple(self._invariant(*found, solution) for found in kept), self._values(solution), tuple(steps), tuple(solution.blocks),
         )  # fmt: skip
 
     def _invariant(self, row: _Row, depth: int, push: ca.SX, solution: Solution) -> Invariant:
