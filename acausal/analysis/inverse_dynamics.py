@@ -15,6 +15,7 @@ from acausal.analysis.servo import Servo, input_output_derivatives
 from acausal.arguments import expressions
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 from acausal.simulate.simulation import InputValue, input_signal, parameter_values
@@ -148,6 +149,4 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
     gap = a - ca.substitute(top, w, ca.SX.zeros(w.numel()))
     force = ca.solve(B, gap) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, gap)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
-    return ca.Function(
-        "inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"], {"cse": True}
-    )
+    return folded_function("inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"])

@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.arguments import finite
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.simulation import InputValue, input_signal, parameter_values
@@ -68,7 +69,7 @@ class Differentiable:
     def __init__(self, system: ReducedSystem, column: ca.SX) -> None:
         self.size = column.numel()
         arguments = [system.t, system.x, system.u, system.p]
-        self._function = ca.Function("column", arguments, [ca.densify(column)], {"cse": True}) if self.size else None
+        self._function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
         self._forward = None if self._function is None else self._function.forward(1)
 
     def value(self, at: OperatingPoint) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.charts.coordinates import ChartCoordinates
 from acausal.charts.singular_state import scaled_rows
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.unit_quaternions import unit_quaternions
 
@@ -50,11 +51,8 @@ class Manifold:
         c = ca.SX.sym("c", self.coordinates.count)
         position = ca.jacobian(self.position(s.t, self.coordinates.configuration(c, q), s.p), c)
         position = ca.substitute(position, c, self.coordinates.coordinates(q, q))
-        return ca.Function(
-            "slopes",
-            [s.t, s.x, s.p],
-            [ca.densify(position), ca.densify(ca.jacobian(self.rate(s.t, q, w, s.p), w))],
-            {"cse": True},
+        return folded_function(
+            "slopes", [s.t, s.x, s.p], [ca.densify(position), ca.densify(ca.jacobian(self.rate(s.t, q, w, s.p), w))]
         )
 
     @functools.cached_property

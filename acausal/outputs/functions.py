@@ -14,14 +14,14 @@ from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError, NoCompilerWarning
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
+from acausal.numerics.folding import folded_function
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
+from acausal.reduce.decisions import Decisions
 from acausal.reduce.state_space import StateSpace
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
-
-_FOLD = {"cse": True}
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,6 +33,11 @@ class Functions:
 
     outputs: Outputs
     space: StateSpace
+
+    @functools.cached_property
+    def decisions(self) -> Decisions:
+        """What the reduction decided by the values of parameters."""
+        return Decisions(self.space)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -78,7 +83,7 @@ class Functions:
         s, space = self.outputs.system, self.space
         rate = ca.SX.sym("x_dot", space.x.numel())
         force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
-        tree, nv = s.mechanics.tree, s.mechanics.tree.v.numel()
+        nv = s.tree_velocities
         everything = space.put(s.x)
         L = ca.jacobian(everything, space.x)  # rates of all states by those of x
         full = L @ rate + ca.jtimes(everything, s.t, ca.SX(1))
@@ -96,13 +101,8 @@ class Functions:
         if A.shape[0]:
             rows.append(A @ v_dot + s.constraints.bias)
         names = ["t", "x", "x_dot", "multipliers", "u", "p"]
-        return ca.Function(
-            "residual_dynamics",
-            [s.t, space.x, rate, force, s.u, space.p],
-            [space.put(ca.vertcat(*rows))],
-            names,
-            ["residual"],
-            _FOLD,
+        return folded_function(
+            "residual_dynamics", [s.t, space.x, rate, force, s.u, space.p], [space.put(ca.vertcat(*rows))], names, ["residual"]
         )
 
     @functools.cached_property
@@ -155,7 +155,7 @@ class Functions:
         rows = self.space.constraints(ca.vertcat(s.position_invariants, s.velocity_invariants))
         if not rows.numel():
             return None
-        return ca.Function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"], _FOLD)
+        return folded_function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"])
 
     @functools.cached_property
     def projection(self) -> ca.Function | None:
@@ -164,7 +164,7 @@ class Functions:
         if s.projection is None or self.invariants is None:
             return None
         result = ca.densify(self.space.kept(s.projection))
-        return ca.Function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"], _FOLD)
+        return folded_function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"])
 
     @functools.cached_property
     def compiled(self) -> CompiledProblem | None:
@@ -216,7 +216,7 @@ class Functions:
 
     def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
         found = [ca.densify(self.space.put(r)) for r in results]
-        return ca.Function(name, self.space.arguments, found, ["t", "x", "u", "p"], names, _FOLD)
+        return folded_function(name, self.space.arguments, found, ["t", "x", "u", "p"], names)
 
 
 @functools.cache

@@ -69,9 +69,7 @@ class _Relation:
         return replace(self, coefficients=ca.sparsify(coefficients), rest=self.rest - factor * other.rest)
 
 
-def eliminate(
-    tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, parameters: ca.SX, values: np.ndarray
-) -> Elimination:
+def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, parameters: ca.SX, values: np.ndarray) -> Elimination:
     """From constraints `position` (n, 1) and `velocity` (m, 1) in t, x, p, of which some may follow from the former.
 
     `moving`: everything but the parameters that changes during a motion, without the time: states and inputs.

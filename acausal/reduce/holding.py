@@ -35,7 +35,7 @@ def holding(system: ReducedSystem) -> Holding:
     scalar, tree = system.scalar, system.mechanics.tree
     if not scalar.held:
         return Holding(0, 0)
-    n, nv = scalar.positions, tree.v.numel()
+    n = scalar.positions
     states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
     velocity = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.depth == 1))
     loops = ca.vertcat(ca.SX(0, 1), *(rows.position for rows in system.constraints.loops))
@@ -69,7 +69,9 @@ def closed_positions(system: ReducedSystem) -> list[np.ndarray]:
         c, J = rows(y, 0.0, system.p_values)
         return np.array(c).ravel(), np.array(J).reshape(-1, y.size)
 
-    guesses = [system.samples[k % len(system.samples)] + _SPREAD * (k > 0) * rng.uniform(-1, 1, q.numel()) for k in range(_POINTS)]
+    guesses = [
+        system.samples[k % len(system.samples)] + _SPREAD * (k > 0) * rng.uniform(-1, 1, q.numel()) for k in range(_POINTS)
+    ]
     found = [assemble(residual, guess, limit=40) for guess in guesses] if closing.numel() else []
     return [a.y for a in found if a.converged] or guesses
 

@@ -153,7 +153,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     )
     step = projection(forces, ca.SX(0, 1))
     nq, nv = tree.q.numel(), tree.v.numel()
-    closing = None if step is None else tuple(a - b for a, b in zip(_split(step, nq), (tree.q, tree.v), strict=True))
+    closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
     scalar = add_scalar_domains(mechanics, tau, v_dot, closing)
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
     states = stacked([s.sx for s in scalar.states])

@@ -17,7 +17,6 @@ from acausal.language.expression import Derivative, Input, Parameter, Symbol, Ti
 from acausal.language.flatten import FlatSystem, Part
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
 
-
 _FAR = 1e6
 """A parameter may become so many times larger or smaller."""
 
@@ -247,15 +246,18 @@ class _Collector:
         )  # fmt: skip
 
     def _limits(self, parameters: Sequence[Parameter]) -> np.ndarray:
-        """Values (k, n) of these parameters: one of them 0, large or small, the others as they are; without those that parts refuse."""
+        """Values (k, n) of these parameters: one of them 0, large or small, the others as usual; without those that parts refuse."""
         present = np.array([s.value for s in self.flat.parameters])
         places = [self.flat.parameters.index(s) for s in parameters]
         found: list[np.ndarray] = []
+        usual = np.where(present != 0, present, np.median(np.abs(present[present != 0])) if present.any() else 1.0)
+        usual = usual if self.flat.conditions.allow(usual) else present
+
         for k in places:
-            for value in dict.fromkeys((0.0, _FAR * present[k], present[k] / _FAR)):
-                at = present.copy()
+            for value in (0.0, _FAR * usual[k], usual[k] / _FAR):
+                at = usual.copy()
                 at[k] = value
-                if value != present[k] and self.flat.conditions.allow(at):
+                if self.flat.conditions.allow(at):
                     found.append(at[places])
         return np.array(found).reshape(len(found), len(places))
 

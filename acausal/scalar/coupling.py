@@ -16,7 +16,7 @@ from acausal.parts.joint import AbstractJoint
 from acausal.scalar.collection import Collection, Flange, collect, has_scalar_parts
 from acausal.scalar.diagnosis import no_rate
 from acausal.scalar.reduction import Invariant, ReducedEquations, algebraic_rates, reduce_equations
-from acausal.scalar.solution import AlgebraicBlock
+from acausal.scalar.solution import AlgebraicBlock, LinearBlock
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ScalarPart:
 
     `states`: first the `positions` that equations tie to coordinates of joints or to one another, without velocities. `held`: the invariants, those
     of positions first; `residuals`: of nonlinear blocks. `correction`: (dq, dv, dstates), one Newton step towards them. `tau` (nv, 1): joint
-    forces.
+    forces. `blocks`: the linear blocks that were solved.
     """
 
     states: tuple[Symbol, ...]
@@ -62,6 +62,7 @@ class ScalarPart:
     held: tuple[Held, ...] = ()
     residuals: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     correction: tuple[ca.SX, ca.SX, ca.SX] | None = None
+    blocks: tuple[LinearBlock, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
 
     @property
@@ -111,7 +112,9 @@ class _Coupling:
         values, blocks = self.reduced.values, self.reduced.algebraic
         tau = self._joint_forces(self._at_rest(self._efforts))
         second = [(f.acceleration, _put([(self.tau, tau)], [self._second(d)])[0]) for f, d in self._pairs]
-        everything = _put(second, self._at_rest(self._resolved([*self.reduced.rates, *values.values(), *(b.residual for b in blocks)])))
+        everything = _put(
+            second, self._at_rest(self._resolved([*self.reduced.rates, *values.values(), *(b.residual for b in blocks)]))
+        )
         n, m = len(self.reduced.rates), len(values)
         rates, residuals = everything[:n], everything[n + m :]
         solved = dict(zip(values, everything[n : n + m], strict=True))
@@ -125,7 +128,7 @@ class _Coupling:
         return ScalarPart(
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
-            (dq, dv, step[order]) if held or residuals else None, self.collection.names,
+            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self.collection.names,
         )  # fmt: skip
 
     @property

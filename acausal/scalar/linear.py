@@ -21,6 +21,8 @@ from acausal.numerics.vanishing import equilibrated, equilibrated_rank
 
 _LARGE, _SMALL = 0.5, 1e-3
 _ZERO = 1e-11
+_LARGEST = 60
+"""Unknowns of a block for which limits of parameters without a solution are told apart."""
 _MOST_BY_QR = 12
 """Rows that QR takes where elimination would also do with pivots that are large at the present values only."""
 
@@ -108,13 +110,27 @@ def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
     rows: list[Row] = [{} for _ in range(matrix.shape[0])]
     where = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     values = [matrix[i, j] for i, j in where]
-    for (i, j), value, numbers in zip(where, values, sample(values), strict=True):
+    samples = np.array([np.atleast_1d(numbers) for numbers in sample(values)])
+    for (i, j), value, numbers in zip(where, values, samples[:, _regular(where, samples, len(rows))], strict=True):
         if value.is_zero():
             continue
         free = {s.element_hash() for s in ca.symvar(value)}
         kind = 0 if value.is_constant() else 1 if free <= constants else 2
-        rows[i][j] = Entry(value, np.atleast_1d(numbers), np.abs(np.atleast_1d(numbers)), kind)
+        rows[i][j] = Entry(value, numbers, np.abs(numbers), kind)
     return rows
+
+
+def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int) -> np.ndarray:
+    """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one."""
+    if samples.shape[1] == 1 or n > _LARGEST:
+        return np.arange(samples.shape[1])
+    A = np.zeros((n, n))
+    kept = [0]
+    for k in range(1, samples.shape[1]):
+        A[tuple(np.transpose(where))] = samples[:, k]
+        if np.isfinite(A).all() and equilibrated_rank(A) == n:
+            kept.append(k)
+    return np.array(kept)
 
 
 def _column_sizes(rows: list[Row], n: int) -> list[np.ndarray]:

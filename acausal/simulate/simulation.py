@@ -182,6 +182,7 @@ def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]
         values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
     if parameters:
         functions.outputs.system.flat.conditions.check(values[: len(known)])
+        functions.decisions.check(values)
     return values
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from acausal.collocation.problem import Problem, Solution, Statistics, Status
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Symbol
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.simulate.events import Event, when
@@ -93,7 +94,7 @@ class Trajectory:
     def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
         expression = self.outputs.resolve(wanted)
         column = ca.vec(ca.densify(self.functions.space.put(expression)))
-        values = self._evaluate(ca.Function("series", self.functions.space.arguments, [column], {"cse": True}))
+        values = self._evaluate(folded_function("series", self.functions.space.arguments, [column]))
         if isinstance(wanted, Expression) and self.outputs.is_angle(wanted):
             values = np.unwrap(values, axis=1)
         rows, columns = expression.shape

@@ -23,6 +23,7 @@ from acausal.arguments import function_name, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.numerics.assembly import range_and_null_space
+from acausal.numerics.folding import folded_function
 from acausal.outputs.outputs import Outputs
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_search import Found, Search
@@ -70,7 +71,7 @@ def assembly_function(
     if result is None:
         return ca.Function(name, [values], [x], ["values"], ["x"])
     r = outputs.system
-    seen = ca.Function("seen", [r.t, r.x, r.u, r.p], [ca.vec(ca.densify(outputs.resolve(result)))], {"cse": True})
+    seen = folded_function("seen", [r.t, r.x, r.u, r.p], [ca.vec(ca.densify(outputs.resolve(result)))])
     n = data.size - 1 - u.size - p.size
     return ca.Function(
         name, [values], [seen(asked[n], x, asked[n + 1 : n + 1 + u.size], asked[n + 1 + u.size :])], ["values"], ["outputs"]
@@ -158,10 +159,10 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray) 
         Z = Z @ still
     rows.append(ca.mtimes(ca.DM(Z.T), y - ca.DM(found.y)))
     size = max(1.0, float(np.max(np.abs(J), initial=0.0)))
-    square = ca.Function("square", [y, d], [ca.densify(ca.vertcat(*rows))], {"cse": True})
+    square = folded_function("square", [y, d], [ca.densify(ca.vertcat(*rows))])
     options: dict[str, Any] = {"abstol": 1e-14 * size, "abstolStep": 1e-15, "max_iter": 30, "error_on_fail": False}
     solve = ca.rootfinder("close", "fast_newton", square, options)
-    gap = ca.Function("gap", [y, d], [ca.sumsqr(c)], {"cse": True})
+    gap = folded_function("gap", [y, d], [ca.sumsqr(c)])
     return _Stage(plain, solve, gap, (_OPEN * size) ** 2, search.side)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from acausal.errors import StartValueError
 from acausal.language.expression import Expression, Symbol
+from acausal.numerics.folding import folded_function
 from acausal.numerics.kernel import Kernel
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
@@ -43,7 +44,9 @@ class StartProblem:
         r = self.outputs.system
         joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
         scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
-        return replace(joints, all=(*joints.all, *(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars)))
+        return replace(
+            joints, all=(*joints.all, *(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars))
+        )
 
     def scale(self) -> np.ndarray:
         """What is much for each entry of q."""
@@ -86,7 +89,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
-        got = Kernel.of(ca.Function("got", [ca.vertcat(r.x, data)], [results], {"cse": True}))
+        got = Kernel.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
     return StartProblem(outputs, tuple(targets), positions, velocities, got)
 
 
