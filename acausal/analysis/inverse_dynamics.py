@@ -18,7 +18,8 @@ from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
-from acausal.simulate.simulation import InputValue, input_signal, parameter_values
+from acausal.simulate.inputs import InputValue, input_signal
+from acausal.simulate.simulation import parameter_values
 from acausal.start.start_values import Start, near, softened, start_mapping
 
 

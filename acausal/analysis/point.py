@@ -13,7 +13,8 @@ from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.simulate.simulation import InputValue, input_signal, parameter_values
+from acausal.simulate.inputs import InputValue, input_signal
+from acausal.simulate.simulation import parameter_values
 from acausal.start.initial import Start, initial_state
 from acausal.start.states import consistent_states
 

@@ -201,7 +201,9 @@ def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
             kind = "rheonomic" if ca.depends_on(held.residual, system.t) else "holonomic"
             yield ConstraintEntry(held.name, f"other positions of {_whose(held)}", kind, True, "given in positions")
     for held in rates_only(system):
-        if held.of_joints and is_linear(held.residual, system.mechanics.tree.v):
+        if held.of_inputs:
+            yield ConstraintEntry(held.name, f"other velocities of {_whose(held)}", "rheonomic", True, "given by an input")
+        elif held.of_joints and is_linear(held.residual, system.mechanics.tree.v):
             yield judge.entry(held.name, "other velocities of flanges", ca.depends_on(held.residual, system.t))
         else:
             why = "with scalar states" if not held.of_joints else "not linear in velocities"

@@ -17,6 +17,7 @@ from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
+from acausal.parts.pose import symbolic
 from acausal.reduce.holding import Holding, closed_positions, holding
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.wording import compact, counted, grouped
@@ -116,7 +117,9 @@ class ReducedSystem:
     @property
     def velocity_closing(self) -> ca.SX:
         """All velocity constraints, redundant ones too, and those of scalar states."""
-        return ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity)
+        return ca.vertcat(
+            ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity, self.scalar.given
+        )
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -127,6 +130,12 @@ class ReducedSystem:
     def closed_positions(self) -> list[np.ndarray]:
         """Some configurations (nq,) at which loops and scalar equations are closed."""
         return closed_positions(self) if any(h.depth > 1 for h in self.scalar.held) else self.samples
+
+    @property
+    def moves_as_given(self) -> bool:
+        """Whether something changes with time though there is no state: motions that are prescribed, circuits without stores."""
+        poses = [symbolic(part) for link in self.mechanics.tree.links for part in (link.motion.pose.position, link.motion.pose.rotation)]
+        return bool(self.scalar.solved) or any(ca.depends_on(pose, self.t) for pose in poses)
 
     @functools.cached_property
     def holding(self) -> Holding:
@@ -141,7 +150,6 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     """
     flat, tree = mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
-    u = stacked([entry.sx for entry in flat.inputs])
     values = np.array([parameter.value for parameter in flat.parameters])
     constraints = analyse_constraints(mechanics, p, values)
     tau = ca.SX.sym("tau", tree.v.numel())
@@ -155,6 +163,9 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
     scalar = add_scalar_domains(mechanics, tau, v_dot, closing)
+    rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
+    flat = dataclasses.replace(flat, names={**flat.names, **scalar.names, **rates})
+    u = stacked([entry.sx for entry in flat.inputs])
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
     states = stacked([s.sx for s in scalar.states])
     n = scalar.positions
@@ -165,7 +176,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     accelerations, positions, others = _split(second, nv, n)
     x_dot = ca.vertcat(tree.rates, positions, accelerations, others)
     system = ReducedSystem(
-        dataclasses.replace(flat, names={**flat.names, **scalar.names}), mechanics, constraints, time.sx, x, u, p, values,
+        flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
         ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, scalar,
@@ -178,7 +189,7 @@ def _check_free(system: ReducedSystem) -> None:
     """Gears between joints may leave nothing free; a source may take the last freedom, since it moves."""
     scalar, constraints, tree = system.scalar, system.constraints, system.mechanics.tree
     held = system.holding.velocities
-    rows = ca.vertcat(scalar.velocity, constraints.velocity)
+    rows = ca.vertcat(scalar.velocity, scalar.given, constraints.velocity)
     at_rest = ca.substitute(rows, tree.v, ca.SX.zeros(tree.v.numel()))
     moved = ca.depends_on(ca.vertcat(scalar.position, rows), tree.t) or not at_rest.is_zero()
     if held and (system.degrees_of_freedom < 0 or (system.degrees_of_freedom == 0 and not moved)):

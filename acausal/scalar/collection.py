@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.errors import IncompatibleError, ModelError, UnknownVariableError
 from acausal.language.connector import FLOWS, Connector, Point, Quantity
-from acausal.language.equation import Equation, der
+from acausal.language.equation import Equation, der, input_rate
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
@@ -235,13 +235,14 @@ class _Collector:
         unknowns = {s.sx.element_hash(): self._unknown(s) for s in self._all_scalars()}
         derivatives = [(s.sx, s.of.sx) for s in self._all_scalars() if isinstance(s, Derivative)]
         opaque = [symbol for f in flanges for symbol in (f.bias, *ca.vertsplit(f.flexibility.T))]
-        rated = [(s.sx, rate) for s, rate in self.known.items() if not isinstance(s, Input)]
+        rates = [input_rate(s) for s in self.known if isinstance(s, Input)]
+        rated = [(s.sx, input_rate(s).sx if isinstance(s, Input) else rate) for s, rate in self.known.items()]
         parameters = [s for s in self.known if isinstance(s, Parameter)]
         return EquationSet(
             tuple(equations), tuple(u for key, u in unknowns.items() if key not in outer), tuple(derivatives),
-            (*(s.sx for s in self.known), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
+            (*(s.sx for s in self.known), *(s.sx for s in rates), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
             tuple((s.sx, s.value) for s in parameters), self._limits(parameters),
-            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known),
+            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(s.of, s.of.name)) for s in rates),
             tuple(unknowns[f.position.element_hash()] for f in flanges), self._rate_symbol,
         )  # fmt: skip
 

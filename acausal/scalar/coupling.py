@@ -10,7 +10,8 @@ import casadi as ca
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.language.connector import Connector
-from acausal.language.expression import Symbol, Variable, time
+from acausal.language.equation import input_rate
+from acausal.language.expression import InputRate, Symbol, Variable, time
 from acausal.loops.loops import relative_pose
 from acausal.parts.joint import AbstractJoint
 from acausal.scalar.collection import Collection, Flange, collect, has_scalar_parts
@@ -35,13 +36,14 @@ class Held:
     """One scalar equation, or a derivative of it, that is kept as an invariant: its `residual` in t, x and p, and what it is called.
 
     `depth`: 1 among velocities, 2 and more among positions. `number`: of the equation; its derivatives share it. `of_joints`: without
-    scalar states.
+    scalar states. `of_inputs`: with inputs, whose course is not known to a projection; only the rates of such a one are kept.
     """
 
     residual: ca.SX
     depth: int
     number: int
     of_joints: bool
+    of_inputs: bool
     name: str
 
 
@@ -51,7 +53,7 @@ class ScalarPart:
 
     `states`: first the `positions` that equations tie to coordinates of joints or to one another, without velocities. `held`: the invariants, those
     of positions first; `residuals`: of nonlinear blocks. `correction`: (dq, dv, dstates), one Newton step towards them. `tau` (nv, 1): joint
-    forces. `blocks`: the linear blocks that were solved.
+    forces. `blocks`: the linear blocks that were solved. `input_rates`: of the inputs whose rates are needed.
     """
 
     states: tuple[Symbol, ...]
@@ -63,6 +65,7 @@ class ScalarPart:
     residuals: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     correction: tuple[ca.SX, ca.SX, ca.SX] | None = None
     blocks: tuple[LinearBlock, ...] = ()
+    input_rates: tuple[InputRate, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
 
     @property
@@ -73,7 +76,12 @@ class ScalarPart:
     @property
     def velocity(self) -> ca.SX:
         """All other invariants (n, 1)."""
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1), self.residuals)
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1 and not h.of_inputs), self.residuals)
+
+    @property
+    def given(self) -> ca.SX:
+        """What inputs prescribe (n, 1), zero in a motion."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.of_inputs))
 
     @property
     def start(self) -> list[float]:
@@ -128,7 +136,7 @@ class _Coupling:
         return ScalarPart(
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
-            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self.collection.names,
+            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self.collection.names,
         )  # fmt: skip
 
     @property
@@ -205,6 +213,11 @@ class _Coupling:
             result.append(z_dot)
         return result
 
+    def _input_rates(self, used: Sequence[ca.SX]) -> tuple[InputRate, ...]:
+        symbols = {s.element_hash() for s in ca.symvar(ca.veccat(*used))}
+        rates = [input_rate(entry) for entry in self.mechanics.flat.inputs]
+        return tuple(rate for rate in rates if rate.sx.element_hash() in symbols)
+
     def _solved(self, values: dict[int, ca.SX]) -> dict[Symbol, ca.SX]:
         found: dict[Symbol, ca.SX] = {}
         for symbol, scalars in self.collection.elements.items():
@@ -217,9 +230,15 @@ class _Coupling:
         residuals = self._resolved([i.residual for i in self.reduced.invariants])
         place = {push.element_hash(): k for k, push in enumerate(ca.vertsplit(self._pushes))} if residuals else {}
         return [
-            (i, Held(residual, i.depth, place[i.push.element_hash()], not i.states, str(i.source)))
+            (i, self._held_as(i, residual, place[i.push.element_hash()]))
             for i, residual in zip(self.reduced.invariants, residuals, strict=True)
         ]
+
+    def _held_as(self, i: Invariant, residual: ca.SX, number: int) -> Held:
+        inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}
+        return Held(
+            residual, i.depth, number, not i.states, any(s.element_hash() in inputs for s in ca.symvar(residual)), str(i.source)
+        )
 
     def _correction(
         self, held: Sequence[Held], residuals: Sequence[ca.SX], second: list[tuple[ca.SX, ca.SX]]
@@ -238,7 +257,7 @@ class _Coupling:
         of_v, of_states = self._pushed(second)
 
         def step(response: ca.SX, depth: int) -> ca.SX:
-            found = [(h.number, gap) for h, gap in zip(held, gaps, strict=True) if h.depth == depth]
+            found = [(h.number, gap) for h, gap in zip(held, gaps, strict=True) if h.depth == depth and not h.of_inputs]
             return -(response[:, [k for k, _ in found]] @ ca.vertcat(ca.SX(0, 1), *(gap for _, gap in found)))
 
         change_q = ca.jacobian(tree.rates, tree.v) @ step(of_v, 2)

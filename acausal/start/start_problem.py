@@ -122,7 +122,7 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
-        ("the equations of scalar parts", r.scalar.velocity.numel()),
+        ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
     )
     none = ca.SX(0, 1)
     return Closing(r.closing, position, ca.vertcat(none, *signs)), Closing(r.velocity_closing, velocity, none)

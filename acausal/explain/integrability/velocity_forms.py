@@ -97,7 +97,7 @@ def scalar_rows(system: ReducedSystem) -> tuple[VelocityRow, ...]:
     q_dot, t_dot = ca.SX.sym("q_dot", tree.q.numel()), ca.SX.sym("t_dot")
     found: list[VelocityRow] = []
     for held in rates_only(system):
-        if held.of_joints and is_linear(held.residual, tree.v):
+        if held.of_joints and not held.of_inputs and is_linear(held.residual, tree.v):
             v = ca.vertcat(*(_velocity(item, tree.q[item.q], q_dot[item.q], tree.t, t_dot) for item in tree.joints))
             (row,) = _linear(held.name, ca.substitute(held.residual, tree.v, v), q_dot, t_dot)
             found.append(VelocityRow(held.name, row.form, row.drift))
