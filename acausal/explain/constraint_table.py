@@ -200,6 +200,10 @@ def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
             told.add(held.number)
             kind = "rheonomic" if ca.depends_on(held.residual, system.t) else "holonomic"
             yield ConstraintEntry(held.name, f"other positions of {_whose(held)}", kind, True, "given in positions")
+    for held in system.scalar.redundant:
+        yield ConstraintEntry(
+            held.name, "other positions of flanges", "redundant", False, "it follows from others; the smallest efforts are given"
+        )
     for held in rates_only(system):
         if held.of_inputs:
             yield ConstraintEntry(held.name, f"other velocities of {_whose(held)}", "rheonomic", True, "given by an input")

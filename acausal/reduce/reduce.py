@@ -13,6 +13,7 @@ from acausal.dynamics.forward_dynamics import forward_dynamics
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.errors import LockedError
+from acausal.language.connector import Electrical
 from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints
@@ -133,9 +134,11 @@ class ReducedSystem:
 
     @property
     def moves_as_given(self) -> bool:
-        """Whether something changes with time though there is no state: motions that are prescribed, circuits without stores."""
-        poses = [symbolic(part) for link in self.mechanics.tree.links for part in (link.motion.pose.position, link.motion.pose.rotation)]
-        return bool(self.scalar.solved) or any(ca.depends_on(pose, self.t) for pose in poses)
+        """Whether there is something to compute though there is no state: motions that are prescribed, circuits without stores."""
+        links = [link.motion.pose for link in self.mechanics.tree.links]
+        values = [symbolic(part) for pose in links for part in (pose.position, pose.rotation)] + list(self.scalar.solved.values())
+        circuits = any(isinstance(connector, Electrical) for connector in self.flat.connector_paths)
+        return circuits or any(ca.depends_on(value, self.t) for value in values)
 
     @functools.cached_property
     def holding(self) -> Holding:

@@ -52,13 +52,14 @@ class StateSpace:
 
     def complaint(self, values: np.ndarray) -> str:
         """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""
+        followers = ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.system.scalar.redundant))
+        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
         if not self.elimination.symbols:
-            return ""
-        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants)
+            rows = followers
         lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
         if not lost.any():
             return ""
-        held = dict.fromkeys(h.name for h in self.system.scalar.held)
+        held = dict.fromkeys(h.name for h in (*self.system.scalar.held, *self.system.scalar.redundant))
         return (
             "constraints that follow from others at the build's values do not follow any more, or a coordinate can no longer be found from others: "
             f"{compact(held, 4)}"

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import IncompatibleError, ModelError, UnknownVariableError
-from acausal.language.connector import FLOWS, Connector, Point, Quantity
+from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotational, Translational
 from acausal.language.equation import Equation, der, input_rate
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
 from acausal.language.flatten import FlatSystem, Part
@@ -48,6 +48,10 @@ class Collection:
     """Full names of all symbols in the equations."""
     elements: dict[Symbol, tuple[Symbol, ...]]
     """Scalars of each declared symbol in the equations; itself where it is one."""
+    efforts: dict[int, ca.SX]
+    """Of mechanical flanges: hash of the position -> the effort."""
+    positions: set[int]
+    """Hashes of mechanical flanges' positions, and of the variables of parts that are no derivatives."""
 
     @functools.cached_property
     def _symbols(self) -> dict[int, Symbol]:
@@ -112,7 +116,28 @@ class _Collector:
             ScalarEquation(f.acceleration - f.bias - ca.dot(f.flexibility, ca.vertcat(*(g.effort for g in flanges)).T), f"mechanics of {name}")
             for f, (_, name) in zip(flanges, self.driven, strict=True)
         ]  # fmt: skip
-        return Collection(self._system(result, flanges), flanges, self.names, self.elements)
+        efforts = self._efforts()
+        own = {
+            s.sx.element_hash()
+            for symbol, scalars in self.elements.items()
+            if isinstance(symbol, Variable) and not isinstance(symbol, Quantity) and symbol not in self._of_connectors()
+            for s in scalars
+        }
+        return Collection(self._system(result, flanges), flanges, self.names, self.elements, efforts, own.union(efforts))
+
+    def _of_connectors(self) -> set[Symbol]:
+        """Variables of connectors."""
+        return {v for c in self.flat.connector_paths for v in c.__dict__.values() if isinstance(v, Variable)}
+
+    def _efforts(self) -> dict[int, ca.SX]:
+        found: dict[int, ca.SX] = {}
+        for connector in self.flat.connector_paths:
+            if type(connector) in (Rotational, Translational):
+                potential, flow = FLOWS[type(connector)]
+                position, effort = getattr(connector, potential), getattr(connector, flow)
+                if position in self.elements and effort in self.elements:
+                    found[position.sx.element_hash()] = effort.sx
+        return found
 
     def _of_part(self, part: Part) -> Iterable[tuple[ca.SX, frozenset[Symbol], str, str]]:
         own = type(part.component).__module__.split(".")[0] not in ("acausal", "components")

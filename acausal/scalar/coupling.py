@@ -16,7 +16,9 @@ from acausal.loops.loops import relative_pose
 from acausal.parts.joint import AbstractJoint
 from acausal.scalar.collection import Collection, Flange, collect, has_scalar_parts
 from acausal.scalar.diagnosis import no_rate
+from acausal.scalar.equations import ScalarEquation
 from acausal.scalar.reduction import Invariant, ReducedEquations, algebraic_rates, reduce_equations
+from acausal.scalar.redundancy import needed
 from acausal.scalar.solution import AlgebraicBlock, LinearBlock
 
 
@@ -54,6 +56,7 @@ class ScalarPart:
     `states`: first the `positions` that equations tie to coordinates of joints or to one another, without velocities. `held`: the invariants, those
     of positions first; `residuals`: of nonlinear blocks. `correction`: (dq, dv, dstates), one Newton step towards them. `tau` (nv, 1): joint
     forces. `blocks`: the linear blocks that were solved. `input_rates`: of the inputs whose rates are needed.
+    `redundant`: equations between positions that follow from others.
     """
 
     states: tuple[Symbol, ...]
@@ -66,6 +69,7 @@ class ScalarPart:
     correction: tuple[ca.SX, ca.SX, ca.SX] | None = None
     blocks: tuple[LinearBlock, ...] = ()
     input_rates: tuple[InputRate, ...] = ()
+    redundant: tuple[Held, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
 
     @property
@@ -103,7 +107,9 @@ def add_scalar_domains(
         return ScalarPart((), 0, ca.SX(0, 1), {}, ca.SX.zeros(tau.numel()))
     driven = _driven(mechanics)
     collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven])
-    return _Coupling(mechanics, tau, v_dot, closing, driven, collection, reduce_equations(collection.system)).result()
+    kept = needed(collection.system, collection.efforts, collection.positions)
+    reduced = reduce_equations(kept.system)
+    return _Coupling(mechanics, tau, v_dot, closing, driven, collection, reduced, kept.redundant).result()
 
 
 @dataclass(frozen=True)
@@ -115,6 +121,7 @@ class _Coupling:
     driven: tuple[Driven, ...]
     collection: Collection
     reduced: ReducedEquations
+    redundant: tuple[ScalarEquation, ...]
 
     def result(self) -> ScalarPart:
         values, blocks = self.reduced.values, self.reduced.algebraic
@@ -136,7 +143,8 @@ class _Coupling:
         return ScalarPart(
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
-            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self.collection.names,
+            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self._redundant(),
+            self.collection.names,
         )  # fmt: skip
 
     @property
@@ -233,6 +241,17 @@ class _Coupling:
             (i, self._held_as(i, residual, place[i.push.element_hash()]))
             for i, residual in zip(self.reduced.invariants, residuals, strict=True)
         ]
+
+    def _redundant(self) -> tuple[Held, ...]:
+        """In states: zero, whatever these are."""
+        residuals = [equation.residual for equation in self.redundant]
+        values = [
+            (s, self.reduced.values[s.element_hash()])
+            for s in ca.symvar(ca.vertcat(ca.SX(0, 1), *residuals))
+            if s.element_hash() in self.reduced.values
+        ]
+        found = self._at_rest(self._resolved(_put(values, residuals)))
+        return tuple(Held(r, 2, -1, True, False, str(e)) for r, e in zip(found, self.redundant, strict=True))
 
     def _held_as(self, i: Invariant, residual: ca.SX, number: int) -> Held:
         inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}

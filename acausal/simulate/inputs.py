@@ -1,4 +1,4 @@
-"""Inputs of a run: numbers, functions of time, expressions of `ac.time`; and the rates that follow from them where they are needed."""
+"""Inputs of a run: numbers and functions of time; and the rates that follow from them where parts need them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from acausal.outputs.functions import Functions
 INPUTS = "{scene.torque: lambda t: np.sin(t)}"
 Course = float | Callable[[float], float] | Expression
 InputValue = Course | tuple[Course, Course]
-"""What an input is given as; a pair is its value and its rate."""
+"""What an input is given as. Where its rate is needed, also an expression of `ac.time`, or a pair: value and rate."""
 
 
 def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Callable[[np.ndarray], np.ndarray]:
@@ -55,7 +55,7 @@ def _course(value: Any, name: str, rated: bool) -> float | Callable[[float], flo
     """The value of an input."""
     if isinstance(value, tuple) and rated and len(value) == 2:  # pyright: ignore[reportUnknownArgumentType]
         value = value[0]
-    if isinstance(value, Expression | ca.SX):
+    if isinstance(value, Expression | ca.SX) and rated:
         return _evaluated(value, name)
     if callable(value):
         return _watched(value, name)
