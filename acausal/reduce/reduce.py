@@ -197,9 +197,12 @@ def _check_free(system: ReducedSystem) -> None:
     moved = ca.depends_on(ca.vertcat(scalar.position, rows), tree.t) or not at_rest.is_zero()
     if held and (system.degrees_of_freedom < 0 or (system.degrees_of_freedom == 0 and not moved)):
         names = list(dict.fromkeys(h.name for h in scalar.held if h.depth == 1))
+        paths, flanges = system.flat.connector_paths, {getattr(item.edge.joint, "flange", None) for item in tree.joints}
+        sets = [group for group in system.flat.connection_sets if len(group) > 1 and not flanges.isdisjoint(group)]
+        places = compact((" and ".join(paths[c] for c in group[:3]) for group in sets), 3)
         raise LockedError(
             f"Joints cannot move: against their {counted(tree.v.numel(), 'freedom')} stand {constraints.rank.rank} constraints of loops "
-            f"and {held} of gears and sources, from {', '.join(names[:4])}. Remove a source or a gear, or put a spring between."
+            f"and {held} of gears and sources at {places}, from {', '.join(names[:4])}. Remove a source or a gear, or put a spring between."
         )
 
 

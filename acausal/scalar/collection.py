@@ -15,6 +15,7 @@ from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotati
 from acausal.language.equation import Equation, der, input_rate
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
 from acausal.language.flatten import FlatSystem, Part
+from acausal.scalar.canonical import canonical_parts
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
 
 _FAR = 1e6
@@ -52,6 +53,8 @@ class Collection:
     """Of mechanical flanges: hash of the position -> the effort."""
     positions: set[int]
     """Hashes of mechanical flanges' positions, and of the variables of parts that are no derivatives."""
+    declared: dict[int, int]
+    """Hash of a scalar -> place of its part in the order of declaration."""
 
     @functools.cached_property
     def _symbols(self) -> dict[int, Symbol]:
@@ -96,12 +99,18 @@ class _Collector:
         self.owners: dict[Symbol, Part] = {}
         self.scalars: dict[int, Symbol] = {}
         self.known: dict[Symbol, ca.SX] = {}
+        written = [list(_written(part)) for part in flat.parts]
+        order = canonical_parts(flat, [[e.residual.sx for e in own] for own in written])
+        self.parts = [flat.parts[k] for k in order]
+        self.written = [written[k] for k in order]
+        rank = {part.component: k for k, part in enumerate(self.parts)}
+        self.rank = {c: (rank[c.owner], flat.connector_paths[c]) for c in flat.connector_paths if c.owner in rank}
 
     def run(self) -> Collection:
-        equations = [e for part in self.flat.parts for e in self._of_part(part)]
-        for group in self.flat.connection_sets:
-            if not isinstance(group[0], Point):
-                equations += self._of_connection(group)
+        equations = [e for part, own in zip(self.parts, self.written, strict=True) for e in self._of_part(part, own)]
+        groups = [group for group in self.flat.connection_sets if not isinstance(group[0], Point)]
+        for group in sorted(groups, key=lambda group: min(self.rank[c] for c in group)):
+            equations += self._of_connection(group)
         flanges = tuple(self._flange(k) for k in range(len(self.driven)))
         self._register_names()
         result: list[ScalarEquation] = []
@@ -123,7 +132,11 @@ class _Collector:
             if isinstance(symbol, Variable) and not isinstance(symbol, Quantity) and symbol not in self._of_connectors()
             for s in scalars
         }
-        return Collection(self._system(result, flanges), flanges, self.names, self.elements, efforts, own.union(efforts))
+        return Collection(self._system(result, flanges), flanges, self.names, self.elements, efforts, own.union(efforts), self._declared())
+
+    def _declared(self) -> dict[int, int]:
+        place = {part.component: k for k, part in enumerate(self.flat.parts)}
+        return {key: place[self.owners[_base(s)].component] for key, s in self.scalars.items() if _base(s) in self.owners}
 
     def _of_connectors(self) -> set[Symbol]:
         """Variables of connectors."""
@@ -139,15 +152,16 @@ class _Collector:
                     found[position.sx.element_hash()] = effort.sx
         return found
 
-    def _of_part(self, part: Part) -> Iterable[tuple[ca.SX, frozenset[Symbol], str, str]]:
+    def _of_part(self, part: Part, written: Sequence[Equation]) -> Iterable[tuple[ca.SX, frozenset[Symbol], str, str]]:
         own = type(part.component).__module__.split(".")[0] not in ("acausal", "components")
-        for k, e in enumerate(_written(part), start=1):
+        for k, e in enumerate(written, start=1):
             # a line of the user's own component says more than where the part was made
             origin = e.origin if own and e.origin else part.component.created_at
             yield e.residual.sx, e.residual.leaves, f"equation {k} of {part.path}", origin
 
     def _of_connection(self, group: tuple[Connector, ...]) -> list[tuple[ca.SX, frozenset[Symbol], str, str]]:
         kind, paths = type(group[0]), [self.flat.connector_paths[c] for c in group]
+        group = tuple(sorted(group, key=lambda c: self.rank[c]))
         label = f"connection of {' and '.join(paths[:3])}" + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
         potential, flow = FLOWS.get(kind, ("value", ""))
         symbols: list[Variable] = [getattr(c, potential) for c in group]
@@ -174,7 +188,7 @@ class _Collector:
         return Flange(connector, position.sx, velocity.sx, acceleration.sx, effort.sx, bias, flexibility)
 
     def _register_names(self) -> None:
-        for part in self.flat.parts:
+        for part in self.parts:
             for variable in part.component.variables():
                 self.owners[variable] = part
             for connector in part.component.connectors():
@@ -248,7 +262,7 @@ class _Collector:
 
     def _add_unused(self) -> None:
         """Variables that a part with equations declares and never uses: nothing determines them."""
-        for part in self.flat.parts:
+        for part in self.parts:
             component = part.component
             if any(isinstance(c, Point) for c in component.connectors()) or not any(True for _ in component.equations()):
                 continue

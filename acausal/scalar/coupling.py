@@ -139,7 +139,9 @@ class _Coupling:
         rated = ca.vertcat(ca.SX(0, 1), *self._with_algebraic(rates, residuals, tau))
         dq, dv, step = self._correction([one for _, one in held], residuals, second)
         tied = {s.element_hash() for invariant, one in held if one.depth > 1 for s in invariant.states}
-        order = sorted(range(len(states)), key=lambda k: states[k].symbol.element_hash() not in tied)
+        place, n_states = self.collection.declared, len(self.reduced.states)
+        keys = [u.symbol.element_hash() for u in states]
+        order = sorted(range(len(states)), key=lambda k: (keys[k] not in tied, k >= n_states, place.get(keys[k], len(place))))
         return ScalarPart(
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
