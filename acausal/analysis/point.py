@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from acausal.arguments import finite
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.simulation import InputValue, input_signal, parameter_values
 from acausal.start.initial import Start, initial_state
 from acausal.start.states import consistent_states
-
-_STRIDE = 1e-3
-"""Change of the fastest state, in units of 1 + its size, that is a little."""
-UNCHANGED = 3e-8
-"""What changes by less over such a stride does not change: what is left of third order is about 1e-9."""
-
 
 @dataclass(frozen=True)
 class OperatingPoint:
@@ -70,10 +65,19 @@ class Differentiable:
         arguments = [system.t, system.x, system.u, system.p]
         self._function = ca.Function("column", arguments, [ca.densify(column)], {"cse": True}) if self.size else None
         self._forward = None if self._function is None else self._function.forward(1)
+        self._rounding = None if self._function is None else Rounding(self._function)
 
     def value(self, at: OperatingPoint) -> np.ndarray:
         """(size,)."""
         return np.zeros(0) if self._function is None else np.array(self._function(at.t, at.x, at.u, at.p)).ravel()
+
+    def rounding(self, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
+        """What rounding makes of the values (size,), where the states are known to the rounding of their `sizes` (nx,)."""
+        if self._rounding is None:
+            return np.zeros(0)
+        eps = np.finfo(float).eps
+        x, u, p = np.maximum(np.abs(at.x), sizes), np.abs(at.u), np.abs(at.p)
+        return self._rounding([at.t, at.x, at.u, at.p], [eps * abs(at.t), eps * x, eps * u, eps * p])
 
     def along(
         self,
@@ -91,12 +95,3 @@ class Differentiable:
         seeds = [np.full((1, k), dt)]
         seeds += [np.zeros((n.size, k)) if d is None else d for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
         return np.array(self._forward(at.t, at.x, at.u, at.p, np.zeros((self.size, 1)), *seeds)).reshape(self.size, k)
-
-
-def before_and_after(x_dot: Differentiable, at: OperatingPoint) -> Iterator[OperatingPoint]:
-    """Points a little later and earlier on the motion x' = `x_dot` through a point, to second order in time, inputs held."""
-    rate = x_dot.value(at)
-    second = x_dot.along(at, rate[:, None], dt=1.0)[:, 0]
-    h = _STRIDE / max(1.0, float(np.max(np.abs(rate) / (1.0 + np.abs(at.x)), initial=0.0)))
-    for step in (h, -h):
-        yield replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second)

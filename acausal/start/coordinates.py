@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -96,13 +97,19 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     for item in tree.joints:
         for c in _of_joint(item, tree):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
+    length = reach(system, p, values, q, found)
+    return Coordinates(tuple(found), length if 0 < length < np.inf else 1.0)
+
+
+def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: Sequence[Coordinate]) -> float:
+    """The greatest offset of any link or coordinate at q [m]; 0 where there is none."""
+    tree = system.tree
     offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
     offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
     offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
     size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
-    lengths = [float(abs(q[c.place.start])) for c in found if not c.is_rotation and c.unit != "rad"]
-    reach = float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))
-    return Coordinates(tuple(found), reach if 0 < reach < np.inf else 1.0)
+    lengths = [float(abs(q[c.place.start])) for c in all if not c.is_rotation and c.unit != "rad"]
+    return float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))
 
 
 def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
