@@ -12,6 +12,8 @@ from acausal.numerics.assembly import freedom
 _SMALL = 1e-11
 _DONE = 1e-16
 _ZERO = 1e3
+_AROUND = 0.1
+_SAMPLES = 5
 _RANK = 1e-8
 _PULL = 1e-6
 _SETTLED = 1e-10
@@ -56,7 +58,7 @@ class NearestRoot:
 
     def __call__(self, guess: np.ndarray) -> Root:
         """From `guess` (n,)."""
-        floor = _ZERO * self.hard.rounding(guess, self.scale)
+        floor = _Floor(_ZERO * self.hard.rounding(guess, self.scale), self._usual(guess))
         best = self._root(guess, floor)
         if not best.converged:
             return best
@@ -77,7 +79,7 @@ class NearestRoot:
         zero = _ZERO * self.hard.rounding(best.z, self.scale)
         return replace(best, converged=bool(np.all(np.abs(best.residual) <= zero)))
 
-    def _root(self, guess: np.ndarray, floor: np.ndarray) -> Root:
+    def _root(self, guess: np.ndarray, floor: _Floor) -> Root:
         """Levenberg and Marquardt's method, with a damping that vanishes with the residual: it converges quadratically, also to roots
         that are not isolated (Yamashita and Fukushima, Computing Supplement 15, 2001).
         """
@@ -115,7 +117,7 @@ class NearestRoot:
             return Root(at.z, at.r, at.r, False, np.zeros((at.z.size, 0)))
         # small parts say nothing where nothing but rounding changes a row
         slope = np.max(np.abs(at.J * self.scale), axis=1, initial=0.0)
-        limit = np.where(slope > at.floor, _SMALL * slope, at.floor)
+        limit = np.where(slope > at.floor.rounding, _SMALL / at.weight, at.floor.rounding)
         converged = bool(np.all(np.abs(at.r) <= limit))
         free = self.scale[:, None] * freedom(at.weight[:, None] * at.J * self.scale, _RANK)
         return Root(at.z, at.r, at.weight * at.r, converged, free)
@@ -140,19 +142,35 @@ class NearestRoot:
         """Wishes of any unit become comparable by what the sizes of the unknowns make of them where the search begins."""
         return _inverse(np.max(np.abs(soft.jacobian(guess) * self.scale), axis=1, initial=0.0))
 
-    def _place(self, z: np.ndarray, r: np.ndarray, floor: np.ndarray) -> _Place:
-        """Each row as a part of what the sizes of the unknowns make of it, but rounding errors (`floor`) stay small."""
+    def _place(self, z: np.ndarray, r: np.ndarray, floor: _Floor) -> _Place:
+        """Each row as a part of what the sizes of the unknowns make of it, here or around the guess; rounding errors stay small."""
         J = self.hard.jacobian(z)
         if not np.isfinite(J).all():
             return _Place(z, r, np.zeros_like(J), np.ones(r.size), np.inf, floor)
         slope = np.max(np.abs(J * self.scale), axis=1, initial=0.0)
-        weight = _inverse(np.fmax(np.where(slope > 0, slope, np.abs(r)), floor))
+        slope = np.fmax(np.fmax(slope, floor.usual), floor.rounding)
+        weight = _inverse(np.where(slope > 0, slope, np.abs(r)))
         return _Place(z, r, J, weight, _norm(weight * r), floor)
+
+    def _usual(self, z: np.ndarray) -> np.ndarray:
+        """What the sizes of the unknowns make of each row (m,), by differences: derivatives may vanish where the search begins."""
+        shake, r = np.random.default_rng(0), self.hard.residual(z)
+        around = [self.hard.residual(z + _AROUND * self.scale * shake.uniform(-1.0, 1.0, z.size)) for _ in range(_SAMPLES)]
+        change = np.abs(np.column_stack([beside - r for beside in around])) / _AROUND
+        return np.median(np.where(np.isfinite(change), change, 0.0), axis=1)
 
     def _limited(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
         limit = self.limit * np.where(self.grows, np.maximum(1.0, np.abs(z) / self.scale), 1.0)
         largest = float(np.max(np.abs(step) / limit, initial=0.0))
         return step / largest if largest > 1.0 else step
+
+
+@dataclass(frozen=True)
+class _Floor:
+    """For each row (m,): the `rounding` in it, and what changes of the unknowns by their sizes usually make of it."""
+
+    rounding: np.ndarray
+    usual: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -164,7 +182,7 @@ class _Place:
     J: np.ndarray
     weight: np.ndarray
     size: float
-    floor: np.ndarray
+    floor: _Floor
 
 
 def largest_gaps(names: Sequence[str], residual: np.ndarray, parts: np.ndarray) -> str:

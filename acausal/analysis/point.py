@@ -10,12 +10,14 @@ import numpy as np
 
 from acausal.arguments import finite
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.simulation import InputValue, input_signal, parameter_values
 from acausal.start.initial import Start, initial_state
 from acausal.start.states import consistent_states
+
+_SAMPLES = 8
+
 
 @dataclass(frozen=True)
 class OperatingPoint:
@@ -65,19 +67,24 @@ class Differentiable:
         arguments = [system.t, system.x, system.u, system.p]
         self._function = ca.Function("column", arguments, [ca.densify(column)], {"cse": True}) if self.size else None
         self._forward = None if self._function is None else self._function.forward(1)
-        self._rounding = None if self._function is None else Rounding(self._function)
 
     def value(self, at: OperatingPoint) -> np.ndarray:
         """(size,)."""
         return np.zeros(0) if self._function is None else np.array(self._function(at.t, at.x, at.u, at.p)).ravel()
 
     def rounding(self, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
-        """What rounding makes of the values (size,), where the states are known to the rounding of their `sizes` (nx,)."""
-        if self._rounding is None:
+        """What rounding makes of the values (size,): how they change when all arguments do by their rounding, that of states by the rounding
+        of their `sizes` (nx,). By samples (More and Wild, *Estimating computational noise*, 2011).
+        """
+        if self._function is None:
             return np.zeros(0)
-        eps = np.finfo(float).eps
-        x, u, p = np.maximum(np.abs(at.x), sizes), np.abs(at.u), np.abs(at.p)
-        return self._rounding([at.t, at.x, at.u, at.p], [eps * abs(at.t), eps * x, eps * u, eps * p])
+        x, u, p = (np.repeat(part[:, None], _SAMPLES, axis=1) for part in (at.x, at.u, at.p))
+        shake, eps = np.random.default_rng(0), np.finfo(float).eps
+        for part, size in ((x, np.maximum(np.abs(at.x), sizes)), (u, np.abs(at.u)), (p, np.abs(at.p))):
+            part += eps * size[:, None] * shake.uniform(-2.0, 2.0, part.shape)
+        t = at.t * (1 + eps * shake.uniform(-2.0, 2.0, (1, _SAMPLES)))
+        values = np.array(self._function(t, x, u, p)).reshape(self.size, _SAMPLES)
+        return np.max(np.abs(values - self.value(at)[:, None]), axis=1)
 
     def along(
         self,
