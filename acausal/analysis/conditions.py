@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -76,7 +76,7 @@ def unknowns(functions: Functions, point: OperatingPoint, free: Sequence[Input |
 @dataclass(frozen=True)
 class Conditions:
     """Columns of expressions: `balance` vanishes in the equilibrium, `hard` are all conditions with `names`, `soft` the wishes.
-    `motion`: those of the hard ones that ask for positions and rates, whatever the forces.
+    `motion`: those of the hard ones that ask for positions and rates, whatever the forces; `invariants`: what is asked to be constant.
     """
 
     hard: ca.SX
@@ -84,6 +84,7 @@ class Conditions:
     balance: ca.SX
     soft: ca.SX
     motion: ca.SX
+    invariants: ca.SX
 
 
 def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions:
@@ -105,7 +106,17 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
     none = ca.SX(0, 1)
     hard = ca.vertcat(none, closing, *held, balance)
     about = (*("a loop" for _ in range(closing.numel())), *names, *about)
-    return Conditions(hard, about, balance, ca.vertcat(none, *wished), ca.vertcat(none, closing, *held, moving))
+    constant = ca.vertcat(none, *_constant(functions, steady))
+    return Conditions(hard, about, balance, ca.vertcat(none, *wished), ca.vertcat(none, closing, *held, moving), constant)
+
+
+def _constant(functions: Functions, steady: Steady) -> Iterator[ca.SX]:
+    """What is steady, or its rate where that is asked for."""
+    outputs = functions.outputs
+    rates: Mapping[Expression, float | None] = steady if isinstance(steady, Mapping) else dict.fromkeys(steady, 0.0)
+    for key, rate in rates.items():
+        value = ca.vec(outputs.resolve(key))
+        yield value if rate == 0 else outputs.rate(value)
 
 
 def _turn(angle: ca.SX) -> ca.SX:

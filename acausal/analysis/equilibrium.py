@@ -14,7 +14,7 @@ from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint, operating_point, start_values
 from acausal.analysis.sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
-from acausal.errors import EquilibriumError
+from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
@@ -37,7 +37,8 @@ class Equilibrium:
 
     `residual`: the largest rate that is left. `free`: variables along which there are more equilibria, to first order, and `dimension`
     of their family; this one is the nearest to the start. `lasting`: a steady motion stays as it is; otherwise the conditions hold
-    at this instant only. `began`: the consistent states where the search began; `sizes`: of states, inputs and parameters, what is much for each. `equilibrium[expression]` is the value of any
+    at this instant only. `began`: the consistent states where the search began; `sizes`: of states, inputs and parameters, what is much for each.
+    `steady`: expressions that are steady in a motion. `equilibrium[expression]` is the value of any
     expression, reactions included.
     """
 
@@ -49,7 +50,7 @@ class Equilibrium:
     free: tuple[str, ...]
     dimension: int
     lasting: bool
-    moving: bool
+    steady: ca.SX
 
     @property
     def x(self) -> np.ndarray:
@@ -85,8 +86,19 @@ class Equilibrium:
 
     @functools.cached_property
     def stability(self) -> str:
-        """ "asymptotically stable", "unstable" or "neutral" in first order. Of a steady motion in all its states, the ignorable ones too."""
-        return self.linearize().stability
+        """ "asymptotically stable", "unstable" or "neutral" in first order. Of a steady motion in all its states, the ignorable ones too; where
+        their linear system changes on the way, "unstable" if what was asked to be steady is, and "undecided" otherwise.
+        """
+        from acausal.analysis.linearize import linearize_invariants
+
+        try:
+            whole = self.linearize()
+        except OptionError:  # a loop in a singular position
+            return "undecided"
+        if whole.constant or not self.lasting or not self.steady.numel():
+            return whole.stability
+        part = linearize_invariants(self.functions, self.point, self.steady)
+        return "unstable" if part is not None and part.stability == "unstable" else "undecided"
 
     @property
     def moved(self) -> tuple[tuple[str, float, float], ...]:
@@ -100,10 +112,10 @@ class Equilibrium:
         return f"<Equilibrium of {self.functions.outputs.system.flat.name}, residual {self.residual:.2g}>"
 
     def __str__(self) -> str:
-        kind = "steady motion" if self.moving else "equilibrium"
+        kind = "steady motion" if self.steady.numel() else "equilibrium"
         if not self.lasting:
             kind += " at this instant only: it does not go on; name more variables in `steady`"
-        rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}"]
+        rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {self.stability}"]
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
         if self.dimension:
             rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")
@@ -145,7 +157,7 @@ def equilibrium(
     lasting = _goes_on(x_dot, balance, point, sizes_at(s, x_dot, point))
     names = _free_names(functions, given, found.free / search.scale[:, None])
     return Equilibrium(
-        functions, point, began, _all_sizes(given, search.scale), residual, names, found.free.shape[1], lasting, bool(steady)
+        functions, point, began, _all_sizes(given, search.scale), residual, names, found.free.shape[1], lasting, wanted.invariants
     )
 
 

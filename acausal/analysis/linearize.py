@@ -24,6 +24,7 @@ _CLOSED = 1e-8
 _STEADY = 1e-9
 _STILL = 1e-12
 _RANK = 1e-13
+_MOST_RATES = 4
 
 
 @dataclass(frozen=True, repr=False)
@@ -126,48 +127,84 @@ def linearize(
     outputs: Sequence[Expression],
 ) -> Linearization:
     """See `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
+    chosen = None if states is None else _column(functions, "states", states)
+    return _linearization(functions, point, chosen, _column(functions, "outputs", outputs))
+
+
+def linearize_invariants(functions: Functions, point: OperatingPoint, steady: ca.SX) -> Linearization | None:
+    """The linear system of quantities `steady` (n, 1) that a motion through the point keeps, and of as many of their time derivatives as it
+    needs; None where four are not enough. What is left out may do anything.
+    """
+    deviations = deviations_at(functions, point)
+    kept, rows, last = ca.SX(0, 1), np.zeros((0, len(deviations.free))), steady
+    expand = deviations.tangent(point, deviations.x_dot.value(point)).expand * deviations.free_sizes
+    for _ in range(_MOST_RATES):
+        slopes = Differentiable(deviations.system, last).along(point, expand)
+        fresh: list[int] = []
+        for i, row in enumerate(slopes):
+            more = np.vstack([rows, row / (np.max(np.abs(row)) or 1.0)])
+            if np.linalg.matrix_rank(more, tol=_CLOSED) > len(rows):
+                rows, fresh = more, [*fresh, i]
+        if not fresh:
+            break
+        kept, last = ca.vertcat(kept, last[fresh]), functions.outputs.rate(last[fresh])
+    try:
+        names = tuple(f"steady[{i}]" for i in range(kept.numel()))
+        return _linearization(functions, point, _Column(kept, names), _Column.none()) if names else None
+    except OptionError:
+        return None
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Expressions (n, 1) with a name for each."""
+
+    values: ca.SX
+    names: tuple[str, ...]
+
+    @staticmethod
+    def none() -> _Column:
+        return _Column(ca.SX(0, 1), ())
+
+
+def _column(functions: Functions, what: str, wanted: Sequence[Expression]) -> _Column:
+    entries = expressions(wanted, f"linearize: `{what}`", f"{what}=[scene.hinge.q, scene.hinge.v]")
+    values = ca.vertcat(ca.SX(0, 1), *(ca.vec(functions.outputs.resolve(e)) for e in entries))
+    return _Column(values, tuple(name for e in entries for name in labels(functions.outputs, e)))
+
+
+def _linearization(functions: Functions, point: OperatingPoint, states: _Column | None, outputs: _Column) -> Linearization:
     s = functions.outputs.system
     deviations = deviations_at(functions, point)
-    wanted = _Wanted(functions, states, outputs)
-    chosen = deviations.names if states is None else wanted.names(states)
-    names = chosen if wanted.outputs is None else wanted.names(outputs)
-    linear = _Linear(deviations, wanted, chosen, names)
+    wanted = _Wanted(functions, _Column.none() if states is None else states, outputs, states is not None)
+    chosen = deviations.names if states is None else states.names
+    linear = _Linear(deviations, wanted, chosen, outputs.names)
     found = linear.at(point, check=True)
     noise = ROUNDING * linear.rounding(point)
     still = np.abs(found.rates) <= _STEADY * np.abs(found.A) @ found.sizes + noise
     inputs = tuple(functions.outputs.name(entry) for entry in s.flat.inputs)
     return Linearization(
-        chosen, inputs, names, found.A, found.B, found.C, found.D, found.expand, np.where(still, 0.0, found.rates), found.sizes, point,
-        bool(np.all(still)), linear.is_constant(point, found, noise), s.flat.name,
+        chosen, inputs, outputs.names or chosen, found.A, found.B, found.C, found.D, found.expand, np.where(still, 0.0, found.rates),
+        found.sizes, point, bool(np.all(still)), linear.is_constant(point, found, noise), s.flat.name,
     )  # fmt: skip
 
 
 class _Wanted:
     """What was asked for, as columns: states h and their rates, outputs."""
 
-    def __init__(self, functions: Functions, states: Sequence[Expression] | None, outputs: Sequence[Expression]) -> None:
-        self._functions = functions
+    def __init__(self, functions: Functions, states: _Column, outputs: _Column, given: bool) -> None:
         s = functions.outputs.system
-        column = self._column("states", () if states is None else states)
-        if states is not None and not column.numel():
+        column = states.values
+        if given and not column.numel():
             raise OptionError("linearize: `states` is empty. Leave it out, or name expressions such as scene.hinge.q.")
         if ca.depends_on(column, s.u):
             raise OptionError(
                 "linearize: a state must not depend on an input. Choose variables that keep their value when an input jumps."
             )
-        self.given = states is not None
+        self.given = given
         self.states = Differentiable(s, column)
         self.rates = Differentiable(s, functions.outputs.rate(column))
-        chosen = self._column("outputs", outputs)
-        self.outputs = Differentiable(s, chosen) if chosen.numel() else None
-
-    def names(self, wanted: Sequence[Expression]) -> tuple[str, ...]:
-        """Of all entries of expressions."""
-        return tuple(name for e in wanted for name in labels(self._functions.outputs, e))
-
-    def _column(self, what: str, wanted: Sequence[Expression]) -> ca.SX:
-        entries = expressions(wanted, f"linearize: `{what}`", f"{what}=[scene.hinge.q, scene.hinge.v]")
-        return ca.vertcat(ca.SX(0, 1), *(ca.vec(self._functions.outputs.resolve(e)) for e in entries))
+        self.outputs = Differentiable(s, outputs.values) if outputs.names else None
 
 
 @dataclass(frozen=True)
