@@ -10,6 +10,7 @@ import numpy as np
 
 _MARGIN = 100.0
 _LARGEST = 1e-4
+_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,18 @@ def modes_of(A: np.ndarray, states: tuple[str, ...], sizes: np.ndarray) -> Modes
     for k in range(count):
         own = np.flatnonzero(part == k)
         found += _modes(A[np.ix_(own, own)], own, states, sizes)
-    return Modes(tuple(sorted(found, key=lambda m: (abs(m.eigenvalue), m.eigenvalue.real))))
+    return Modes(tuple(_slowest_first(found)))
+
+
+def _slowest_first(modes: list[Mode]) -> list[Mode]:
+    """By size; those of the same size, to rounding, from the fastest decaying to the fastest growing."""
+    found: list[Mode] = []
+    level: list[Mode] = []
+    for mode in sorted(modes, key=lambda m: abs(m.eigenvalue)):
+        if level and abs(mode.eigenvalue) > (1 + _SAME) * abs(level[0].eigenvalue):
+            found, level = found + sorted(level, key=lambda m: m.eigenvalue.real), []
+        level.append(mode)
+    return found + sorted(level, key=lambda m: m.eigenvalue.real)
 
 
 def _modes(A: np.ndarray, own: np.ndarray, states: tuple[str, ...], sizes: np.ndarray) -> list[Mode]:

@@ -56,9 +56,13 @@ class NearestRoot:
     limit: np.ndarray
     grows: np.ndarray
 
-    def __call__(self, guess: np.ndarray) -> Root:
-        """From `guess` (n,)."""
-        floor = _Floor(_ZERO * self.hard.rounding(guess, self.scale), self._usual(guess))
+    def floor(self, z: np.ndarray) -> Floor:
+        """Of the rows around z (n,)."""
+        return Floor(_ZERO * self.hard.rounding(z, self.scale), self._usual(z))
+
+    def __call__(self, guess: np.ndarray, floor: Floor | None = None) -> Root:
+        """From `guess` (n,); `floor` where it is known from nearby."""
+        floor = floor or self.floor(guess)
         best = self._root(guess, floor)
         if not best.converged:
             return best
@@ -79,7 +83,7 @@ class NearestRoot:
         zero = _ZERO * self.hard.rounding(best.z, self.scale)
         return replace(best, converged=bool(np.all(np.abs(best.residual) <= zero)))
 
-    def _root(self, guess: np.ndarray, floor: _Floor) -> Root:
+    def _root(self, guess: np.ndarray, floor: Floor) -> Root:
         """Levenberg and Marquardt's method, with a damping that vanishes with the residual: it converges quadratically, also to roots
         that are not isolated (Yamashita and Fukushima, Computing Supplement 15, 2001).
         """
@@ -142,7 +146,7 @@ class NearestRoot:
         """Wishes of any unit become comparable by what the sizes of the unknowns make of them where the search begins."""
         return _inverse(np.max(np.abs(soft.jacobian(guess) * self.scale), axis=1, initial=0.0))
 
-    def _place(self, z: np.ndarray, r: np.ndarray, floor: _Floor) -> _Place:
+    def _place(self, z: np.ndarray, r: np.ndarray, floor: Floor) -> _Place:
         """Each row as a part of what the sizes of the unknowns make of it, here or around the guess; rounding errors stay small."""
         J = self.hard.jacobian(z)
         if not np.isfinite(J).all():
@@ -166,7 +170,7 @@ class NearestRoot:
 
 
 @dataclass(frozen=True)
-class _Floor:
+class Floor:
     """For each row (m,): the `rounding` in it, and what changes of the unknowns by their sizes usually make of it."""
 
     rounding: np.ndarray
@@ -182,7 +186,7 @@ class _Place:
     J: np.ndarray
     weight: np.ndarray
     size: float
-    floor: _Floor
+    floor: Floor
 
 
 def largest_gaps(names: Sequence[str], residual: np.ndarray, parts: np.ndarray) -> str:

@@ -12,10 +12,10 @@ import numpy as np
 
 from acausal.analysis.actuation import Actuation
 from acausal.analysis.conditions import Unknowns
-from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
+from acausal.analysis.nearest import Floor, NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
-from acausal.analysis.sizes import sizes_at
+from acausal.analysis.sizes import power_of_two, sizes_at
 from acausal.errors import MotionError, OptionError
 from acausal.outputs.outputs import Outputs
 from acausal.wording import counted
@@ -71,6 +71,7 @@ class Servo:
         self._hard = Differentiable(s, ca.vertcat(closing, *(e for chain in chains for e in chain[:-1])))
         self._top = Differentiable(s, ca.vertcat(*(chain[-1] for chain in chains)))
         self._x_dot = Differentiable(s, s.x_dot)
+        self._floor: Floor | None = None
         self._sizes = sizes_at(s, self._x_dot, began)
         self._limit = np.concatenate([_STEP * self._sizes.x[: s.nq], np.full(s.x.numel() - s.nq, np.inf)])
 
@@ -105,20 +106,24 @@ class Servo:
         if t.size == 1:
             return x0[:, None]
         recent: deque[float] = deque(maxlen=_STUCK)
+        # in the scene's own time and sizes, since the first step is chosen in whatever unit there is
+        pace, size = float(power_of_two(np.array([self._sizes.fastest]))[0]), self._sizes.x
+        own = (t - t[0]) * pace
 
-        def rates(at: float, x: np.ndarray) -> np.ndarray:
+        def rates(at: float, y: np.ndarray) -> np.ndarray:
+            now = float(t[0]) + at / pace
             recent.append(at)
-            if len(recent) == _STUCK and max(recent) - min(recent) < 1e-4 * (t[-1] - t[0]):
+            if len(recent) == _STUCK and max(recent) - min(recent) < 1e-4 * own[-1]:
                 raise MotionError(
-                    f"inverse_dynamics: near t = {at:.6g} s rates grow without a bound, and the motion cannot go on: what is prescribed leads "
+                    f"inverse_dynamics: near t = {now:.6g} s rates grow without a bound, and the motion cannot go on: what is prescribed leads "
                     "out of reach, or to where its forces no longer act on it."
                 )
-            return self._rate(at, self._follow(at, x)[0])
+            return self._rate(now, self._follow(now, y * size)[0]) / size / pace
 
-        found = solve_ivp(rates, (t[0], t[-1]), x0, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12 * self._sizes.x)
+        found = solve_ivp(rates, (0.0, own[-1]), x0 / size, method="DOP853", t_eval=own, rtol=1e-10, atol=1e-12)
         if not found.success:
             raise MotionError(f"inverse_dynamics: the motion that is not prescribed could not be integrated: {found.message}")
-        return np.column_stack([self._follow(float(at), x)[0] for at, x in zip(t, found.y.T, strict=True)])
+        return np.column_stack([self._follow(float(at), y * size)[0] for at, y in zip(t, found.y.T, strict=True)])
 
     def _at(self, t: float, x: np.ndarray) -> OperatingPoint:
         u = self._signal(np.array([t]))[:, 0]
@@ -138,7 +143,9 @@ class Servo:
             rows.jacobian,
             lambda x, sizes: rows.rounding(x, sizes) + np.finfo(float).eps * np.abs(target),
         )
-        found = NearestRoot(gap, None, self._sizes.x, self._limit, np.isfinite(self._limit))(guess)
+        search = NearestRoot(gap, None, self._sizes.x, self._limit, np.isfinite(self._limit))
+        self._floor = self._floor or search.floor(guess)
+        found = search(guess, self._floor)
         if not found.converged:
             names = ["a loop"] * self._closing
             names += [c.name + "'" * k for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]

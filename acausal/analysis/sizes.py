@@ -45,11 +45,10 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
     size = np.zeros(at.x.size)
     size[:nq] = _coordinates(s, at, f, J)
     push = f[nq:last] + J[nq:last, :nq] @ size[:nq]
-    # q' = N v: the least size of a coordinate that a velocity moves
-    reached = np.where(J[:nq, nq:last] > 0, size[:nq, None] / np.maximum(J[:nq, nq:last], 1e-300), np.inf)
-    far = _known(np.min(reached, axis=0, initial=np.inf))
+    # how fast a velocity must be to move some coordinate by its size in a time of 1
+    far = _known(np.min(_over(size[:nq, None], J[:nq, nq:last], np.inf), axis=0, initial=np.inf))
     damping = np.diag(J)[nq:last]
-    slow = np.where(push > 0, push / np.maximum(damping + np.sqrt(push / far), 1e-300), 0.0)
+    slow = _over(push, damping + np.sqrt(push / far), 0.0)
     size[nq:last] = np.maximum(slow, np.abs(at.x[nq:last]))
     size[nq:last] = np.where(size[nq:last] > 0, size[nq:last], far * np.max(size[nq:last] / far, initial=0.0))
     size[last:] = np.abs(at.x[last:])
@@ -88,8 +87,7 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
     length = reach(s.mechanics, s.p, at.p, at.x[:nq], found.all)
     if not 0 < length < np.inf:
         stiffness = J[nq:last, :nq]
-        pushed = np.where(stiffness > 0, f[nq:last, None] / np.maximum(stiffness, 1e-300), 0.0)
-        length = float(np.max(pushed, initial=0.0))
+        length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
     turns = np.concatenate([np.full(c.place.stop - c.place.start, c.unit == "rad" or c.is_rotation) for c in found.all])
     return np.where(turns, 1.0, length if 0 < length < np.inf else 1.0)
 
@@ -98,9 +96,13 @@ def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:
     """How far the rates carry states in the time of their own decay, or of the whole where they have none."""
     rates = f + J @ size
     own = np.diag(J)
-    fastest = float(np.max(np.where(size > 0, rates / np.where(size > 0, size, 1.0), 0.0), initial=0.0))
-    time = np.where(own > 0, 1 / np.where(own > 0, own, 1.0), 1 / fastest if fastest > 0 else 0.0)
-    return _finite(rates * time)
+    fastest = float(np.max(_over(rates, size, 0.0), initial=0.0))
+    return _finite(rates * _over(np.ones(own.size), own, 1 / fastest if fastest > 0 else 0.0))
+
+
+def _over(above: np.ndarray, below: np.ndarray, otherwise: float) -> np.ndarray:
+    """The quotient, and where there is nothing below, `otherwise`."""
+    return np.where(below > 0, above / np.where(below > 0, below, 1.0), otherwise)
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
