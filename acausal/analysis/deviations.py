@@ -94,7 +94,7 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     invariants = Differentiable(s, ca.vertcat(s.position_invariants, s.velocity_invariants))
     x_dot = Differentiable(s, s.x_dot)
     sizes = sizes_at(s, x_dot, at)
-    G = equilibrated(invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.x))
+    G = equilibrated(invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places))
     rows, nq = s.position_invariants.numel(), s.nq - len(units)
     positions = independent_entries(G[:rows, :nq]).free
     rates = independent_entries(G[rows:, nq:], preferred=_matching(s, coordinates, positions)).free

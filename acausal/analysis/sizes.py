@@ -30,6 +30,8 @@ class Sizes:
 
     x: np.ndarray
     rates: np.ndarray
+    places: np.ndarray
+    """The same with velocities by the coordinates that they move, whatever the forces (nx,)."""
 
     @property
     def fastest(self) -> float:
@@ -61,8 +63,10 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
         if np.array_equal(more, size):
             break
         size = more
+    places = size.copy()
+    places[nq:last] = far
     size = power_of_two(size)
-    return Sizes(size, J @ size)
+    return Sizes(size, J @ size, power_of_two(places))
 
 
 def before_and_after(x_dot: Differentiable, at: OperatingPoint, sizes: Sizes) -> tuple[float, list[OperatingPoint]]:
@@ -116,6 +120,6 @@ def _known(size: np.ndarray) -> np.ndarray:
 
 
 def power_of_two(size: np.ndarray) -> np.ndarray:
-    """The nearest ones below; 1 in place of zero."""
-    size = _known(size)
-    return np.ldexp(0.5, np.frexp(size)[1])
+    """The nearest ones above; 1 in place of zero."""
+    share, exponent = np.frexp(_known(size))
+    return np.ldexp(np.where(share == 0.5, 0.5, 1.0), exponent)

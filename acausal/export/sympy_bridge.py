@@ -23,7 +23,7 @@ def to_sympy(expression: ca.SX, symbols: Sequence[tuple[ca.SX, Sequence[Any]]]) 
     values = [list(names) for _, names in symbols]
     results: list[Any] = [sympy.Integer(0)] * function.numel_out(0)
     work: dict[int, Any] = {}
-    table = _operations()
+    table = operations()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         out, inputs = function.instruction_output(k), function.instruction_input(k)
@@ -47,7 +47,8 @@ def _number(value: float) -> Any:
     return short if short.q < 1000 else sympy.Float(value, 15)
 
 
-def _operations() -> dict[int, Any]:
+def operations() -> dict[int, Any]:
+    """sympy's form of each operation of CasADi."""
     import sympy as sp
 
     return {
