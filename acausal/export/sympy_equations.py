@@ -21,9 +21,9 @@ from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
 from acausal.reduce.unit_quaternions import unit_quaternions
 
-_BUDGET = 300_000
+_BUDGET = 150_000
 _SHOWN = 3_000
-_LARGEST = 6_000
+_LARGEST = 800
 _ROUNDING = 1e-14
 
 
