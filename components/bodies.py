@@ -192,8 +192,13 @@ class RigidBody(AbstractRigidPart):
         """A thin uniform disk, or a thin hoop, about `axis`; `radius` [m] > 0; `frame` is at its centre."""
         m, r = scalar(mass, "disk's mass", positive=True), scalar(radius, "disk's radius", positive=True)
         along = m * r * r * (1 if hoop else 0.5)
-        shape = drawn.Disk(_number(r), 0.06 * _number(r), _axis_numbers(axis))
-        return cls(m, _about_axis(along / 2, along, axis), shapes=(shape,), **sketch)
+        size, about = _number(r), _axis_numbers(axis)
+        shapes: tuple[Any, ...] = (drawn.Disk(size, 0.06 * size, about),)
+        if hoop:
+            across = np.cross(about, np.eye(3)[np.argmin(np.abs(about))])
+            spoke = size * across / np.linalg.norm(across)
+            shapes = drawn.Torus(0.97 * size, 0.03 * size, about), drawn.Rod((0.0, 0.0, 0.0), tuple(spoke.tolist()), 0.015 * size)
+        return cls(m, _about_axis(along / 2, along, axis), shapes=shapes, **sketch)
 
     @classmethod
     def ellipsoid(cls, mass: Scalar, semi_axes: Scalar, **sketch: Any) -> Self:

@@ -49,6 +49,7 @@ def test_the_torques_found_make_the_arm_move_so():
     np.testing.assert_allclose(run[scene.elbow.q], b, atol=1e-9)
     at_joints = model.inverse_dynamics(T, motions, [scene.elbow, scene.shoulder])
     np.testing.assert_allclose(at_joints.forces[::-1], found.forces, atol=1e-12)
+    np.testing.assert_array_equal(found.series, np.column_stack([found.force(u) for u in scene.torques]))
     sampled = model.inverse_dynamics(T, {scene.shoulder.q: a, scene.elbow.q: b}, scene.torques)
     np.testing.assert_allclose(sampled.forces, found.forces, atol=2e-4)
 

@@ -81,7 +81,9 @@ def numbers(model: ac.Model) -> dict[Any, float]:
     """What each symbol is at a state of the model, taken from its compiled functions."""
     s, rng = model.system, np.random.default_rng(3)
     first = model.initial_state()
-    q = model.functions.space.expanded(0.0, first.x, first.p)[: s.nq] + (0.0 if s.constraints.loops else 0.3) * rng.normal(size=s.nq)
+    q = model.functions.space.expanded(0.0, first.x, first.p)[: s.nq] + (0.0 if s.constraints.loops else 0.3) * rng.normal(
+        size=s.nq
+    )
     x = np.concatenate([q, rng.normal(size=s.x.numel() - s.nq)])
     for item in s.tree_joints:  # quaternions of length 1
         rows = item.edge.joint.invariants(s.mechanics.tree.q[item.q], s.t)

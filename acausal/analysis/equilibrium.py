@@ -115,7 +115,9 @@ class Equilibrium:
         kind = "steady motion" if self.steady.numel() else "equilibrium"
         if not self.lasting:
             kind += " at this instant only: it does not go on; name more variables in `steady`"
-        rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {self.stability}"]
+        rows = [
+            f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {self.stability}"
+        ]
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
         if self.dimension:
             rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")

@@ -43,8 +43,13 @@ class InverseDynamics:
 
     @property
     def forces(self) -> np.ndarray:
-        """All forces found, (n, m)."""
+        """All forces found, (n, m): rows of `u`, with a column for each time as there. `series` is the same as other series are."""
         return self.u[self.actuation.entries]
+
+    @property
+    def series(self) -> np.ndarray:
+        """All forces found, (m, n): a row for each time, as `result[...]` and `run[...]` have it; named `names`."""
+        return self.forces.T
 
     def force(self, unknown: Unknown) -> np.ndarray:
         """Of one unknown. Raises `UnknownVariableError` for what was not asked for."""

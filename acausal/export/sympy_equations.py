@@ -292,7 +292,10 @@ def _cleaned(rows: list[Sum], accelerations: Sequence[int]) -> tuple[Sum, ...]:
     """Without terms that are rounding errors of numbers that were folded before: far below terms in the same symbols, in this row or another,
     each row measured by the inertia of its own velocity.
     """
-    inertia = [max((abs(v) for (p, _, _), (v, _) in row.items() if p == ((a, Fraction(1)),)), default=0.0) for row, a in zip(rows, accelerations, strict=True)]
+    inertia = [
+        max((abs(v) for (p, _, _), (v, _) in row.items() if p == ((a, Fraction(1)),)), default=0.0)
+        for row, a in zip(rows, accelerations, strict=True)
+    ]
     size = [math.sqrt(m) if m > 0 else 1.0 for m in inertia]
     largest: dict[Any, float] = {}
     for row, scale in zip(rows, size, strict=True):
@@ -306,9 +309,7 @@ def _cleaned(rows: list[Sum], accelerations: Sequence[int]) -> tuple[Sum, ...]:
             limit = max(limit, size[k] * size[place[powers]])
         return abs(value) > _ROUNDING * limit
 
-    return tuple(
-        {term: value for term, value in row.items() if meant(k, term[0], value[0])} for k, row in enumerate(rows)
-    )
+    return tuple({term: value for term, value in row.items() if meant(k, term[0], value[0])} for k, row in enumerate(rows))
 
 
 def _solved(b: _Balances) -> tuple[Any, ...] | None:

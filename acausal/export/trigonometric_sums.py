@@ -122,7 +122,7 @@ class Algebra:
         if not a:
             raise ExportError("A division by zero has no readable form.")
         if len(a) == 1:
-            ((powers, kind, angle), (value, error)) = next(iter(a.items()))
+            ((powers, kind, _), (value, error)) = next(iter(a.items()))
             split = exponent.denominator == 1 or (value > 0 and all(i in self.positive for i, _ in powers))
             if not kind and split:
                 number = float(value) ** float(exponent)
@@ -214,7 +214,7 @@ class Algebra:
                 half = self._angle_form(tuple((i, n // 2) for i, n in angle))
                 wave = sympy.cos(half) if value * mean > 0 else sympy.sin(half)
                 return [(_clean(2 * mean, 2 * error), wave**2)]
-        found = [(_clean(mean, error), sympy.Integer(1))] if mean else []
+        found: list[tuple[Any, Any]] = [(_clean(mean, error), sympy.Integer(1))] if mean else []
         for (kind, angle), (value, more) in rest.items():
             argument = self._angle_form(angle)
             found.append((_clean(value, more), sympy.sin(argument) if kind == "s" else sympy.cos(argument)))

@@ -17,6 +17,7 @@ from acausal.language.expression import Expression
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.reduce.state_space import StateSpace
+from acausal.wording import callers_level
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
@@ -221,7 +222,7 @@ class Functions:
 def warn_no_compiler(reason: str) -> None:
     """Say, once in a process for each reason, that everything is slower than it could be."""
     message = f"{reason}Models run on CasADi's virtual machine, many times slower; `compiled=False` silences this."
-    warnings.warn(message, NoCompilerWarning, stacklevel=5)
+    warnings.warn(message, NoCompilerWarning, stacklevel=callers_level())
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}

@@ -86,7 +86,7 @@ def simulate(
     options = options.checked()
     problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
     p, space = problem.parameters, functions.space
-    check_given_motions(functions.given_motions, t0, t1, p, stacklevel=4)
+    check_given_motions(functions.given_motions, t0, t1, p)
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
@@ -108,8 +108,8 @@ def simulate(
     )
     times = np.linspace(t0, solution.t[-1], options.samples)
     run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
-    warn_if_singular(functions, run, stacklevel=4)
-    warn_if_outside(functions, run, stacklevel=4)
+    warn_if_singular(functions, run)
+    warn_if_outside(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise SimulationError(failure(functions, run.status, t1, run), run)
     return run

@@ -13,6 +13,7 @@ from acausal.errors import AcausalError, AssemblyError, SingularWarning
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
+from acausal.wording import callers_level
 
 _SINGULAR = 1e-9
 _MASSLESS = 1e-12
@@ -30,7 +31,7 @@ def combination(weights: np.ndarray, names: Sequence[str]) -> str:
     return text.strip() + (" ..." if len(order) > _SHOWN else "")
 
 
-def warn_if_singular(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+def warn_if_singular(functions: Functions, run: Trajectory) -> None:
     """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
 
     Rows of the loop's matrix are scaled to the largest diagonal that they meet. Where the reduction knows of singular positions,
@@ -56,7 +57,7 @@ def warn_if_singular(functions: Functions, run: Trajectory, stacklevel: int) -> 
             f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
             f"({_dependent_rows(functions, run, worst, scale)}), and more than one "
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
-            SingularWarning, stacklevel=stacklevel,
+            SingularWarning, stacklevel=callers_level(),
         )  # fmt: skip
 
 
@@ -74,7 +75,7 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
     return f"rows {rows}; free besides: {combination(opened, velocities)}"
 
 
-def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+def warn_if_outside(functions: Functions, run: Trajectory) -> None:
     """Say so when a joint in the tree left the domain of its coordinates."""
     for item, inside in functions.domains:
         joint = item.edge.joint
@@ -85,7 +86,7 @@ def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> N
             warnings.warn(
                 f"By t = {run.solution.t[outside[0]]:.6g} s the wheel of '{item.edge.name}' ({joint.created_at}) has fallen through its "
                 "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
-                SingularWarning, stacklevel=stacklevel,
+                SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
 
 
