@@ -41,7 +41,11 @@ def test_labels_name_the_part_and_the_unit():
     scene = bead()
     run = ac.build(scene).simulate(0.1, {scene.x.q: 0.6, scene.z.q: 0.8})
     place = scene.bead.point.position
-    assert [run.label(e) for e in (scene.x.q, place, place[2])] == ["x.q [m]", "bead.point.position [m]", "bead.point.position[2] [m]"]
+    assert [run.label(e) for e in (scene.x.q, place, place[2])] == [
+        "x.q [m]",
+        "bead.point.position [m]",
+        "bead.point.position[2] [m]",
+    ]
     assert run.label(2 * scene.x.q + scene.z.q) == "((2.*x.q)+z.q)"
 
 

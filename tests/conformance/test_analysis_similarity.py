@@ -15,11 +15,14 @@ import pytest
 import acausal as ac
 from acausal.language.expression import Expression
 from components import (
+    Fixed,
     NonlinearSpring,
     Particle,
     Prismatic,
     Revolute,
     RigidBody,
+    RollingBall,
+    RollingDisk,
     RotationalDamper,
     RotationalGround,
     RotationalSpring,
@@ -238,3 +241,50 @@ def test_parameters_far_from_their_values_at_build_give_the_equilibrium_of_a_bui
         here = sag(stiffness, mass, (stiffness, mass))
         assert here == pytest.approx(-0.3 - mass * G / stiffness, rel=1e-14)
         assert sag(stiffness, mass, (1.0, 1.0)) == pytest.approx(here, rel=1e-15)
+
+
+def rolling(make: Callable[[float], tuple[Any, RigidBody]]) -> Callable[[Units], ac.System]:
+    def scene(units: Units) -> ac.System:
+        scene = ac.System()
+        scene.world = World(gravity(units))
+        scene.contact, scene.body = make(units.length)
+        scene.connect(scene.world.frame, scene.contact.frame_a)
+        scene.connect(scene.contact.frame_b, scene.body.frame)
+        return scene
+
+    return scene
+
+
+def geared_slide(units: Units) -> ac.System:
+    """A disk on a sledge that rolls along a line."""
+    L = units.length
+    scene = ac.System()
+    scene.world, scene.stand = World(gravity(units)), Fixed((0, 0, 0.3 * L))
+    scene.slide, scene.hinge, scene.contact = Prismatic("x"), Revolute("y"), RollingDisk(0.3 * L, "y")
+    scene.disk = RigidBody.disk(units.mass, 0.3 * L, "y")
+    scene.connect(scene.world.frame, scene.stand.frame_a, scene.contact.frame_a)
+    scene.connect(scene.stand.frame_b, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.disk.frame, scene.contact.frame_b)
+    return scene
+
+
+ROLLING = [
+    rolling(lambda L: (RollingDisk(0.3 * L, "y"), RigidBody.disk(1.0, 0.3 * L, "y"))),
+    rolling(lambda L: (RollingBall(0.1 * L), RigidBody.ball(1.0, 0.1 * L))),
+    geared_slide,
+]
+
+
+@pytest.mark.parametrize("make", ROLLING)
+@pytest.mark.parametrize("length", [1e-9, 1e-6, 1e-3, 4.0**5, 1e6, 1e9])
+def test_what_rolling_forbids_is_the_same_in_any_unit(make: Callable[[Units], ac.System], length: float):
+    plain, other = ac.build(make(Units())).constraints(), ac.build(make(Units(length))).constraints()
+    assert [(e.name, e.kind, e.kept) for e in other] == [(e.name, e.kind, e.kept) for e in plain]
+    assert (other.configuration_freedom, other.velocity_freedom, other.hidden) == (
+        plain.configuration_freedom,
+        plain.velocity_freedom,
+        plain.hidden,
+    )
+    for here, there in zip(plain.velocity.blocks, other.velocity.blocks, strict=True):
+        assert here.growth == there.growth and here.alone == there.alone and len(here.integrals) == len(there.integrals)
