@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import subprocess
 import sys
@@ -239,3 +240,71 @@ def test_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="cannot write"):
         ac.build(DoublePendulum()).export_simulator(tmp_path / "file")
+
+
+FLAGS = ("-O1", "-march=native", "-ffp-contract=off", "-fno-math-errno")
+SOURCES = ("simulator.c", "model.c", "runtime.c")
+TWO = r"""
+#include <cstdio>
+#define SIMULATOR_PREFIX one_
+#include "one/simulator.h"
+#undef SIMULATOR_PREFIX
+#define SIMULATOR_PREFIX two_
+#include "two/simulator.h"
+static int advance(const char *, const char *) { return 7; }
+int main() {
+    double times[2] = {0.5, 1}, x[100];
+    int failed = one_simulate(0, 0, 0, 0, 0, 2, times, x, 0);
+    for (long i = 0; i < 2 * one_model_states; i++) std::printf("%.17g\n", x[i]);
+    SimulatorOptions options = two_simulator_defaults();
+    failed += two_simulate(&options, 0, two_model_start, 0, 0, 2, times, x, 0);
+    for (long i = 0; i < 2 * two_model_states; i++) std::printf("%.17g\n", x[i]);
+    return failed + advance("", "") - 7;
+}
+"""
+
+
+def run_of(library: ctypes.CDLL, states: int, times: list[float]) -> np.ndarray:
+    """States (states, times) by the library's `simulate` from its exported start."""
+    found = np.zeros((len(times), states))
+    library.simulate.argtypes = [ctypes.c_void_p, ctypes.c_double, *[ctypes.c_void_p] * 3, ctypes.c_long, *[ctypes.c_void_p] * 3]
+    assert library.simulate(None, 0.0, None, None, None, len(times), np.array(times).ctypes.data, found.ctypes.data, None) == 0
+    return found.T
+
+
+@pytest.mark.slow
+def test_shared_libraries_of_two_models_do_not_take_names_of_each_other_or_of_the_c_library(exported, tmp_path):
+    """Loaded for all to see, so that whatever is visible in the first hides the same in the second."""
+    command = compiler()
+    assert command is not None
+    for name in ("pendulum", "four_bar"):
+        model, start, end, program = exported(name)
+        library = tmp_path / f"{name}.so"
+        line = [*command, *WARNINGS, *FLAGS, "-fPIC", "-shared", "-o", str(library), *SOURCES, "-lm"]
+        subprocess.run(line, cwd=program.parent, check=True)
+        times = [0.0, end / 3, end]
+        found = run_of(ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL), len(model.state_names), times)
+        assert np.array_equal(found, model.simulate(end, start, method="gauss").at(times).x)
+        shown = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout
+        public = (program.parent / "simulator.h").read_text()
+        assert all(line.split()[-1] in public for line in shown.splitlines())
+
+
+@pytest.mark.slow
+def test_two_models_in_one_program_written_in_another_language(exported, tmp_path):
+    command = compiler()
+    assert command is not None
+    objects: list[str] = []
+    expected: list[np.ndarray] = []
+    for prefix, name in (("one", "pendulum"), ("two", "four_bar")):
+        model, start, _, program = exported(name)
+        (tmp_path / prefix).symlink_to(program.parent)
+        for source in SOURCES:
+            objects.append(f"{prefix}_{source}.o")
+            line = [*command, *WARNINGS, *FLAGS, f"-DSIMULATOR_PREFIX={prefix}_"]
+            subprocess.run([*line, "-c", "-o", objects[-1], f"{prefix}/{source}"], cwd=tmp_path, check=True)
+        expected.append(model.simulate(1.0, start, method="gauss").at([0.5, 1.0]).x.T.ravel())
+    (tmp_path / "two.cpp").write_text(TWO)
+    subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "-o", "both", "two.cpp", *objects, "-lm"], cwd=tmp_path, check=True)
+    printed = subprocess.run([str(tmp_path / "both")], capture_output=True, text=True, check=True).stdout
+    assert np.array_equal(np.array(printed.split(), dtype=float), np.concatenate(expected))

@@ -26,6 +26,14 @@ PROGRAM = Path(__file__).resolve().parent / "program"
 """Folder of the C sources that are the same for all models."""
 _GAUSS = tuple(gauss_legendre(s) for s in (4, 6, 8))
 _RADAU = tuple(radau_iia(s) for s in (3, 5, 7))
+_MODEL_HEAD = """\
+/* The model: functions, names, values. Only what model.h and simulator.h declare is seen by other files. */
+#include "model.h"
+#undef EXPORT
+#undef HIDDEN
+#define EXPORT static __attribute__((unused))
+#define HIDDEN static
+"""
 _README = """\
 {heading}
 {line}
@@ -43,10 +51,14 @@ prints the states at equally spaced times from 0 to `end` seconds, separated by 
 {nx} states, {nu} inputs, {np} parameters; names and values are in model.json. To simulate from a program of your own, see `simulate`
 in simulator.h: other start values, parameters and inputs, fixed steps, what to do when a run fails.
 
+As a shared library: leave main.c out and add -fPIC -shared. Two models in one program: give the files of each a prefix of their own, e.g.
+-DSIMULATOR_PREFIX=arm_; simulator.h says more.
+
 main.c                    the program
 simulator.h, simulator.c  one run
 model.h, model.c          the model
 methods.h                 coefficients of the integrators
+names.h                   who sees which names
 runtime.h, runtime.c      the integrators; the other headers belong to them
 """
 
@@ -79,7 +91,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
     }
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for source in sorted([*RUNTIME.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]):
+        for source in [*RUNTIME.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]:  # names.h is in both: that of the program
             shutil.copyfile(source, target / source.name)
         for name, text in texts.items():
             (target / name).write_text(text, encoding="utf-8")
@@ -112,35 +124,43 @@ def _model_c(f: Functions, facts: _Facts) -> str:
         sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
     kernels = {source.name: source for source in sources}
     copies = copied_states(rhs)
+    names = {"state": facts.states, "input": facts.inputs, "parameter": facts.parameters}
+    shared = {f"{kind}_names": ("char *const", [*map(_string, of), "0"]) for kind, of in names.items()}
+    values = {"start": facts.start, "input_values": facts.input_values, "parameter_values": facts.parameter_values}
+    shared |= {name: ("double", [v.hex() for v in of] or ["0"]) for name, of in values.items()}
+    copies = copied_states(rhs)
+    own = {f"copy_{word}": [str(pair[k]) for pair in copies] or ["0"] for k, word in enumerate(("to", "from"))}
+    sizes = {f"{kind}s": len(of) for kind, of in names.items()}
+    fields = [
+        *(
+            f".{word} = {_kernel(kernels[f'model_{word}'])}"
+            for word in ("rhs", "jvp", "projection")
+            if f"model_{word}" in kernels
+        ),
+        *(f".{name} = {size}" for name, size in sizes.items()),
+        f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}",
+        *(f".{name} = {name}" for name in ("state_names", *values, *own)),
+    ]
     lines = [
-        '#include "model.h"',
+        *(f"#define {name.upper()} {_array(entries)}" for name, (_, entries) in shared.items()),
+        *(
+            f"static const {kind} {name}[] = {name.upper()};"
+            for name, (kind, _) in shared.items()
+            if name in ("state_names", *values)
+        ),
+        *(f"static const long {name}[] = {_array(entries)};" for name, entries in own.items()),
+        f"const Model model = {{{', '.join(fields)}}};",
+        "/* The same once more for other programs, which may put their own in its place. */",
         f"const char model_title[] = {_string(facts.title)};",
-        *(
-            f"const long model_{kind} = {len(names)};\nconst char *const model_{kind[:-1]}_names[] = {_array([*map(_string, names), '0'])};"
-            for kind, names in (("states", facts.states), ("inputs", facts.inputs), ("parameters", facts.parameters))
-        ),
-        *(
-            f"const double model_{kind}[] = {_array([v.hex() for v in values] or ['0'])};"
-            for kind, values in (
-                ("start", facts.start), ("input_values", facts.input_values), ("parameter_values", facts.parameter_values)
-            )
-        ),
-        *(_kernel(name, kernels.get(name)) for name in ("model_rhs", "model_jvp", "model_projection")),
-        f"const long model_lanes = LANES, model_invariants = {invariants}, model_copies = {len(copies)};",
-        *(
-            f"const long model_copy_{word}[] = {_array([str(pair[k]) for pair in copies] or ['0'])};"
-            for k, word in enumerate(("to", "from"))
-        ),
-    ]  # fmt: skip
-    return f"/* The model: functions, names, values. */\n{translation_units(sources, 1)[0]}\n" + "\n".join(lines) + "\n"
+        *(f"const long model_{name} = {size};" for name, size in sizes.items()),
+        *(f"const {kind} model_{name}[] = {name.upper()};" for name, (kind, _) in shared.items()),
+    ]
+    return "\n".join([_MODEL_HEAD, *translation_units(sources, 1), *lines, ""])
 
 
-def _kernel(name: str, source: Source | None) -> str:
-    """A `Kernel` of runtime.h; empty without a source."""
-    if source is None:
-        return f"const Kernel {name}_kernel = {{0, 0, 0, 0, 0, 0}};"
-    sizes = f"{source.inputs}, {source.outputs}, {source.constants}, {source.work}"
-    return f"const Kernel {name}_kernel = {{{name}, {name}_prepare, {sizes}}};"
+def _kernel(source: Source) -> str:
+    """A `Kernel` of runtime.h."""
+    return f"{{{source.name}, {source.name}_prepare, {source.inputs}, {source.outputs}, {source.constants}, {source.work}}}"
 
 
 def _methods_h() -> str:

@@ -2,11 +2,17 @@
 #ifndef MODEL_H
 #define MODEL_H
 #include "runtime.h"
-#include "simulator.h"
 
-extern const Kernel model_rhs_kernel;        /* t, x, u, p -> x' */
-extern const Kernel model_jvp_kernel;        /* t, x, u, p, dx -> df/dx dx */
-extern const Kernel model_projection_kernel; /* t, x, p -> x nearer to the invariants, invariants */
-extern const long model_lanes, model_invariants;
-extern const long model_copies, model_copy_to[], model_copy_from[]; /* x'[copy_to] = x[copy_from] */
+typedef struct {
+    Kernel rhs;        /* t, x, u, p -> x' */
+    Kernel jvp;        /* t, x, u, p, dx -> df/dx dx */
+    Kernel projection; /* t, x, p -> x nearer to the invariants, invariants */
+    long width;        /* LANES of model.c */
+    long states, inputs, parameters, invariants, copies;
+    const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
+    const char *const *state_names;
+    const double *start, *input_values, *parameter_values;
+} Model;
+
+extern EXPORT const Model model;
 #endif

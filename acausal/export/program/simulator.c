@@ -9,10 +9,9 @@
 #define FINEST 1e-15
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
 
-SimulatorOptions simulator_defaults(void) {
-    SimulatorOptions options = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0};
-    return options;
-}
+static const SimulatorOptions defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0};
+
+SimulatorOptions simulator_defaults(void) { return defaults; }
 
 static int finished(SimulatorReport *report, SimulatorStatus status, const char *message) {
     report->status = status;
@@ -22,7 +21,7 @@ static int finished(SimulatorReport *report, SimulatorStatus status, const char 
 
 /* What is wrong with a call; 0 when nothing is. */
 static const char *mistake(const SimulatorOptions *options, double t0, long n, const double *times, const double *states) {
-    if (lanes() != LANES || model_lanes != LANES) return "model.c, runtime.c and simulator.c were compiled with different flags.";
+    if (lanes() != LANES || model.width != LANES) return "model.c, runtime.c and simulator.c were compiled with different flags.";
     if (n < 1 || !times || !states) return "At least one time is needed, and room for its states.";
     if (!isfinite(t0) || !(times[0] >= t0) || !isfinite(times[n - 1])) return "Times must be finite and not before the start.";
     for (long k = 1; k < n; k++)
@@ -100,7 +99,7 @@ static int conclude(SimulatorReport *report, const Integrator *I, enum Code code
     case OUT_OF_MEMORY: return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
     default: break;
     }
-    if (I->worst >= 0 && I->worst < I->nx) report->failed_state = model_state_names[I->worst];
+    if (I->worst >= 0 && I->worst < I->nx) report->failed_state = model.state_names[I->worst];
     if (code == NON_FINITE) return finished(report, SIMULATOR_NON_FINITE, "A rate became infinite or not a number.");
     if (code == NOT_CONVERGED)
         return finished(report, SIMULATOR_NOT_CONVERGED, "The stage equations did not converge; use a smaller step.");
@@ -109,7 +108,6 @@ static int conclude(SimulatorReport *report, const Integrator *I, enum Code code
 
 int simulate(const SimulatorOptions *options, double t0, const double *x0, const double *u, const double *p, long n,
              const double *times, double *states, SimulatorReport *report) {
-    const SimulatorOptions defaults = simulator_defaults();
     SimulatorReport unread;
     if (!options) options = &defaults;
     if (!report) report = &unread;
@@ -118,25 +116,25 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
     const char *wrong = mistake(options, t0, n, times, states);
     if (wrong) return finished(report, SIMULATOR_BAD_ARGUMENT, wrong);
 
-    Integrator I = {.nx = model_states, .nu = model_inputs, .np = model_parameters, .ng = model_invariants,
-                    .rhs = model_rhs_kernel, .jvp = model_jvp_kernel, .projection = model_projection_kernel,
-                    .copies = model_copies, .copy_to = model_copy_to, .copy_from = model_copy_from, .slice = INFINITY,
+    Integrator I = {.nx = model.states, .nu = model.inputs, .np = model.parameters, .ng = model.invariants,
+                    .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection,
+                    .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from, .slice = INFINITY,
                     .t = t0, .end = times[n - 1], .step = options->step, .max_steps = options->max_steps};
     I.rtol = fmax(options->rtol, FINEST);
     I.atol = fmax(options->atol > 0 ? options->atol : options->rtol, options->rtol < FINEST ? FINEST : 0.0);
     I.input = options->input;
-    I.parameters = p ? p : model_parameter_values;
+    I.parameters = p ? p : model.parameter_values;
     if (!choose_method(&I, options, I.rtol)) return finished(report, SIMULATOR_BAD_ARGUMENT, "There is no method of that order.");
 
-    double *own = malloc(sizeof(double) * (size_t)(model_states + model_inputs + 1));
+    double *own = malloc(sizeof(double) * (size_t)(model.states + model.inputs + 1));
     if (!own) return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
     I.x = own;
-    I.u = own + model_states;
-    memcpy(I.x, x0 ? x0 : model_start, sizeof(double) * (size_t)model_states);
-    memcpy(I.u, u ? u : model_input_values, sizeof(double) * (size_t)model_inputs);
-    for (long i = 0; i < model_states; i++)
+    I.u = own + model.states;
+    memcpy(I.x, x0 ? x0 : model.start, sizeof(double) * (size_t)model.states);
+    memcpy(I.u, u ? u : model.input_values, sizeof(double) * (size_t)model.inputs);
+    for (long i = 0; i < model.states; i++)
         if (!isfinite(I.x[i])) {
-            report->failed_state = model_state_names[i];
+            report->failed_state = model.state_names[i];
             free(own);
             return finished(report, SIMULATOR_NON_FINITE, "The start values are not finite.");
         }

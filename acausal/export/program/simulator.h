@@ -4,18 +4,32 @@
        SimulatorReport report;
        if (simulate(0, 0.0, 0, 0, 0, 3, times, states, &report)) puts(report.message);
 
-   Calls do not share anything: they may run side by side in threads. */
+   Calls do not share anything: they may run side by side in threads.
+
+   Two models in one program: compile the files of each folder with a prefix of its own, e.g. -DSIMULATOR_PREFIX=arm_, and define that before
+   its simulator.h is included; the functions and variables below are then `arm_simulate` and so on. */
 #ifndef SIMULATOR_H
 #define SIMULATOR_H
-#ifdef __cplusplus
-extern "C" {
-#endif
 
-/* The model: how many numbers of each kind, their names (0 behind the last), and their values when it was exported. */
-extern const char model_title[];
-extern const long model_states, model_inputs, model_parameters;
-extern const char *const model_state_names[], *const model_input_names[], *const model_parameter_names[];
-extern const double model_start[], model_input_values[], model_parameter_values[];
+#ifdef SIMULATOR_PREFIX
+#define SIMULATOR_PASTE(prefix, name) prefix##name
+#define SIMULATOR_JOIN(prefix, name) SIMULATOR_PASTE(prefix, name)
+#define SIMULATOR_NAME(name) SIMULATOR_JOIN(SIMULATOR_PREFIX, name)
+#define model_title SIMULATOR_NAME(model_title)
+#define model_states SIMULATOR_NAME(model_states)
+#define model_inputs SIMULATOR_NAME(model_inputs)
+#define model_parameters SIMULATOR_NAME(model_parameters)
+#define model_state_names SIMULATOR_NAME(model_state_names)
+#define model_input_names SIMULATOR_NAME(model_input_names)
+#define model_parameter_names SIMULATOR_NAME(model_parameter_names)
+#define model_start SIMULATOR_NAME(model_start)
+#define model_input_values SIMULATOR_NAME(model_input_values)
+#define model_parameter_values SIMULATOR_NAME(model_parameter_values)
+#define simulator_defaults SIMULATOR_NAME(simulator_defaults)
+#define simulate SIMULATOR_NAME(simulate)
+#else
+#define SIMULATOR_NAME(name) name
+#endif
 
 typedef enum {
     SIMULATOR_GAUSS, /* Gauss-Legendre collocation: for everything that is not stiff */
@@ -32,9 +46,6 @@ typedef struct {
     /* Fills the inputs u at time t, also times ahead of the motion; returns 0 to give up. 0: inputs stay what `simulate` got. */
     int (*input)(double t, double *u);
 } SimulatorOptions;
-
-/* gauss, order by the tolerance, rtol = atol = 1e-8, no fixed step, at most a million steps, constant inputs. */
-SimulatorOptions simulator_defaults(void);
 
 typedef enum {
     SIMULATOR_SUCCESS,
@@ -59,6 +70,21 @@ typedef struct {
     long factorisations;        /* of the equations of Newton's iteration */
     long order;                 /* of the last step */
 } SimulatorReport;
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+#pragma GCC visibility push(default)
+
+/* The model: how many numbers of each kind, their names (0 behind the last), and their values when it was exported. */
+extern const char model_title[];
+extern const long model_states, model_inputs, model_parameters;
+extern const char *const model_state_names[], *const model_input_names[], *const model_parameter_names[];
+extern const double model_start[], model_input_values[], model_parameter_values[];
+
+/* gauss, order by the tolerance, rtol = atol = 1e-8, no fixed step, at most a million steps, constant inputs. */
+SimulatorOptions simulator_defaults(void);
 
 /* The motion from time t0 [s] on, at n times in ascending order, not before t0; the last one is the end of the run.
 
@@ -68,7 +94,7 @@ typedef struct {
 int simulate(const SimulatorOptions *options, double t0, const double *x0, const double *u, const double *p, long n,
              const double *times, double *states, SimulatorReport *report);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
-#endif
 #endif
