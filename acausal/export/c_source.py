@@ -101,7 +101,8 @@ def _generate(target: Path, name: str, functions: list[ca.Function]) -> None:
     seen = sorted(set(re.findall(r"^(?:CASADI_SYMBOL_EXPORT|extern) .*?(\w+)\(", source, re.MULTILINE)))
     renamed = "\n".join(f"#define {symbol} MODEL_NAME({symbol})" for symbol in seen)
     prefix = f"{_PREFIX}{renamed}\n#endif\n"
-    own = f"#ifdef MODEL_PREFIX\n#define CODEGEN_PREFIX MODEL_NAME({name}_)\n#endif\n"  # of CasADi's helpers
+    # CasADi's helpers: it looks for the first name and takes the second
+    own = f"#ifdef MODEL_PREFIX\n#define CASADI_CODEGEN_PREFIX\n#define CODEGEN_PREFIX MODEL_NAME({name}_)\n#endif\n"
     (target / f"{name}.c").write_text(prefix + own + source, encoding="utf-8")
     (target / f"{name}.h").write_text(prefix + header, encoding="utf-8")
 
