@@ -581,12 +581,12 @@ def test_a_function_reaches_values_that_are_far_away():
         missed += closes and np.isnan(found).any()
         if np.isfinite(found).all():
             p = dict(zip(sizes, lengths, strict=True))
-            gap = model.functions.invariants(0, found, list(p.values()))
+            gap = model.functions.invariants(0, found, [p[size] for size in model.system.flat.parameters])
             assert np.max(np.abs(np.array(gap))) < 1e-13
     assert missed <= 10
 
 
-@pytest.mark.parametrize("power", [-20, -10])
+@pytest.mark.parametrize("power", [-10, -3])
 def test_a_function_decides_alike_in_all_units_of_length(power):
     """Small lengths are not closed because they are small."""
     unit = 4.0**power
