@@ -9,12 +9,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia
 from acausal.emit.compiler import RUNTIME
 from acausal.emit.emit import Source, emit, translation_units
 from acausal.errors import ExportError
+from acausal.export.start_functions import StartFunctions, start_c, start_functions
 from acausal.numerics.kernel import copied_states
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
@@ -29,6 +31,7 @@ _RADAU = tuple(radau_iia(s) for s in (3, 5, 7))
 _MODEL_HEAD = """\
 /* The model: functions, names, values. Only what model.h and simulator.h declare is seen by other files. */
 #include "model.h"
+#include "assembly.h"
 #undef EXPORT
 #undef HIDDEN
 #define EXPORT static __attribute__((unused))
@@ -57,6 +60,7 @@ As a shared library: leave main.c out and add -fPIC -shared. Two models in one p
 main.c                    the program
 simulator.h, simulator.c  one run
 model.h, model.c          the model
+assembly.h                its start, assembled for other values
 methods.h                 coefficients of the integrators
 names.h                   who sees which names
 runtime.h, runtime.c      the integrators; the other headers belong to them
@@ -71,6 +75,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
     `ExportError` for functions that have no C, and when a file cannot be written.
     """
     target = Path(folder)
+    start = start_functions(model, initial)
     facts = _Facts(
         title=model.outputs.system.flat.name,
         states=model.state_names,
@@ -79,10 +84,13 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
         start=tuple(initial.x.tolist()),
         input_values=tuple(input_signal(model, {})(np.zeros(1))[:, 0].tolist()),
         parameter_values=tuple(initial.p.tolist()),
+        conditions=start.names,
+        condition_values=start.values,
     )
     heading = f"{facts.title}: a simulator in C"
     texts = {
-        "model.c": _model_c(model, facts),
+        "model.c": _model_c(model, facts, start),
+        "assembly.h": start_c(start),
         "methods.h": _methods_h(),
         "model.json": json.dumps({"functions": ["simulate"], **asdict(facts)}, indent=2),
         "README.txt": _README.format(
@@ -109,9 +117,11 @@ class _Facts:
     start: tuple[float, ...]
     input_values: tuple[float, ...]
     parameter_values: tuple[float, ...]
+    conditions: tuple[str, ...]
+    condition_values: tuple[float, ...]
 
 
-def _model_c(f: Functions, facts: _Facts) -> str:
+def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
     """Kernels, names and values of a model; what model.h and simulator.h declare."""
     rhs = f.explicit_dynamics
     sources = [
@@ -124,9 +134,10 @@ def _model_c(f: Functions, facts: _Facts) -> str:
         sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
     kernels = {source.name: source for source in sources}
     copies = copied_states(rhs)
-    names = {"state": facts.states, "input": facts.inputs, "parameter": facts.parameters}
+    names = {"state": facts.states, "input": facts.inputs, "parameter": facts.parameters, "condition": facts.conditions}
     shared = {f"{kind}_names": ("char *const", [*map(_string, of), "0"]) for kind, of in names.items()}
     values = {"start": facts.start, "input_values": facts.input_values, "parameter_values": facts.parameter_values}
+    values["condition_values"] = facts.condition_values
     shared |= {name: ("double", [v.hex() for v in of] or ["0"]) for name, of in values.items()}
     copies = copied_states(rhs)
     own = {f"copy_{word}": [str(pair[k]) for pair in copies] or ["0"] for k, word in enumerate(("to", "from"))}
@@ -138,6 +149,8 @@ def _model_c(f: Functions, facts: _Facts) -> str:
             if f"model_{word}" in kernels
         ),
         *(f".{name} = {size}" for name, size in sizes.items()),
+        f".constants = {start.assembly.numel_out(1)}, .depends = depends, .assembly = {_plain(start.assembly)}",
+        *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
         f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}",
         *(f".{name} = {name}" for name in ("state_names", *values, *own)),
     ]
@@ -149,6 +162,7 @@ def _model_c(f: Functions, facts: _Facts) -> str:
             if name in ("state_names", *values)
         ),
         *(f"static const long {name}[] = {_array(entries)};" for name, entries in own.items()),
+        f"static const char depends[] = {_array([str(int(d)) for d in start.depends])};",
         f"const Model model = {{{', '.join(fields)}}};",
         "/* The same once more for other programs, which may put their own in its place. */",
         f"const char model_title[] = {_string(facts.title)};",
@@ -161,6 +175,11 @@ def _model_c(f: Functions, facts: _Facts) -> str:
 def _kernel(source: Source) -> str:
     """A `Kernel` of runtime.h."""
     return f"{{{source.name}, {source.name}_prepare, {source.inputs}, {source.outputs}, {source.constants}, {source.work}}}"
+
+
+def _plain(function: ca.Function) -> str:
+    """A `PlainFunction` of model.h."""
+    return f"{{{function.name()}, {function.sz_arg()}, {function.sz_res()}, {function.sz_iw()}, {function.sz_w()}}}"
 
 
 def _methods_h() -> str:

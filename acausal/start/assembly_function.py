@@ -78,7 +78,7 @@ def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:
     """
     a = reference.account
     here, began = ca.MX(ca.DM(a.data)), ca.MX(ca.DM(a.positions.y))
-    scale, scale_v = _scales(reference)
+    scale, scale_v = start_units(reference)
     positions = _stage(a.problem.positions, a.positions, a.data, a.weights, scale)
     moving = np.concatenate([a.data, a.positions.y])
     velocities = _stage(a.problem.velocities, a.velocities, moving, a.weights, scale_v)
@@ -126,7 +126,7 @@ def _places(outputs: Outputs, wrt: Sequence[Expression], start: Start) -> list[i
     return places
 
 
-def _scales(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
+def start_units(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
     """What is much for each entry of q, and the velocities that change q by as much in a second; scalar states as they are."""
     a = reference.account
     s = a.problem.outputs.system
@@ -137,6 +137,13 @@ def _scales(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
     fastest = np.max(change, axis=0, initial=0.0)
     fastest[fastest == 0.0] = 1.0
     return scale, np.concatenate([1 / fastest, np.ones(a.velocities.y.size - fastest.size)])
+
+
+def row_lengths(J: np.ndarray) -> np.ndarray:
+    """Of each row of J (m, n), (m,); where one vanishes that of the longest."""
+    size = np.linalg.norm(J, axis=1)
+    most = float(np.max(size, initial=0.0))
+    return np.where(size > _VANISHED * most, size, most or 1.0)
 
 
 @dataclass(frozen=True)
@@ -179,8 +186,7 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
     if search.residual is None:
         return _Stage(plain)
     J = search.jacobian(found.y, data) * scale
-    size = np.linalg.norm(J, axis=1)
-    size[size <= _VANISHED * np.max(size, initial=0.0)] = np.max(size, initial=0.0) or 1.0
+    size = row_lengths(J)
     c = search.residual(y, d) / ca.DM(size)
     U, Z = range_and_null_space(J / size[:, None])
     rows = [ca.mtimes(ca.DM(U.T), c)]

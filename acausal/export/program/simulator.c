@@ -7,6 +7,7 @@
 #include "methods.h"
 
 #define FINEST 1e-15
+#define CLOSED 1e-6 /* gaps that a start may have, in parts of the model's size, or of its velocities */
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
 
 static const SimulatorOptions defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0};
@@ -30,6 +31,71 @@ static const char *mistake(const SimulatorOptions *options, double t0, long n, c
     if (!(options->atol >= 0)) return "atol must be positive, or 0 for the same as rtol.";
     if (!(options->step >= 0)) return "step must be positive, or 0 for steps as the tolerances allow.";
     return 0;
+}
+
+static int called(const PlainFunction *f, const double *const *arguments, double *const *results, long n, long m) {
+    const double **arg = malloc(sizeof *arg * (size_t)(f->arguments + 1));
+    double **res = malloc(sizeof *res * (size_t)(f->results + 1)), *w = malloc(sizeof *w * (size_t)(f->w + 1));
+    long long *iw = malloc(sizeof *iw * (size_t)(f->iw + 1));
+    int good = arg && res && w && iw;
+    if (good) {
+        for (long i = 0; i < n; i++) arg[i] = arguments[i];
+        for (long i = 0; i < m; i++) res[i] = results[i];
+        f->run(arg, res, iw, w, 0);
+    }
+    free(arg);
+    free(res);
+    free(w);
+    free(iw);
+    return good;
+}
+
+/* Whether the start depends on one of `count` data, the first of which is number `first`, that is not what it was when exported. */
+static int moved(long first, long count, const double *values, const double *exported) {
+    for (long i = 0; i < count; i++)
+        if (model.depends[first + i] && !(values[i] == exported[i])) return 1;
+    return 0;
+}
+
+/* The state at which a run starts, and the constants in p that belong to it. */
+static SimulatorStatus assemble(double t0, const double *conditions, const double *u, double *p, double *x) {
+    const long c = model.conditions, nu = model.inputs, own = model.parameters - model.constants;
+    const double zero = 0;
+    memcpy(x, model.start, sizeof(double) * (size_t)model.states);
+    if (!moved(0, c, conditions, model.condition_values) && !moved(c, 1, &t0, &zero) && !moved(c + 1, nu, u, model.input_values) &&
+        !moved(c + 1 + nu, own, p, model.parameter_values)) {
+        memcpy(p + own, model.parameter_values + own, sizeof(double) * (size_t)model.constants);
+        return SIMULATOR_SUCCESS;
+    }
+    double *data = malloc(sizeof(double) * (size_t)(c + 1 + nu + own));
+    if (!data) return SIMULATOR_OUT_OF_MEMORY;
+    memcpy(data, conditions, sizeof(double) * (size_t)c);
+    data[c] = t0;
+    memcpy(data + c + 1, u, sizeof(double) * (size_t)nu);
+    memcpy(data + c + 1 + nu, p, sizeof(double) * (size_t)own);
+    int good = called(&model.assembly, (const double *const[]){data}, (double *const[]){x, p + own}, 1, 2);
+    free(data);
+    if (!good) return SIMULATOR_OUT_OF_MEMORY;
+    for (long i = 0; i < model.states; i++)
+        if (!isfinite(x[i])) return SIMULATOR_OPEN_START;
+    return SIMULATOR_SUCCESS;
+}
+
+static SimulatorStatus closed(double t0, const double *x, const double *u, const double *p) {
+    double gaps[3] = {0, 0, 0};
+    if (!model.gaps.run) return SIMULATOR_SUCCESS;
+    if (!called(&model.gaps, (const double *const[]){&t0, x, u, p}, (double *const[]){gaps}, 4, 1)) return SIMULATOR_OUT_OF_MEMORY;
+    return gaps[0] <= CLOSED && gaps[1] <= CLOSED * gaps[2] ? SIMULATOR_SUCCESS : SIMULATOR_OPEN_START;
+}
+
+int simulator_start(double t0, const double *conditions, const double *u, double *p, double *x) {
+    double *own = malloc(sizeof(double) * (size_t)(model.parameters + 1));
+    if (!own) return SIMULATOR_OUT_OF_MEMORY;
+    memcpy(own, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
+    SimulatorStatus status = assemble(t0, conditions ? conditions : model.condition_values, u ? u : model.input_values, own, x);
+    if (p) memcpy(p, own, sizeof(double) * (size_t)model.parameters);
+    free(own);
+    return (int)status;
 }
 
 static const Method *of_order(const Method *methods, long count, long order) {
@@ -106,6 +172,15 @@ static int conclude(SimulatorReport *report, const Integrator *I, enum Code code
     return finished(report, SIMULATOR_STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here.");
 }
 
+static const char *without_start(SimulatorStatus status) {
+    switch (status) {
+    case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
+    case SIMULATOR_NON_FINITE: return "The start values are not finite.";
+    case SIMULATOR_INPUT_FAILED: return "The inputs could not be computed.";
+    default: return "Not enough memory.";
+    }
+}
+
 int simulate(const SimulatorOptions *options, double t0, const double *x0, const double *u, const double *p, long n,
              const double *times, double *states, SimulatorReport *report) {
     SimulatorReport unread;
@@ -123,21 +198,31 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
     I.rtol = fmax(options->rtol, FINEST);
     I.atol = fmax(options->atol > 0 ? options->atol : options->rtol, options->rtol < FINEST ? FINEST : 0.0);
     I.input = options->input;
-    I.parameters = p ? p : model.parameter_values;
     if (!choose_method(&I, options, I.rtol)) return finished(report, SIMULATOR_BAD_ARGUMENT, "There is no method of that order.");
 
-    double *own = malloc(sizeof(double) * (size_t)(model.states + model.inputs + 1));
+    double *own = malloc(sizeof(double) * (size_t)(model.states + model.inputs + model.parameters + 1));
     if (!own) return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
+    double *parameters = own + model.states + model.inputs;
     I.x = own;
     I.u = own + model.states;
-    memcpy(I.x, x0 ? x0 : model.start, sizeof(double) * (size_t)model.states);
+    I.parameters = parameters;
     memcpy(I.u, u ? u : model.input_values, sizeof(double) * (size_t)model.inputs);
-    for (long i = 0; i < model.states; i++)
+    memcpy(parameters, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
+    if (x0) memcpy(I.x, x0, sizeof(double) * (size_t)model.states);
+    int given = !I.input || I.input(t0, I.u);
+    SimulatorStatus begun = !given ? SIMULATOR_INPUT_FAILED
+                            : x0   ? SIMULATOR_SUCCESS
+                                   : assemble(t0, model.condition_values, I.u, parameters, I.x);
+    for (long i = 0; i < model.states && begun == SIMULATOR_SUCCESS; i++)
         if (!isfinite(I.x[i])) {
             report->failed_state = model.state_names[i];
-            free(own);
-            return finished(report, SIMULATOR_NON_FINITE, "The start values are not finite.");
+            begun = SIMULATOR_NON_FINITE;
         }
+    if (x0 && begun == SIMULATOR_SUCCESS) begun = closed(t0, I.x, I.u, parameters);
+    if (begun != SIMULATOR_SUCCESS) {
+        free(own);
+        return finished(report, begun, without_start(begun));
+    }
 
     enum Code code = run(&I);
     report->time = I.t;
