@@ -50,9 +50,7 @@ def start_functions(functions: Functions, initial: InitialState) -> StartFunctio
     _, t, _, p = ca.vertsplit(data, _places(functions, initial))
     constants = sources(t, whole, p)
     x = whole[list(space.places)] if space.places else ca.MX(0, 1)
-    names = tuple(
-        met.name + (f"[{k}]" if met.wanted.size > 1 else "") for met in initial.met for k in range(met.wanted.size)
-    )
+    names = tuple(met.name + (f"[{k}]" if met.wanted.size > 1 else "") for met in initial.met for k in range(met.wanted.size))
     return StartFunctions(
         ca.Function("assembly", [data], [ca.densify(x), ca.densify(constants)]),
         _depends(functions, initial),
