@@ -115,6 +115,7 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
         if stepped
         else set[int]()
     )
+    turned = ca.SX(0, 0) if stepped else ca.densify(symbolic(joint.pose(q, tree.t).rotation))
     result: list[Coordinate] = []
     i = 0
     while i < size:
@@ -122,7 +123,7 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
             result.append(Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
             i += 4
             continue
-        turning = i in angles or joint.q.unit == "rad"
+        turning = i in angles or joint.q.unit == "rad" or (not stepped and not joint.q.unit and ca.depends_on(turned, q[i]))
         unit = "rad" if turning else joint.q.unit or ("m" if units or stepped else "")
         result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, i in angles))
         i += 1
