@@ -370,7 +370,7 @@ def test_optimal_control_of_a_loop_needs_no_invariants():
         k = min(int(t / h), n - 1)
         return float(np.polyval(np.polyfit(knots[2 * k : 2 * k + 3], values[2 * k : 2 * k + 3], 2), t))
 
-    run = model.simulate(end, {scene.a.q: -0.5}, inputs={torque: parabolas}, rtol=1e-7)
+    run = model.simulate(end, {scene.a.q: -0.5}, inputs={torque: parabolas}, rtol=1e-9)
     assert abs(run[scene.a.q][-1] + 2.0) < 1e-3
     assert abs(run[scene.a.v][-1]) < 1e-2
     smooth = {torque: lambda t: 20 * np.sin(5 * t)}
