@@ -158,9 +158,9 @@ class Model:
 
         `wrt`: parameters, inputs, and variables that have a value in `start`. For geometry in `ca.nlpsol` and `ca.Opti`: derivatives
         are exact in any order, redundant constraints allowed. The branch is that of `initial_state` with these arguments, followed
-        in `steps` to the values asked for; what start values leave free changes as little as it can from there. NaN where
-        something cannot close, where a hinge's axes would point against one another, or where an angle changes by more than 1 rad in
-        one step (give more steps). Errors as for `initial_state`, `OptionError`.
+        to the values asked for in steps as short as it takes, the first a part in `steps` of the way (1: all at once); what start values
+        leave free changes as little as it can from there. NaN where something cannot close there or on the way, where a hinge's axes
+        would point against one another, or where no step is short enough for angles to change by less than 1 rad. Errors as for `initial_state`, `OptionError`.
         """
         from acausal.start.assembly_function import assembly_function
 

@@ -96,13 +96,8 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     for item in tree.joints:
         for c in _of_joint(item, tree):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
-    offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
-    offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
-    offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
-    size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
-    lengths = [float(abs(q[c.place.start])) for c in found if not c.is_rotation and c.unit != "rad"]
-    reach = float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))
-    return Coordinates(tuple(found), reach if 0 < reach < np.inf else 1.0)
+    size = reach(system, p, values, q, tuple(found))
+    return Coordinates(tuple(found), size if 0 < size < np.inf else 1.0)
 
 
 def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
