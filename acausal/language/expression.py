@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, overload
@@ -198,11 +199,13 @@ def _combined(operation: Callable[..., Any], *values: Scalar) -> Expression:
 
 
 def leaves(*values: Any) -> frozenset[Symbol]:
-    """The declared symbols in all of `values`, also inside lists and tuples."""
+    """The declared symbols in all of `values`, also inside lists and tuples, and in `SX` that CasADi's functions have made of them."""
     found: frozenset[Symbol] = frozenset()
     for value in values:
         if isinstance(value, Expression):
             found |= value.leaves
+        elif isinstance(value, ca.SX):
+            found |= declared_in(value)
         elif isinstance(value, list | tuple):
             found |= leaves(*value)
     return found
@@ -214,10 +217,13 @@ class Symbol(Expression):
     kind: ClassVar[str] = "symbol"
 
     def __init__(self, name: str, unit: str, description: str = "", shape: tuple[int, int] = (1, 1)) -> None:
-        super().__init__(ca.SX.sym(name, *shape), frozenset((self,)))
+        sx = ca.SX.sym(name, *shape)
+        super().__init__(sx, frozenset((self,)))
         self.name = name
         self.unit = unit
         self.description = description
+        for k in range(sx.numel()):
+            _DECLARED[sx[k].element_hash()] = self
 
     def __hash__(self) -> int:
         return id(self)
@@ -227,6 +233,20 @@ class Symbol(Expression):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__} {self.name}" + (f" [{self.unit}]" if self.unit else "")
+
+
+_DECLARED: weakref.WeakValueDictionary[int, Symbol] = weakref.WeakValueDictionary()
+"""Each living symbol by its scalars, which CasADi's functions keep while they drop the `Expression` around them."""
+
+
+def declared(scalar: ca.SX) -> Symbol | None:
+    """The declared symbol that a scalar symbol belongs to; None for one that nobody declared, or nobody kept."""
+    return _DECLARED.get(scalar.element_hash())
+
+
+def declared_in(value: ca.SX) -> frozenset[Symbol]:
+    """All declared symbols in an `SX`."""
+    return frozenset(symbol for scalar in ca.symvar(value) if (symbol := declared(scalar)) is not None)
 
 
 class Variable(Symbol):
@@ -345,7 +365,7 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
     Raises `ParameterError` naming `what` and the user's line when not finite, or not of the sign asked for.
     """
     if isinstance(value, Expression | ca.SX):
-        expression = value if isinstance(value, Expression) else Expression(value, frozenset())
+        expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
         return checked(expression, lambda found: _check_sign(float(found[0, 0]), what, positive, non_negative))
@@ -418,15 +438,12 @@ def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
     if not callable(value) or isinstance(value, Expression):
         return value  # pyright: ignore[reportReturnType]
     try:
-        result = value(time)
+        return value(time)
     except TypeError as error:
         raise ParameterError(
             f"The function of time cannot be used ({origin()}): {str(error).rstrip('.')}. It is called once, with the symbol ac.time: write it with one "
             "argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t)."
         ) from error
-    return (
-        Expression(result, frozenset({time})) if isinstance(result, ca.SX) else result
-    )  # CasADi's functions drop what they know
 
 
 def stacked(values: Iterable[ca.SX]) -> ca.SX:

@@ -84,7 +84,9 @@ class AbstractLineForce(AbstractForce, ABC):
 
     @final
     def power_loss(self, placement: Placement) -> ca.SX:
-        length = self.length(placement)
+        length, symbol = self.length(placement), ca.SX.sym("length")
         rate = placement.rate(length)
         elastic = self.tension(length, ca.SX(0))
-        return (self.tension(length, rate) - elastic) * rate
+        # what a law that changes with time brings in
+        supplied = ca.jtimes(ca.SX(self.potential(symbol)), placement.t, ca.SX(1))
+        return (self.tension(length, rate) - elastic) * rate - ca.substitute(supplied, symbol, length)

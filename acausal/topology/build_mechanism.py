@@ -8,7 +8,8 @@ import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
 from acausal.language.connector import Point, Rotational
-from acausal.language.flatten import FlatSystem, Part
+from acausal.language.expression import Derivative
+from acausal.language.flatten import FlatSystem, Part, leaves_inside
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.force import AbstractForce
@@ -39,14 +40,28 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     held = [_edge(path, c, groups, index) for path, c in constraints if not isinstance(c, AbstractJoint)]
     _check_points([*edges, *held], groups)
     edges += _free_edges(len(groups), edges, groups)
-    found = spanning_tree(groups, edges, _driven(flat))
+    found = spanning_tree(groups, edges, _driven(flat, forces))
     return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
 
 
-def _driven(flat: FlatSystem) -> set[AbstractJoint]:
-    """Joints on whose angle something acts."""
+def _driven(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
+    """Joints on whose angle something acts: through their flanges, or because a force reads it."""
     connected = [c for members in flat.connection_sets if len(members) > 1 for c in members if isinstance(c, Rotational)]
-    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)}
+    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)} | _read_by(flat, forces)
+
+
+def _read_by(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
+    """Joints whose coordinates or velocities stand in forces, or that forces know."""
+    held = [value for part in forces for value in vars(part.component).values()]
+    symbols = {s.of if isinstance(s, Derivative) else s for value in held for s in leaves_inside(value)}
+    known = {value for value in held if isinstance(value, AbstractJoint)}
+    if not (symbols or known):
+        return set()
+    joints = [part.component for part in flat.parts if isinstance(part.component, AbstractJoint)]
+    own = [
+        (j, {*j.variables(), *(s for c in j.connectors() if isinstance(c, Rotational) for s in vars(c).values())}) for j in joints
+    ]
+    return {joint for joint, variables in own if joint in known or symbols & variables}
 
 
 def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
