@@ -14,6 +14,7 @@ import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
 from acausal.language.origin import origin
+from acausal.language.units import certainly_different
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
@@ -359,11 +360,13 @@ def number(value: Any, what: str) -> float:
     return result
 
 
-def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bool = False) -> float | Expression:
+def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bool = False, unit: str = "") -> float | Expression:
     """A checked scalar: a finite float, or an expression whose parameters are checked by their values.
 
-    Raises `ParameterError` naming `what` and the user's line when not finite, or not of the sign asked for.
+    Raises `ParameterError` naming `what` and the user's line when not finite, not of the sign asked for, or a parameter or input
+    declared with a unit of another kind than `unit`.
     """
+    _check_unit(value, what, unit)
     if isinstance(value, Expression | ca.SX):
         expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
@@ -409,8 +412,18 @@ def evaluated(expression: Expression) -> np.ndarray | None:
     return np.array(function.call([ca.DM(leaf.value) for leaf in parameters])[0])
 
 
-def vector(value: Scalar, what: str) -> np.ndarray | Expression:
-    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`."""
+def _check_unit(value: Any, what: str, unit: str) -> None:
+    """Of a parameter or input that stands alone, or as an entry of a list: what arithmetic makes of units is not known."""
+    for entry in value if isinstance(value, list | tuple) else (value,):
+        if isinstance(entry, Parameter | Input) and certainly_different(entry.unit, unit):
+            raise ParameterError(
+                f"{what} is the {entry.kind} {entry.name} in {entry.unit} ({origin()}), but it is a quantity in {unit}. Another one may be meant, or its unit is wrong."
+            )
+
+
+def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expression:
+    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`; units as in `scalar`."""
+    _check_unit(value, what, unit)
     if isinstance(value, Expression | ca.SX) or (
         isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)
     ):

@@ -20,13 +20,14 @@ def origin() -> str:
     frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]  # inspect.stack reads source files: 1000 times slower
     while frame is not None:
         name = frame.f_code.co_filename
-        if not name.startswith(_LIBRARY) and not name.startswith("<frozen"):
-            return f"{_shortened(name)}:{frame.f_lineno}"
+        made_by_python = name.startswith("<frozen") or (name == "<string>" and frame.f_code.co_name == "__init__")  # a dataclass
+        if not name.startswith(_LIBRARY) and not made_by_python:
+            return f"{shortened(name)}:{frame.f_lineno}"
         frame = frame.f_back
     return ""
 
 
-def _shortened(name: str) -> str:
+def shortened(name: str) -> str:
     """The path relative to the working directory where that is shorter."""
     try:
         relative = os.path.relpath(name)

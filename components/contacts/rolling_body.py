@@ -91,7 +91,7 @@ class RollingBall(AbstractRollingBody):
     """
 
     def __init__(self, radius: Scalar) -> None:
-        self.radius = scalar(radius, "RollingBall's radius", positive=True)
+        self.radius = scalar(radius, "RollingBall's radius", positive=True, unit="m")
 
     def contact_point(self, n: ca.SX) -> ca.SX:
         return -sx(self.radius) * n
@@ -105,7 +105,7 @@ class RollingEllipsoid(AbstractRollingBody):
     """
 
     def __init__(self, semi_axes: Scalar) -> None:
-        self.semi_axes = vector(semi_axes, "RollingEllipsoid's semi_axes")
+        self.semi_axes = vector(semi_axes, "RollingEllipsoid's semi_axes", unit="m")
         if isinstance(self.semi_axes, np.ndarray) and np.any(self.semi_axes <= 0):
             raise ParameterError(f"RollingEllipsoid's semi_axes are {self.semi_axes} ({origin()}). They must be positive.")
 

@@ -132,7 +132,7 @@ class RollingDisk(AbstractRollingWheel):
     """
 
     def __init__(self, radius: Scalar, axis: Axis = "y") -> None:
-        self.radius = scalar(radius, "RollingDisk's radius", positive=True)
+        self.radius = scalar(radius, "RollingDisk's radius", positive=True, unit="m")
         self.axis = axis_vector(axis, "RollingDisk's axis")
 
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
@@ -147,8 +147,8 @@ class RollingTorus(AbstractRollingWheel):
     """
 
     def __init__(self, radius: Scalar, tube: Scalar, axis: Axis = "y") -> None:
-        self.radius = scalar(radius, "RollingTorus's radius", positive=True)
-        self.tube = scalar(tube, "RollingTorus's tube", positive=True)
+        self.radius = scalar(radius, "RollingTorus's radius", positive=True, unit="m")
+        self.tube = scalar(tube, "RollingTorus's tube", positive=True, unit="m")
         self.axis = axis_vector(axis, "RollingTorus's axis")
 
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
