@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
+from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import origin
 from acausal.language.units import certainly_different
 
@@ -371,6 +372,7 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
         expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
+        check_formula(expression.sx, what)
         return checked(expression, lambda found: _check_sign(float(found[0, 0]), what, positive, non_negative))
     result = number(value, what)
     _check_sign(result, what, positive, non_negative)
@@ -430,6 +432,7 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         expression = Expression(sx(value), leaves(value))
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
+        check_formula(expression.sx, what)
         return checked(expression, lambda found: _check_finite(found.ravel(), what))
     try:
         array = np.asarray(value, dtype=float)
@@ -447,16 +450,34 @@ def _check_finite(array: np.ndarray, what: str) -> None:
 
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
-    """A function of time becomes an expression in `ac.time`; anything else stays. Raises `ParameterError` for one that needs numbers."""
+    """A function of time becomes an expression in `ac.time`, scipy's splines too; anything else stays.
+
+    Raises `ParameterError` for a function that needs numbers.
+    """
     if not callable(value) or isinstance(value, Expression):
         return value  # pyright: ignore[reportReturnType]
+    if is_spline(value):
+        found = of_spline(value, time.sx)
+        return [Expression(entry, frozenset((time,))) for entry in found] if isinstance(found, list) else found
     try:
         return value(time)
     except TypeError as error:
+        hint = " A spline of scipy is given itself, not called: TorqueSource(CubicSpline(times, values))." if "array of numbers" in str(error) else ""
         raise ParameterError(
             f"The function of time cannot be used ({origin()}): {str(error).rstrip('.')}. It is called once, with the symbol ac.time: write it with one "
-            "argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t)."
+            f"argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t).{hint}"
         ) from error
+
+
+def check_formula(value: ca.SX, what: str) -> None:
+    """Raises `ParameterError` where a CasADi function is called whose formula is hidden, such as an interpolant."""
+    symbols = ca.symvar(value)
+    function = ca.Function("formula", symbols, [ca.densify(value)])
+    if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
+        raise ParameterError(
+            f"{what} calls a function of CasADi whose formula is hidden, an interpolant perhaps ({origin()}): it cannot be differentiated exactly nor be "
+            "written as C. Give a spline of scipy itself, e.g. CubicSpline(times, values), a Table, or an expression."
+        )
 
 
 def stacked(values: Iterable[ca.SX]) -> ca.SX:

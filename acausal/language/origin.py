@@ -12,11 +12,12 @@ import numpy
 _LIBRARY = (
     *(str(Path(__file__).resolve().parents[k]) + os.sep + tail for k, tail in ((1, ""), (2, "components" + os.sep))),
     *(str(Path(package.__file__ or "").parent) + os.sep for package in (casadi, numpy)),
+    str(Path(numpy.__file__ or "").parents[1] / "scipy") + os.sep,
 )
 
 
 def origin() -> str:
-    """The innermost line outside acausal, components, CasADi and numpy that led here, e.g. `examples/arm.py:17`; "" if there is none."""
+    """The innermost line outside acausal, components, CasADi, numpy and scipy that led here, e.g. `examples/arm.py:17`; "" if there is none."""
     frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]  # inspect.stack reads source files: 1000 times slower
     while frame is not None:
         name = frame.f_code.co_filename

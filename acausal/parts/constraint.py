@@ -36,8 +36,8 @@ class AbstractConstraint(Component, ABC):
         """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
 
         `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch
-        where their `position` and `rotation` say, else at the world's origin. `options` go to the joint: axes are then world axes.
-        Raises `ParameterError` when no place is given.
+        where their `position` and `rotation` say. `options` go to the joint: axes are then world axes.
+        Raises `ParameterError` when no place is given, or a body has none.
         """
         joint = cls(**options)
         for own, other in ((joint.frame_a, a), (joint.frame_b, b)):

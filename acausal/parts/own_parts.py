@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -13,7 +13,8 @@ import numpy as np
 from acausal.arguments import shown
 from acausal.errors import AcausalError, ModelError, ParameterError
 from acausal.language.component import Component
-from acausal.language.expression import Expression, Parameter, Time, Variable, declared, time
+from acausal.language.equation import Equation
+from acausal.language.expression import Expression, Parameter, Time, Variable, check_formula, declared, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.language.origin import shortened
 from acausal.parts.constraint import AbstractConstraint
@@ -40,7 +41,9 @@ class OwnPart:
         """Raises `ModelError` or `ParameterError` with the part, its line, the method, and what it gives."""
         component = self.part.component
         if type(component).equations is not Component.equations:
-            self._called("equations()", lambda: list(component.equations() if _many(component.equations()) else ()))
+            for k, equation in enumerate(self._called("equations()", lambda: _listed(component.equations())), start=1):
+                if isinstance(equation, Equation):
+                    check_formula(equation.residual.sx, f"Equation {k} of {self.part.where}")
         if isinstance(component, AbstractJoint):
             self._check_joint(component)
         if isinstance(component, AbstractConstraint):
@@ -83,6 +86,7 @@ class OwnPart:
         return found
 
     def _check_symbols(self, call: str, value: ca.SX, known: Sequence[ca.SX]) -> None:
+        check_formula(value, f"{self.part.where}: {call}")
         own = {s.element_hash() for column in known for s in ca.vertsplit(ca.vec(column))}
         for scalar in ca.symvar(value):
             symbol = declared(scalar)
@@ -132,7 +136,8 @@ class OwnPart:
         found = self._called(call, method)
         if not isinstance(found, Pose):
             raise self._error(call, f"gives {shown(found)}. Return Pose(rotation, position).")
-        for name, value in (("rotation", found.rotation), ("position", found.position)):
+        entries: tuple[tuple[str, Any], ...] = (("rotation", found.rotation), ("position", found.position))
+        for name, value in entries:
             if not isinstance(value, np.ndarray | ca.SX):
                 raise self._error(
                     call,
@@ -287,6 +292,6 @@ class OwnPart:
             )
 
 
-def _many(found: Any) -> bool:
-    """Whether there is something to go through; what else `equations` may give is told where they are collected."""
-    return isinstance(found, Iterable) and not isinstance(found, Expression)
+def _listed(found: Any) -> list[Any]:
+    """What there is to go through; what else `equations` may give is told where they are collected."""
+    return list(cast("Iterable[Any]", found)) if isinstance(found, Iterable) and not isinstance(found, Expression) else []
