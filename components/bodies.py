@@ -155,6 +155,16 @@ class RigidBody(AbstractRigidPart):
     def sketch_pose(self) -> Pose | None:
         return self._sketch
 
+    def can_hold(self, at: np.ndarray) -> bool:
+        """A body with a shape is somewhere; where nobody said that, only its own frames are known."""
+        if self._sketch is not None or not self._shapes:
+            return True
+        size = float(np.linalg.norm(at)) + 1e-300
+        return any(
+            isinstance(a.pose.position, np.ndarray) and float(np.linalg.norm(at - a.pose.position)) <= 1e-9 * size
+            for a in self.attachments()
+        )
+
     @classmethod
     def rod(cls, mass: Scalar, tip: Scalar, radius: Scalar | None = None, **sketch: Any) -> Self:
         """A straight uniform rod from `frame` to `tip` (3,) [m]; thin, or a solid cylinder of `radius` [m] > 0."""

@@ -462,7 +462,11 @@ def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
     try:
         return value(time)
     except TypeError as error:
-        hint = " A spline of scipy is given itself, not called: TorqueSource(CubicSpline(times, values))." if "array of numbers" in str(error) else ""
+        hint = (
+            " A spline of scipy is given itself, not called: TorqueSource(CubicSpline(times, values))."
+            if "array of numbers" in str(error)
+            else ""
+        )
         raise ParameterError(
             f"The function of time cannot be used ({origin()}): {str(error).rstrip('.')}. It is called once, with the symbol ac.time: write it with one "
             f"argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t).{hint}"

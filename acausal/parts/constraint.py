@@ -11,6 +11,7 @@ import numpy as np
 from acausal.language.component import Component, add_connection
 from acausal.language.connector import Frame
 from acausal.language.expression import Scalar
+from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose
 from acausal.parts.rigid import AbstractRigidPart
 from acausal.parts.sketch import sketched_frame
@@ -36,8 +37,8 @@ class AbstractConstraint(Component, ABC):
         """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
 
         `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch
-        where their `position` and `rotation` say. `options` go to the joint: axes are then world axes.
-        Raises `ParameterError` when no place is given, or a body has none.
+        where their `position` and `rotation` say, else at the world's origin. `options` go to the joint: axes are then world axes.
+        Raises `ParameterError` when no place is given, or where a body with a shape has neither a place nor a frame there.
         """
         joint = cls(**options)
         for own, other in ((joint.frame_a, a), (joint.frame_b, b)):
@@ -62,6 +63,10 @@ class AbstractConstraint(Component, ABC):
         w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
         """
         return ca.SX(0, 1)
+
+    def looks_turned_round(self, behind_a: Inertia) -> bool:
+        """Whether, with frame_b on the ground, this inertia about and in frame_a is one that belongs to frame_b; False where ends are alike."""
+        return False
 
     def shapes(self) -> tuple[Any, ...]:
         """What to draw at frame_a; see `acausal.visual.shapes`."""

@@ -136,18 +136,19 @@ class OwnPart:
         found = self._called(call, method)
         if not isinstance(found, Pose):
             raise self._error(call, f"gives {shown(found)}. Return Pose(rotation, position).")
-        entries: tuple[tuple[str, Any], ...] = (("rotation", found.rotation), ("position", found.position))
-        for name, value in entries:
-            if not isinstance(value, np.ndarray | ca.SX):
-                raise self._error(
-                    call,
-                    f"gives {shown(value)} as {name}. It must be CasADi's SX or an array of numpy; write .sx behind parameters.",
-                )
+        self._check_matrix(call, "rotation", found.rotation)
+        self._check_matrix(call, "position", found.position)
         R, p = symbolic(found.rotation), symbolic(found.position)
         if R.shape != (3, 3) or p.shape != (3, 1):
             raise self._error(call, f"gives a rotation {R.shape} and a position {p.shape}, not (3, 3) and (3, 1).")
         self._check_symbols(call, ca.vertcat(ca.vec(R), p), known)
         return R, p
+
+    def _check_matrix(self, call: str, name: str, value: Any) -> None:
+        if not isinstance(value, np.ndarray | ca.SX):
+            raise self._error(
+                call, f"gives {shown(value)} as {name}. It must be CasADi's SX or an array of numpy; write .sx behind parameters."
+            )
 
     def _check_rotation(self, joint: AbstractJoint, R: ca.SX, q: ca.SX) -> None:
         """At a configuration of no special kind that meets the joint's own invariants; joints with invariants are not tried."""

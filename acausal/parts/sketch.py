@@ -9,7 +9,7 @@ from acausal.language.connector import Frame
 from acausal.language.expression import Scalar, vector
 from acausal.language.origin import origin
 from acausal.parts.pose import Pose
-from acausal.parts.rigid import AbstractGround, AbstractRigidPart
+from acausal.parts.rigid import AbstractRigidPart
 
 
 def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:
@@ -20,13 +20,7 @@ def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:
     part = end.owner if isinstance(end, Frame) else end
     if not isinstance(part, AbstractRigidPart):
         raise IncompatibleError(f"between() takes bodies or their frames, not {end!r} ({origin()}).")
-    placed = part.sketch_pose()
-    if placed is None and not isinstance(end, Frame | AbstractGround) and at is not None:
-        raise ParameterError(
-            f"between(): {part!r} has no place in the sketch, so that a world point is not known in it ({origin()}). Give it one, "
-            "position=(x, y, z), also where it is (0, 0, 0), or give one of its frames."
-        )
-    sketch = placed or Pose.identity()
+    sketch = part.sketch_pose() or Pose.identity()
     if isinstance(end, Frame):
         position = next(a.pose.position for a in part.attachments() if a.connector is end)
         if not isinstance(position, np.ndarray):
@@ -40,6 +34,11 @@ def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:
         if not isinstance(where, np.ndarray):
             raise ParameterError(
                 f"between(): `at` must be numbers ({origin()}); connect frames with connect() where parameters are needed."
+            )
+        if not part.can_hold(where):
+            raise ParameterError(
+                f"between(): {part!r} has a shape, but no place in the sketch, and at the world's origin none of its frames is at {tuple(where.tolist())} "
+                f"({origin()}). Give it a place, position=(x, y, z), also where that is (0, 0, 0), or give one of its frames."
             )
         position = np.asarray(sketch.rotation).T @ (where - np.asarray(sketch.position))
     rotation = np.asarray(sketch.rotation).T

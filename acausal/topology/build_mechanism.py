@@ -86,6 +86,12 @@ def _edge(path: str, joint: Kind, groups: Sequence[Group], index: dict[Point, in
             f"Both ends of joint '{path}' ({joint.created_at}) are fixed to the same rigid group ({', '.join(p.path for p in groups[a].parts)}), "
             "so it cannot move. Connect one end to another part."
         )
+    behind_a = groups[a].inertia.seen_from(groups[a].poses[joint.frame_a].inverse())
+    if b == 0 and joint.looks_turned_round(behind_a):
+        raise IncompatibleError(
+            f"{path} ({joint.created_at}) is connected the wrong way round: what rolls belongs to frame_b, the plane that it rolls on to frame_a, but "
+            f"frame_b is on the ground and frame_a on {groups[a].name}, which is round. Exchange the two."
+        )
     return Edge(path, joint, a, b, pose_a=groups[a].poses[joint.frame_a], pose_b=groups[b].poses[joint.frame_b])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, Variable, scalar, sx, vector
 from acausal.language.origin import origin
+from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
@@ -95,6 +96,9 @@ class RollingBall(AbstractRollingBody):
 
     def contact_point(self, n: ca.SX) -> ca.SX:
         return -sx(self.radius) * n
+
+    def looks_turned_round(self, behind_a: Inertia) -> bool:
+        return is_round(behind_a)
 
 
 @final

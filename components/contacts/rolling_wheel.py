@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
+from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
@@ -91,6 +92,10 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     @final
     def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
         return self._spin(self.coordinates(X_ab)[2]) @ w_ab_b
+
+    @final
+    def looks_turned_round(self, behind_a: Inertia) -> bool:
+        return not isinstance(self.axis, Expression) and is_round(behind_a, self.axis)
 
     def _heading(self, q: ca.SX) -> Pose:
         """X_aC of the heading axes at the wheel's centre."""
