@@ -224,8 +224,8 @@ class Symbol(Expression):
         self.name = name
         self.unit = unit
         self.description = description
-        for k in range(sx.numel()):
-            _DECLARED[sx[k].element_hash()] = self
+        for scalar in (sx,) if shape == (1, 1) else (sx[k] for k in range(sx.numel())):
+            _DECLARED[scalar.element_hash()] = self
 
     def __hash__(self) -> int:
         return id(self)
@@ -419,7 +419,7 @@ def _check_unit(value: Any, what: str, unit: str) -> None:
     for entry in value if isinstance(value, list | tuple) else (value,):
         if isinstance(entry, Parameter | Input) and certainly_different(entry.unit, unit):
             raise ParameterError(
-                f"{what} is the {entry.kind} {entry.name} in {entry.unit} ({origin()}), but it is a quantity in {unit}. Another one may be meant, or its unit is wrong."
+                f"{what} is given as an ac.{type(entry).__name__} in {entry.unit} ({origin()}), but it is a quantity in {unit}. Another one may be meant, or its unit is wrong."
             )
 
 
