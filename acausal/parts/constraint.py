@@ -27,6 +27,8 @@ class AbstractConstraint(Component, ABC):
 
     between_points: ClassVar[bool] = False
     """Whether only the origins of its frames matter, so that a point will do at its ends."""
+    only_pushes: ClassVar[bool] = False
+    """Whether in nature it could only push frame_b along z of frame_a: a contact. Nothing stops it from pulling; runs tell where it does."""
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 

@@ -25,6 +25,7 @@ class PointOnPlane(AbstractStepJoint):
         scene.foot = PointOnPlane()
     """
 
+    only_pushes = True
     if_given_arguments = (
         'Its plane is z = 0 of frame_a: connect that to a turned frame, world.at((0, 0, 0), rotation=("x", 1.57)).'
     )

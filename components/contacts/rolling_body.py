@@ -26,6 +26,7 @@ class AbstractRollingBody(AbstractJoint, ABC):
     shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point`.
     """
 
+    only_pushes = True
     q = Variable(
         "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
     )

@@ -34,6 +34,7 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     O'Reilly, Intermediate Dynamics for Engineers (2nd ed.), 10.8. Must provide `lowest_point`, and an `axis` in its constructor.
     """
 
+    only_pushes = True
     q = Variable("", "yaw, lean, spin [rad] (3); x and y of the centre in frame_a [m] (2)", size=5)
     v = Variable("rad/s", "angular velocity along the heading, the axle, and up in the wheel's plane", size=3)
     axis: np.ndarray | Expression
