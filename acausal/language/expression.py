@@ -14,7 +14,7 @@ import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
 from acausal.language.interpolant import is_spline, of_spline
-from acausal.language.origin import origin
+from acausal.language.origin import line_of_new_part, origin
 from acausal.language.units import certainly_different
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
@@ -387,10 +387,14 @@ def _check_sign(value: float, what: str, positive: bool, non_negative: bool) -> 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have."""
+    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have.
+
+    `line`: where the part of the catalogue that asks this was made; "" for any other who asks.
+    """
 
     value: Expression
     check: Callable[[np.ndarray], None]
+    line: str
 
 
 def checked(value: Expression, check: Callable[[np.ndarray], None]) -> Expression:
@@ -398,7 +402,7 @@ def checked(value: Expression, check: Callable[[np.ndarray], None]) -> Expressio
     current = evaluated(value)
     if current is not None:
         check(current)
-        condition = Condition(value, check)
+        condition = Condition(value, check, line_of_new_part())
         for leaf in value.leaves:
             if isinstance(leaf, Parameter):
                 leaf.conditions.append(condition)

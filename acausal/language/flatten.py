@@ -53,7 +53,7 @@ class FlatSystem:
     @functools.cached_property
     def conditions(self) -> ParameterConditions:
         """What the parameters must fulfil, whatever values they are given."""
-        return ParameterConditions(self.parameters)
+        return ParameterConditions(self.parameters, {part.component.created_at for part in self.parts})
 
     @property
     def inputs(self) -> tuple[Input, ...]:

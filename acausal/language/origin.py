@@ -28,6 +28,16 @@ def origin() -> str:
     return ""
 
 
+def line_of_new_part() -> str:
+    """`origin()` while a part of the catalogue is being made there; "" at other times. Such a part remembers the same line."""
+    catalogue, frame = _LIBRARY[1], sys._getframe(1)  # pyright: ignore[reportPrivateUsage]  # see above
+    while frame is not None and frame.f_code.co_filename.startswith(_LIBRARY):
+        if frame.f_code.co_filename.startswith(catalogue) and frame.f_code.co_name != "at":  # a frame is made later than its body
+            return origin()
+        frame = frame.f_back
+    return ""
+
+
 def shortened(name: str) -> str:
     """The path relative to the working directory where that is shorter."""
     try:

@@ -331,6 +331,32 @@ def test_declared_symbols_survive_CasADi_s_functions_in_equations():
     assert abs(run[scene.tank.level][-1] - 0.8) < 1e-12
 
 
+def test_a_part_that_was_thrown_away_asks_nothing_of_parameters():
+    """What parts in the scene ask counts, however they are made; what others once asked does not."""
+    kept = (
+        lambda p: Particle(p, position=(1, 0, 0)),
+        lambda p: RigidBody.ball(1.0, p),
+        lambda p: RigidBody(
+            inertia=(1.0, 1.0, 1.0),
+            mass=p,
+        ),
+    )
+    for make in kept:
+        p = ac.Parameter(1.0)
+        Particle(p)
+        RigidBody.ball(1.0, p)
+        for part, refused in ((make(p), True), (Particle(2.0), False)):
+            scene = ac.System()
+            scene.p, scene.world, scene.part, scene.push = p, World(), part, Force((p, 0, 0))
+            scene.connect(scene.push.point, part.connectors()[0])
+            model = ac.build(scene)
+            if refused:
+                with pytest.raises(errors.ParameterError, match="must be positive"):
+                    model.simulate(0.1, parameters={p: -1.0})
+            else:
+                assert model.simulate(0.1, parameters={p: -1.0})[part.connectors()[0].acceleration][-1, 0] == -0.5
+
+
 def test_a_part_of_one_s_own_that_does_nothing_wrong_is_taken():
     class Idle(ac.Component):
         flange = ac.Rotational.port()
