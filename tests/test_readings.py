@@ -11,6 +11,9 @@ import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, make_interp_spline
 
 import acausal as ac
+from acausal.parts.force import AbstractForce, Action
+from acausal.parts.placement import Placement
+from acausal.parts.pose import symbolic
 from components import (
     AngleSource,
     Force,
@@ -100,6 +103,38 @@ def test_a_force_may_read_all_joints_of_a_loop():
         assert np.max(np.abs(np.diff(run[angle]))) < 0.5
     assert np.ptp(run[scene.a.q]) > 7
     assert run.energy_error() < 1e-7
+
+
+class Follower(AbstractForce):
+    """Pushes with a joint's angle, and against the rate at which another frame rises."""
+
+    point = ac.Point.port()
+
+    def __init__(self, joint: Revolute, frame: ac.Frame) -> None:
+        self.joint, self.frame = joint, frame
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        push = ca.vertcat(self.joint.q.sx, 0, -2 * placement.rate(self.frame.position.sx[2]))
+        return (Action(self.point, symbolic(placement.pose(self.point).rotation).T @ push, ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)  # what it supplies is found from what it does
+
+
+@pytest.mark.parametrize("joint", "abcd")
+def test_forces_of_one_s_own_read_joints_and_rates_of_loops(joint):
+    scene = four_bar()
+    hinge = getattr(scene, joint)
+    scene.push = Follower(hinge, scene.rocker.tip)
+    scene.connect(scene.push.point, scene.coupler.tip)
+    run = ac.build(scene).simulate(0.5, {scene.a.q: 1.0}, rtol=1e-10)
+    force = -run[scene.push.point.force]
+    assert np.max(np.abs(force[:, 0] - run[hinge.q])) < 1e-13
+    assert np.max(np.abs(force[:, 2] + 2 * run[scene.rocker.tip.velocity][:, 2])) < 1e-12
+    assert run.energy_error() < 1e-9
 
 
 @pytest.mark.parametrize(

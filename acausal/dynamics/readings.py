@@ -8,6 +8,7 @@ import casadi as ca
 
 from acausal.dynamics.placement import TreePlacement
 from acausal.errors import ModelError, UnknownVariableError
+from acausal.language.component import System
 from acausal.language.connector import FLOWS, Connector, Point, Quantity
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, declared
 from acausal.language.flatten import FlatSystem, Part
@@ -100,6 +101,11 @@ class Readings:
     def _at_connector(self, symbol: Quantity, part: Part) -> ca.SX:
         connector = symbol.connector
         name = f"{self.flat.connector_paths.get(connector, connector.name)}.{symbol.name}"
+        if isinstance(connector.owner, System):
+            raise UnknownVariableError(
+                f"{part.where} depends on {name}, at the connector of a system of parts. Read it at the part that is connected there, e.g. "
+                "scene.arm.rod.frame.position."
+            )
         if not isinstance(connector, Point) or not any(p.component is connector.owner for p in self.flat.parts):
             raise self._foreign(symbol, part, "Assign its part: scene.name = ...")
         if symbol.name in ("force", "torque", "acceleration", "angular_acceleration"):

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, interp1d
+from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal import errors
@@ -22,6 +23,7 @@ from acausal.parts.rigid import AbstractRigidPart, Attachment
 from components import (
     Fixed,
     Force,
+    Free,
     NonlinearSpring,
     Particle,
     PointOnPlane,
@@ -40,6 +42,7 @@ from components import (
 from components import (
     Inertia as Rotor,
 )
+from components.orientation import rotation_about
 from tests.bad_input.messages import Wrong, pendulum_with
 from tests.scenes import Pendulum
 
@@ -224,6 +227,7 @@ CASES = [
     Wrong("torque that follows an acceleration", pushed(lambda s: s.rod.tip.angular_acceleration, Torque), MODEL, ("push (", "angular_acceleration")),
     Wrong("force that follows another scene", pushed(lambda s: (Pendulum().hinge.q, 0, 0)), UNKNOWN, ("push (", "'q' [rad]", "no part of the scene")),
     Wrong("force that follows a point elsewhere", pushed(lambda s: Pendulum().rod.tip.position), UNKNOWN, ("push (", "position", "Assign its part")),
+    Wrong("force that follows a system's connector", lambda: ac.build(followed()), UNKNOWN, ("push (", "arm.end.position", "connector of a system", "part that is connected")),
     Wrong("force of an undeclared symbol", pushed(lambda s: (ca.SX.sym("a"), 0, 0)), MODEL, ("push (", "'a'", "declared nowhere", "ac.Parameter")),
     Wrong("thin rod on a ball joint", thin_rod((0, 0, -1), held=True), errors.MasslessError, ("'ball'", HERE, "rod", "thin", "radius=")),
     Wrong("thin rod on a ball joint, askew", thin_rod((1, 1, 1), held=True), errors.MasslessError, ("'ball'", "thin", "Universal")),
@@ -247,6 +251,26 @@ CASES = [
     Wrong("interpolation of scipy without pieces", lambda: TorqueSource(interp1d((0, 1, 2), (0, 1, 0))), PARAMETER, ("interp1d", "CubicSpline", HERE)),
     Wrong("law of a lost symbol", lambda: ac.build(sprung(lambda s: ca.SX.sym("k") * s**2)), MODEL, ("spring (", "'k'", "declared nowhere")),
 ]  # fmt: skip
+
+
+class Arm(ac.System):
+    """A rod with a connector of its own."""
+
+    end = ac.Frame.port()
+
+    def __init__(self) -> None:
+        self.rod = RigidBody.rod(1.0, (0, 0, -1))
+        self.connect(self.end, self.rod.frame)
+
+
+def followed() -> ac.System:
+    scene = ac.System()
+    scene.world, scene.hinge, scene.arm = World(), Revolute("y"), Arm()
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.arm.end)
+    scene.push = Force(scene.arm.end.position)
+    scene.connect(scene.push.point, scene.arm.rod.tip)
+    return scene
 
 
 def sprung(potential: Callable[[ca.SX], Any]) -> ac.System:
@@ -296,6 +320,29 @@ def test_a_particle_begins_where_its_sketch_is():
         run = ac.build(scene).simulate(0.05, {} if position else {scene.bob.point.position: (0.3, 0.4, 0.5)})
         assert np.max(np.abs(run[scene.bob.point.position][0] - [0.3, 0.4, 0.5])) < 1e-12
         assert run.energy_error() < 1e-9
+
+
+def test_a_wheel_may_lie_flat_in_the_sketch():
+    """There the heading has no derivative; the search begins beside it, and the wheel starts as it is told."""
+    scene = ac.System()
+    scene.world, scene.contact, scene.free = World(), RollingDisk(0.3), Free()
+    scene.disk = RigidBody.disk(1.0, 0.3, "y", rotation=("x", np.pi / 2))
+    for one in (scene.contact, scene.free):
+        scene.connect(scene.world.frame, one.frame_a)
+        scene.connect(one.frame_b, scene.disk.frame)
+    run = ac.build(scene).simulate(0.2, {scene.disk.frame.rotation: rotation_about(np.array([1.0, 0, 0]), 0.3)}, rtol=1e-10)
+    assert abs(run[scene.disk.frame.position][0, 2] - 0.3 * np.cos(0.3)) < 1e-12
+    assert run.energy_error() < 1e-9
+
+
+def test_rotations_of_scipy_are_taken():
+    turn = Rotation.from_euler("xyz", (0.1, -0.4, 0.3))
+    matrices = [
+        Fixed((0, 0, 0), rotation=r).attachments()[1].pose.rotation
+        for r in (turn, turn.as_matrix(), turn.as_quat()[[3, 0, 1, 2]].tolist())
+    ]
+    for matrix in matrices:
+        assert np.max(np.abs(matrix - turn.as_matrix())) < 1e-15
 
 
 @pytest.mark.parametrize("z", [1.0, -1.0])
