@@ -14,8 +14,10 @@ from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError, NoCompilerWarning
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
+from acausal.language.flatten import Part
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
+from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.state_space import StateSpace
 from acausal.wording import callers_level
 
@@ -194,6 +196,18 @@ class Functions:
         """Joints of the tree whose coordinates have a limited domain, with (t, x, u, p) -> values that are positive inside."""
         joints = [(item, item.edge.joint.domain(item.edge.joint.q.sx)) for item in self.outputs.system.tree_joints]
         return tuple((item, self.output(domain, name="domain")) for item, domain in joints if domain.numel())
+
+    @functools.cached_property
+    def contacts(self) -> tuple[tuple[Part, ...], ca.Function | None]:
+        """Parts that in nature only push, and (t, x, u, p) -> how much each pushes [N], negative where it pulls; None without such parts."""
+        found: list[tuple[Part, ca.SX]] = []
+        for part in self.outputs.system.flat.parts:
+            contact = part.component
+            if isinstance(contact, AbstractConstraint) and contact.only_pushes:
+                normal, force = self.outputs.resolve(contact.frame_a.rotation)[:, 2], self.outputs.resolve(contact.frame_b.force)
+                found.append((part, -ca.dot(normal, force)))
+        pushes = ca.vertcat(*(push for _, push in found))
+        return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
 
     @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:

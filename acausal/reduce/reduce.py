@@ -16,6 +16,7 @@ from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
+from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.wording import compact, counted, grouped
 
@@ -128,6 +129,8 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
         )
     )
     scalar = add_scalar_domains(mechanics, tau, v_dot)
+    if mechanics.readings.borrowed:
+        mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
     _check_free(mechanics, constraints, scalar)
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
     states = stacked([s.sx for s in scalar.states])

@@ -22,7 +22,7 @@ from acausal.outputs.given_motion import check_given_motions
 from acausal.simulate.events import when
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
-from acausal.simulate.trouble import failure, warn_if_outside, warn_if_singular
+from acausal.simulate.trouble import failure, warn_if_outside, warn_if_pulled, warn_if_singular
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
@@ -110,6 +110,7 @@ def simulate(
     run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
     warn_if_singular(functions, run)
     warn_if_outside(functions, run)
+    warn_if_pulled(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise SimulationError(failure(functions, run.status, t1, run), run)
     return run

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Status, StatusKind
-from acausal.errors import AcausalError, AssemblyError, SingularWarning
+from acausal.errors import AcausalError, AssemblyError, ContactWarning, SingularWarning
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
@@ -88,6 +88,31 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> None:
                 "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
+
+
+_LOOKS = 16
+"""Number of states of a run at which contacts are looked at: finding their forces costs as much as many steps."""
+_PULL = 1e-6
+"""Of the largest force of the contacts, what counts as a pull."""
+
+
+def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
+    """Say so when a contact pulls at one of some states of the run; not where redundant constraints leave open which of them bears what."""
+    parts, pushes = functions.contacts
+    if pushes is None or functions.outputs.system.constraints.redundant:
+        return
+    some = np.unique(np.linspace(0, run.solution.t.size - 1, _LOOKS).astype(int))
+    t, x = run.solution.t[some], run.solution.x[:, some]
+    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
+    values = np.array(pushes(t[None, :], x, run.problem.inputs(t), p)).reshape(len(parts), -1)
+    if not np.isfinite(values).all() or not np.min(values, initial=0.0) < -_PULL * np.max(np.abs(values)):
+        return
+    k, i = np.unravel_index(int(np.argmin(values)), values.shape)
+    warnings.warn(
+        f"'{parts[k].path}' ({parts[k].component.created_at}) pulls, with {-values[k, i]:.4g} N at t = {t[i]:.6g} s: a contact can only push, so what "
+        "it holds would have left it. Motions go on as if it were held; look for the time with an event on the force of its frame_b.",
+        ContactWarning, stacklevel=callers_level(),
+    )  # fmt: skip
 
 
 def failure(functions: Functions, status: Status, t1: float, run: Trajectory | None) -> str:
