@@ -30,6 +30,7 @@ from components import (
     TorqueSource,
     World,
 )
+from tests.scenes import FourBar as ExactFourBar
 
 G = 9.81
 
@@ -288,3 +289,17 @@ def test_what_rolling_forbids_is_the_same_in_any_unit(make: Callable[[Units], ac
     )
     for here, there in zip(plain.velocity.blocks, other.velocity.blocks, strict=True):
         assert here.growth == there.growth and here.alone == there.alone and len(here.integrals) == len(there.integrals)
+
+
+@pytest.mark.parametrize("order", ["dcba", "bdac"])
+def test_the_order_of_declaration_changes_no_frequency(order: str):
+    """Another order cuts the loop elsewhere, and so has other states."""
+
+    def asked(order: str) -> tuple[np.ndarray, float]:
+        scene = ExactFourBar(order=order)
+        found = ac.build(scene).equilibrium({scene.a.q: 0.5, scene.b.q: 0.2, scene.d.q: 1.2})
+        return found.linearize().eigenvalues, float(np.asarray(found[scene.crank.tip.position])[2])
+
+    (plain, height), (other, low) = asked("abcd"), asked(order)
+    np.testing.assert_allclose(other, plain, rtol=1e-9)
+    assert low == pytest.approx(height, abs=1e-12)
