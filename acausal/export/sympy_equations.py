@@ -353,11 +353,21 @@ def _matrix_form(b: _Balances) -> MatrixForm:
             mass[i, j] = form(factor)
         quadratic, still, other = _by_velocity(rest, set(b.velocities), b.outer)
         potential[i], forces[i] = form(still), -form(other)
-        whole = form(quadratic)
-        for j, v in enumerate(velocities):
-            half[i, j] = sympy.expand(whole.diff(v) / 2)
+        for j, atom in enumerate(() if b.natural else b.velocities):
+            half[i, j] = form(_half_slope(quadratic, atom))
     coriolis = _christoffel(mass, b.coordinates, velocities) if b.natural else half
     return MatrixForm(mass, coriolis, potential, forces, sympy.Matrix(n, 1, velocities))
+
+
+def _half_slope(row: Sum, atom: int) -> Sum:
+    """Half the derivative by an atom that stands in powers only."""
+    found: Sum = {}
+    for (powers, kind, angle), (value, error) in row.items():
+        n = dict(powers).get(atom, Fraction(0))
+        if n:
+            left = tuple((i, m - 1 if i == atom else m) for i, m in powers if i != atom or m != 1)
+            found[left, kind, angle] = (0.5 * float(n) * value, 0.5 * float(n) * error)
+    return found
 
 
 def _by_velocity(row: Sum, velocities: set[int], outer: frozenset[int]) -> tuple[Sum, Sum, Sum]:

@@ -13,6 +13,7 @@ import acausal as ac
 from acausal.collocation.problem import StatusKind
 from acausal.errors import OptionError
 from acausal.integrators.base import integrators
+from acausal.integrators.integrate import integrate
 from components import Particle, Prismatic, Revolute, Spring, World
 from tests.scenes import DoublePendulum, FourBar
 
@@ -97,6 +98,23 @@ def test_an_interruption_keeps_the_motion_so_far(name: str):
     if run.status.kind is StatusKind.INTERRUPTED:
         assert run.t[-1] < 2000.0
     assert np.max(np.abs(run[scene.slide.q] - np.cos(run.t))) < 0.3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_progress_that_is_interrupted_keeps_the_motion_so_far(name: str):
+    """Told at each chance: without the pauses that a user's display has."""
+    scene = oscillator()
+    made = ac.build(scene).simulate(0.1, {scene.slide.q: 1.0})
+    told: list[float] = []
+
+    def stop(fraction: float) -> None:
+        told.append(fraction)
+        raise KeyboardInterrupt
+
+    solution = integrate(made.problem, made.initial.x, 0.0, 2000.0, 1e-6, 1e-6, method=name, progress=stop)
+    if told:
+        assert solution.status.kind is StatusKind.INTERRUPTED and 0 < solution.t[-1] <= 2000.0
+        assert np.max(np.abs(solution.x[0] - np.cos(solution.t))) < 0.3
 
 
 @pytest.mark.parametrize("name", NAMES)
