@@ -168,7 +168,9 @@ class MinimalModel:
         """
         from acausal.charts.minimal_motion import simulate
 
-        options = Options(rtol, rtol if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
+        rtol = finite(rtol, "simulate: rtol")
+        atol = rtol if atol is None else finite(atol, "simulate: atol")
+        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure)
         return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
 
     @functools.cached_property
