@@ -27,6 +27,7 @@ from acausal.simulate.events import when
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.topology.build_mechanism import build_mechanism
+from acausal.wording import counted
 
 if TYPE_CHECKING:
     from acausal.analysis.actuation import Unknown
@@ -158,9 +159,9 @@ class Model:
 
         `wrt`: parameters, inputs, and variables that have a value in `start`. For geometry in `ca.nlpsol` and `ca.Opti`: derivatives
         are exact in any order, redundant constraints allowed. The branch is that of `initial_state` with these arguments, followed
-        in `steps` to the values asked for; what start values leave free changes as little as it can from there. NaN where
-        something cannot close, where a hinge's axes would point against one another, or where an angle changes by more than 1 rad in
-        one step (give more steps). Errors as for `initial_state`, `OptionError`.
+        to the values asked for in steps as short as it takes, the first a part in `steps` of the way (1: all at once); what start values
+        leave free changes as little as it can from there. NaN where something cannot close there or on the way, where a hinge's axes
+        would point against one another, or where no step is short enough for angles to change by less than 1 rad. Errors as for `initial_state`, `OptionError`.
         """
         from acausal.start.assembly_function import assembly_function
 
@@ -441,17 +442,16 @@ class Model:
     def __str__(self) -> str:
         s = self.system
         m = s.constraints.jacobian.shape[0]
-        constraints = f"{m} constraints" if m else "no constraints"
-        if s.constraints.redundant or s.constraints.vanishing:
-            constraints += f" ({len(s.constraints.redundant) + len(s.constraints.vanishing)} redundant rows dropped)"
+        constraints = counted(m, "constraint") if m else "no constraints"
+        dropped = len(s.constraints.redundant) + len(s.constraints.vanishing)
+        if s.constraints.damped:  # these are used, too: alone, the others allow more branches
+            constraints += f", {len(s.constraints.redundant)} of them redundant when assembled"
+            dropped = len(s.constraints.vanishing)
+        constraints += f" ({counted(dropped, 'redundant row')} dropped)" if dropped else ""
         return (
-            f"{s.flat.name}: {self.degrees_of_freedom} {_plural(self.degrees_of_freedom, 'degree')} of freedom, {len(self.state_names)} states, {constraints}, "
-            f"{self.operations} operations, {s.u.numel()} inputs, {s.p.numel()} parameters"
+            f"{s.flat.name}: {counted(self.degrees_of_freedom, 'degree')} of freedom, {counted(len(self.state_names), 'state')}, {constraints}, "
+            f"{self.operations} operations, {counted(s.u.numel(), 'input')}, {counted(s.p.numel(), 'parameter')}"
         )
-
-
-def _plural(count: int, word: str) -> str:
-    return word if count == 1 else word + "s"
 
 
 def build(scene: System) -> Model:

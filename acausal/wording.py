@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -78,3 +79,11 @@ def grouped(rows: Sequence[tuple[str, str]], width: int = 24) -> list[str]:
 def shortened(lines: Sequence[str], most: int = 20) -> list[str]:
     """The first `most` lines, and how many follow."""
     return list(lines[:most]) + ([f"  and {len(lines) - most} more"] if len(lines) > most else [])
+
+
+def callers_level() -> int:
+    """The `stacklevel` at which `warnings.warn`, called by the caller of this, points at the first line outside of this package."""
+    frame, level = sys._getframe(1), 1  # pyright: ignore[reportPrivateUsage]  # the documented way to walk the stack
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (__package__, "functools"):
+        frame, level = frame.f_back, level + 1
+    return level

@@ -12,7 +12,7 @@ import warnings
 from dataclasses import dataclass
 
 from acausal.errors import AcausalError, SingularWarning
-from tests.hard_cases import CASES, NOT_POSSIBLE, HardCase, long_double_pendulum, long_kepler
+from tests.hard_cases import CASES, HardCase, long_double_pendulum, long_kepler
 
 TOLERANCES = tuple(float(f"1e-{n}") for n in range(4, 14))
 
@@ -79,8 +79,6 @@ def short_runs(names: list[str]) -> None:
         ratios[name] = [number(e.error / (rtol * factor)) for e, rtol in zip(done, TOLERANCES, strict=True)]
         errors[name] = [number(e.error) for e in done]
         costs[name] = [f"{e.steps}, {e.milliseconds:.2g}" for e in done]
-    for name, why in NOT_POSSIBLE.items():
-        print(f"| {name} | {why} | not possible yet | |")
     table("error / (rtol * magnification); 1e-16 in place of rtol would be rounding", ratios)
     table("error", errors)
     table("steps, milliseconds", costs)

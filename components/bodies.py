@@ -27,15 +27,16 @@ def _symbol(value: Number) -> float | ca.SX:
 
 @final
 class Particle(AbstractRigidPart):
-    """A point with mass [kg] > 0: three freedoms, six states, no orientation.
+    """A point with mass [kg] > 0: three freedoms, six states, no orientation. `position`: where it is in a rough sketch of the scene [m].
 
     scene.bob = Particle(mass=1.0)
     """
 
     point = Point.port()
 
-    def __init__(self, mass: Scalar) -> None:
-        self.mass = scalar(mass, "Particle's mass", positive=True)
+    def __init__(self, mass: Scalar, *, position: Scalar | None = None) -> None:
+        self.mass = scalar(mass, "Particle's mass", positive=True, unit="kg")
+        self._sketch = None if position is None else pose(vector(position, "Particle's position", unit="m"))
 
     def attachments(self) -> tuple[Attachment, ...]:
         return (Attachment(self.point, Pose.identity()),)
@@ -45,6 +46,9 @@ class Particle(AbstractRigidPart):
 
     def shapes(self) -> tuple[Any, ...]:
         return (drawn.PointMass(),)
+
+    def sketch_pose(self) -> Pose | None:
+        return self._sketch
 
 
 @final
@@ -58,7 +62,7 @@ class Fixed(AbstractRigidPart):
     frame_b = Frame.port()
 
     def __init__(self, position: Scalar = (0.0, 0.0, 0.0), rotation: Rotation = None) -> None:
-        self.position = vector(position, "Fixed's position")
+        self.position = vector(position, "Fixed's position", unit="m")
         self._rotation = rotation_matrix(rotation)
 
     def attachments(self) -> tuple[Attachment, ...]:
@@ -92,13 +96,15 @@ class RigidBody(AbstractRigidPart):
         rotation: Rotation = None,
         shapes: tuple[Any, ...] = (),
     ) -> None:
-        self.mass = scalar(mass, "RigidBody's mass", positive=True)
-        self.centre_of_mass = vector(centre_of_mass, "RigidBody's centre_of_mass")
+        self.mass = scalar(mass, "RigidBody's mass", positive=True, unit="kg")
+        self.centre_of_mass = vector(centre_of_mass, "RigidBody's centre_of_mass", unit="m")
         self.central_inertia = _inertia_matrix(inertia)
         self._sketch = (
             None
             if position is None and rotation is None
-            else pose(vector((0, 0, 0) if position is None else position, "RigidBody's position"), rotation_matrix(rotation))
+            else pose(
+                vector((0, 0, 0) if position is None else position, "RigidBody's position", unit="m"), rotation_matrix(rotation)
+            )
         )
         self._frames: list[tuple[Frame, Pose]] = []
         self.places: list[object] = []  # of further frames, where their parameters are found
@@ -108,7 +114,7 @@ class RigidBody(AbstractRigidPart):
 
     def at(self, position: Scalar, rotation: Rotation = None) -> Frame:
         """A frame at `position` (3,) [m] in `frame` and turned by `rotation`, fixed in the body."""
-        where = vector(position, "RigidBody.at: position")
+        where = vector(position, "RigidBody.at: position", unit="m")
         shown = ", ".join(f"{p:g}" for p in where) if isinstance(where, np.ndarray) else str(where.sx)
         return self._add_frame(f"at({shown})", where, rotation_matrix(rotation))
 
@@ -149,14 +155,24 @@ class RigidBody(AbstractRigidPart):
     def sketch_pose(self) -> Pose | None:
         return self._sketch
 
+    def can_hold(self, at: np.ndarray) -> bool:
+        """A body with a shape is somewhere; where nobody said that, only its own frames are known."""
+        if self._sketch is not None or not self._shapes:
+            return True
+        size = float(np.linalg.norm(at)) + 1e-300
+        return any(
+            isinstance(a.pose.position, np.ndarray) and float(np.linalg.norm(at - a.pose.position)) <= 1e-9 * size
+            for a in self.attachments()
+        )
+
     @classmethod
     def rod(cls, mass: Scalar, tip: Scalar, radius: Scalar | None = None, **sketch: Any) -> Self:
         """A straight uniform rod from `frame` to `tip` (3,) [m]; thin, or a solid cylinder of `radius` [m] > 0."""
-        end = vector(tip, "rod's tip")
-        m = scalar(mass, "rod's mass", positive=True)
+        end = vector(tip, "rod's tip", unit="m")
+        m = scalar(mass, "rod's mass", positive=True, unit="kg")
         if isinstance(end, np.ndarray) and float(np.linalg.norm(end)) == 0:
             raise ParameterError(f"rod's tip is its beginning ({origin()}): the rod has length zero.")
-        r = 0.0 if radius is None else scalar(radius, "rod's radius", positive=True)
+        r = 0.0 if radius is None else scalar(radius, "rod's radius", positive=True, unit="m")
         inertia = _rod_inertia(m, end, r)
         shape = drawn.Rod((0.0, 0.0, 0.0), _numbers(end), None if radius is None else _number(r))
         body = cls(mass, inertia, end * 0.5, shapes=(shape,), **sketch)  # pyright: ignore[reportArgumentType]
@@ -166,7 +182,7 @@ class RigidBody(AbstractRigidPart):
     @classmethod
     def box(cls, mass: Scalar, size: Scalar, **sketch: Any) -> Self:
         """A solid box with edges `size` (3,) [m] > 0 along the axes of `frame`, which is at its centre."""
-        m = scalar(mass, "box's mass", positive=True)
+        m = scalar(mass, "box's mass", positive=True, unit="kg")
         x, y, z = (scalar(s, "box's size", positive=True) for s in _components(size, "box's size"))
         inertia = (m * (y * y + z * z) / 12, m * (x * x + z * z) / 12, m * (x * x + y * y) / 12)
         return cls(m, inertia, shapes=(drawn.Box((_number(x), _number(y), _number(z))),), **sketch)
@@ -174,15 +190,18 @@ class RigidBody(AbstractRigidPart):
     @classmethod
     def ball(cls, mass: Scalar, radius: Scalar, *, hollow: bool = False, **sketch: Any) -> Self:
         """A solid ball, or a thin spherical shell, of `radius` [m] > 0; `frame` is at its centre."""
-        m, r = scalar(mass, "ball's mass", positive=True), scalar(radius, "ball's radius", positive=True)
+        m, r = scalar(mass, "ball's mass", positive=True, unit="kg"), scalar(radius, "ball's radius", positive=True, unit="m")
         moment = m * r * r * (2 / 3 if hollow else 2 / 5)
         return cls(m, (moment,) * 3, shapes=(drawn.Sphere(_number(r)),), **sketch)
 
     @classmethod
     def cylinder(cls, mass: Scalar, radius: Scalar, length: Scalar, axis: Any = "z", **sketch: Any) -> Self:
         """A solid cylinder about `axis`; `radius`, `length` [m] > 0; `frame` is at its centre."""
-        m, r = scalar(mass, "cylinder's mass", positive=True), scalar(radius, "cylinder's radius", positive=True)
-        h = scalar(length, "cylinder's length", positive=True)
+        m, r = (
+            scalar(mass, "cylinder's mass", positive=True, unit="kg"),
+            scalar(radius, "cylinder's radius", positive=True, unit="m"),
+        )
+        h = scalar(length, "cylinder's length", positive=True, unit="m")
         side, along = m * (3 * r * r + h * h) / 12, m * r * r / 2
         shape = drawn.Cylinder(_number(r), _number(h), _axis_numbers(axis))
         return cls(m, _about_axis(side, along, axis), shapes=(shape,), **sketch)
@@ -190,22 +209,27 @@ class RigidBody(AbstractRigidPart):
     @classmethod
     def disk(cls, mass: Scalar, radius: Scalar, axis: Any = "z", *, hoop: bool = False, **sketch: Any) -> Self:
         """A thin uniform disk, or a thin hoop, about `axis`; `radius` [m] > 0; `frame` is at its centre."""
-        m, r = scalar(mass, "disk's mass", positive=True), scalar(radius, "disk's radius", positive=True)
+        m, r = scalar(mass, "disk's mass", positive=True, unit="kg"), scalar(radius, "disk's radius", positive=True, unit="m")
         along = m * r * r * (1 if hoop else 0.5)
-        shape = drawn.Disk(_number(r), 0.06 * _number(r), _axis_numbers(axis))
-        return cls(m, _about_axis(along / 2, along, axis), shapes=(shape,), **sketch)
+        size, about = _number(r), _axis_numbers(axis)
+        shapes: tuple[Any, ...] = (drawn.Disk(size, 0.06 * size, about),)
+        if hoop:
+            across = np.cross(about, np.eye(3)[np.argmin(np.abs(about))])
+            spoke = size * across / np.linalg.norm(across)
+            shapes = drawn.Torus(0.97 * size, 0.03 * size, about), drawn.Rod((0.0, 0.0, 0.0), tuple(spoke.tolist()), 0.015 * size)
+        return cls(m, _about_axis(along / 2, along, axis), shapes=shapes, **sketch)
 
     @classmethod
     def ellipsoid(cls, mass: Scalar, semi_axes: Scalar, **sketch: Any) -> Self:
         """A solid ellipsoid with `semi_axes` (3,) [m] > 0 along the axes of `frame`, which is at its centre."""
-        m = scalar(mass, "ellipsoid's mass", positive=True)
+        m = scalar(mass, "ellipsoid's mass", positive=True, unit="kg")
         a, b, c = (scalar(s, "ellipsoid's semi_axes", positive=True) for s in _components(semi_axes, "ellipsoid's semi_axes"))
         inertia = (m * (b * b + c * c) / 5, m * (a * a + c * c) / 5, m * (a * a + b * b) / 5)
         return cls(m, inertia, shapes=(drawn.Ellipsoid((_number(a), _number(b), _number(c))),), **sketch)
 
 
 def _components(value: Scalar, what: str) -> tuple[Number, ...]:
-    checked = vector(value, what)
+    checked = vector(value, what, unit="m")
     return tuple(checked[i] if isinstance(checked, Expression) else float(checked[i]) for i in range(3))
 
 

@@ -43,7 +43,10 @@ class Section:
     @classmethod
     def circle(cls, radius: Scalar, inner: Scalar = 0.0) -> Section:
         """Solid, or a tube with an `inner` radius [m] less than `radius` [m]."""
-        r, i = scalar(radius, "circle's radius", positive=True), scalar(inner, "circle's inner radius", non_negative=True)
+        r, i = (
+            scalar(radius, "circle's radius", positive=True, unit="m"),
+            scalar(inner, "circle's inner radius", non_negative=True, unit="m"),
+        )
         scalar(r - i, "circle's wall, radius - inner,", positive=True)
         moment = np.pi / 4 * (r * r * r * r - i * i * i * i)
         return cls(np.pi * (r * r - i * i), moment, moment)
@@ -80,10 +83,10 @@ class FlexibleBeam(AbstractElasticBody):
     ) -> None:
         if not isinstance(section, Section):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
             raise ParameterError(f"FlexibleBeam's section is {section!r} ({origin()}). Give e.g. Section.rectangle(0.01, 0.02).")
-        self.length = scalar(length, "FlexibleBeam's length", positive=True)
+        self.length = scalar(length, "FlexibleBeam's length", positive=True, unit="m")
         self.section = section
-        self.youngs_modulus = scalar(youngs_modulus, "FlexibleBeam's youngs_modulus", positive=True)
-        self.density = scalar(density, "FlexibleBeam's density", positive=True)
+        self.youngs_modulus = scalar(youngs_modulus, "FlexibleBeam's youngs_modulus", positive=True, unit="Pa")
+        self.density = scalar(density, "FlexibleBeam's density", positive=True, unit="kg/m^3")
         self.damping = scalar(damping, "FlexibleBeam's damping", non_negative=True)
         self._shapes = _checked_shapes(bending, axial, modes)
         self._set_count(self._shapes.count)

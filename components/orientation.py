@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -15,8 +16,17 @@ from acausal.parts.pose import Matrix, rotation_from_quaternion, rotation_to_axi
 Axis = str | Sequence[float] | np.ndarray | Expression
 """'x', 'y', 'z', '-x', '-y', '-z', or a vector of any positive length."""
 
-Rotation = np.ndarray | Sequence[Sequence[float]] | Sequence[float] | tuple[Axis, float] | None
-"""A rotation matrix (3, 3), a unit quaternion (4, scalar first), (axis, angle [rad]), or None for no rotation."""
+
+class HasMatrix(Protocol):
+    """Scipy's `Rotation`."""
+
+    def as_matrix(self) -> np.ndarray:
+        """(3, 3)."""
+        ...
+
+
+Rotation = np.ndarray | Sequence[Sequence[float]] | Sequence[float] | tuple[Axis, float] | HasMatrix | None
+"""A rotation matrix (3, 3), a tuple or list (w, x, y, z) of a unit quaternion, (axis, angle [rad]), scipy's `Rotation`, or None for none."""
 
 _NAMED = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -49,11 +59,17 @@ def rotation_matrix(rotation: Rotation | Scalar) -> np.ndarray | None:
     if isinstance(rotation, tuple) and len(rotation) == 2:
         axis, angle = rotation
         return rotation_about(np.asarray(axis_vector(axis, "rotation axis")), float(angle))  # pyright: ignore[reportArgumentType]
+    matrix = getattr(rotation, "as_matrix", None)  # scipy's Rotation
     try:
-        array = np.asarray(rotation, dtype=float)
+        array = np.asarray(rotation if matrix is None else matrix(), dtype=float)
     except (TypeError, ValueError):
         array = np.zeros(0)
     if array.shape == (4,):
+        if isinstance(rotation, np.ndarray):
+            raise ParameterError(
+                f"rotation: in {rotation} the scalar may stand first, as it does here, or last, as in scipy ({origin()}). Give scipy's Rotation "
+                "itself, rotation=Rotation.from_quat(...), or a tuple (w, x, y, z)."
+            )
         length = float(np.linalg.norm(array))
         if not abs(length - 1) < 1e-6:
             raise ParameterError(f"rotation: the quaternion {array} has length {length:g}, not 1 ({origin()}).")
@@ -62,7 +78,9 @@ def rotation_matrix(rotation: Rotation | Scalar) -> np.ndarray | None:
         if np.max(np.abs(array.T @ array - np.eye(3))) < 1e-9 and np.linalg.det(array) > 0:
             return snapped(array)
         raise ParameterError(f"rotation is not a right-handed orthogonal matrix ({origin()}): {array.tolist()}.")
-    raise ParameterError(f"rotation must be a matrix (3, 3), a quaternion (4,) or (axis, angle), not {rotation!r} ({origin()}).")
+    raise ParameterError(
+        f"rotation must be a matrix (3, 3), a tuple (w, x, y, z) of a quaternion, scipy's Rotation, or (axis, angle), not {rotation!r} ({origin()})."
+    )
 
 
 def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:

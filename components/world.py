@@ -28,7 +28,7 @@ class World(AbstractGround):
     frame = Frame.port()
 
     def __init__(self, gravity: Scalar | None = (0.0, 0.0, -9.81)) -> None:
-        self._gravity = np.zeros(3) if gravity is None else vector(gravity, "World's gravity")
+        self._gravity = np.zeros(3) if gravity is None else vector(gravity, "World's gravity", unit="m/s^2")
         self._frames: list[tuple[Frame, Pose]] = []
         self.places: list[object] = []  # of further frames, where their parameters are found
 
@@ -36,8 +36,8 @@ class World(AbstractGround):
         """A frame at `position` (3,) [m] and turned by `rotation`, fixed in the world."""
         frame = Frame(self, f"at({_short(position)})")
         setattr(self, f"_frame{len(self._frames)}", frame)
-        self.places.append(vector(position, "World.at: position"))
-        self._frames.append((frame, pose(vector(position, "World.at: position"), rotation_matrix(rotation))))
+        self.places.append(vector(position, "World.at: position", unit="m"))
+        self._frames.append((frame, pose(vector(position, "World.at: position", unit="m"), rotation_matrix(rotation))))
         return frame
 
     def attachments(self) -> tuple[Attachment, ...]:

@@ -589,10 +589,6 @@ def kepler_1000_turns() -> HardCase:
     return kepler(1000.3)
 
 
-NOT_POSSIBLE = {"flexible_slider_crank": "Slider-crank with an elastic rod (IVP test set): no elastic bodies among the parts."}
-"""Benchmarks that cannot be composed."""
-
-
 @dataclass(frozen=True)
 class Drift:
     """How the energy of a long run went: largest change, and change per run of a straight line through it, both relative."""

@@ -549,6 +549,58 @@ def test_a_function_of_near_values_gives_what_the_search_gives():
         assert np.allclose(np.abs(np.array(legs(at)).ravel()), wanted, atol=1e-9)
 
 
+def adjustable_four_bar(length: float) -> tuple[ac.Model, list[ac.Parameter], Revolute]:
+    """A crank that turns fully, all four lengths adjustable, in units of `length`."""
+    sizes = [ac.Parameter(v * length, "m") for v in (0.4, 1.2, 0.8, 1.0)]
+    a, b, c, d = sizes
+    scene = ac.System()
+    scene.world, scene.hinges = World(None), [Revolute("z") for _ in range(4)]
+    scene.crank, scene.coupler, scene.rocker = (RigidBody.rod(1.0, (size, 0, 0)) for size in (a, b, c))
+    closed(
+        scene,
+        (scene.world.frame, scene.hinges[0], scene.crank.frame),
+        (scene.crank.tip, scene.hinges[1], scene.coupler.frame),
+        (scene.coupler.tip, scene.hinges[2], scene.rocker.tip),
+        (scene.world.at((d, 0, 0)), scene.hinges[3], scene.rocker.frame),
+    )
+    return ac.build(scene), sizes, scene.hinges[0]
+
+
+def test_a_function_reaches_values_that_are_far_away():
+    """Lengths up to a fifth longer or shorter and the crank several turns away: rarely off the branch, and never where it cannot close."""
+    model, sizes, crank = adjustable_four_bar(1.0)
+    x = model.assembly_function(None, [*sizes, crank.q, crank.v], {crank.q: 0.5, crank.v: 1.0})
+    rng = np.random.default_rng(0)
+    missed = 0
+    for _ in range(100):
+        lengths, angle, speed = np.array([0.4, 1.2, 0.8, 1.0]) * rng.uniform(0.8, 1.2, 4), rng.uniform(-15, 15), rng.normal()
+        far = np.hypot(lengths[3] - lengths[0] * np.cos(angle), lengths[0] * np.sin(angle))
+        closes = abs(lengths[1] - lengths[2]) < far < lengths[1] + lengths[2]
+        found = np.array(x([*lengths, angle, speed])).ravel()
+        assert closes or np.isnan(found).all()
+        missed += closes and np.isnan(found).any()
+        if np.isfinite(found).all():
+            p = dict(zip(sizes, lengths, strict=True))
+            gap = model.functions.invariants(0, found, [p[size] for size in model.system.flat.parameters])
+            assert np.max(np.abs(np.array(gap))) < 1e-13
+    assert missed <= 10
+
+
+@pytest.mark.parametrize("power", [-10, -3])
+def test_a_function_decides_alike_in_all_units_of_length(power):
+    """Small lengths are not closed because they are small."""
+    unit = 4.0**power
+    (model, sizes, crank), (other, scaled, same) = adjustable_four_bar(1.0), adjustable_four_bar(unit)
+    x = model.assembly_function(None, [*sizes, crank.q], {crank.q: 0.5, crank.v: 1.0})
+    y = other.assembly_function(None, [*scaled, same.q], {same.q: 0.5, same.v: 1.0})
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        lengths, angle = np.array([0.4, 1.2, 0.8, 1.0]) * rng.uniform(0.5, 1.5, 4), rng.uniform(-8, 8)
+        one, two = (np.array(f([*(s * lengths), angle])).ravel() for f, s in ((x, 1.0), (y, unit)))
+        assert np.array_equal(np.isnan(one), np.isnan(two))
+        assert np.allclose(one, two, rtol=0, atol=1e-11, equal_nan=True)
+
+
 def test_wrong_calls_for_functions_are_explained():
     scene = slider_crank()
     model = ac.build(scene)

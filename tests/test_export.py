@@ -66,6 +66,62 @@ def test_exported_model_is_loaded_in_another_process(tmp_path):
     assert np.max(np.abs(np.array(out.split(")")[1].split(), dtype=float) - expected)) < 1e-14
 
 
+@pytest.mark.parametrize("scene", [FourBar, DoublePendulum])
+def test_loaded_functions_are_differentiable_twice(tmp_path, scene):
+    model = ac.build(scene())
+    loaded = ac.load_c(model.export_c(tmp_path))
+    rng = np.random.default_rng(0)
+    for name in ("explicit_dynamics", "residual_dynamics", "kinetic_energy", "constraint_position"):
+        ours, theirs = getattr(model.functions, name), loaded[name]
+        points = [ca.MX.sym(f"a{i}", ours.size1_in(i)) for i in range(ours.n_in())]
+        w = ca.vertcat(*points)
+        results = []
+        for function in (ours, theirs):
+            value = function(*points)
+            total = ca.sumsqr(ca.sin(value))
+            slopes = [ca.jacobian(value, w), ca.jtimes(value, w, w), ca.gradient(total, w), ca.hessian(total, w)[0]]
+            results.append(ca.Function("all", points, slopes))
+        at = [rng.normal(size=point.numel()) for point in points]
+        for expected, found in zip(results[0](*at), results[1](*at), strict=True):
+            assert np.max(np.abs(np.array(expected - found)), initial=0.0) < 1e-9 * (
+                1 + np.max(np.abs(np.array(expected)), initial=0.0)
+            )
+
+
+def test_functions_of_two_models_stand_in_one_program(tmp_path):
+    found = compiler()
+    assert found is not None
+    objects = []
+    for name, scene in (("one", PointPendulum()), ("two", DoublePendulum())):
+        folder = ac.build(scene).export_c(tmp_path / name)
+        for source in ("model", "derivatives"):
+            objects.append(str(folder / f"{source}.o"))
+            command = [
+                *found,
+                "-Wall",
+                "-Werror",
+                f"-DMODEL_PREFIX={name}_",
+                "-c",
+                "-o",
+                objects[-1],
+                str(folder / f"{source}.c"),
+            ]
+            subprocess.run(command, check=True)
+    (tmp_path / "main.cpp").write_text("""
+        #define MODEL_PREFIX one_
+        #include "one/model.h"
+        #undef MODEL_PREFIX
+        #define MODEL_PREFIX two_
+        #include "two/model.h"
+        int main() { return one_explicit_dynamics_n_in() + two_kinetic_energy_n_in() + (one_kinetic_energy_n_in == two_kinetic_energy_n_in); }
+    """)
+    program = tmp_path / "both"
+    subprocess.run(["g++", "-Wall", "-Werror", "-o", str(program), str(tmp_path / "main.cpp"), *objects, "-lm"], check=True)
+    model = ac.build(DoublePendulum())
+    inputs = model.functions.explicit_dynamics.n_in() + model.functions.kinetic_energy.n_in()
+    assert subprocess.run([str(program)], check=False).returncode == inputs
+
+
 def test_loading_what_is_not_there(tmp_path):
     with pytest.raises(ac.errors.ExportError, match=r"no model\.c"):
         ac.load_c(tmp_path)

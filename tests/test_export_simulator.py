@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import subprocess
 import sys
@@ -13,9 +14,10 @@ import pytest
 import acausal as ac
 from acausal.emit.compiler import compiler
 from acausal.errors import ExportError, UnknownVariableError
-from components import Force, Particle, Prismatic, World
+from components import Force, Particle, Prismatic, Revolute, RigidBody, World
 from tests.scenes import DoublePendulum, FourBar
-from tests.test_sensitivity import Oscillator
+from tests.test_minimal import slider_crank
+from tests.test_sensitivity import AdjustableFourBar, Oscillator
 
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wno-psabi", "-Werror")
 
@@ -239,3 +241,193 @@ def test_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="cannot write"):
         ac.build(DoublePendulum()).export_simulator(tmp_path / "file")
+
+
+FLAGS = ("-O1", "-march=native", "-ffp-contract=off", "-fno-math-errno")
+SOURCES = ("simulator.c", "model.c", "runtime.c")
+TWO = r"""
+#include <cstdio>
+#define SIMULATOR_PREFIX one_
+#include "one/simulator.h"
+#undef SIMULATOR_PREFIX
+#define SIMULATOR_PREFIX two_
+#include "two/simulator.h"
+static int advance(const char *, const char *) { return 7; }
+int main() {
+    double times[2] = {0.5, 1}, x[100];
+    int failed = one_simulate(0, 0, 0, 0, 0, 2, times, x, 0);
+    for (long i = 0; i < 2 * one_model_states; i++) std::printf("%.17g\n", x[i]);
+    SimulatorOptions options = two_simulator_defaults();
+    failed += two_simulate(&options, 0, two_model_start, 0, 0, 2, times, x, 0);
+    for (long i = 0; i < 2 * two_model_states; i++) std::printf("%.17g\n", x[i]);
+    return failed + advance("", "") - 7;
+}
+"""
+
+
+def run_of(library: ctypes.CDLL, states: int, times: list[float]) -> np.ndarray:
+    """States (states, times) by the library's `simulate` from its exported start."""
+    found = np.zeros((len(times), states))
+    library.simulate.argtypes = [ctypes.c_void_p, ctypes.c_double, *[ctypes.c_void_p] * 3, ctypes.c_long, *[ctypes.c_void_p] * 3]
+    assert library.simulate(None, 0.0, None, None, None, len(times), np.array(times).ctypes.data, found.ctypes.data, None) == 0
+    return found.T
+
+
+@pytest.mark.slow
+def test_shared_libraries_of_two_models_do_not_take_names_of_each_other_or_of_the_c_library(exported, tmp_path):
+    """Loaded for all to see, so that whatever is visible in the first hides the same in the second."""
+    command = compiler()
+    assert command is not None
+    for name in ("pendulum", "four_bar"):
+        model, start, end, program = exported(name)
+        library = tmp_path / f"{name}.so"
+        line = [*command, *WARNINGS, *FLAGS, "-fPIC", "-shared", "-o", str(library), *SOURCES, "-lm"]
+        subprocess.run(line, cwd=program.parent, check=True)
+        times = [0.0, end / 3, end]
+        found = run_of(ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL), len(model.state_names), times)
+        assert np.array_equal(found, model.simulate(end, start, method="gauss").at(times).x)
+        shown = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout
+        public = (program.parent / "simulator.h").read_text()
+        assert all(line.split()[-1] in public for line in shown.splitlines())
+
+
+@pytest.mark.slow
+def test_two_models_in_one_program_written_in_another_language(exported, tmp_path):
+    command = compiler()
+    assert command is not None
+    objects: list[str] = []
+    expected: list[np.ndarray] = []
+    for prefix, name in (("one", "pendulum"), ("two", "four_bar")):
+        model, start, _, program = exported(name)
+        (tmp_path / prefix).symlink_to(program.parent)
+        for source in SOURCES:
+            objects.append(f"{prefix}_{source}.o")
+            line = [*command, *WARNINGS, *FLAGS, f"-DSIMULATOR_PREFIX={prefix}_"]
+            subprocess.run([*line, "-c", "-o", objects[-1], f"{prefix}/{source}"], cwd=tmp_path, check=True)
+        expected.append(model.simulate(1.0, start, method="gauss").at([0.5, 1.0]).x.T.ravel())
+    (tmp_path / "two.cpp").write_text(TWO)
+    subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "-o", "both", "two.cpp", *objects, "-lm"], cwd=tmp_path, check=True)
+    printed = subprocess.run([str(tmp_path / "both")], capture_output=True, text=True, check=True).stdout
+    assert np.array_equal(np.array(printed.split(), dtype=float), np.concatenate(expected))
+
+
+@pytest.fixture(scope="module")
+def position_independent(runtime: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The integrators for shared libraries."""
+    command = compiler()
+    assert command is not None
+    made = tmp_path_factory.mktemp("pic") / "runtime.o"
+    subprocess.run([*command, *FLAGS, "-fPIC", "-c", "-o", str(made), "runtime.c"], cwd=runtime.parent, check=True)
+    return made
+
+
+class Library:
+    """An exported simulator called through ctypes: what `simulate` says, and the states."""
+
+    def __init__(self, model: ac.Model, folder: Path, runtime: Path) -> None:
+        command = compiler()
+        assert command is not None
+        made = folder / "model.so"
+        line = [*command, *WARNINGS, *FLAGS, "-fPIC", "-shared", "-o", str(made), "simulator.c", "model.c", str(runtime), "-lm"]
+        subprocess.run(line, cwd=folder, check=True)
+        self.library, self.nx = ctypes.CDLL(str(made)), len(model.state_names)
+        array = [ctypes.c_void_p]
+        self.library.simulate.argtypes = [*array, ctypes.c_double, *array * 3, ctypes.c_long, *array * 3]
+        self.library.simulator_start.argtypes = [ctypes.c_double, *array * 4]
+
+    def run(self, times, t0=0.0, x0=None, p=None) -> tuple[int, np.ndarray]:
+        """Status and states (nx, times)."""
+        kept = [None if v is None else np.array(v, dtype=float) for v in (x0, p, times)]
+        x, p, t = (None if v is None else v.ctypes.data for v in kept)
+        found = np.full((len(times), self.nx), np.nan)
+        status = self.library.simulate(None, t0, x, None, p, len(times), t, found.ctypes.data, None)
+        return status, found.T
+
+    def start(self, conditions=None, p=None, t0=0.0) -> tuple[int, np.ndarray]:
+        """Status and start state."""
+        kept = [None if v is None else np.array(v, dtype=float) for v in (conditions, p)]
+        c, p = (None if v is None else v.ctypes.data for v in kept)
+        x = np.full(self.nx, np.nan)
+        return self.library.simulator_start(t0, c, None, p, x.ctypes.data), x
+
+
+OPEN = 8
+
+
+def adjustable_slider_crank():
+    r, rod = ac.Parameter(0.3, "m"), ac.Parameter(1.0, "m")
+    scene = slider_crank(r, rod)
+    return (
+        scene,
+        {scene.a.q: 0.5, scene.a.v: 3.0},
+        {r: (0.3, 0.25, 0.4, 0.9, 3.0), rod: (1.0, 1.2, 0.8, 0.1, 0.7)},
+        lambda v: v[1] > v[0] * np.sin(0.5),
+    )
+
+
+def adjustable_four_bar():
+    scene = AdjustableFourBar()
+    lengths = {scene.length: (1.2, 1.25, 0.9, 3.0, 0.1)}
+    far = np.hypot(1 - 0.4 * np.cos(1.0), 0.4 * np.sin(1.0))
+    return scene, {scene.a.q: 1.0, scene.a.v: 2.0}, lengths, lambda v: abs(v[0] - 0.8) < far < v[0] + 0.8
+
+
+def hung_arm():
+    """No loop: an arm whose tip is where it is told to be."""
+    length = ac.Parameter(1.0, "m")
+    scene = ac.System()
+    scene.world, scene.one, scene.two = World(), Revolute("y"), Revolute("y")
+    scene.upper, scene.lower = RigidBody.rod(1.0, (0, 0, -0.8)), RigidBody.rod(1.0, (0, 0, -0.9))
+    scene.connect(scene.world.frame, scene.one.frame_a)
+    scene.connect(scene.one.frame_b, scene.upper.frame)
+    scene.connect(scene.upper.at((0, 0, -1.0 * length)), scene.two.frame_a)
+    scene.connect(scene.two.frame_b, scene.lower.frame)
+    tip = scene.lower.tip.position
+    return scene, {tip[0]: 0.9, tip[2]: -0.7, scene.two.v: 1.0}, {length: (1.0, 0.9, 1.1, 5.0)}, lambda v: v[0] < 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [adjustable_slider_crank, adjustable_four_bar, hung_arm])
+def test_other_parameters_are_assembled_as_by_the_package_or_refused(tmp_path, position_independent, make):
+    scene, start, values, closes = make()
+    model = ac.build(scene)
+    library = Library(model, model.export_simulator(tmp_path, start), position_independent)
+    times = [0.0, 0.3, 0.5]
+    status, found = library.run(times)
+    assert status == 0 and np.array_equal(found, model.simulate(0.5, start, method="gauss").at(times).x)
+    for column in zip(*values.values(), strict=True):
+        changed = dict(zip(values, column, strict=True))
+        p = [changed.get(parameter, parameter.value) for parameter in model.system.flat.parameters]
+        status, found = library.run(times, p=p)
+        assert status == (0 if closes(column) else OPEN)
+        assert closes(column) or np.isnan(found).all()
+        if closes(column):
+            expected = model.simulate(0.5, start, parameters=changed, method="gauss").at(times).x
+            assert np.max(np.abs(found - expected)) < 1e-9
+            assert library.run(times, x0=expected[:, 0], p=p)[0] == 0
+        if column != next(zip(*values.values(), strict=True)) and model.functions.invariants is not None:
+            assert library.run(times, x0=model.initial_state(start).x, p=p)[0] == OPEN  # that of other parameters
+
+
+@pytest.mark.slow
+def test_other_conditions_give_other_starts(tmp_path, position_independent):
+    scene, start, _, _ = adjustable_four_bar()
+    model = ac.build(scene)
+    library = Library(model, model.export_simulator(tmp_path, start), position_independent)
+    facts = json.loads((tmp_path / "model.json").read_text())
+    assert facts["conditions"] == ["a.q", "a.v"] and facts["condition_values"] == [1.0, 2.0]
+    x = model.initial_state(start).x
+    status, found = library.start()
+    assert status == 0 and np.array_equal(found, x)
+    for angle, speed in ((2.0, -1.0), (-1.5, 0.0), (9.0, 1e-9)):
+        status, found = library.start([angle, speed])
+        assert status == 0 and np.max(np.abs(np.array(model.functions.invariants(0, found, model.system.p_values)))) < 1e-13
+        assert np.isclose(found[0], angle, atol=1e-14) and abs(found[list(model.state_names).index("a.v")] - speed) < 1e-14 * (
+            1 + abs(speed)
+        )
+        assert library.run([0.0, 0.1], x0=found)[0] == 0
+    for k in range(x.size):  # one number of a start state that is wrong
+        wrong = x.copy()
+        wrong[k] += 1e-3
+        assert library.run([0.0, 0.1], x0=wrong)[0] == OPEN
+    assert library.start([np.nan, 1.0])[0] == OPEN

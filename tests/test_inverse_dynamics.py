@@ -9,6 +9,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import acausal as ac
+from acausal.analysis.actuation import actuated
 from acausal.errors import MotionError, OptionError, StartValueError, UnknownVariableError
 from components import (
     ForceSource,
@@ -17,11 +18,14 @@ from components import (
     Revolute,
     RigidBody,
     RollingBall,
+    Spherical,
+    Spring,
     Torque,
+    Universal,
     World,
 )
 from tests.analysis_scenes import Arm, Motor
-from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
+from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage, chain
 
 G = 9.81
 T = np.linspace(0.0, 2.0, 101)
@@ -49,6 +53,7 @@ def test_the_torques_found_make_the_arm_move_so():
     np.testing.assert_allclose(run[scene.elbow.q], b, atol=1e-9)
     at_joints = model.inverse_dynamics(T, motions, [scene.elbow, scene.shoulder])
     np.testing.assert_allclose(at_joints.forces[::-1], found.forces, atol=1e-12)
+    np.testing.assert_array_equal(found.series, np.column_stack([found.force(u) for u in scene.torques]))
     sampled = model.inverse_dynamics(T, {scene.shoulder.q: a, scene.elbow.q: b}, scene.torques)
     np.testing.assert_allclose(sampled.forces, found.forces, atol=2e-4)
 
@@ -173,6 +178,32 @@ def test_the_function_gives_the_series():
     found = model.inverse_dynamics([0.0], {loop.a.q: 0.2 + 0.5 * ac.time**2}, [loop.a, loop.c, loop.d])
     function = model.inverse_dynamics_function([loop.a.q], [loop.a, loop.c, loop.d])
     np.testing.assert_allclose(np.array(function(0, found.x[:, 0], 1.0, [], [])), found.forces, atol=1e-11)
+
+
+def sprung(count: int) -> ac.System:
+    """A chain of joints of all kinds with a spring to the ground."""
+    scene = chain(count, lambda k: (Revolute("x"), Universal(), Prismatic("z"), Spherical())[k % 4])
+    scene.spring = Spring(30.0, 0.2)
+    scene.connect(scene.world.at((1, 0, 0)), scene.spring.point_a)
+    scene.connect(scene.links[-1].frame, scene.spring.point_b)
+    return scene
+
+
+@pytest.mark.parametrize("count", [1, 3, 4, 7])
+def test_forces_of_a_fully_driven_tree_cost_less_than_its_accelerations_and_give_those_asked_for(count):
+    scene = sprung(count)
+    model = ac.build(scene)
+    function = model.inverse_dynamics_function([joint.v for joint in scene.joints], scene.joints)
+    assert function.n_instructions() < 0.6 * model.operations or count < 7
+    forward = actuated(model.functions, scene.joints).functions.explicit_dynamics
+    rng, n = np.random.default_rng(count), function.size1_in(2)
+    x = model.initial_state(
+        {joint.v: rng.normal(size=joint.v.size).tolist() if joint.v.size > 1 else rng.normal() for joint in scene.joints}
+    ).x
+    a = rng.normal(size=n)
+    u = np.array(function(0, x, a, [], [])).ravel()
+    got = np.array(forward(0, x, u, [])).ravel()[-n:]
+    np.testing.assert_allclose(got, a, atol=1e-9)
 
 
 def test_motions_that_cannot_be_made_are_said():

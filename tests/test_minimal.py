@@ -17,12 +17,14 @@ from components import (
     Revolute,
     RigidBody,
     RollingBall,
+    RollingDisk,
     RotationalSpring,
     Spherical,
     TorqueSource,
     Universal,
     World,
 )  # fmt: skip
+from examples.bicycle import Bicycle
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 
 G = 9.81
@@ -212,6 +214,54 @@ def test_crank_turns_fully_with_the_rocker_preferred():
     assert error < 3e-8
 
 
+def vehicle(base: float = 1.2, radius: float = 0.25, unit: float = 1.0) -> ac.System:
+    """A cart on two axles, the front one on a turntable, each wheel of four on a hub of its own; lengths and gravity in `unit`."""
+    R = radius * unit
+    scene = ac.System()
+    scene.world = World((0, 0, -G * unit))
+    scene.frame = RigidBody(5.0, tuple(unit**2 * i for i in (0.1, 0.4, 0.5)), position=(0, 0, R))
+    scene.bogie, scene.pivot = (
+        RigidBody(2.0, tuple(unit**2 * i for i in (0.1, 0.05, 0.12)), position=(base * unit, 0, R)),
+        Revolute("z"),
+    )
+    joined(scene, (scene.pivot, scene.frame.at((base * unit, 0, 0)), scene.bogie.frame))
+    scene.wheels, scene.hubs, scene.contacts = [], [], []
+    for body, width in ((scene.frame, 0.4), (scene.frame, -0.4), (scene.bogie, 0.3), (scene.bogie, -0.3)):
+        wheel, hub, contact = RigidBody.disk(1.0, R, axis="y", position=(0, 0, R)), Revolute("y"), RollingDisk(R)
+        scene.wheels, scene.hubs, scene.contacts = [*scene.wheels, wheel], [*scene.hubs, hub], [*scene.contacts, contact]
+        joined(scene, (hub, body.at((0, width * unit, 0)), wheel.frame), (contact, scene.world.frame, wheel.frame))
+    return scene
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [vehicle, Bicycle])
+def test_a_vehicle_is_followed_for_a_thousand_turns_of_its_wheels_on_one_chart(make):
+    scene = make()
+    model = ac.build(scene)
+    hub = scene.rear_hub if isinstance(scene, Bicycle) else scene.hubs[0]
+    start = scene.start(5.0, 0.05) if isinstance(scene, Bicycle) else {scene.pivot.q: 0.2, hub.v: ac.near(60.0)}
+    minimal = model.minimal(start)
+    end = 400.0 if isinstance(scene, Bicycle) else 110.0
+    motion = minimal.simulate(end, rtol=1e-9, compiled=False)  # its compilation takes longer than the motion
+    assert abs(motion[hub.q][-1]) > 1000 * 2 * np.pi
+    assert {chart.choice for chart in motion.charts} == {minimal.chart.choice} and len(motion.charts) <= 2
+    assert motion.trajectory.constraint_error() < 1e-10
+    assert motion.trajectory.energy_error() < 1e-8
+
+
+@pytest.mark.parametrize("power", [-10, -5, -1])
+def test_charts_are_the_same_in_all_units_of_length(power):
+    unit = 4.0**power
+    for make, prefer in ((lambda u: slider_crank(0.3 * u, 1.0 * u), "slide"), (lambda u: vehicle(unit=u), "pivot")):
+        charts = []
+        for u in (1.0, unit):
+            scene = make(u)
+            charts.append(ac.build(scene).minimal(prefer=[getattr(scene, prefer).q]).chart)
+        one, other = charts
+        assert one.choice == other.choice
+        assert abs(one.conditioning - other.conditioning) < 1e-9 * one.conditioning
+
+
 def test_motion_in_the_virtual_machine():
     motion, error = simulated(slider_crank, {"s.a.q": 0.5, "s.a.v": 6.0}, 0.5, ["s.slide.q"], compiled=False)
     assert error < 3e-8
@@ -320,7 +370,7 @@ def test_optimal_control_of_a_loop_needs_no_invariants():
         k = min(int(t / h), n - 1)
         return float(np.polyval(np.polyfit(knots[2 * k : 2 * k + 3], values[2 * k : 2 * k + 3], 2), t))
 
-    run = model.simulate(end, {scene.a.q: -0.5}, inputs={torque: parabolas}, rtol=1e-7)
+    run = model.simulate(end, {scene.a.q: -0.5}, inputs={torque: parabolas}, rtol=1e-9)
     assert abs(run[scene.a.q][-1] + 2.0) < 1e-3
     assert abs(run[scene.a.v][-1]) < 1e-2
     smooth = {torque: lambda t: 20 * np.sin(5 * t)}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import OptionError, SimulationError
+from acausal.errors import OptionError, SimulationError, StartValueError
 from components import Force, Particle, Prismatic, Revolute, RigidBody, Spring, SpringDamper, World
 
 
@@ -167,6 +167,24 @@ def test_trajectory_function_is_differentiable_both_ways():
     assert np.max(np.abs(J[:, 0] - central)) < 1e-7
     assert np.allclose(forward, J @ [1, -2], atol=1e-12)
     assert np.allclose(reverse, 2 * J.T @ value, atol=1e-11)
+
+
+def test_trajectory_function_is_nan_exactly_where_the_start_cannot_close():
+    """Crank tip and rocker's pivot are less far apart than coupler and rocker together, and farther than their difference."""
+    scene = AdjustableFourBar()
+    model = ac.build(scene)
+    f = model.trajectory_function((0.0, 0.01), scene.c.q, [scene.length, scene.a.q], {scene.a.q: 1.0}, rtol=1e-6)
+    J = f.jacobian()
+    for length, angle in ((1.2, 1.0), (3.0, 1.0), (0.05, 1.0), (0.6, -2.0), (0.5, -2.0), (1.2, np.nan)):
+        far = np.hypot(1 - 0.4 * np.cos(angle), 0.4 * np.sin(angle))
+        closes = abs(length - 0.8) < far < length + 0.8
+        value = f([length, angle])
+        assert (np.isfinite(np.array(value)).all(), np.isnan(np.array(value)).all()) == (closes, not closes)
+        assert np.isfinite(np.array(J([length, angle], value))).all() == closes
+    with pytest.raises(StartValueError):  # what no values can mend is told at once
+        model.trajectory_function((0.0, 1.0), scene.c.q, [scene.length], {"a.q": 1.0})
+    with pytest.raises(OptionError, match="not a parameter"):
+        model.trajectory_function((0.0, 1.0), scene.c.q, [Oscillator().mass])
 
 
 def test_an_optimiser_finds_the_start_speed_that_reaches_a_point():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -48,7 +48,11 @@ class Unknowns:
         du[list(self.inputs), range(n, n + m)] = 1.0
         dp[list(self.parameters), range(n + m, n + m + k)] = 1.0
 
-        return Rows(lambda z: column.value(self.at(z)), lambda z: column.along(self.at(z), dx, du=du, dp=dp))
+        return Rows(
+            lambda z: column.value(self.at(z)),
+            lambda z: column.along(self.at(z), dx, du=du, dp=dp),
+            lambda z, sizes: column.rounding(self.at(z), sizes[:n]),
+        )
 
 
 def unknowns(functions: Functions, point: OperatingPoint, free: Sequence[Input | Parameter]) -> Unknowns:
@@ -71,12 +75,16 @@ def unknowns(functions: Functions, point: OperatingPoint, free: Sequence[Input |
 
 @dataclass(frozen=True)
 class Conditions:
-    """Columns of expressions: `balance` vanishes in the equilibrium, `hard` are all conditions with `names`, `soft` the wishes."""
+    """Columns of expressions: `balance` vanishes in the equilibrium, `hard` are all conditions with `names`, `soft` the wishes.
+    `motion`: those of the hard ones that ask for positions and rates, whatever the forces; `invariants`: what is asked to be constant.
+    """
 
     hard: ca.SX
     names: tuple[str, ...]
     balance: ca.SX
     soft: ca.SX
+    motion: ca.SX
+    invariants: ca.SX
 
 
 def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions:
@@ -87,7 +95,7 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
     keys = expressions(steady, "equilibrium: `steady`", "steady=[scene.hinge.q], or a dictionary of rates")
     s = functions.outputs.system
     closing = ca.vertcat(s.closing, s.velocity_closing)
-    balance, about = _steady_rows(functions, steady) if keys else _static_rows(functions)
+    balance, moving, about = _steady_rows(functions, steady) if keys else _static_rows(functions)
     held, wished, names = [], [], []
     for key, value in start.items():
         number = value.value if isinstance(value, exactly | near) else value
@@ -97,23 +105,34 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
             names += labels(functions.outputs, key)
     none = ca.SX(0, 1)
     hard = ca.vertcat(none, closing, *held, balance)
-    return Conditions(hard, (*("a loop" for _ in range(closing.numel())), *names, *about), balance, ca.vertcat(none, *wished))
+    about = (*("a loop" for _ in range(closing.numel())), *names, *about)
+    constant = ca.vertcat(none, *_constant(functions, steady))
+    return Conditions(hard, about, balance, ca.vertcat(none, *wished), ca.vertcat(none, closing, *held, moving), constant)
+
+
+def _constant(functions: Functions, steady: Steady) -> Iterator[ca.SX]:
+    """What is steady, or its rate where that is asked for."""
+    outputs = functions.outputs
+    rates: Mapping[Expression, float | None] = steady if isinstance(steady, Mapping) else dict.fromkeys(steady, 0.0)
+    for key, rate in rates.items():
+        value = ca.vec(outputs.resolve(key))
+        yield value if rate == 0 else outputs.rate(value)
 
 
 def _turn(angle: ca.SX) -> ca.SX:
     return ca.atan2(ca.sin(angle), ca.cos(angle))
 
 
-def _static_rows(functions: Functions) -> tuple[ca.SX, list[str]]:
-    return functions.outputs.system.x_dot, [f"{name}'" for name in functions.state_names]
+def _static_rows(functions: Functions) -> tuple[ca.SX, ca.SX, list[str]]:
+    return functions.outputs.system.x_dot, ca.SX(0, 1), [f"{name}'" for name in functions.state_names]
 
 
-def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, list[str]]:
-    """e' = rate, and e'' = 0 where e depends on positions only."""
+def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, ca.SX, list[str]]:
+    """e' = rate, and e'' = 0 where e depends on positions only; the former of these again."""
     outputs, s = functions.outputs, functions.outputs.system
     wanted: Mapping[Expression, float | None] = steady if isinstance(steady, Mapping) else dict.fromkeys(steady, 0.0)
     v = s.x[s.nq : s.nq + s.tree_velocities, :]
-    rows, names = [], []
+    rows, moving, names = [], [ca.SX(0, 1)], []
     for key, rate in wanted.items():
         if rate is not None:
             rate = finite(rate, f"equilibrium: the rate of {', '.join(labels(outputs, key))} (None for any)")
@@ -126,6 +145,7 @@ def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, list[str]
         by_velocity = bool(v.numel()) and ca.depends_on(value, v)
         if rate is not None:
             rows.append(first - rate)
+            moving += [] if ca.depends_on(value, s.x[s.nq :, :]) else [first - rate]
             names += [f"{n}'" for n in labels(outputs, key)]
         elif by_velocity:
             raise OptionError(
@@ -134,4 +154,4 @@ def _steady_rows(functions: Functions, steady: Steady) -> tuple[ca.SX, list[str]
         if not by_velocity:
             rows.append(outputs.rate(first))
             names += [f"{n}''" for n in labels(outputs, key)]
-    return ca.vertcat(*rows), names
+    return ca.vertcat(*rows), ca.vertcat(*moving), names

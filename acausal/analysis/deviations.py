@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
+from acausal.analysis.sizes import Sizes, sizes_at
 from acausal.charts.coordinates import ChartCoordinates
 from acausal.charts.independent import independent_entries
 from acausal.charts.singular_state import singular_loops
@@ -32,14 +33,21 @@ class Deviations:
 
     In place of a unit quaternion stands the small rotation vector of frame_b, in frame_b, away from the point or the motion
     looked at: q = q0 * (1, rotation / 2), four times the Rodrigues parameters of `coordinates` to first order. It has no singular
-    attitude. `free`: which entries of the `coordinates` of x are independent.
+    attitude. `sizes`: of the states at the point where the entries were chosen. `free`: which entries of the `coordinates` of x are independent.
     """
 
     system: ReducedSystem
+    x_dot: Differentiable
     invariants: Differentiable
+    sizes: Sizes
     coordinates: ChartCoordinates
     free: tuple[int, ...]
     names: tuple[str, ...]
+
+    @property
+    def free_sizes(self) -> np.ndarray:
+        """Of the independent entries (k,)."""
+        return coordinate_sizes(self.coordinates, self.sizes.x)[list(self.free)]
 
     def tangent(self, at: OperatingPoint, x_dot: np.ndarray) -> Tangent:
         """For a motion through the point with the rates `x_dot` (nx,)."""
@@ -52,8 +60,23 @@ class Deviations:
         change = np.zeros((turn.shape[1], len(free)))
         change[free, range(len(free))] = 1.0
         if dependent:
-            change[dependent] = -np.linalg.lstsq(G[:, dependent], G[:, free], rcond=None)[0]
+            size = coordinate_sizes(self.coordinates, self.sizes.x)
+            G = equilibrated(G, size)
+            follow = np.linalg.lstsq(G[:, dependent], G[:, free], rcond=None)[0]
+            change[dependent] = -size[dependent, None] * follow / size[free]
         return Tangent(turn @ change, back[free], back_rate[free])
+
+
+def coordinate_sizes(coordinates: ChartCoordinates, sizes: np.ndarray) -> np.ndarray:
+    """Of the coordinates (nz,), where the states have these sizes (nx,)."""
+    return np.concatenate([np.ones(3) if size == 3 else sizes[[i]] for i, size in coordinates.places])
+
+
+def equilibrated(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Rows G (m, n) for entries measured by their sizes (n,), each row divided by its largest entry, to a power of two."""
+    G = G * sizes
+    largest = np.max(np.abs(G), axis=1, initial=0.0)
+    return np.ldexp(G, -np.frexp(largest)[1][:, None])
 
 
 def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
@@ -69,12 +92,14 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     coordinates = ChartCoordinates(s.x.numel(), units)
     names = coordinates.names(functions.state_names, "rotation")
     invariants = Differentiable(s, ca.vertcat(s.position_invariants, s.velocity_invariants))
-    G = invariants.along(at, _turns(coordinates, at.x)[0])
+    x_dot = Differentiable(s, s.x_dot)
+    sizes = sizes_at(s, x_dot, at)
+    G = equilibrated(invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places))
     rows, nq = s.position_invariants.numel(), s.nq - len(units)
     positions = independent_entries(G[:rows, :nq]).free
     rates = independent_entries(G[rows:, nq:], preferred=_matching(s, coordinates, positions)).free
     free = (*positions, *(nq + i for i in rates))
-    return Deviations(s, invariants, coordinates, free, tuple(names[i] for i in free))
+    return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free))
 
 
 def _turns(coordinates: ChartCoordinates, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,10 +12,12 @@ import numpy as np
 
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
-from acausal.analysis.point import UNCHANGED, Differentiable, OperatingPoint, before_and_after, operating_point, start_values
-from acausal.errors import EquilibriumError
+from acausal.analysis.point import Differentiable, OperatingPoint, operating_point, start_values
+from acausal.analysis.sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
+from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions
+from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.simulation import InputValue
 from acausal.start.start_values import Start, softened, start_mapping
 
@@ -23,8 +25,10 @@ if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization
 
 _STARTS = 8
+_STEP = 0.7
 _SINK = 0.1
 _SINKING = 200
+_MOVED = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,18 +37,20 @@ class Equilibrium:
 
     `residual`: the largest rate that is left. `free`: variables along which there are more equilibria, to first order, and `dimension`
     of their family; this one is the nearest to the start. `lasting`: a steady motion stays as it is; otherwise the conditions hold
-    at this instant only. `began`: the consistent states where the search began. `equilibrium[expression]` is the value of any
+    at this instant only. `began`: the consistent states where the search began; `sizes`: of states, inputs and parameters, what is much for each.
+    `steady`: expressions that are steady in a motion. `equilibrium[expression]` is the value of any
     expression, reactions included.
     """
 
     functions: Functions
     point: OperatingPoint
     began: OperatingPoint
+    sizes: np.ndarray
     residual: float
     free: tuple[str, ...]
     dimension: int
     lasting: bool
-    moving: bool
+    steady: ca.SX
 
     @property
     def x(self) -> np.ndarray:
@@ -80,25 +86,38 @@ class Equilibrium:
 
     @functools.cached_property
     def stability(self) -> str:
-        """ "asymptotically stable", "unstable" or "neutral" in first order. Of a steady motion in all its states, the ignorable ones too."""
-        return self.linearize().stability
+        """ "asymptotically stable", "unstable" or "neutral" in first order. Of a steady motion in all its states, the ignorable ones too; where
+        their linear system changes on the way, "unstable" if what was asked to be steady is, and "undecided" otherwise.
+        """
+        from acausal.analysis.linearize import linearize_invariants
+
+        try:
+            whole = self.linearize()
+        except OptionError:  # a loop in a singular position
+            return "undecided"
+        if whole.constant or not self.lasting or not self.steady.numel():
+            return whole.stability
+        part = linearize_invariants(self.functions, self.point, self.steady)
+        return "unstable" if part is not None and part.stability == "unstable" else "undecided"
 
     @property
     def moved(self) -> tuple[tuple[str, float, float], ...]:
         """Name, start and value of every state, input and parameter that is not where the search began."""
         flat, name = self.functions.outputs.system.flat, self.functions.outputs.name
         names = [*self.functions.state_names, *map(name, flat.inputs), *map(name, flat.parameters)]
-        pairs = zip(names, _all(self.began), _all(self.point), strict=True)
-        return tuple((n, float(a), float(b)) for n, a, b in pairs if abs(a - b) > 1e-9 * (1 + abs(a)))
+        rows = zip(names, _all(self.began), _all(self.point), self.sizes, strict=True)
+        return tuple((n, float(a), float(b)) for n, a, b, size in rows if abs(a - b) > _MOVED * max(size, abs(a)))
 
     def __repr__(self) -> str:
         return f"<Equilibrium of {self.functions.outputs.system.flat.name}, residual {self.residual:.2g}>"
 
     def __str__(self) -> str:
-        kind = "steady motion" if self.moving else "equilibrium"
+        kind = "steady motion" if self.steady.numel() else "equilibrium"
         if not self.lasting:
             kind += " at this instant only: it does not go on; name more variables in `steady`"
-        rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}"]
+        rows = [
+            f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {self.stability}"
+        ]
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
         if self.dimension:
             rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")
@@ -125,65 +144,76 @@ def equilibrium(
     given = unknowns(functions, began, free)
     wanted = conditions(functions, start, steady)
     s = functions.outputs.system
-    hard, soft = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft)
-    search = _search(given, hard, soft, s.nq)
-    found = search(given.z)
+    hard, soft, x_dot = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft), Differentiable(s, s.x_dot)
+    search = _search(given, hard, soft, sizes_at(s, x_dot, began), s.nq)
+    found = search(_moving_as_asked(s, given, wanted.motion, search) if steady else given.z)
     if not found.converged and not steady:
-        found = search(_let_down(functions, given))
+        found = search(_let_down(functions, given, search, x_dot))
     if not found.converged:
         found = _from_several_starts(search, given.z, s.nq, found)
     if not found.converged:
-        raise EquilibriumError(_complaint(functions, wanted.names, found.residual, bool(steady)))
+        raise EquilibriumError(_complaint(functions, wanted.names, found, bool(steady)))
     point = given.at(found.z)
     balance = Differentiable(s, wanted.balance)
     residual = float(np.max(np.abs(balance.value(point)), initial=0.0))
-    lasting = _goes_on(Differentiable(s, s.x_dot), balance, point)
+    lasting = _goes_on(x_dot, balance, point, sizes_at(s, x_dot, point))
     names = _free_names(functions, given, found.free / search.scale[:, None])
-    return Equilibrium(functions, point, began, residual, names, found.free.shape[1], lasting, bool(steady))
+    return Equilibrium(
+        functions, point, began, _all_sizes(given, search.scale), residual, names, found.free.shape[1], lasting, wanted.invariants
+    )
 
 
-def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, nq: int) -> NearestRoot:
-    """Coordinates change by at most 0.7 rad or m at a time, parameters by half, other unknowns without a limit."""
+def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, sizes: Sizes, nq: int) -> NearestRoot:
+    """Coordinates change by at most 0.7 of their sizes at a time, parameters by half, other unknowns without a limit."""
     z = given.z
     n, m = given.point.x.size, len(given.inputs)
     rows = given.rows(hard)
-    scale, limit = np.ones(z.size), np.full(z.size, np.inf)
-    scale[nq:n] = 1.0 + np.abs(z[nq:n])
-    limit[:nq] = 0.7
-    J = rows.jacobian(z)
-    weight = 1.0 / np.maximum(1.0, np.max(np.abs(J[:, :n]), axis=1, initial=0.0))
-    effect = np.max(weight[:, None] * np.abs(J[:, n:]), axis=0, initial=0.0)
-    scale[n:] = np.where(effect > 0, 1.0 / np.maximum(effect, 1e-12), 1.0 + np.abs(z[n:]))
+    scale, limit, grows = np.ones(z.size), np.full(z.size, np.inf), np.zeros(z.size, dtype=bool)
+    scale[:n], limit[:nq] = sizes.x, _STEP * sizes.x[:nq]
+    grows[:nq] = True
+    J = np.abs(rows.jacobian(z))
+    slope = np.max(J[:, :n] * scale[:n], axis=1, initial=0.0)
+    weight = 1.0 / np.where(slope > 0, slope, 1.0)
+    effect = np.max(weight[:, None] * J[:, n:], axis=0, initial=0.0)
+    scale[n:] = 1.0 / np.where(effect > 0, effect, 1.0)
     for k in range(n + m, z.size):  # parameters enter nonlinearly, and most have a sign
-        limit[k] = 0.5 * abs(z[k]) if z[k] else 0.5
-        scale[k] = max(abs(z[k]), 1e-3)
-    return NearestRoot(rows, given.rows(soft) if soft.size else None, scale, limit)
+        scale[k] = abs(z[k]) or scale[k]
+        limit[k] = 0.5 * scale[k]
+    return NearestRoot(rows, given.rows(soft) if soft.size else None, scale, limit, grows)
 
 
-def _let_down(functions: Functions, given: Unknowns) -> np.ndarray:
+def _moving_as_asked(s: ReducedSystem, given: Unknowns, motion: ca.SX, search: NearestRoot) -> np.ndarray:
+    """The nearest place with the rates asked for, whatever forces that needs: forces are linear in rates no farther than nearby."""
+    rows = given.rows(Differentiable(s, motion))
+    found = NearestRoot(rows, None, search.scale, search.limit, search.grows)(given.z)
+    return found.z if found.converged else given.z
+
+
+def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot: Differentiable) -> np.ndarray:
     """Where the scene sinks from its start through honey: small steps along the accelerations from rest, until they turn round."""
     s = functions.outputs.system
-    closed = NearestRoot(given.rows(Differentiable(s, s.closing)), None, np.ones(given.z.size), np.full(given.z.size, 0.7))
-    x_dot, rates = Differentiable(s, s.x_dot), Differentiable(s, ca.densify(s.mechanics.tree.rates))
+    q, v = slice(0, s.nq), slice(s.nq, s.nq + s.tree_velocities)
+    closed = NearestRoot(given.rows(Differentiable(s, s.closing)), None, search.scale, search.limit, search.grows)
+    rates = Differentiable(s, ca.densify(s.mechanics.tree.rates))
     z, stride, before = given.z.copy(), _SINK, np.zeros(s.tree_velocities)
-    z[s.nq : s.nq + s.tree_velocities] = 0.0
+    z[v] = 0.0
     for _ in range(_SINKING):
         at = given.at(z)
-        push = x_dot.value(at)[s.nq : s.nq + s.tree_velocities]
-        if push @ before < 0:
+        push = x_dot.value(at)[v]
+        if push @ (before / search.scale[v] ** 2) < 0:
             stride *= 0.5
         dx = np.zeros((at.x.size, 1))
-        dx[s.nq : s.nq + s.tree_velocities, 0] = before = push
+        dx[v, 0] = before = push
         dq = rates.along(at, dx)[:, 0]
-        largest = float(np.max(np.abs(dq), initial=0.0))
-        if not 1e-12 < largest < np.inf or stride < 1e-3 * _SINK:
+        largest = float(np.max(np.abs(dq) / search.scale[q], initial=0.0))
+        if not 0 < largest < np.inf or stride < 1e-3 * _SINK:
             break
         moved = z.copy()
-        moved[: s.nq] += stride / largest * dq
+        moved[q] += stride / largest * dq
         found = closed(moved)
         if not found.converged:
             break
-        z[: s.nq] = found.z[: s.nq]
+        z[q] = found.z[q]
     return z
 
 
@@ -194,17 +224,27 @@ def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found:
         if found.converged:
             break
         trial = guess.copy()
-        trial[:nq] += rng.normal(scale=0.1 * 1.5**attempt, size=nq)
+        trial[:nq] += search.scale[:nq] * rng.normal(scale=0.1 * 1.5**attempt, size=nq)
         again = search(trial)
-        if again.converged or np.linalg.norm(again.residual) < np.linalg.norm(found.residual):
+        if again.converged or np.linalg.norm(again.parts) < np.linalg.norm(found.parts):
             found = again
     return found
 
 
-def _goes_on(x_dot: Differentiable, balance: Differentiable, at: OperatingPoint) -> bool:
+def _goes_on(x_dot: Differentiable, balance: Differentiable, at: OperatingPoint, sizes: Sizes) -> bool:
     """Whether the conditions hold a little before and after, too: in first and second order of time."""
-    size = 1.0 + np.max(np.abs(balance.along(at, np.eye(at.x.size))), axis=1, initial=0.0)
-    return all(bool(np.all(np.abs(balance.value(moved)) <= UNCHANGED * size)) for moved in before_and_after(x_dot, at))
+    size = np.max(np.abs(balance.along(at, np.eye(at.x.size))) * sizes.x, axis=1, initial=0.0)
+    allowed = UNCHANGED * size + ROUNDING * balance.rounding(at, sizes.x)
+    _, beside = before_and_after(x_dot, at, sizes)
+    return all(bool(np.all(np.abs(balance.value(moved)) <= allowed)) for moved in beside)
+
+
+def _all_sizes(given: Unknowns, scale: np.ndarray) -> np.ndarray:
+    """Of states, all inputs and all parameters."""
+    at, n, m = given.point, given.point.x.size, len(given.inputs)
+    u, p = np.abs(at.u), np.abs(at.p)
+    u[list(given.inputs)], p[list(given.parameters)] = scale[n : n + m], scale[n + m :]
+    return np.concatenate([scale[:n], u, p])
 
 
 def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -> tuple[str, ...]:
@@ -219,11 +259,11 @@ def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -
     return tuple(names[i] for i in np.argsort(-share, kind="stable") if share[i] > 1e-3)
 
 
-def _complaint(functions: Functions, names: tuple[str, ...], residual: np.ndarray, steady: bool) -> str:
+def _complaint(functions: Functions, names: tuple[str, ...], found: Root, steady: bool) -> str:
     advice = (
         "The rates asked for may be impossible; begin nearer with start={...}, give None for a rate that is to be found, or free an input."
         if steady
         else "Something may push without an end (a body in free fall, a source that drives): hold it, give the inputs or parameters that are "
         "to balance it in free=[...], look for a motion with steady={...}, or begin nearer with start={...}."
     )
-    return f"No {'steady motion' if steady else 'equilibrium'} of '{functions.outputs.system.flat.name}' was found. What cannot vanish: {largest_gaps(names, residual)}. {advice}"
+    return f"No {'steady motion' if steady else 'equilibrium'} of '{functions.outputs.system.flat.name}' was found. What cannot vanish: {largest_gaps(names, found.residual, found.parts)}. {advice}"

@@ -13,11 +13,13 @@ from acausal.analysis.point import operating_point, start_values
 from acausal.analysis.prescribed import Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
 from acausal.arguments import expressions
+from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
+from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.inputs import InputValue, input_signal
 from acausal.simulate.simulation import parameter_values
 from acausal.start.start_values import Start, near, softened, start_mapping
@@ -45,8 +47,13 @@ class InverseDynamics:
 
     @property
     def forces(self) -> np.ndarray:
-        """All forces found, (n, m)."""
+        """All forces found, (n, m): rows of `u`, with a column for each time as there. `series` is the same as other series are."""
         return self.u[self.actuation.entries]
+
+    @property
+    def series(self) -> np.ndarray:
+        """All forces found, (m, n): a row for each time, as `result[...]` and `run[...]` have it; named `names`."""
+        return self.forces.T
 
     def force(self, unknown: Unknown) -> np.ndarray:
         """Of one unknown. Raises `UnknownVariableError` for what was not asked for."""
@@ -140,14 +147,37 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
             f"inverse_dynamics_function: {w.numel()} forces ({', '.join(actuation.names)}) make at least one motion and at most as many, not "
             f"{len(names)} ({', '.join(names)})."
         )
-    top = ca.vertcat(*(input_output_derivatives(outputs, values[k], w, names[k])[-1] for k in range(len(names))))
-    B = ca.densify(ca.jacobian(top, w))
+    a = ca.SX.sym("a", len(names))
+    gap = _balance(s, values, a)
+    if gap is None:
+        gap = ca.vertcat(*(input_output_derivatives(outputs, values[k], w, names[k])[-1] for k in range(len(names)))) - a
+    B = ca.densify(ca.jacobian(gap, w))
     if ca.depends_on(B, w):
         raise OptionError(
             f"inverse_dynamics_function: {', '.join(names)} is not linear in {', '.join(actuation.names)}; use inverse_dynamics."
         )
-    a = ca.SX.sym("a", len(names))
-    gap = a - ca.substitute(top, w, ca.SX.zeros(w.numel()))
-    force = ca.solve(B, gap) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, gap)
+    missing = -ca.substitute(gap, w, ca.SX.zeros(w.numel()))
+    force = ca.solve(B, missing) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, missing)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
     return folded_function("inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"])
+
+
+def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:
+    """Forces that the joints of a tree lack for accelerations a of `values`, by Newton and Euler; None where there are loops, scalar states
+    or gears, or other values than freedoms: then forward dynamics has to be inverted.
+    """
+    tree = s.mechanics.tree
+    if values.numel() != tree.v.numel() or s.constraints.jacobian.shape[0] or s.scalar.states or s.scalar.held:
+        return None
+    at_rate = [values[k] if ca.depends_on(values[k], tree.v) else _change(s, values[k]) for k in range(values.numel())]
+    rate = ca.vertcat(*at_rate)
+    J = ca.jacobian(rate, tree.v)
+    if ca.depends_on(rate, s.u) or ca.sprank(J) < tree.v.numel():
+        return None
+    v_dot = ca.solve(J, a - _change(s, rate))
+    return newton_euler(s.mechanics.kinematics, ca.densify(v_dot), list(s.mechanics.wrenches)).tau - s.tau
+
+
+def _change(s: ReducedSystem, value: ca.SX) -> ca.SX:
+    """Rate of a value with all velocities held."""
+    return ca.jtimes(value, ca.vertcat(s.mechanics.tree.q, s.t), ca.vertcat(s.mechanics.tree.rates, 1))

@@ -12,7 +12,8 @@ import numpy as np
 
 from acausal.analysis.deviations import Deviations, Tangent, deviations_at
 from acausal.analysis.modes import Mode, Modes, modes_of
-from acausal.analysis.point import UNCHANGED, Differentiable, OperatingPoint, before_and_after
+from acausal.analysis.point import Differentiable, OperatingPoint
+from acausal.analysis.sizes import ROUNDING, UNCHANGED, before_and_after, power_of_two
 from acausal.arguments import expressions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
@@ -21,13 +22,16 @@ from acausal.outputs.functions import Functions
 
 _CLOSED = 1e-8
 _STEADY = 1e-9
+_STILL = 1e-12
+_RANK = 1e-13
+_MOST_RATES = 4
 
 
 @dataclass(frozen=True, repr=False)
 class Linearization:
     """dy' = A dy + B du, outputs C dy + D du, for small deviations dy of `states` (k) and du of `inputs` from `point`.
 
-    `expand` (nx, k): the change of all states, dx = expand dy. `rates` (k,): of the states at the point itself. `steady`: they vanish,
+    `expand` (nx, k): the change of all states, dx = expand dy. `rates` (k,): of the states at the point itself, `sizes` (k,): what is much for each. `steady`: they vanish,
     so that the point is an equilibrium or a steady motion. `constant`: A stays the same along the motion through the point, so that its
     eigenvalues say what deviations from this motion do; otherwise they belong to the system frozen at this instant.
     """
@@ -41,6 +45,7 @@ class Linearization:
     D: np.ndarray
     expand: np.ndarray
     rates: np.ndarray
+    sizes: np.ndarray
     point: OperatingPoint
     steady: bool
     constant: bool
@@ -81,11 +86,15 @@ class Linearization:
 
     @functools.cached_property
     def _modes(self) -> Modes:
-        return modes_of(self.A, self.states)
+        return modes_of(self.A, self.states, self.sizes)
 
     @property
     def stability(self) -> str:
-        """ "asymptotically stable", "unstable", or "neutral": some eigenvalue has no real part, and first order does not decide."""
+        """ "asymptotically stable", "unstable", or "neutral": some eigenvalue has no real part, and first order does not decide. "undecided"
+        where the linear system changes along the motion: eigenvalues at one instant say nothing about it.
+        """
+        if not self.constant:
+            return "undecided"
         real = [m.eigenvalue.real for m in self.modes()]
         if any(r > 0 for r in real):
             return "unstable"
@@ -105,7 +114,7 @@ class Linearization:
     def _about(self) -> str:
         if self.steady:
             return "steady: the states stay as they are" + ("" if self.constant else ", but the system changes with time")
-        moving = [f"{n}' = {r:.4g}" for n, r in zip(self.states, self.rates, strict=True) if abs(r) > _STEADY][:4]
+        moving = [f"{n}' = {r:.4g}" for n, r in zip(self.states, self.rates, strict=True) if r][:4]
         if self.constant:
             return f"a motion ({', '.join(moving)}) along which the linear system stays the same"
         return f"not an equilibrium ({', '.join(moving)}): eigenvalues are those of the system frozen at this instant"
@@ -118,48 +127,84 @@ def linearize(
     outputs: Sequence[Expression],
 ) -> Linearization:
     """See `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
+    chosen = None if states is None else _column(functions, "states", states)
+    return _linearization(functions, point, chosen, _column(functions, "outputs", outputs))
+
+
+def linearize_invariants(functions: Functions, point: OperatingPoint, steady: ca.SX) -> Linearization | None:
+    """The linear system of quantities `steady` (n, 1) that a motion through the point keeps, and of as many of their time derivatives as it
+    needs; None where four are not enough. What is left out may do anything.
+    """
+    deviations = deviations_at(functions, point)
+    kept, rows, last = ca.SX(0, 1), np.zeros((0, len(deviations.free))), steady
+    expand = deviations.tangent(point, deviations.x_dot.value(point)).expand * deviations.free_sizes
+    for _ in range(_MOST_RATES):
+        slopes = Differentiable(deviations.system, last).along(point, expand)
+        fresh: list[int] = []
+        for i, row in enumerate(slopes):
+            more = np.vstack([rows, row / (np.max(np.abs(row)) or 1.0)])
+            if np.linalg.matrix_rank(more, tol=_CLOSED) > len(rows):
+                rows, fresh = more, [*fresh, i]
+        if not fresh:
+            break
+        kept, last = ca.vertcat(kept, last[fresh]), functions.outputs.rate(last[fresh])
+    try:
+        names = tuple(f"steady[{i}]" for i in range(kept.numel()))
+        return _linearization(functions, point, _Column(kept, names), _Column.none()) if names else None
+    except OptionError:
+        return None
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Expressions (n, 1) with a name for each."""
+
+    values: ca.SX
+    names: tuple[str, ...]
+
+    @staticmethod
+    def none() -> _Column:
+        return _Column(ca.SX(0, 1), ())
+
+
+def _column(functions: Functions, what: str, wanted: Sequence[Expression]) -> _Column:
+    entries = expressions(wanted, f"linearize: `{what}`", f"{what}=[scene.hinge.q, scene.hinge.v]")
+    values = ca.vertcat(ca.SX(0, 1), *(ca.vec(functions.outputs.resolve(e)) for e in entries))
+    return _Column(values, tuple(name for e in entries for name in labels(functions.outputs, e)))
+
+
+def _linearization(functions: Functions, point: OperatingPoint, states: _Column | None, outputs: _Column) -> Linearization:
     s = functions.outputs.system
     deviations = deviations_at(functions, point)
-    wanted = _Wanted(functions, states, outputs)
-    chosen = deviations.names if states is None else wanted.names(states)
-    names = chosen if wanted.outputs is None else wanted.names(outputs)
-    linear = _Linear(deviations, wanted, chosen, names)
+    wanted = _Wanted(functions, _Column.none() if states is None else states, outputs, states is not None)
+    chosen = deviations.names if states is None else states.names
+    linear = _Linear(deviations, wanted, chosen, outputs.names)
     found = linear.at(point, check=True)
-    scale = 1.0 + np.abs(found.A) @ np.abs(found.values) + np.abs(found.values)
-    steady = bool(np.all(np.abs(found.rates) <= _STEADY * scale))
+    noise = ROUNDING * linear.rounding(point)
+    still = np.abs(found.rates) <= _STEADY * np.abs(found.A) @ found.sizes + noise
     inputs = tuple(functions.outputs.name(entry) for entry in s.flat.inputs)
     return Linearization(
-        chosen, inputs, names, found.A, found.B, found.C, found.D, found.expand, found.rates, point, steady,
-        linear.is_constant(point, found.A), s.flat.name,
+        chosen, inputs, outputs.names or chosen, found.A, found.B, found.C, found.D, found.expand, np.where(still, 0.0, found.rates),
+        found.sizes, point, bool(np.all(still)), linear.is_constant(point, found, noise), s.flat.name,
     )  # fmt: skip
 
 
 class _Wanted:
     """What was asked for, as columns: states h and their rates, outputs."""
 
-    def __init__(self, functions: Functions, states: Sequence[Expression] | None, outputs: Sequence[Expression]) -> None:
-        self._functions = functions
+    def __init__(self, functions: Functions, states: _Column, outputs: _Column, given: bool) -> None:
         s = functions.outputs.system
-        column = self._column("states", () if states is None else states)
-        if states is not None and not column.numel():
+        column = states.values
+        if given and not column.numel():
             raise OptionError("linearize: `states` is empty. Leave it out, or name expressions such as scene.hinge.q.")
         if ca.depends_on(column, s.u):
             raise OptionError(
                 "linearize: a state must not depend on an input. Choose variables that keep their value when an input jumps."
             )
-        self.given = states is not None
+        self.given = given
         self.states = Differentiable(s, column)
         self.rates = Differentiable(s, functions.outputs.rate(column))
-        chosen = self._column("outputs", outputs)
-        self.outputs = Differentiable(s, chosen) if chosen.numel() else None
-
-    def names(self, wanted: Sequence[Expression]) -> tuple[str, ...]:
-        """Of all entries of expressions."""
-        return tuple(name for e in wanted for name in labels(self._functions.outputs, e))
-
-    def _column(self, what: str, wanted: Sequence[Expression]) -> ca.SX:
-        entries = expressions(wanted, f"linearize: `{what}`", f"{what}=[scene.hinge.q, scene.hinge.v]")
-        return ca.vertcat(ca.SX(0, 1), *(ca.vec(self._functions.outputs.resolve(e)) for e in entries))
+        self.outputs = Differentiable(s, outputs.values) if outputs.names else None
 
 
 @dataclass(frozen=True)
@@ -169,7 +214,7 @@ class _Matrices:
     C: np.ndarray
     D: np.ndarray
     expand: np.ndarray
-    values: np.ndarray
+    sizes: np.ndarray
     rates: np.ndarray
 
 
@@ -178,7 +223,8 @@ class _Linear:
 
     def __init__(self, deviations: Deviations, wanted: _Wanted, chosen: tuple[str, ...], output_names: tuple[str, ...]) -> None:
         self._deviations, self._wanted, self._chosen, self._output_names = deviations, wanted, chosen, output_names
-        self._x_dot = Differentiable(deviations.system, deviations.system.x_dot)
+        self._x_dot = deviations.x_dot
+        self._sizes = deviations.free_sizes
 
     def at(self, at: OperatingPoint, *, check: bool = False) -> _Matrices:
         x_dot = self._x_dot.value(at)
@@ -188,34 +234,39 @@ class _Linear:
             # deviations are seen in axes that go along with the motion, hence the rate of `pick`
             A = tangent.pick @ self._x_dot.along(at, tangent.expand) + tangent.pick_rate @ tangent.expand
             B = tangent.pick @ self._x_dot.along(at, du=by_input)
-            expand, values, rates = tangent.expand, tangent.pick @ at.x, tangent.pick @ x_dot
+            expand, sizes, rates = tangent.expand, self._sizes, tangent.pick @ x_dot
         else:
-            A, B, expand = self._chosen_states(at, tangent, by_input, check)
-            values, rates = self._wanted.states.value(at), self._wanted.rates.value(at)
+            A, B, expand, sizes = self._chosen_states(at, tangent, by_input, check)
+            rates = self._wanted.rates.value(at)
         if self._wanted.outputs is None:
-            return _Matrices(A, B, np.eye(len(A)), np.zeros_like(B), expand, values, rates)
+            return _Matrices(A, B, np.eye(len(A)), np.zeros_like(B), expand, sizes, rates)
         C_all = self._wanted.outputs.along(at, tangent.expand)
         D = self._wanted.outputs.along(at, du=by_input)
         if check:
             H = self._wanted.states.along(at, tangent.expand) if self._wanted.given else np.eye(len(A))
-            self._check_closed(C_all, H, self._output_names, "the output {0} also depends")
-        return _Matrices(A, B, self._wanted.outputs.along(at, expand), D, expand, values, rates)
+            noise = self._wanted.outputs.rounding(at, self._deviations.sizes.x)
+            self._check_closed(C_all * self._sizes, H * self._sizes, noise, self._output_names, "the output {0} also depends")
+        return _Matrices(A, B, self._wanted.outputs.along(at, expand), D, expand, sizes, rates)
 
     def _chosen_states(
         self, at: OperatingPoint, tangent: Tangent, by_input: np.ndarray, check: bool
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A, B and dx/dy for states h(x): with dh = H dy and dh' = R dy, A = R H^+ where R vanishes along H dy = 0."""
-        H = self._wanted.states.along(at, tangent.expand)
-        R = self._wanted.rates.along(at, tangent.expand)
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, dx/dy and sizes for states h(x): with dh = H dy and dh' = R dy, A = R H^+ where R vanishes along H dy = 0."""
+        H = self._wanted.states.along(at, tangent.expand) * self._sizes
+        R = self._wanted.rates.along(at, tangent.expand) * self._sizes
         if check:
-            self._check_independent(H)
-            self._check_closed(R, H, self._chosen, "the rate of {0} also depends")
-        inverse = np.linalg.pinv(H, rcond=1e-13)
-        return R @ inverse, self._wanted.rates.along(at, du=by_input), tangent.expand @ inverse
+            self._check_independent(H, self._wanted.states.rounding(at, self._deviations.sizes.x) / np.finfo(float).eps)
+            noise = self._wanted.rates.rounding(at, self._deviations.sizes.x)
+            self._check_closed(R, H, noise, self._chosen, "the rate of {0} also depends")
+        size = power_of_two(np.max(np.abs(H), axis=1, initial=0.0))
+        inverse = np.linalg.pinv(H / size[:, None], rcond=_RANK) / size
+        expand = tangent.expand @ (self._sizes[:, None] * inverse)
+        return R @ inverse, self._wanted.rates.along(at, du=by_input), expand, size
 
-    def _check_independent(self, H: np.ndarray) -> None:
+    def _check_independent(self, H: np.ndarray, terms: np.ndarray) -> None:
+        """`terms` (k,): what the values of the states are made of."""
         size = np.linalg.norm(H, axis=1)
-        still = [n for n, length in zip(self._chosen, size, strict=True) if length <= 1e-12]
+        still = [n for n, length, own in zip(self._chosen, size, terms, strict=True) if length <= _STILL * own]
         if still:
             raise OptionError(f"linearize: {', '.join(still)} cannot change in first order here, so it cannot be a state.")
         U, values, _ = np.linalg.svd(H / size[:, None])
@@ -226,20 +277,32 @@ class _Linear:
                 f"for example {', '.join(self._deviations.names[:12])}."
             )
 
-    def _check_closed(self, R: np.ndarray, H: np.ndarray, names: tuple[str, ...], what: str) -> None:
-        """Rows of R must vanish along all changes that leave the chosen states alone."""
-        rest = R - R @ np.linalg.pinv(H, rcond=1e-13) @ H
+    def _check_closed(self, R: np.ndarray, H: np.ndarray, noise: np.ndarray, names: tuple[str, ...], what: str) -> None:
+        """Rows of R must vanish along all changes that leave the chosen states alone; both for changes by the sizes of the entries."""
+        H = H / np.max(np.abs(H), axis=1, keepdims=True)
+        rest = R - R @ np.linalg.pinv(H, rcond=_RANK) @ H
         worst = np.max(np.abs(rest), axis=1, initial=0.0)
-        if not R.size or np.all(worst <= _CLOSED * (1.0 + np.max(np.abs(R), axis=1))):
+        allowed = _CLOSED * np.max(np.abs(R), axis=1, initial=0.0) + ROUNDING * noise
+        if np.all(worst <= allowed):
             return
-        i = int(np.argmax(worst))
+        i = int(np.argmax(worst / np.where(allowed > 0, allowed, 1.0)))
         on = [self._deviations.names[k] for k in np.argsort(-np.abs(rest[i])) if abs(rest[i, k]) > 0.1 * worst[i]][:4]
         raise OptionError(
             f"linearize: {what.format(names[i])} on {', '.join(on)} (by {worst[i]:.3g}), which the {len(H)} chosen states leave open. "
             f"Add such a quantity to `states`, or leave `states` out to keep all {H.shape[1]}."
         )
 
-    def is_constant(self, at: OperatingPoint, A: np.ndarray) -> bool:
+    def rounding(self, at: OperatingPoint) -> np.ndarray:
+        """Of the rates of the states (k,)."""
+        sizes = self._deviations.sizes.x
+        if self._wanted.given:
+            return self._wanted.rates.rounding(at, sizes)
+        pick = self._deviations.tangent(at, self._x_dot.value(at)).pick
+        return np.abs(pick) @ self._x_dot.rounding(at, sizes)
+
+    def is_constant(self, at: OperatingPoint, found: _Matrices, noise: np.ndarray) -> bool:
         """Whether A is the same a little before and after, on the motion through the point, in first and second order."""
-        size = 1.0 + np.abs(A)
-        return all(bool(np.all(np.abs(self.at(m).A - A) <= UNCHANGED * size)) for m in before_and_after(self._x_dot, at))
+        pace, beside = before_and_after(self._x_dot, at, self._deviations.sizes)
+        whole = np.max(np.abs(found.A) * found.sizes, axis=1, initial=0.0) + pace * found.sizes
+        allowed = (UNCHANGED * whole + noise)[:, None]
+        return all(bool(np.all(np.abs(self.at(m).A - found.A) * found.sizes <= allowed)) for m in beside)

@@ -10,6 +10,7 @@ import numpy as np
 
 _MARGIN = 100.0
 _LARGEST = 1e-4
+_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -72,36 +73,60 @@ class Modes:
         return "\n".join([head, *map(str, self.modes)])
 
 
-def modes_of(A: np.ndarray, states: tuple[str, ...]) -> Modes:
-    """By LAPACK's eigenvalues of the balanced matrix.
+def modes_of(A: np.ndarray, states: tuple[str, ...], sizes: np.ndarray) -> Modes:
+    """By LAPACK's eigenvalues of the balanced matrix, for states measured by their `sizes` (n,); of parts that do not touch one another each
+    alone.
 
     The accuracy of an eigenvalue is the rounding of the matrix over the product of its left and right vector (Golub and Van Loan,
     *Matrix Computations*, 7.2.2): multiple eigenvalues that lack a vector, such as the two zeros of a free motion, are known to half the
     digits only.
     """
-    import scipy.linalg
+    from scipy.sparse.csgraph import connected_components
 
     if not A.size:
         return Modes(())
-    # what is far below rounding would be scaled up by more than scipy's integers hold
+    A = A * sizes / sizes[:, None]
+    # what is far below rounding couples nothing
     A = np.where(np.abs(A) < np.finfo(float).eps ** 2 * np.max(np.abs(A)), 0.0, A)
+    count, part = connected_components(A != 0, directed=False)
+    found: list[Mode] = []
+    for k in range(count):
+        own = np.flatnonzero(part == k)
+        found += _modes(A[np.ix_(own, own)], own, states, sizes)
+    return Modes(tuple(_slowest_first(found)))
+
+
+def _slowest_first(modes: list[Mode]) -> list[Mode]:
+    """By size; those of the same size, to rounding, from the fastest decaying to the fastest growing."""
+    found: list[Mode] = []
+    level: list[Mode] = []
+    for mode in sorted(modes, key=lambda m: abs(m.eigenvalue)):
+        if level and abs(mode.eigenvalue) > (1 + _SAME) * abs(level[0].eigenvalue):
+            found, level = found + sorted(level, key=lambda m: m.eigenvalue.real), []
+        level.append(mode)
+    return found + sorted(level, key=lambda m: m.eigenvalue.real)
+
+
+def _modes(A: np.ndarray, own: np.ndarray, states: tuple[str, ...], sizes: np.ndarray) -> list[Mode]:
+    """Of one part, the states `own`."""
+    import scipy.linalg
+
     balanced, back = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.matrix_balance(A))
     values, left, right = cast(tuple[np.ndarray, np.ndarray, np.ndarray], scipy.linalg.eig(balanced, left=True, right=True))
     size = float(np.linalg.norm(balanced))
     overlap = np.abs(np.sum(left.conj() * right, axis=0))
-    accuracy = np.minimum(
-        _MARGIN * np.finfo(float).eps * size / np.maximum(overlap, np.finfo(float).tiny), _LARGEST * max(size, 1e-300)
-    )
+    accuracy = np.minimum(_MARGIN * np.finfo(float).eps * size / np.maximum(overlap, np.finfo(float).tiny), _LARGEST * size)
     found: list[Mode] = []
     for value, vector, error in zip(values, right.T, accuracy, strict=True):
         real = value.real if abs(value.real) > error else 0.0
         imaginary = value.imag if abs(value.imag) > error else 0.0
         if imaginary < 0:
             continue
-        shape = back @ vector
+        shape = np.zeros(sizes.size, dtype=vector.dtype)
+        shape[own] = sizes[own] * (back @ vector)
         shape = shape / shape[np.argmax(np.abs(shape))]
         found.append(Mode(complex(real, imaginary), shape, states, float(error)))
-    return Modes(tuple(sorted(found, key=lambda m: (abs(m.eigenvalue), m.eigenvalue.real))))
+    return found
 
 
 def _number(value: complex) -> str:

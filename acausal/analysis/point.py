@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -18,10 +18,7 @@ from acausal.simulate.simulation import parameter_values
 from acausal.start.initial import Start, initial_state
 from acausal.start.states import consistent_states
 
-_STRIDE = 1e-3
-"""Change of the fastest state, in units of 1 + its size, that is a little."""
-UNCHANGED = 3e-8
-"""What changes by less over such a stride does not change: what is left of third order is about 1e-9."""
+_SAMPLES = 8
 
 
 @dataclass(frozen=True)
@@ -77,6 +74,20 @@ class Differentiable:
         """(size,)."""
         return np.zeros(0) if self._function is None else np.array(self._function(at.t, at.x, at.u, at.p)).ravel()
 
+    def rounding(self, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
+        """What rounding makes of the values (size,): how they change when all arguments do by their rounding, that of states by the rounding
+        of their `sizes` (nx,). By samples (More and Wild, *Estimating computational noise*, 2011).
+        """
+        if self._function is None:
+            return np.zeros(0)
+        x, u, p = (np.repeat(part[:, None], _SAMPLES, axis=1) for part in (at.x, at.u, at.p))
+        shake, eps = np.random.default_rng(0), np.finfo(float).eps
+        for part, size in ((x, np.maximum(np.abs(at.x), sizes)), (u, np.abs(at.u)), (p, np.abs(at.p))):
+            part += eps * size[:, None] * shake.uniform(-2.0, 2.0, part.shape)
+        t = at.t * (1 + eps * shake.uniform(-2.0, 2.0, (1, _SAMPLES)))
+        values = np.array(self._function(t, x, u, p)).reshape(self.size, _SAMPLES)
+        return np.max(np.abs(values - self.value(at)[:, None]), axis=1)
+
     def along(
         self,
         at: OperatingPoint,
@@ -93,12 +104,3 @@ class Differentiable:
         seeds = [np.full((1, k), dt)]
         seeds += [np.zeros((n.size, k)) if d is None else d for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
         return np.array(self._forward(at.t, at.x, at.u, at.p, np.zeros((self.size, 1)), *seeds)).reshape(self.size, k)
-
-
-def before_and_after(x_dot: Differentiable, at: OperatingPoint) -> Iterator[OperatingPoint]:
-    """Points a little later and earlier on the motion x' = `x_dot` through a point, to second order in time, inputs held."""
-    rate = x_dot.value(at)
-    second = x_dot.along(at, rate[:, None], dt=1.0)[:, 0]
-    h = _STRIDE / max(1.0, float(np.max(np.abs(rate) / (1.0 + np.abs(at.x)), initial=0.0)))
-    for step in (h, -h):
-        yield replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second)

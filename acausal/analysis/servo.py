@@ -12,9 +12,10 @@ import numpy as np
 
 from acausal.analysis.actuation import Actuation
 from acausal.analysis.conditions import Unknowns
-from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
+from acausal.analysis.nearest import Floor, NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
+from acausal.analysis.sizes import power_of_two, sizes_at
 from acausal.errors import MotionError, OptionError
 from acausal.outputs.outputs import Outputs
 from acausal.wording import counted
@@ -24,6 +25,7 @@ _MET = 1e-8
 _RANK = 1e-11
 _ROUNDS = 20
 _STRIDE = 0.2
+_STEP = 0.7
 _MOST_STEPS = 50
 _STUCK = 300
 
@@ -69,14 +71,16 @@ class Servo:
         self._hard = Differentiable(s, ca.vertcat(closing, *(e for chain in chains for e in chain[:-1])))
         self._top = Differentiable(s, ca.vertcat(*(chain[-1] for chain in chains)))
         self._x_dot = Differentiable(s, s.x_dot)
-        self._limit = np.concatenate([np.full(s.nq, 0.7), np.full(s.x.numel() - s.nq, np.inf)])
+        self._floor: Floor | None = None
+        self._sizes = sizes_at(s, self._x_dot, began)
+        self._limit = np.concatenate([_STEP * self._sizes.x[: s.nq], np.full(s.x.numel() - s.nq, np.inf)])
 
     def run(self, t: np.ndarray) -> Followed:
         """Where nothing is left open the motion is found time by time, otherwise by integration."""
         x0, free = self._follow(float(t[0]), self._began.x)
         self._forces(float(t[0]), x0)
         names = self._actuation.functions.state_names
-        share = np.sum(free**2, axis=1)
+        share = np.sum((free / self._sizes.x[:, None]) ** 2, axis=1)
         x = self._integrated(t, x0) if free.shape[1] else self._stepped(t, x0)
         u = np.column_stack([self._forces(float(at), x[:, k]) for k, at in enumerate(t)])
         return Followed(x, u, tuple(n for n, c in zip(names, share, strict=True) if c > 1e-6))
@@ -87,8 +91,10 @@ class Servo:
             here = before
             while here < after:
                 last, rate = here, self._rate(here, x)
-                fastest = max(1e-300, float(np.max(np.abs(rate[self._limit < np.inf]), initial=0.0)))
-                h = max(_STRIDE / fastest, (after - before) / _MOST_STEPS)  # rates are huge where the mechanism can go no farther
+                # rates are huge where the mechanism can go no farther
+                fastest = float(np.max(np.abs(rate) / self._limit, initial=0.0)) * _STEP
+                h = (after - before) / _MOST_STEPS if not np.isfinite(fastest) else after - before
+                h = max(_STRIDE / fastest, (after - before) / _MOST_STEPS) if 0 < fastest < np.inf else h
                 here = after if here + 1.001 * h > after else here + h
                 x = self._follow(here, x + (here - last) * rate)[0]
             found.append(x)
@@ -100,20 +106,24 @@ class Servo:
         if t.size == 1:
             return x0[:, None]
         recent: deque[float] = deque(maxlen=_STUCK)
+        # in the scene's own time and sizes, since the first step is chosen in whatever unit there is
+        pace, size = float(power_of_two(np.array([self._sizes.fastest]))[0]), self._sizes.x
+        own = (t - t[0]) * pace
 
-        def rates(at: float, x: np.ndarray) -> np.ndarray:
+        def rates(at: float, y: np.ndarray) -> np.ndarray:
+            now = float(t[0]) + at / pace
             recent.append(at)
-            if len(recent) == _STUCK and max(recent) - min(recent) < 1e-4 * (t[-1] - t[0]):
+            if len(recent) == _STUCK and max(recent) - min(recent) < 1e-4 * own[-1]:
                 raise MotionError(
-                    f"inverse_dynamics: near t = {at:.6g} s rates grow without a bound, and the motion cannot go on: what is prescribed leads "
+                    f"inverse_dynamics: near t = {now:.6g} s rates grow without a bound, and the motion cannot go on: what is prescribed leads "
                     "out of reach, or to where its forces no longer act on it."
                 )
-            return self._rate(at, self._follow(at, x)[0])
+            return self._rate(now, self._follow(now, y * size)[0]) / size / pace
 
-        found = solve_ivp(rates, (t[0], t[-1]), x0, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12)
+        found = solve_ivp(rates, (0.0, own[-1]), x0 / size, method="DOP853", t_eval=own, rtol=1e-10, atol=1e-12)
         if not found.success:
             raise MotionError(f"inverse_dynamics: the motion that is not prescribed could not be integrated: {found.message}")
-        return np.column_stack([self._follow(float(at), x)[0] for at, x in zip(t, found.y.T, strict=True)])
+        return np.column_stack([self._follow(float(at), y * size)[0] for at, y in zip(t, found.y.T, strict=True)])
 
     def _at(self, t: float, x: np.ndarray) -> OperatingPoint:
         u = self._signal(np.array([t]))[:, 0]
@@ -128,14 +138,20 @@ class Servo:
         unknown = Unknowns(self._at(t, guess), (), ())
         rows = unknown.rows(self._hard)
 
-        gap = Rows(lambda x: rows.residual(x) - target, rows.jacobian)
-        found = NearestRoot(gap, None, np.ones(guess.size), self._limit)(guess)
+        gap = Rows(
+            lambda x: rows.residual(x) - target,
+            rows.jacobian,
+            lambda x, sizes: rows.rounding(x, sizes) + np.finfo(float).eps * np.abs(target),
+        )
+        search = NearestRoot(gap, None, self._sizes.x, self._limit, np.isfinite(self._limit))
+        self._floor = self._floor or search.floor(guess)
+        found = search(guess, self._floor)
         if not found.converged:
             names = ["a loop"] * self._closing
             names += [c.name + "'" * k for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]
             raise MotionError(
                 f"inverse_dynamics: at t = {t:.6g} s the mechanism cannot follow: "
-                f"{largest_gaps(names, found.residual)}. The motions contradict each other or the "
+                f"{largest_gaps(names, found.residual, found.parts)}. The motions contradict each other or the "
                 "constraints, or lead out of reach."
             )
         return found.z, found.free
@@ -150,19 +166,22 @@ class Servo:
         by_force[entries, range(len(entries))] = 1.0
         target = np.array([c(t, n) for c, n in zip(self._wanted, self._orders, strict=True)])
         size = gap = np.zeros(0)
+        terms = np.abs(self._top.along(at, np.eye(at.x.size))) @ self._sizes.x
         for _ in range(_ROUNDS):  # once where derivatives are linear in the forces
             value = self._top.value(at)
             gap, B = target - value, self._top.along(at, du=by_force)
-            size = 1.0 + np.abs(target) + np.abs(value) + np.abs(B) @ np.abs(at.u[entries])
+            size = np.abs(target) + np.abs(value) + np.abs(B) @ np.abs(at.u[entries]) + terms
             if np.all(np.abs(gap) <= 1e-13 * size) or not np.isfinite(B).all():
                 break
-            scale = np.maximum(np.max(np.abs(B), axis=1), 1e-300)
+            scale = np.max(np.abs(B), axis=1)
+            scale = np.where(scale > 0, scale, 1.0)
             change = np.linalg.lstsq(B / scale[:, None], gap / scale, rcond=_RANK)[0]
             u = at.u.copy()
             u[entries] += change
             at = replace(at, u=u)
         if not np.all(np.abs(gap) <= _MET * size):
-            off = largest_gaps([c.name for c in self._wanted], np.where(np.abs(gap) <= _MET * size, 0.0, gap))
+            unmet = np.where(np.abs(gap) <= _MET * size, 0.0, gap)
+            off = largest_gaps([c.name for c in self._wanted], unmet, unmet / np.where(size > 0, size, 1.0))
             raise MotionError(
                 f"inverse_dynamics: at t = {t:.6g} s the forces {', '.join(self._actuation.names)} cannot accelerate {off} as asked: "
                 f"{counted(len(self._wanted), 'motion')}, {counted(len(entries), 'force')}. Add an actuator to `unknowns`, or prescribe fewer motions."

@@ -6,6 +6,7 @@ import functools
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from acausal.charts.chart import Choice
 from acausal.charts.implicit import Followed, Known, follow, solve_rows
@@ -34,6 +35,21 @@ class ChartEquations:
         return _Symbols(s.t, y, s.u, s.p, ca.SX.sym("r", 1 + nx + np_))
 
     @functools.cached_property
+    def _invariant(self) -> np.ndarray:
+        """Directions (nc, n) of c along which the reference moves with the independent entries: those along which constraints never change, so
+        that turns of wheels take nobody away from it; zero for other entries.
+        """
+        m, free = self.manifold, self.choice.positions
+        rest = tuple(_others(free, m.coordinates.count))
+        found = np.zeros((m.coordinates.count, len(free)))
+        if rest:
+            for column, i in enumerate(free):
+                direction = m.invariant_direction(i, rest)
+                if direction is not None:
+                    found[:, column] = direction
+        return found
+
+    @functools.cached_property
     def _point(self) -> _Point:
         """Everything at y."""
         m, k, choice = self.manifold, self._symbols, self.choice
@@ -41,25 +57,29 @@ class ChartEquations:
         t0, q0, w0, p0 = self._reference(k.r)
         n = len(choice.positions)
         free, rest = list(choice.positions), _others(choice.positions, c_map.count)
+        size, size_w = (ca.DM(part) for part in m.row_sizes)
+        unit = ca.DM(m.units_c[rest])
 
         def closing(z: ca.SX, known: ca.SX) -> ca.SX:
             t, y, p, q_ref = ca.vertsplit(known, [0, 1, 1 + n, 1 + n + k.p.numel(), known.numel()])
-            return m.position(t, c_map.configuration(_merged(y, free, z, rest), q_ref), p)
+            return m.position(t, c_map.configuration(_merged(y, free, unit * z, rest), q_ref), p) / size
 
         c0 = c_map.coordinates(q0, q0)
-        known = Known(c0[rest], ca.vertcat(t0, c0[free], p0, q0))
+        c0 = c0 + ca.mtimes(ca.SX(ca.sparsify(ca.DM(self._invariant))), k.y[:n] - c0[free])
+        known = Known(c0[rest] / unit, ca.vertcat(t0, c0[free], p0, q0))
         positions = follow(closing, known, ca.vertcat(k.t, k.y[:n], k.p, q0), self.steps)
-        c = _merged(k.y[:n], free, positions.z, rest)
+        c = _merged(k.y[:n], free, unit * positions.z, rest)
         q = c_map.configuration(c, q0)
         free_w, rest_w = list(choice.rates), _others(choice.rates, w0.numel())
+        unit_w = ca.DM(m.units_w[rest_w])
 
         def moving(z: ca.SX, known: ca.SX) -> ca.SX:
             t, q, w, p = ca.vertsplit(known, [0, 1, 1 + nq, 1 + nq + len(free_w), known.numel()])
-            return m.rate(t, q, _merged(w, free_w, z, rest_w), p)
+            return m.rate(t, q, _merged(w, free_w, unit_w * z, rest_w), p) / size_w
 
-        at = Known(w0[rest_w], ca.vertcat(t0, q0, w0[free_w], p0))
+        at = Known(w0[rest_w] / unit_w, ca.vertcat(t0, q0, w0[free_w], p0))
         rates = follow(moving, at, ca.vertcat(k.t, q, k.y[n:], k.p), self.steps)
-        w = _merged(k.y[n:], free_w, rates.z, rest_w)
+        w = _merged(k.y[n:], free_w, unit_w * rates.z, rest_w)
         return _Point(c, q, w, positions, rates)
 
     @functools.cached_property
@@ -124,7 +144,10 @@ class ChartEquations:
         q0 = self._reference(r)[1]
         c, w = ca.SX.sym("c", m.coordinates.count), ca.SX.sym("w", w_at.numel())
         q = m.coordinates.configuration(c, q0)
-        gain = _gain(m.position(t, q, p), c, self.choice.positions), _gain(m.rate(t, q, w, p), w, self.choice.rates)
+        gain = (
+            _gain(m.position(t, q, p), c, self.choice.positions, m.row_sizes[0], m.units_c),
+            _gain(m.rate(t, q, w, p), w, self.choice.rates, m.row_sizes[1], m.units_w),
+        )
         at = ca.Function("gain", [c, w, t, p, q0], [ca.vertcat(*gain)])(c_at, w_at, t, p, q0)
         turned = [1 / (1 + ca.sumsqr(sigma)) for sigma in m.coordinates.orientations(c_at)]
         return ca.densify(ca.vertcat(1 / ca.sqrt(1 + at), *turned))
@@ -154,12 +177,12 @@ class _Point:
     rates: Followed
 
 
-def _gain(rows: ca.SX, column: ca.SX, free: tuple[int, ...]) -> ca.SX:
-    """Sum of squares of the derivatives of dependent entries of `column` by the free ones."""
+def _gain(rows: ca.SX, column: ca.SX, free: tuple[int, ...], sizes: np.ndarray, units: np.ndarray) -> ca.SX:
+    """Sum of squares of the derivatives of dependent entries of `column`, in their units, by the free ones."""
     rest = _others(free, column.numel())
     if not rest or not free:
         return ca.SX(0)
-    J = ca.jacobian(rows, column)
+    J = ca.jacobian(rows, column) * ca.DM(units[None, :] / sizes[:, None])
     return ca.sumsqr(solve_rows(J[:, rest], -J[:, list(free)]))
 
 

@@ -14,6 +14,11 @@ from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.unit_quaternions import unit_quaternions
 
+_POINTS = 8
+_SAME = 1e-11
+"""Where it is looked whether a direction is invariant, and by how much the terms of a sum may differ from zero."""
+_VANISHED = 1e-12
+
 
 @dataclass(frozen=True)
 class Slopes:
@@ -37,6 +42,17 @@ class Manifold:
     position: ca.Function
     rate: ca.Function
     twins: tuple[tuple[int, int], ...]
+    units: np.ndarray
+
+    @functools.cached_property
+    def units_c(self) -> np.ndarray:
+        """What is much for each entry of c (nc,)."""
+        return np.concatenate([np.zeros(0), *(np.full(size, self.units[k]) for k, size in self.coordinates.places)])
+
+    @property
+    def units_w(self) -> np.ndarray:
+        """What is much for each entry of w (nw,)."""
+        return self.units[self.coordinates.size :]
 
     @functools.cached_property
     def names(self) -> tuple[str, ...]:
@@ -60,22 +76,66 @@ class Manifold:
         """`_slopes` at some assembled configurations."""
         s = self.functions.outputs.system
         found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.closed_positions]
-        return [np.array(position) for position, _ in found], [np.array(rate) for _, rate in found]
+        return [np.array(position) * self.units_c for position, _ in found], [np.array(rate) * self.units_w for _, rate in found]
+
+    @functools.cached_property
+    def row_sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Greatest lengths of the rows' derivatives by c and by w in their units, anywhere: what is much for each row."""
+        positions, rates = zip(*self._anywhere, strict=True)
+        return _greatest([J * self.units_c for J in positions]), _greatest([K * self.units_w for K in rates])
+
+    @functools.cached_property
+    def _anywhere(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """`_slopes` at configurations, times and parameters that need not be assembled."""
+        s, rng = self.functions.outputs.system, np.random.default_rng(7)
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for _ in range(_POINTS):
+            q = s.q_start + self.units[: s.nq] * rng.normal(size=s.nq)
+            for k in self.coordinates.units:
+                q[k : k + 4] /= np.linalg.norm(q[k : k + 4])
+            x, p = np.concatenate([q, s.rate_start]), s.p_values * rng.uniform(0.8, 1.25, s.p_values.size)
+            position, rate = self._slopes(rng.normal(), x, p)
+            found.append((np.array(position), np.array(rate)))
+        return found
+
+    def invariant_direction(self, i: int, dependent: tuple[int, ...]) -> np.ndarray | None:
+        """A constant direction (nc,) along which no row of positions changes, whatever c is, with 1 for entry `i` and something else than zero
+        only for the `dependent` ones: a wheel's turn with that of its contact. None where there is none like that.
+        """
+        direction, rest = np.eye(self.coordinates.count)[i], list(dependent)
+        J = self._samples[0][0]
+        found = np.linalg.lstsq(J[:, rest], J[:, i], rcond=None)[0]
+        direction[rest] = -found * self.units_c[rest] / self.units_c[i]
+        whole = np.round(direction)
+        direction = np.where(np.abs(direction - whole) < 1e-9, whole, direction)
+        for J, _ in self._anywhere:
+            if not (np.abs(J @ direction) <= _SAME * (np.abs(J) @ np.abs(direction))).all():
+                return None
+        return direction
 
     def slopes(self, t: float, x: np.ndarray, p: np.ndarray) -> Slopes:
-        """At a state x (nx,), each row divided by its usual length."""
-        position, rate = (np.array(J) for J in self._slopes(t, x, p))
+        """At a state x (nx,), by c and w in their units, each row divided by its usual length."""
+        position, rate = (
+            np.array(J) * units for J, units in zip(self._slopes(t, x, p), (self.units_c, self.units_w), strict=True)
+        )
         return Slopes(scaled_rows(position, self._samples[0]), scaled_rows(rate, self._samples[1]))
 
 
-def manifold(functions: Functions) -> Manifold:
-    """The invariants of a model, sorted."""
+def _greatest(samples: list[np.ndarray]) -> np.ndarray:
+    """Greatest lengths of rows; where all vanish that of the longest row."""
+    size = np.nanmax([np.linalg.norm(J, axis=1) for J in samples], axis=0)
+    most = float(np.max(size, initial=0.0))
+    return np.where(size > _VANISHED * most, size, most or 1.0)
+
+
+def manifold(functions: Functions, units: np.ndarray) -> Manifold:
+    """The invariants of a model, sorted. `units`: what is much for each state (nx,)."""
     s = functions.outputs.system
     nv = s.tree_velocities
     q, w = s.x[: s.nq], s.x[s.nq :]
-    units = unit_quaternions(s.position_invariants, q)
+    quaternions = unit_quaternions(s.position_invariants, q)
     rows = ca.vertcat(
-        *(s.position_invariants[k] for k in range(s.position_invariants.numel()) if k not in units),
+        *(s.position_invariants[k] for k in range(s.position_invariants.numel()) if k not in quaternions),
         s.velocity_invariants,
         ca.SX(0, 1),
     )
@@ -83,14 +143,14 @@ def manifold(functions: Functions) -> Manifold:
     moving = [any(symbol.element_hash() in own for symbol in ca.symvar(rows[k])) for k in range(rows.numel())]
     position = _rows(rows, [k for k, m in enumerate(moving) if not m])
     rate = _rows(rows, [k for k, m in enumerate(moving) if m])
-    coordinates = ChartCoordinates(s.nq, tuple(sorted(units.values())))
+    coordinates = ChartCoordinates(s.nq, tuple(sorted(quaternions.values())))
     rates, place = s.mechanics.tree.rates, {w[i].element_hash(): i for i in range(nv)}
     twins: list[tuple[int, int]] = []
     for i in range(rates.numel()):
         if rates[i].is_symbolic() and rates[i].element_hash() in place:
             twins.append((coordinates.entries(i)[0], place[rates[i].element_hash()]))
     return Manifold(
-        functions, coordinates, ca.Function("position", [s.t, q, s.p], [position]), ca.Function("rate", [s.t, q, w, s.p], [rate]), tuple(twins)
+        functions, coordinates, ca.Function("position", [s.t, q, s.p], [position]), ca.Function("rate", [s.t, q, w, s.p], [rate]), tuple(twins), units
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from acausal.charts.motion import MinimalMotion, Options
 from acausal.errors import OptionError
 from acausal.language.expression import Input, Parameter, Variable
 from acausal.numerics.folding import folded_function
+from acausal.start.assembly_function import start_units
 from acausal.start.initial import InitialState, Start
 from acausal.start.states import consistent_states
 
@@ -31,17 +32,19 @@ _MOST_STEPS = 200
 _EXAMPLE = "prefer=[scene.crank.q]"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Atlas:
-    """All charts of a model. `steps`: how many Newton steps lead from the reference of a chart to a state."""
+    """All charts of a model. `steps`: how many Newton steps lead from the reference of a chart to a state; `units`: what is much for each
+    state (nx,)."""
 
     functions: Functions
     steps: int
+    units: np.ndarray
 
     @functools.cached_property
     def manifold(self) -> Manifold:
         """What the states obey."""
-        return manifold(self.functions)
+        return manifold(self.functions, self.units)
 
     def equations(self, choice: Choice) -> ChartEquations:
         """Equations for a choice of independent entries; made once."""
@@ -162,7 +165,9 @@ class MinimalModel:
         """
         from acausal.charts.minimal_motion import simulate
 
-        options = Options(rtol, rtol if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
+        rtol = finite(rtol, "simulate: rtol")
+        atol = rtol if atol is None else finite(atol, "simulate: atol")
+        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure)
         return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
 
     @functools.cached_property
@@ -191,7 +196,7 @@ def minimal_model(
 ) -> MinimalModel:
     """Independent coordinates around a consistent state. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
     steps = whole_number(steps, "minimal: steps", _FEWEST_STEPS, _MOST_STEPS)
-    atlas = Atlas(functions, steps)
+    atlas = Atlas(functions, steps, np.concatenate(start_units(initial)))
     places = tuple(k for variable in listed(prefer, "minimal: `prefer`", _EXAMPLE) for k in _places(atlas, variable))
     return MinimalModel(atlas, _chart(atlas, t, initial.x, p, places), initial, places)
 

@@ -30,6 +30,7 @@ _STRAIN = 0.35**4
 _NEARLY = 1e-2
 """Singular value of constraints below which a failure is put down to them."""
 
+_FINEST = 1e-14
 _MOST_FAILURES = 4
 """One after the other, until a motion is given up."""
 
@@ -115,9 +116,9 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
         warn_no_compiler("No C compiler was found (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). ")
     guards = Guards(equations.guards, (-1,) * limits.size, (True,) * limits.size)
     own = Problem(equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards)
-    solution = integrate(
-        own, minimal.start, chart.t, end, options.rtol, options.atol, method=options.method, max_steps=options.max_steps
-    )
+    share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
+    rtol, atol = (max(share * wanted, min(wanted, _FINEST)) for wanted in (options.rtol, options.atol))
+    solution = integrate(own, minimal.start, chart.t, end, rtol, atol, method=options.method, max_steps=options.max_steps)
     return _to_last_step(_Piece(minimal, solution))
 
 

@@ -17,7 +17,7 @@ from acausal.dynamics import kernels
 from acausal.dynamics.kinematics import Kinematics
 from acausal.dynamics.tree import Link, Tree
 from acausal.errors import MasslessError
-from acausal.parts.inertia import skew
+from acausal.parts.inertia import is_zero, skew
 from acausal.parts.pose import Matrix, symbolic
 
 Wrench = tuple[ca.SX, ca.SX]
@@ -216,6 +216,12 @@ def _check_inertia(link: Link, blocks: Blocks) -> None:
 
 def massless(link: Link) -> MasslessError:
     """Nothing with inertia resists its motion."""
+    if not is_zero(link.inertia.mass) and not link.motion.subspace[:3, :].is_zero():
+        return MasslessError(
+            f"No moment of inertia resists a turn of {link.where}, whose mass lies all on the axis of this turn: a thin "
+            "rod about itself, or a point. The acceleration of this turn is undefined. Give the rod a thickness, RigidBody.rod(mass, tip, radius=...), "
+            "or take the turn away: Universal in place of Spherical, or Rod(length) with particles."
+        )
     return MasslessError(
         f"Nothing with inertia resists the motion of {link.where}. Its acceleration is undefined. Connect a body with "
         "mass (and, where it turns, with a moment of inertia about the axis) behind the joint, or remove the joint. For a massless "

@@ -210,11 +210,11 @@ def _body(
     work, size = _work_slots(chunks, home, last)
     pieces: list[str] = []
     for k, part in enumerate(chunks):
-        title = f"void {name}_{k}{_ARGUMENTS}" if len(chunks) > 1 else f"EXPORT void {name}{_ARGUMENTS}"
+        title = f"HIDDEN void {name}_{k}{_ARGUMENTS}" if len(chunks) > 1 else f"EXPORT void {name}{_ARGUMENTS}"
         body = _statements(values, part, home, k, slots, work, last, writes[k])
         pieces.append("".join([f"{title} {{\n(void)in; (void)c; (void)out; (void)w;\n", *body, "}\n"]))
     if len(chunks) > 1:
-        declared = "".join(f"void {name}_{k}{_ARGUMENTS};\n" for k in range(len(chunks)))
+        declared = "".join(f"HIDDEN void {name}_{k}{_ARGUMENTS};\n" for k in range(len(chunks)))
         calls = "".join(f"{name}_{k}(in, c, out, w);\n" for k in range(len(chunks)))
         pieces.append(f"{declared}EXPORT void {name}{_ARGUMENTS} {{\n{calls}}}\n")
     return pieces, size

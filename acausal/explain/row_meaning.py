@@ -8,6 +8,7 @@ import numpy as np
 from acausal.loops.loops import LoopRows
 from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.reduce import ReducedSystem
+from acausal.start.coordinates import coordinates, reach
 
 
 def row_meanings(system: ReducedSystem, rows: LoopRows) -> dict[str, str]:
@@ -17,15 +18,18 @@ def row_meanings(system: ReducedSystem, rows: LoopRows) -> dict[str, str]:
     both = ca.densify(ca.horzcat(rows.wrench_basis, rows.dropped_basis))
     function = ca.Function("basis", [system.mechanics.tree.q, system.t, system.p], [both])
     wrenches = np.array(function(system.constraints.q_start, 0.0, system.p_values)).T
+    place = coordinates(system.mechanics, system.p, system.p_values, system.constraints.q_start, system.scalar.position)
+    length = reach(system.mechanics, system.p, system.p_values, system.constraints.q_start, place.all) or 1.0
     has_axis = type(rows.edge.joint).mounting is not AbstractConstraint.mounting
     found: dict[str, str] = {}
     for k, name in enumerate((*rows.names, *rows.dropped)):
         steady = has_axis or both[:, k].is_constant()
-        found[name] = "slip" if ".rolling[" in name else _meaning(wrenches[k, :3], wrenches[k, 3:], has_axis, steady)
+        found[name] = "slip" if ".rolling[" in name else _meaning(wrenches[k, :3] / length, wrenches[k, 3:], has_axis, steady)
     return found
 
 
 def _meaning(torque: np.ndarray, force: np.ndarray, has_axis: bool, steady: bool) -> str:
+    """`torque` as the forces that make it at the ends of the mechanism."""
     size = float(np.linalg.norm([*torque, *force]))
     if np.linalg.norm(torque) < 1e-9 * size:
         return f"a shift{_direction(force, has_axis, 'along the axis', 'across the axis') if steady else ''}"

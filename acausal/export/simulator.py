@@ -9,12 +9,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia
 from acausal.emit.compiler import RUNTIME
 from acausal.emit.emit import Source, emit, translation_units
 from acausal.errors import ExportError
+from acausal.export.start_functions import StartFunctions, start_c, start_functions
 from acausal.numerics.kernel import copied_states
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
@@ -26,6 +28,15 @@ PROGRAM = Path(__file__).resolve().parent / "program"
 """Folder of the C sources that are the same for all models."""
 _GAUSS = tuple(gauss_legendre(s) for s in (4, 6, 8))
 _RADAU = tuple(radau_iia(s) for s in (3, 5, 7))
+_MODEL_HEAD = """\
+/* The model: functions, names, values. Only what model.h and simulator.h declare is seen by other files. */
+#include "model.h"
+#include "assembly.h"
+#undef EXPORT
+#undef HIDDEN
+#define EXPORT static __attribute__((unused))
+#define HIDDEN static
+"""
 _README = """\
 {heading}
 {line}
@@ -43,10 +54,15 @@ prints the states at equally spaced times from 0 to `end` seconds, separated by 
 {nx} states, {nu} inputs, {np} parameters; names and values are in model.json. To simulate from a program of your own, see `simulate`
 in simulator.h: other start values, parameters and inputs, fixed steps, what to do when a run fails.
 
+As a shared library: leave main.c out and add -fPIC -shared. Two models in one program: give the files of each a prefix of their own, e.g.
+-DSIMULATOR_PREFIX=arm_; simulator.h says more.
+
 main.c                    the program
 simulator.h, simulator.c  one run
 model.h, model.c          the model
+assembly.h                its start, assembled for other values
 methods.h                 coefficients of the integrators
+names.h                   who sees which names
 runtime.h, runtime.c      the integrators; the other headers belong to them
 """
 
@@ -59,6 +75,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
     `ExportError` for functions that have no C, and when a file cannot be written.
     """
     target = Path(folder)
+    start = start_functions(model, initial)
     facts = _Facts(
         title=model.outputs.system.flat.name,
         states=model.state_names,
@@ -67,10 +84,13 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
         start=tuple(initial.x.tolist()),
         input_values=tuple(input_signal(model, {})(np.zeros(1))[:, 0].tolist()),
         parameter_values=tuple(initial.p.tolist()),
+        conditions=start.names,
+        condition_values=start.values,
     )
     heading = f"{facts.title}: a simulator in C"
     texts = {
-        "model.c": _model_c(model, facts),
+        "model.c": _model_c(model, facts, start),
+        "assembly.h": start_c(start),
         "methods.h": _methods_h(),
         "model.json": json.dumps({"functions": ["simulate"], **asdict(facts)}, indent=2),
         "README.txt": _README.format(
@@ -79,7 +99,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
     }
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for source in sorted([*RUNTIME.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]):
+        for source in [*RUNTIME.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]:  # names.h is in both: that of the program
             shutil.copyfile(source, target / source.name)
         for name, text in texts.items():
             (target / name).write_text(text, encoding="utf-8")
@@ -97,9 +117,11 @@ class _Facts:
     start: tuple[float, ...]
     input_values: tuple[float, ...]
     parameter_values: tuple[float, ...]
+    conditions: tuple[str, ...]
+    condition_values: tuple[float, ...]
 
 
-def _model_c(f: Functions, facts: _Facts) -> str:
+def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
     """Kernels, names and values of a model; what model.h and simulator.h declare."""
     rhs = f.explicit_dynamics
     sources = [
@@ -112,35 +134,52 @@ def _model_c(f: Functions, facts: _Facts) -> str:
         sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
     kernels = {source.name: source for source in sources}
     copies = copied_states(rhs)
+    names = {"state": facts.states, "input": facts.inputs, "parameter": facts.parameters, "condition": facts.conditions}
+    shared = {f"{kind}_names": ("char *const", [*map(_string, of), "0"]) for kind, of in names.items()}
+    values = {"start": facts.start, "input_values": facts.input_values, "parameter_values": facts.parameter_values}
+    values["condition_values"] = facts.condition_values
+    shared |= {name: ("double", [v.hex() for v in of] or ["0"]) for name, of in values.items()}
+    copies = copied_states(rhs)
+    own = {f"copy_{word}": [str(pair[k]) for pair in copies] or ["0"] for k, word in enumerate(("to", "from"))}
+    sizes = {f"{kind}s": len(of) for kind, of in names.items()}
+    fields = [
+        *(
+            f".{word} = {_kernel(kernels[f'model_{word}'])}"
+            for word in ("rhs", "jvp", "projection")
+            if f"model_{word}" in kernels
+        ),
+        *(f".{name} = {size}" for name, size in sizes.items()),
+        f".constants = {start.assembly.numel_out(1)}, .depends = depends, .assembly = {_plain(start.assembly)}",
+        *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
+        f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}",
+        *(f".{name} = {name}" for name in ("state_names", *values, *own)),
+    ]
     lines = [
-        '#include "model.h"',
+        *(f"#define {name.upper()} {_array(entries)}" for name, (_, entries) in shared.items()),
+        *(
+            f"static const {kind} {name}[] = {name.upper()};"
+            for name, (kind, _) in shared.items()
+            if name in ("state_names", *values)
+        ),
+        *(f"static const long {name}[] = {_array(entries)};" for name, entries in own.items()),
+        f"static const char depends[] = {_array([str(int(d)) for d in start.depends])};",
+        f"const Model model = {{{', '.join(fields)}}};",
+        "/* The same once more for other programs, which may put their own in its place. */",
         f"const char model_title[] = {_string(facts.title)};",
-        *(
-            f"const long model_{kind} = {len(names)};\nconst char *const model_{kind[:-1]}_names[] = {_array([*map(_string, names), '0'])};"
-            for kind, names in (("states", facts.states), ("inputs", facts.inputs), ("parameters", facts.parameters))
-        ),
-        *(
-            f"const double model_{kind}[] = {_array([v.hex() for v in values] or ['0'])};"
-            for kind, values in (
-                ("start", facts.start), ("input_values", facts.input_values), ("parameter_values", facts.parameter_values)
-            )
-        ),
-        *(_kernel(name, kernels.get(name)) for name in ("model_rhs", "model_jvp", "model_projection")),
-        f"const long model_lanes = LANES, model_invariants = {invariants}, model_copies = {len(copies)};",
-        *(
-            f"const long model_copy_{word}[] = {_array([str(pair[k]) for pair in copies] or ['0'])};"
-            for k, word in enumerate(("to", "from"))
-        ),
-    ]  # fmt: skip
-    return f"/* The model: functions, names, values. */\n{translation_units(sources, 1)[0]}\n" + "\n".join(lines) + "\n"
+        *(f"const long model_{name} = {size};" for name, size in sizes.items()),
+        *(f"const {kind} model_{name}[] = {name.upper()};" for name, (kind, _) in shared.items()),
+    ]
+    return "\n".join([_MODEL_HEAD, *translation_units(sources, 1), *lines, ""])
 
 
-def _kernel(name: str, source: Source | None) -> str:
-    """A `Kernel` of runtime.h; empty without a source."""
-    if source is None:
-        return f"const Kernel {name}_kernel = {{0, 0, 0, 0, 0, 0}};"
-    sizes = f"{source.inputs}, {source.outputs}, {source.constants}, {source.work}"
-    return f"const Kernel {name}_kernel = {{{name}, {name}_prepare, {sizes}}};"
+def _kernel(source: Source) -> str:
+    """A `Kernel` of runtime.h."""
+    return f"{{{source.name}, {source.name}_prepare, {source.inputs}, {source.outputs}, {source.constants}, {source.work}}}"
+
+
+def _plain(function: ca.Function) -> str:
+    """A `PlainFunction` of model.h."""
+    return f"{{{function.name()}, {function.sz_arg()}, {function.sz_res()}, {function.sz_iw()}, {function.sz_w()}}}"
 
 
 def _methods_h() -> str:

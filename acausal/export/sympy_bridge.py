@@ -23,7 +23,7 @@ def to_sympy(expression: ca.SX, symbols: Sequence[tuple[ca.SX, Sequence[Any]]]) 
     values = [list(names) for _, names in symbols]
     results: list[Any] = [sympy.Integer(0)] * function.numel_out(0)
     work: dict[int, Any] = {}
-    table = _operations()
+    table = operations()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         out, inputs = function.instruction_output(k), function.instruction_input(k)
@@ -47,7 +47,8 @@ def _number(value: float) -> Any:
     return short if short.q < 1000 else sympy.Float(value, 15)
 
 
-def _operations() -> dict[int, Any]:
+def operations() -> dict[int, Any]:
+    """sympy's form of each operation of CasADi."""
     import sympy as sp
 
     return {
@@ -79,7 +80,21 @@ def _operations() -> dict[int, Any]:
         ca.OP_SIGN: sp.sign,
         ca.OP_FMIN: sp.Min,
         ca.OP_FMAX: sp.Max,
+        ca.OP_FLOOR: sp.floor,
+        ca.OP_CEIL: sp.ceiling,
+        ca.OP_ASINH: sp.asinh,
+        ca.OP_ACOSH: sp.acosh,
+        ca.OP_ATANH: sp.atanh,
+        ca.OP_LOG1P: lambda a: sp.log(1 + a),
+        ca.OP_EXPM1: lambda a: sp.exp(a) - 1,
+        ca.OP_ERF: sp.erf,
         ca.OP_LT: lambda a, b: sp.Piecewise((1, a < b), (0, True)),
+        ca.OP_LE: lambda a, b: sp.Piecewise((1, a <= b), (0, True)),
+        ca.OP_EQ: lambda a, b: sp.Piecewise((1, sp.Eq(a, b)), (0, True)),
+        ca.OP_NE: lambda a, b: sp.Piecewise((1, sp.Ne(a, b)), (0, True)),
+        ca.OP_NOT: lambda a: sp.Piecewise((1, sp.Eq(a, 0)), (0, True)),
+        ca.OP_AND: lambda a, b: sp.Piecewise((1, sp.And(sp.Ne(a, 0), sp.Ne(b, 0))), (0, True)),
+        ca.OP_OR: lambda a, b: sp.Piecewise((1, sp.Or(sp.Ne(a, 0), sp.Ne(b, 0))), (0, True)),
         ca.OP_IF_ELSE_ZERO: lambda a, b: sp.Piecewise((b, sp.Ne(a, 0)), (0, True)),
         ca.OP_HYPOT: lambda a, b: sp.sqrt(a**2 + b**2),
     }

@@ -92,8 +92,12 @@ def _integrate_builtin(
             for _ in range(2):
                 new = np.array(problem.project(times[k + 1], new, problem.parameters)).ravel()
         states.append(new)
-        if progress is not None:
-            progress((k + 1) / _GRID)
+        try:
+            if progress is not None:
+                progress((k + 1) / _GRID)
+        except KeyboardInterrupt:
+            status = Status(StatusKind.INTERRUPTED, float(times[k + 1]), "Interrupted.")
+            break
     reached = times[: len(states)]
     grid = np.array(states)
 

@@ -9,6 +9,7 @@ import numpy as np
 from acausal.arguments import finite
 from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
 from acausal.errors import OptionError, RoundingWarning
+from acausal.wording import callers_level
 
 _FINEST = 1e-15
 
@@ -40,7 +41,7 @@ def integrate(
         raise OptionError(f"simulate: need 0 < rtol < 1, atol > 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
     if rtol < _FINEST:
         message = f"rtol={rtol:g} asks for more than double precision holds; {_FINEST:g} is used. Errors stay at rounding."
-        warnings.warn(message, RoundingWarning, stacklevel=4)
+        warnings.warn(message, RoundingWarning, stacklevel=callers_level())
         rtol, atol = _FINEST, max(atol, _FINEST)
     tolerances = Tolerances(rtol, atol, None, max_steps)
     solution = integrator(method, order, step).integrate(problem, x0, t0, t1, tolerances, progress)

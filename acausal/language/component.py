@@ -5,11 +5,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from acausal.errors import DuplicateError, IncompatibleError, ModelError
-from acausal.language.connector import Connector, Point
-from acausal.language.equation import Equation
+from acausal.errors import DuplicateError, IncompatibleError, ModelError, ParameterError
+from acausal.language.connector import FLOWS, Connector, Electrical, Point
+from acausal.language.equation import Equation, der
 from acausal.language.expression import Expression, Variable
 from acausal.language.origin import origin
 
@@ -30,10 +30,17 @@ class Component:
     yields its `equations()`. Mechanical parts give bodies, joints or forces instead (see `acausal.parts`).
     """
 
+    if_given_arguments: ClassVar[str] = "Leave them out."
+    """What is said to who gives arguments to a part that takes none."""
     created_at: str
     """Where in the user's code it was made, `file:line`."""
 
-    def __new__(cls, *_args: Any, **_kwargs: Any) -> Self:
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        if cls.__init__ is object.__init__ and (args or kwargs):
+            given = ", ".join([*(repr(a) for a in args), *(f"{name}={value!r}" for name, value in kwargs.items())])
+            raise ParameterError(
+                f"{cls.__name__}() takes no arguments; it was given {given} ({origin()}). {cls.if_given_arguments}"
+            )
         self = super().__new__(cls)
         self.__dict__["created_at"] = origin()
         return self
@@ -47,8 +54,11 @@ class Component:
         return 0.0
 
     def dissipated_power(self) -> Expression | float:
-        """Power turned into heat by the part [W], from its variables; 0 by default."""
-        return 0.0
+        """Power turned into heat by the part [W], from its variables.
+
+        By default 0; but of a part of one's own that says nothing of its energies everything that flows in through scalar connectors.
+        """
+        return _inflow(self) if _says_nothing_of_energy(type(self)) else 0.0
 
     def supplied_power(self) -> Expression | float:
         """Power brought in from outside by the part [W], from its variables; 0 by default."""
@@ -112,6 +122,25 @@ class Component:
         return f"{type(self).__name__} (made at {self.created_at})" if self.created_at else type(self).__name__
 
 
+def _says_nothing_of_energy(cls: type[Component]) -> bool:
+    own = cls.__module__.split(".")[0] not in ("acausal", "components")
+    said = (cls.stored_energy, cls.dissipated_power, cls.supplied_power)
+    return own and said == (Component.stored_energy, Component.dissipated_power, Component.supplied_power)
+
+
+def _inflow(part: Component) -> Expression | float:
+    """Power that flows into a part through its scalar connectors [W]; joints and bodies pass it on."""
+    ends = part.connectors()
+    if any(is_mechanical(end) for end in ends):
+        return 0.0
+    total: Expression | float = 0.0
+    for end in ends:
+        if type(end) in FLOWS:
+            potential, flow = (getattr(end, name) for name in FLOWS[type(end)])
+            total = flow * (potential if isinstance(end, Electrical) else der(potential)) + total
+    return total
+
+
 def declared(cls: type, kind: type) -> list[str]:
     """Names of the class attributes of this kind, base classes first, in the order of declaration."""
     names = [name for base in reversed(cls.__mro__) for name, value in vars(base).items() if isinstance(value, kind)]
@@ -124,6 +153,8 @@ class System(Component):
     As a class: assign parts and `connect` them in `__init__`. As a script: `scene = System()`, `scene.rod = ...`.
     A system with connectors of its own is a component of a larger one.
     """
+
+    if_given_arguments = "Assign parts by name: scene.world = World(), scene.rod = RigidBody.rod(...)."
 
     def connect(self, a: Connector, b: Connector, *more: Connector) -> None:
         """Join two or more connectors. Raises `IncompatibleError` for kinds that do not fit, `DuplicateError` when repeated."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import casadi as ca
 import numpy as np
@@ -12,11 +12,15 @@ from acausal.language.expression import Condition, Parameter
 
 
 class ParameterConditions:
-    """All conditions on these parameters, in their order (np,). One CasADi function gives what is to be checked."""
+    """All conditions on these parameters, in their order (np,). One CasADi function gives what is to be checked.
 
-    def __init__(self, parameters: Sequence[Parameter]) -> None:
+    `lines`: where the parts of the scene were made; what was asked by a part that is not among them does not count.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], lines: Set[str]) -> None:
         known = set(parameters)
-        found = {id(c): c for parameter in parameters for c in parameter.conditions if c.value.leaves <= known}
+        asked = {id(c): c for parameter in parameters for c in parameter.conditions}
+        found = {key: c for key, c in asked.items() if c.value.leaves <= known and (not c.line or c.line in lines)}
         self._parameters = tuple(parameters)
         self._conditions: tuple[Condition, ...] = tuple(
             sorted(found.values(), key=lambda c: c.value.sx.numel())

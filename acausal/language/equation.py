@@ -32,10 +32,12 @@ def equal(left: Scalar, right: Scalar) -> Equation:
     return Equation(Expression(a - b, leaves(left, right)), origin())
 
 
-def der(value: Expression) -> Expression:
+def der(value: Expression | ca.SX) -> Expression:
     """Time derivative. Of a variable: a new symbol; of an expression: by the chain rule; of constants and parameters: 0."""
     if isinstance(value, Symbol):
         return _symbol_rate(value)
+    if isinstance(value, ca.SX):
+        value = Expression(value, leaves(value))
     if not isinstance(value, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
         hint = f" Declare it with brackets: name = ac.{value.__name__}(...)." if isinstance(value, type) else ""
         raise ExpressionError(f"der(...) takes a variable or an expression of variables, not {value!r} ({origin()}).{hint}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, overload
@@ -12,7 +13,9 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
-from acausal.language.origin import origin
+from acausal.language.interpolant import is_spline, of_spline
+from acausal.language.origin import line_of_new_part, origin
+from acausal.language.units import certainly_different
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
@@ -198,11 +201,13 @@ def _combined(operation: Callable[..., Any], *values: Scalar) -> Expression:
 
 
 def leaves(*values: Any) -> frozenset[Symbol]:
-    """The declared symbols in all of `values`, also inside lists and tuples."""
+    """The declared symbols in all of `values`, also inside lists and tuples, and in `SX` that CasADi's functions have made of them."""
     found: frozenset[Symbol] = frozenset()
     for value in values:
         if isinstance(value, Expression):
             found |= value.leaves
+        elif isinstance(value, ca.SX):
+            found |= declared_in(value)
         elif isinstance(value, list | tuple):
             found |= leaves(*value)
     return found
@@ -214,10 +219,13 @@ class Symbol(Expression):
     kind: ClassVar[str] = "symbol"
 
     def __init__(self, name: str, unit: str, description: str = "", shape: tuple[int, int] = (1, 1)) -> None:
-        super().__init__(ca.SX.sym(name, *shape), frozenset((self,)))
+        sx = ca.SX.sym(name, *shape)
+        super().__init__(sx, frozenset((self,)))
         self.name = name
         self.unit = unit
         self.description = description
+        for scalar in (sx,) if shape == (1, 1) else (sx[k] for k in range(sx.numel())):
+            _DECLARED[scalar.element_hash()] = self
 
     def __hash__(self) -> int:
         return id(self)
@@ -227,6 +235,20 @@ class Symbol(Expression):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__} {self.name}" + (f" [{self.unit}]" if self.unit else "")
+
+
+_DECLARED: weakref.WeakValueDictionary[int, Symbol] = weakref.WeakValueDictionary()
+"""Each living symbol by its scalars, which CasADi's functions keep while they drop the `Expression` around them."""
+
+
+def declared(scalar: ca.SX) -> Symbol | None:
+    """The declared symbol that a scalar symbol belongs to; None for one that nobody declared, or nobody kept."""
+    return _DECLARED.get(scalar.element_hash())
+
+
+def declared_in(value: ca.SX) -> frozenset[Symbol]:
+    """All declared symbols in an `SX`."""
+    return frozenset(symbol for scalar in ca.symvar(value) if (symbol := declared(scalar)) is not None)
 
 
 class Variable(Symbol):
@@ -348,15 +370,18 @@ def number(value: Any, what: str) -> float:
     return result
 
 
-def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bool = False) -> float | Expression:
+def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bool = False, unit: str = "") -> float | Expression:
     """A checked scalar: a finite float, or an expression whose parameters are checked by their values.
 
-    Raises `ParameterError` naming `what` and the user's line when not finite, or not of the sign asked for.
+    Raises `ParameterError` naming `what` and the user's line when not finite, not of the sign asked for, or a parameter or input
+    declared with a unit of another kind than `unit`.
     """
+    _check_unit(value, what, unit)
     if isinstance(value, Expression | ca.SX):
-        expression = value if isinstance(value, Expression) else Expression(value, frozenset())
+        expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
+        check_formula(expression.sx, what)
         return checked(expression, lambda found: _check_sign(float(found[0, 0]), what, positive, non_negative))
     result = number(value, what)
     _check_sign(result, what, positive, non_negative)
@@ -371,10 +396,14 @@ def _check_sign(value: float, what: str, positive: bool, non_negative: bool) -> 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have."""
+    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have.
+
+    `line`: where the part of the catalogue that asks this was made; "" for any other who asks.
+    """
 
     value: Expression
     check: Callable[[np.ndarray], None]
+    line: str
 
 
 def checked(value: Expression, check: Callable[[np.ndarray], None]) -> Expression:
@@ -382,7 +411,7 @@ def checked(value: Expression, check: Callable[[np.ndarray], None]) -> Expressio
     current = evaluated(value)
     if current is not None:
         check(current)
-        condition = Condition(value, check)
+        condition = Condition(value, check, line_of_new_part())
         for leaf in value.leaves:
             if isinstance(leaf, Parameter):
                 leaf.conditions.append(condition)
@@ -398,14 +427,25 @@ def evaluated(expression: Expression) -> np.ndarray | None:
     return np.array(function.call([ca.DM(leaf.value) for leaf in parameters])[0])
 
 
-def vector(value: Scalar, what: str) -> np.ndarray | Expression:
-    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`."""
+def _check_unit(value: Any, what: str, unit: str) -> None:
+    """Of a parameter or input that stands alone, or as an entry of a list: what arithmetic makes of units is not known."""
+    for entry in value if isinstance(value, list | tuple) else (value,):
+        if isinstance(entry, Parameter | Input) and certainly_different(entry.unit, unit):
+            raise ParameterError(
+                f"{what} is given as an ac.{type(entry).__name__} in {entry.unit} ({origin()}), but it is a quantity in {unit}. Another one may be meant, or its unit is wrong."
+            )
+
+
+def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expression:
+    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`; units as in `scalar`."""
+    _check_unit(value, what, unit)
     if isinstance(value, Expression | ca.SX) or (
         isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)
     ):
         expression = Expression(sx(value), leaves(value))
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
+        check_formula(expression.sx, what)
         return checked(expression, lambda found: _check_finite(found.ravel(), what))
     try:
         array = np.asarray(value, dtype=float)
@@ -423,19 +463,38 @@ def _check_finite(array: np.ndarray, what: str) -> None:
 
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
-    """A function of time becomes an expression in `ac.time`; anything else stays. Raises `ParameterError` for one that needs numbers."""
+    """A function of time becomes an expression in `ac.time`, scipy's splines too; anything else stays.
+
+    Raises `ParameterError` for a function that needs numbers.
+    """
     if not callable(value) or isinstance(value, Expression):
         return value  # pyright: ignore[reportReturnType]
+    if is_spline(value):
+        found = of_spline(value, time.sx)
+        return [Expression(entry, frozenset((time,))) for entry in found] if isinstance(found, list) else found
     try:
-        result = value(time)
+        return value(time)
     except TypeError as error:
+        hint = (
+            " A spline of scipy is given itself, not called: TorqueSource(CubicSpline(times, values))."
+            if "array of numbers" in str(error)
+            else ""
+        )
         raise ParameterError(
             f"The function of time cannot be used ({origin()}): {str(error).rstrip('.')}. It is called once, with the symbol ac.time: write it with one "
-            "argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t)."
+            f"argument and with functions of numpy or CasADi, e.g. lambda t: 0.1 * np.sin(3 * t).{hint}"
         ) from error
-    return (
-        Expression(result, frozenset({time})) if isinstance(result, ca.SX) else result
-    )  # CasADi's functions drop what they know
+
+
+def check_formula(value: ca.SX, what: str) -> None:
+    """Raises `ParameterError` where a CasADi function is called whose formula is hidden, such as an interpolant."""
+    symbols = ca.symvar(value)
+    function = ca.Function("formula", symbols, [ca.densify(value)])
+    if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
+        raise ParameterError(
+            f"{what} calls a function of CasADi whose formula is hidden, an interpolant perhaps ({origin()}): it cannot be differentiated exactly nor be "
+            "written as C. Give a spline of scipy itself, e.g. CubicSpline(times, values), a Table, or an expression."
+        )
 
 
 def stacked(values: Iterable[ca.SX]) -> ca.SX:

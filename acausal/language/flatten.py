@@ -8,11 +8,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING
 
+import casadi as ca
+
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions
 from acausal.language.connector import Connector
-from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable
+from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable, leaves
 from acausal.wording import compact, grouped, shortened
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ class FlatSystem:
     @functools.cached_property
     def conditions(self) -> ParameterConditions:
         """What the parameters must fulfil, whatever values they are given."""
-        return ParameterConditions(self.parameters)
+        return ParameterConditions(self.parameters, {part.component.created_at for part in self.parts})
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -158,8 +160,8 @@ def _name_hidden_symbols(parts: list[Part], names: dict[Symbol, str]) -> None:
 
 def leaves_inside(value: object) -> Iterator[Symbol]:
     """Declared symbols in an expression, or in those inside lists, tuples and dataclasses."""
-    if isinstance(value, Expression):
-        yield from sorted(value.leaves, key=lambda leaf: leaf.name)
+    if isinstance(value, Expression | ca.SX):
+        yield from sorted(leaves(value), key=lambda leaf: leaf.name)
     elif isinstance(value, list | tuple):
         for entry in value:
             yield from leaves_inside(entry)

@@ -50,17 +50,32 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np
     smallest, where = np.inf, guess
     for attempt in range(12):
         first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+        if not all(np.isfinite(part).all() for part in walk.at(first)):  # a wheel that lies flat, the tip of a cone: beside it
+            continue
         found = assemble(residual, first)
         right_branch = bool(np.all(np.array(meant(found.y, 0.0)) > 0))
         if found.converged and right_branch:
             return found.y
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
+    if not np.isfinite(smallest) and not all(np.isfinite(part).all() for part in walk.at(where)):
+        raise _without_slope(group, walk.at(where))
     worst, gaps = _worst_loop(group.loops, np.abs(residual(where)[0]))
     told = _in_words(worst, gaps)
     raise AssemblyError(
         f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle){told}. "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
+    )
+
+
+def _without_slope(group: LoopGroup, parts: list[np.ndarray]) -> AssemblyError:
+    """A loop whose closure, or the derivative of it, is no number where the search begins, nor beside it."""
+    bad = np.flatnonzero(~np.isfinite(np.hstack(parts[:2])).all(axis=1))
+    rows, _ = _worst_loop(group.loops, np.isin(np.arange(parts[0].shape[0]), bad).astype(float))
+    return AssemblyError(
+        f"The loop closed by joint '{rows.edge.name}' ({rows.edge.joint.created_at}): what {type(rows.edge.joint).__name__} asks of the pose, or the "
+        "derivative of that, is no finite number where the search for an assembled position begins, nor near it. Begin elsewhere: give bodies a rough "
+        "position=(x, y, z) or joints a start; in a closure of your own, avoid sqrt(0), division by zero and the like."
     )
 
 

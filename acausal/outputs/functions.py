@@ -14,11 +14,14 @@ from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError, NoCompilerWarning
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
+from acausal.language.flatten import Part
 from acausal.numerics.folding import folded_function
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
+from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.state_space import StateSpace
+from acausal.wording import callers_level
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
@@ -197,6 +200,18 @@ class Functions:
         return tuple((item, self.output(domain, name="domain")) for item, domain in joints if domain.numel())
 
     @functools.cached_property
+    def contacts(self) -> tuple[tuple[Part, ...], ca.Function | None]:
+        """Parts that in nature only push, and (t, x, u, p) -> how much each pushes [N], negative where it pulls; None without such parts."""
+        found: list[tuple[Part, ca.SX]] = []
+        for part in self.outputs.system.flat.parts:
+            contact = part.component
+            if isinstance(contact, AbstractConstraint) and contact.only_pushes:
+                normal, force = self.outputs.resolve(contact.frame_a.rotation)[:, 2], self.outputs.resolve(contact.frame_b.force)
+                found.append((part, -ca.dot(normal, force)))
+        pushes = ca.vertcat(*(push for _, push in found))
+        return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
+
+    @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
         """Functions (t, x, u, p) -> values of the expressions of events, as far as they have been asked for."""
         return {}
@@ -223,7 +238,7 @@ class Functions:
 def warn_no_compiler(reason: str) -> None:
     """Say, once in a process for each reason, that everything is slower than it could be."""
     message = f"{reason}Models run on CasADi's virtual machine, many times slower; `compiled=False` silences this."
-    warnings.warn(message, NoCompilerWarning, stacklevel=5)
+    warnings.warn(message, NoCompilerWarning, stacklevel=callers_level())
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}

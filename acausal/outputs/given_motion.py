@@ -12,6 +12,7 @@ from acausal.errors import JumpWarning, ParameterError
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
 from acausal.outputs.outputs import Outputs
+from acausal.wording import callers_level
 
 _SWITCHES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
 _SAMPLES = 1001
@@ -48,7 +49,7 @@ def given_motions(outputs: Outputs) -> tuple[GivenMotion, ...]:
     return tuple(found)
 
 
-def check_given_motions(motions: tuple[GivenMotion, ...], t0: float, t1: float, p: np.ndarray, stacklevel: int) -> None:
+def check_given_motions(motions: tuple[GivenMotion, ...], t0: float, t1: float, p: np.ndarray) -> None:
     """Raises `ParameterError` for a given motion without a value at t0 [s]; warns (`JumpWarning`) of jumps from t0 to t1.
 
     Switches are sampled and bisected to neighbouring numbers: a jump is what is left there.
@@ -56,7 +57,7 @@ def check_given_motions(motions: tuple[GivenMotion, ...], t0: float, t1: float, 
     for motion in motions:
         _check_value(motion, np.array(motion.course(t0, p)).ravel(), t0)
         if motion.switches is not None and t1 > t0:
-            _warn_of_jump(motion, motion.switches, t0, t1, p, stacklevel + 1)
+            _warn_of_jump(motion, motion.switches, t0, t1, p)
 
 
 def _check_value(motion: GivenMotion, found: np.ndarray, t0: float) -> None:
@@ -83,7 +84,7 @@ def _switches(expression: ca.SX) -> list[ca.SX]:
     return found
 
 
-def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: float, p: np.ndarray, stacklevel: int) -> None:
+def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: float, p: np.ndarray) -> None:
     course = motion.course
     times = np.linspace(t0, t1, _SAMPLES)
     states = np.array(switches(times[None, :], np.repeat(p[:, None], times.size, axis=1)))
@@ -108,6 +109,6 @@ def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: flo
                 f"The motion that {motion.part.where} prescribes changes its {which} by {by:.4g} at once, at t = {after:.6g} s. No force can do that to "
                 "something with inertia: the blow is left out, and energies do not balance. Give a smooth course (two derivatives), e.g. a "
                 "polynomial ramp or tanh.",
-                JumpWarning, stacklevel=stacklevel,
+                JumpWarning, stacklevel=callers_level(),
             )  # fmt: skip
             return

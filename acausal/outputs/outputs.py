@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +26,7 @@ class Outputs:
     system: ReducedSystem
 
     @functools.cached_property
-    def start_problems(self) -> dict[tuple[tuple[Expression, bool], ...], Any]:
+    def start_problems(self) -> dict[Hashable, Any]:
         """Searches for start values that have been made (see `acausal.start`), by variables and whether they are met exactly."""
         return {}
 

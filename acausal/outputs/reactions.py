@@ -120,7 +120,7 @@ class Reactions:
 
     def _force_on(self, force: AbstractForce, connector: Point) -> Wrench:
         torque, push = ca.SX.zeros(3), ca.SX.zeros(3)
-        for action in force.actions(self.system.placement):
+        for action in self.system.actions[self.system.forces.index(force)]:
             if action.connector is connector:
                 torque, push = torque + action.torque, push + action.force
         return torque, push

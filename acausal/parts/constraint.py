@@ -11,6 +11,7 @@ import numpy as np
 from acausal.language.component import Component, add_connection
 from acausal.language.connector import Frame
 from acausal.language.expression import Scalar
+from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose
 from acausal.parts.rigid import AbstractRigidPart
 from acausal.parts.sketch import sketched_frame
@@ -26,6 +27,8 @@ class AbstractConstraint(Component, ABC):
 
     between_points: ClassVar[bool] = False
     """Whether only the origins of its frames matter, so that a point will do at its ends."""
+    only_pushes: ClassVar[bool] = False
+    """Whether in nature it could only push frame_b along z of frame_a: a contact. Nothing stops it from pulling; runs tell where it does."""
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 
@@ -37,7 +40,7 @@ class AbstractConstraint(Component, ABC):
 
         `a`, `b`: parts, or frames of parts; a frame keeps its own place, and `at` may then be left out. Bodies are in the sketch
         where their `position` and `rotation` say, else at the world's origin. `options` go to the joint: axes are then world axes.
-        Raises `ParameterError` when no place is given.
+        Raises `ParameterError` when no place is given, or where a body with a shape has neither a place nor a frame there.
         """
         joint = cls(**options)
         for own, other in ((joint.frame_a, a), (joint.frame_b, b)):
@@ -62,6 +65,10 @@ class AbstractConstraint(Component, ABC):
         w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
         """
         return ca.SX(0, 1)
+
+    def looks_turned_round(self, behind_a: Inertia) -> bool:
+        """Whether, with frame_b on the ground, this inertia about and in frame_a is one that belongs to frame_b; False where ends are alike."""
+        return False
 
     def shapes(self) -> tuple[Any, ...]:
         """What to draw at frame_a; see `acausal.visual.shapes`."""

@@ -8,8 +8,12 @@ from typing import Any, final
 
 import casadi as ca
 
+from acausal.arguments import shown
+from acausal.errors import ModelError
 from acausal.language.component import Component
 from acausal.language.connector import Point
+from acausal.language.expression import sx
+from acausal.language.origin import origin
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 
@@ -21,6 +25,16 @@ class Action:
     connector: Point
     force: ca.SX
     torque: ca.SX
+
+    def __post_init__(self) -> None:
+        for name in ("force", "torque"):
+            given = getattr(self, name)
+            if not isinstance(given, ca.SX):
+                object.__setattr__(self, name, sx(given))
+            if getattr(self, name).shape != (3, 1):
+                raise ModelError(
+                    f"Action: the {name} is {shown(given)} ({origin()}). Give a column of three, e.g. ca.vertcat(fx, fy, fz)."
+                )
 
 
 class AbstractForce(Component, ABC):
@@ -73,18 +87,20 @@ class AbstractLineForce(AbstractForce, ABC):
         length = ca.norm_2(p_ab)
         symbol = ca.SX.sym("length")
         # dividing before the length is put in lets k * length / length fold to k
-        per_length = self.tension(symbol, placement.rate(length)) / symbol
+        per_length = ca.SX(self.tension(symbol, placement.rate(length))) / symbol
         pull = ca.substitute(per_length, symbol, length) * p_ab
         none = ca.SX.zeros(3)
         return (Action(self.point_a, pull, none), Action(self.point_b, -(symbolic(X_ab.rotation).T @ pull), none))
 
     @final
     def potential_energy(self, placement: Placement) -> ca.SX:
-        return self.potential(self.length(placement))
+        return ca.SX(self.potential(self.length(placement)))
 
     @final
     def power_loss(self, placement: Placement) -> ca.SX:
-        length = self.length(placement)
+        length, symbol = self.length(placement), ca.SX.sym("length")
         rate = placement.rate(length)
-        elastic = self.tension(length, ca.SX(0))
-        return (self.tension(length, rate) - elastic) * rate
+        elastic = ca.SX(self.tension(length, ca.SX(0)))
+        # what a law that changes with time brings in
+        supplied = ca.jtimes(ca.SX(self.potential(symbol)), placement.t, ca.SX(1))
+        return (ca.SX(self.tension(length, rate)) - elastic) * rate - ca.substitute(supplied, symbol, length)

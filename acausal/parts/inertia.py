@@ -9,6 +9,9 @@ import numpy as np
 
 from acausal.parts.pose import Matrix, Pose, product, symbolic, total
 
+_ROUND = 1e-9
+"""Part of the inertia within which a body counts as round."""
+
 
 @dataclass(frozen=True)
 class Inertia:
@@ -70,3 +73,21 @@ def scaled(factor: float | ca.SX, matrix: Matrix) -> Matrix:
 def is_zero(value: float | Matrix) -> bool:
     """Whether every entry is the number zero."""
     return value.is_zero() if isinstance(value, ca.SX) else bool(np.all(value == 0))
+
+
+def is_round(inertia: Inertia, axis: np.ndarray | None = None) -> bool:
+    """Whether a body made of numbers has its centre of mass at the origin, and the second moment of a body of revolution about the unit
+    vector `axis` (3,), or, without one, of a ball.
+    """
+    second, moment = inertia.second_moment, inertia.moment
+    if (
+        not (isinstance(second, np.ndarray) and isinstance(moment, np.ndarray) and isinstance(inertia.mass, float))
+        or not inertia.mass
+    ):
+        return False
+    size = float(np.trace(second))
+    along = np.zeros((3, 3)) if axis is None else np.outer(axis, axis)
+    own = size / 3 if axis is None else float(axis @ second @ axis)
+    across = own if axis is None else (size - own) / 2
+    gap = np.abs(second - own * along - across * (np.eye(3) - along)).max()
+    return bool(moment @ moment <= _ROUND**2 * inertia.mass * size and gap <= _ROUND * size)

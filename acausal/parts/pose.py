@@ -111,10 +111,13 @@ def rotation_to_axis(axis: np.ndarray) -> np.ndarray:
 
 
 def rotation_to_axis_symbolic(axis: ca.SX) -> ca.SX:
-    """The same for an axis that depends on parameters; singular only when the axis is exactly -z."""
+    """The same for an axis that depends on parameters: one of two formulas, each far from where it is singular."""
     x, y, z = axis[0], axis[1], axis[2]
-    k = 1 / (1 + z)
-    return ca.vertcat(ca.horzcat(1 - k * x * x, -k * x * y, x), ca.horzcat(-k * x * y, 1 - k * y * y, y), ca.horzcat(-x, -y, z))
+    s = ca.if_else(z >= 0, 1, -1)
+    k = 1 / (1 + s * z)
+    return ca.vertcat(
+        ca.horzcat(1 - k * x * x, -s * k * x * y, x), ca.horzcat(-k * x * y, s * (1 - k * y * y), y), ca.horzcat(-s * x, -y, z)
+    )
 
 
 def rotation_from_quaternion(q: ca.SX) -> ca.SX:

@@ -51,6 +51,10 @@ class AbstractRigidPart(Component, ABC):
         """Rough pose in the world, where a search for initial values begins; None if not known."""
         return None
 
+    def can_hold(self, at: np.ndarray) -> bool:
+        """Whether a joint at this world point (3,) [m] of the sketch may be meant, as far as the part knows."""
+        return True
+
 
 class AbstractGround(AbstractRigidPart, ABC):
     """A part that does not move: the inertial frame. Must provide `gravity()`."""

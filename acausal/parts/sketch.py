@@ -35,6 +35,11 @@ def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:
             raise ParameterError(
                 f"between(): `at` must be numbers ({origin()}); connect frames with connect() where parameters are needed."
             )
+        if not part.can_hold(where):
+            raise ParameterError(
+                f"between(): {part!r} has a shape, but no place in the sketch, and at the world's origin none of its frames is at {tuple(where.tolist())} "
+                f"({origin()}). Give it a place, position=(x, y, z), also where that is (0, 0, 0), or give one of its frames."
+            )
         position = np.asarray(sketch.rotation).T @ (where - np.asarray(sketch.position))
     rotation = np.asarray(sketch.rotation).T
     return part.at(tuple(position), None if np.array_equal(rotation, np.eye(3)) else rotation)

@@ -20,6 +20,7 @@ from acausal.loops.constraints import Constraints, analyse_constraints
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
 from acausal.reduce.holding import Holding, closed_positions, holding
+from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.wording import compact, counted, grouped
 
@@ -166,6 +167,8 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
     scalar = add_scalar_domains(mechanics, tau, v_dot, closing)
+    if mechanics.readings.borrowed:
+        mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
     rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
     flat = dataclasses.replace(flat, names={**flat.names, **scalar.names, **rates})
     u = stacked([entry.sx for entry in flat.inputs])

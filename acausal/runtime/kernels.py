@@ -78,7 +78,7 @@ def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
 @functools.cache
 def _sources() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
-    files = [RUNTIME / "lanes.h", RUNTIME / "vector_math.h", EMITTER]
+    files = [RUNTIME / "names.h", RUNTIME / "lanes.h", RUNTIME / "vector_math.h", EMITTER]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 

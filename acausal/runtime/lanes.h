@@ -6,6 +6,7 @@
    -ffp-contract=off. Where the processor has no fused multiply-add, `v_fma` rounds twice on all widths. */
 #ifndef ACAUSAL_LANES_H
 #define ACAUSAL_LANES_H
+#include "names.h"
 
 #ifndef LANES
 #if defined(__AVX512F__)
@@ -26,7 +27,7 @@ typedef I Mask;
 #endif
 #define INLINE static inline __attribute__((always_inline, unused))
 #define OUTLINE static __attribute__((noinline, unused))
-#define EXPORT __attribute__((visibility("default")))
+#define HIDDEN __attribute__((visibility("hidden")))
 
 #if LANES == 1
 #define EACH(x) {x}

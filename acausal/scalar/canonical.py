@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.connector import Connector
-from acausal.language.expression import Parameter
 from acausal.language.flatten import FlatSystem, Part
 
 _ROUNDS = 16
@@ -26,7 +25,9 @@ def canonical_parts(flat: FlatSystem, residuals: Sequence[Sequence[ca.SX]]) -> l
     """Numbers of the parts in their order. `residuals`: of the equations of each part."""
     sets = [group for group in flat.connection_sets if len(group) > 1]
     owner = {part.component: k for k, part in enumerate(flat.parts)}
-    edges = [[(owner[c.owner], attribute(flat, flat.parts[owner[c.owner]], c)) for c in group if c.owner in owner] for group in sets]
+    edges = [
+        [(owner[c.owner], attribute(flat, flat.parts[owner[c.owner]], c)) for c in group if c.owner in owner] for group in sets
+    ]
     numbers = _numbers(flat, residuals)
     parts = _ranks([(type(part.component).__qualname__, numbers[k]) for k, part in enumerate(flat.parts)])
     groups = _ranks([(type(group[0]).__qualname__, len(group)) for group in sets])
@@ -65,7 +66,7 @@ def _numbers(flat: FlatSystem, residuals: Sequence[Sequence[ca.SX]]) -> list[tup
     symbols = [s for s in ca.symvar(column) if s.element_hash() not in held]
     own = ca.vertcat(ca.SX(0, 1), *symbols)
     slopes = ca.jacobian(column, own)
-    everything = ca.vertcat(own, *(p.sx for p in flat.parameters if isinstance(p, Parameter)))
+    everything = ca.vertcat(own, *(p.sx for p in flat.parameters))
     function = ca.Function("slopes", [everything], [slopes, ca.densify(column)])
     found, values = function(np.full(everything.numel(), _AT))
     matrix, values = found.sparse().tocsr(), np.array(values).ravel()

@@ -132,7 +132,9 @@ class _Collector:
             if isinstance(symbol, Variable) and not isinstance(symbol, Quantity) and symbol not in self._of_connectors()
             for s in scalars
         }
-        return Collection(self._system(result, flanges), flanges, self.names, self.elements, efforts, own.union(efforts), self._declared())
+        return Collection(
+            self._system(result, flanges), flanges, self.names, self.elements, efforts, own.union(efforts), self._declared()
+        )
 
     def _declared(self) -> dict[int, int]:
         place = {part.component: k for k, part in enumerate(self.flat.parts)}

@@ -12,14 +12,17 @@ import numpy as np
 
 from acausal.arguments import ascending, function_name
 from acausal.collocation.problem import Directions, Problem, Tolerances
-from acausal.errors import OptionError, SimulationError
+from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.start.initial import Start, initial_derivatives, near
+from acausal.start.start_problem import start_problem
 
 Wanted = Parameter | Input | Expression
+_NO_MOTION = (SimulationError, AssemblyError, StartValueError, ParameterError)
+"""What values can do to a motion: wrong requests are told by other errors, or before."""
 Run = Callable[[Start, Mapping[Parameter, float], Mapping[Input, float]], "Sensitivities"]
 """Derivatives of a motion for other start values, parameters and inputs."""
 
@@ -139,13 +142,17 @@ class TrajectoryFunction(ca.Callback):
     """values of `wrt` (n,) -> outputs at all times, one column a time: a CasADi function with exact first derivatives.
 
     Values and derivatives come from the same integration, which is not repeated for the same argument. Second derivatives do not
-    exist: use a limited-memory Hessian in optimisers. Where a motion fails, the result is NaN. Keep a reference as long as it is used.
+    exist: use a limited-memory Hessian in optimisers. Where a start cannot be assembled or a motion fails, the result is NaN. Keep a
+    reference as long as it is used.
     """
 
     def __init__(self, name: str, motion: Motion) -> None:
         super().__init__()
         name = function_name(name, "trajectory_function: the name")
-        motion.functions.outputs.resolve(motion.outputs)  # CasADi loses errors of get_sparsity_out
+        # CasADi loses errors of its callbacks, and errors of values become NaN: what is asked is looked at before
+        motion.functions.outputs.resolve(motion.outputs)
+        start_problem(motion.functions.outputs, motion.start)
+        _columns(motion.functions, motion.wrt, motion.start)
         self._motion = motion
         self._derivatives: list[ca.Callback] = []
         self.construct(name, {})
@@ -233,7 +240,7 @@ class Motion:
         return {}
 
     def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values (size, m) and derivatives (size * m, n); NaN where the motion fails."""
+        """Values (size, m) and derivatives (size * m, n); NaN where there is no such motion."""
         key = values.tobytes()
         if key not in self._last:
             self._last.clear()
@@ -256,8 +263,10 @@ class Motion:
             at += size
         rows, m = self.shape_out
         try:
+            if not np.isfinite(values).all():
+                raise ParameterError("no motion belongs to values that are not finite")
             found = self.run(start, parameters, inputs)
-        except SimulationError:
+        except _NO_MOTION:
             return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
         value, slopes = found.total_derivative(self.outputs)
         return value, slopes.reshape(m * rows, values.size)

@@ -20,7 +20,7 @@ from acausal.simulate.events import when
 from acausal.simulate.inputs import INPUTS, InputValue, input_signal, unknown_symbol
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
-from acausal.simulate.trouble import failure, warn_if_not_followed, warn_if_outside, warn_if_singular
+from acausal.simulate.trouble import failure, warn_if_not_followed, warn_if_outside, warn_if_pulled, warn_if_singular
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
@@ -82,7 +82,7 @@ def simulate(
     options = options.checked()
     problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
     p, space = problem.parameters, functions.space
-    check_given_motions(functions.given_motions, t0, t1, p, stacklevel=4)
+    check_given_motions(functions.given_motions, t0, t1, p)
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
@@ -104,9 +104,10 @@ def simulate(
     )
     times = np.linspace(t0, solution.t[-1], options.samples)
     run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
-    warn_if_singular(functions, run, stacklevel=4)
-    warn_if_outside(functions, run, stacklevel=4)
-    warn_if_not_followed(functions, run, stacklevel=4)
+    warn_if_singular(functions, run)
+    warn_if_outside(functions, run)
+    warn_if_pulled(functions, run)
+    warn_if_not_followed(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise SimulationError(failure(functions, run.status, t1, run), run)
     return run

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,8 +14,10 @@ import numpy as np
 
 from acausal.collocation.problem import Problem, Solution, Statistics, Status
 from acausal.errors import OptionError
+from acausal.language.component import System
 from acausal.language.expression import Expression, Symbol
 from acausal.numerics.folding import folded_function
+from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.simulate.events import Event, when
@@ -163,13 +166,19 @@ class Trajectory:
         from acausal.visual.plot import plot_series
 
         series = [(self.label(e), self[e]) for e in expressions]
-        return plot_series(self.t, series, path=path, title=self.outputs.system.flat.name)
+        name = self.outputs.system.flat.name
+        return plot_series(self.t, series, path=path, title=None if name == System.__name__ else name)
 
     def label(self, expression: Expression) -> str:
         """Name and unit for axes and tables."""
-        if isinstance(expression, Symbol):
-            return f"{self.outputs.name(expression)} [{expression.unit}]" if expression.unit else self.outputs.name(expression)
-        return repr(expression)
+        name, unit = expression_name(self.outputs, expression), _unit(expression)
+        return f"{name} [{unit}]" if unit else name
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+    def __repr__(self) -> str:
+        return f"<Trajectory {self}>"
 
     def animate(self, path: str | Path, *, speed: float | None = None) -> Path:
         """Write the motion as one self-contained HTML file; returns its path.
@@ -197,3 +206,12 @@ class Trajectory:
             f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
             f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms"
         )
+
+
+def _unit(expression: Expression) -> str:
+    """Of a variable, or of entries of variables with one unit; else unknown."""
+    if isinstance(expression, Symbol):
+        return expression.unit
+    units = {leaf.unit for leaf in expression.leaves}
+    entries = ca.vec(expression.sx)
+    return units.pop() if len(units) == 1 and all(entries[i].is_symbolic() for i in range(entries.numel())) else ""

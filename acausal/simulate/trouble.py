@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Status, StatusKind
-from acausal.errors import AcausalError, AssemblyError, JumpWarning, SingularWarning
+from acausal.errors import AcausalError, AssemblyError, ContactWarning, JumpWarning, SingularWarning
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
-from acausal.wording import compact
+from acausal.wording import callers_level, compact
 
 _SINGULAR = 1e-9
 _MASSLESS = 1e-12
@@ -33,7 +33,7 @@ def combination(weights: np.ndarray, names: Sequence[str]) -> str:
     return text.strip() + (" ..." if len(order) > _SHOWN else "")
 
 
-def warn_if_singular(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+def warn_if_singular(functions: Functions, run: Trajectory) -> None:
     """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
 
     Rows of the loop's matrix are scaled to the largest diagonal that they meet. Where the reduction knows of singular positions,
@@ -59,7 +59,7 @@ def warn_if_singular(functions: Functions, run: Trajectory, stacklevel: int) -> 
             f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
             f"({_dependent_rows(functions, run, worst, scale)}), and more than one "
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
-            SingularWarning, stacklevel=stacklevel,
+            SingularWarning, stacklevel=callers_level(),
         )  # fmt: skip
 
 
@@ -77,7 +77,7 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
     return f"rows {rows}; free besides: {combination(opened, velocities)}"
 
 
-def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+def warn_if_outside(functions: Functions, run: Trajectory) -> None:
     """Say so when a joint in the tree left the domain of its coordinates."""
     for item, inside in functions.domains:
         joint = item.edge.joint
@@ -88,11 +88,11 @@ def warn_if_outside(functions: Functions, run: Trajectory, stacklevel: int) -> N
             warnings.warn(
                 f"By t = {run.solution.t[outside[0]]:.6g} s the wheel of '{item.edge.name}' ({joint.created_at}) has fallen through its "
                 "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
-                SingularWarning, stacklevel=stacklevel,
+                SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
 
 
-def warn_if_not_followed(functions: Functions, run: Trajectory, stacklevel: int) -> None:
+def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
     """Say so when a joint did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in."""
     system, space = functions.outputs.system, functions.space
     rows = system.scalar.given
@@ -110,8 +110,33 @@ def warn_if_not_followed(functions: Functions, run: Trajectory, stacklevel: int)
         warnings.warn(
             f"By t = {t[k]:.6g} s what an input prescribes is missed by {np.max(gap[:, k]):.3g}: {names}. The motion follows the input's rate; a jump is not "
             "in it, and a rate of its own must belong to the value. Give a smooth course.",
-            JumpWarning, stacklevel=stacklevel,
+            JumpWarning, stacklevel=callers_level(),
         )  # fmt: skip
+
+
+_LOOKS = 16
+"""Number of states of a run at which contacts are looked at: finding their forces costs as much as many steps."""
+_PULL = 1e-6
+"""Of the largest force of the contacts, what counts as a pull."""
+
+
+def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
+    """Say so when a contact pulls at one of some states of the run; not where redundant constraints leave open which of them bears what."""
+    parts, pushes = functions.contacts
+    if pushes is None or functions.outputs.system.constraints.redundant:
+        return
+    some = np.unique(np.linspace(0, run.solution.t.size - 1, _LOOKS).astype(int))
+    t, x = run.solution.t[some], run.solution.x[:, some]
+    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
+    values = np.array(pushes(t[None, :], x, run.problem.inputs(t), p)).reshape(len(parts), -1)
+    if not np.isfinite(values).all() or not np.min(values, initial=0.0) < -_PULL * np.max(np.abs(values)):
+        return
+    k, i = np.unravel_index(int(np.argmin(values)), values.shape)
+    warnings.warn(
+        f"'{parts[k].path}' ({parts[k].component.created_at}) pulls, with {-values[k, i]:.4g} N at t = {t[i]:.6g} s: a contact can only push, so what "
+        "it holds would have left it. Motions go on as if it were held; look for the time with an event on the force of its frame_b.",
+        ContactWarning, stacklevel=callers_level(),
+    )  # fmt: skip
 
 
 def failure(functions: Functions, status: Status, t1: float, run: Trajectory | None) -> str:

@@ -7,7 +7,8 @@ Around a reference that was found by search, the consistent states y are the zer
     Z' (y - y0) = 0       what is then still free stays, so that y changes as little as it can
 
 with the reference's left singular vectors U of dc/dy and B of dr/dy on its null space, and Z the rest. CasADi's `fast_newton` finds
-them along a straight way from the reference's data d to those asked for, and gives derivatives by the implicit function theorem.
+them along a straight way from the reference's data d to those asked for, in steps as short as it takes, and gives derivatives by the
+implicit function theorem.
 """
 
 from __future__ import annotations
@@ -29,9 +30,13 @@ from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_search import Found, Search
 
 _OPEN = 1e-9
-"""Largest residual that counts as closed, times the largest entry of the Jacobian where that is above 1."""
+"""Largest residual that counts as closed, where the derivatives of each row by y in its own units have length 1; of velocities, times theirs."""
 _JUMP = 1.0
 """Largest turn [rad] in one step of the way; more may be another branch."""
+_TRIALS = 200
+_SHORTEST = 1e-5
+"""Steps that are tried on the way, and the part of it that is too short to go on."""
+_VANISHED = 1e-9
 
 
 def assembly_function(
@@ -55,19 +60,8 @@ def assembly_function(
     places = _places(outputs, (wrt,) if isinstance(wrt, Expression) else wrt, start)
     data = reference.account.data
     values = ca.MX.sym("values", len(places))
-    way = _way(reference)
-    here = ca.MX(ca.DM(data))
-    asked = here + ca.mtimes(ca.DM(np.eye(data.size)[:, places]), values - ca.DM(data[places]))
-    q0, v0 = ca.MX(ca.DM(reference.account.positions.y)), ca.MX(ca.DM(reference.account.velocities.y))
-    q, v, right = q0, v0, ca.MX(1)
-    for k in range(1, steps):
-        q, v, right = way.step(q, v, here + (k / steps) * (asked - here), right)
-    if steps > 1:
-        # only the last step has derivatives: where Newton's method begins does not matter
-        begun = ca.Function("way", [values], [q, v, right], {"is_diff_in": [False]})
-        q, v, right = begun.call([values])
-    q, v, right = way.step(q, v, asked, right)
-    x = ca.if_else(right, ca.vertcat(q, v), ca.DM.nan(reference.x.size))
+    asked = ca.MX(ca.DM(data)) + ca.mtimes(ca.DM(np.eye(data.size)[:, places]), values - ca.DM(data[places]))
+    x = assembled(reference, asked, steps)
     if result is None:
         return ca.Function(name, [values], [x], ["values"], ["x"])
     r = outputs.system
@@ -75,6 +69,30 @@ def assembly_function(
     n = data.size - 1 - u.size - p.size
     return ca.Function(
         name, [values], [seen(asked[n], x, asked[n + 1 : n + 1 + u.size], asked[n + 1 + u.size :])], ["values"], ["outputs"]
+    )
+
+
+def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:
+    """The consistent states of the system at other data (start values, t0, u, p) than those of the reference; NaN where there are none.
+
+    They are followed in steps that grow and shrink with how far they lead; the first is one of `steps`. One alone is not followed.
+    """
+    a = reference.account
+    here, began = ca.MX(ca.DM(a.data)), ca.MX(ca.DM(a.positions.y))
+    scale, scale_v = start_units(reference)
+    positions = _stage(a.problem.positions, a.positions, a.data, a.weights, scale)
+    moving = np.concatenate([a.data, a.positions.y])
+    velocities = _stage(a.problem.velocities, a.velocities, moving, a.weights, scale_v)
+    turns = np.zeros(a.positions.y.size)
+    for c in a.problem.coordinates.all:
+        turns[c.place] = float(c.unit == "rad")
+    way = _Way(positions, ca.DM(turns))
+    if steps > 1 and positions.solve is not None:
+        began = way.travelled(began, here, asked, steps)
+    q, right = way.step(began, asked)
+    v, good = velocities.step(ca.MX(ca.DM(a.velocities.y)), ca.vertcat(asked, q))
+    return ca.if_else(
+        ca.logic_and(right, good), ca.vertcat(q, v), ca.DM.nan(reference.account.positions.y.size + a.velocities.y.size)
     )
 
 
@@ -109,26 +127,46 @@ def _places(outputs: Outputs, wrt: Sequence[Expression], start: Start) -> list[i
     return places
 
 
+def start_units(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
+    """What is much for each entry of q, and the velocities that change q by as much in a second; scalar states as they are."""
+    a = reference.account
+    s = a.problem.outputs.system
+    tree, scale = s.mechanics.tree, a.problem.scale()
+    N = ca.Function("N", [s.t, tree.q, s.p], [ca.densify(ca.jacobian(tree.rates, tree.v))])
+    first = a.data.size - s.p_values.size - s.u_defaults.size - 1
+    n = tree.q.numel()
+    change = np.abs(np.array(N(a.data[first], a.positions.y[:n], a.data[a.data.size - s.p_values.size :]))) / scale[:n, None]
+    fastest = np.max(change, axis=0, initial=0.0)
+    fastest[fastest == 0.0] = 1.0
+    return scale, np.concatenate([1 / fastest, np.ones(a.velocities.y.size - fastest.size)])
+
+
+def row_lengths(J: np.ndarray) -> np.ndarray:
+    """Of each row of J (m, n), (m,); where one vanishes that of the longest."""
+    size = np.linalg.norm(J, axis=1)
+    most = float(np.max(size, initial=0.0))
+    return np.where(size > _VANISHED * most, size, most or 1.0)
+
+
 @dataclass(frozen=True)
 class _Stage:
     """Positions or velocities: how y follows from the data (for velocities: and q) near the reference.
 
-    `plain`: data -> y where start values say it all. Else `solve`: (y to begin with, data) -> y, and `gap`: (y, data) -> sum of the
-    squares of everything that must close, at most `enough`; `side`: (y, data) -> positive on the branch that is meant.
+    `plain`: data -> y where start values say it all. Else `solve`: (y to begin with, data) -> y, and `open`: (y, data) -> what is
+    negative where everything closes; `side`: (y, data) -> positive on the branch that is meant.
     """
 
     plain: ca.Function
     solve: ca.Function | None = None
-    gap: ca.Function | None = None
-    enough: float = 0.0
+    open: ca.Function | None = None
     side: ca.Function | None = None
 
     def step(self, y: ca.MX, data: ca.MX) -> tuple[ca.MX, ca.MX]:
         """y at the data, begun at another, and whether it is right; NaN is not."""
-        if self.solve is None or self.gap is None:
+        if self.solve is None or self.open is None:
             return _called(self.plain, data), ca.MX(1)
         y = _called(self.solve, y, data)
-        right = _called(self.gap, y, data) <= self.enough
+        right = _called(self.open, y, data) <= 0
         if self.side is not None:
             right = ca.logic_and(right, ca.mmin(_called(self.side, y, data)) > 0)
         return y, right
@@ -138,8 +176,10 @@ def _called(function: ca.Function, *arguments: ca.MX) -> ca.MX:
     return function.call(list(arguments))[0]
 
 
-def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray) -> _Stage:
-    """From a search and what it found at the reference."""
+def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> _Stage:
+    """From a search and what it found at the reference. All that is decided or solved by numbers is without unit: y in units of `scale`,
+    each row divided by the length of its derivatives at the reference.
+    """
     y, d = ca.SX.sym("y", found.y.size), ca.SX.sym("data", data.size)
     first = ca.SX(ca.DM(found.first))
     for i, k in search.plain:
@@ -147,51 +187,68 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray) 
     plain = ca.Function("plain", [d], [first])
     if search.residual is None:
         return _Stage(plain)
-    c = search.residual(y, d)
-    J = search.jacobian(found.y, data)
-    U, Z = range_and_null_space(J)
+    J = search.jacobian(found.y, data) * scale
+    size = row_lengths(J)
+    c = search.residual(y, d) / ca.DM(size)
+    U, Z = range_and_null_space(J / size[:, None])
     rows = [ca.mtimes(ca.DM(U.T), c)]
     if search.wish is not None:
-        r = search.wish(y, d, first)
-        factors = search.wish_factors(weights)[:, None]
-        B, still = range_and_null_space(factors * search.wish_jacobian(found.y, data, found.first) @ Z)
-        rows.append(ca.mtimes(ca.DM((factors * B).T), r))
+        r, factors = search.wish(y, d, first), search.wish_factors(weights)[:, None]
+        slopes = factors * search.wish_jacobian(found.y, data, found.first) * scale
+        most = float(np.max(np.linalg.norm(slopes, axis=1), initial=0.0)) or 1.0
+        B, still = range_and_null_space(slopes / most @ Z)
+        rows.append(ca.mtimes(ca.DM((factors / most * B).T), r))
         Z = Z @ still
-    rows.append(ca.mtimes(ca.DM(Z.T), y - ca.DM(found.y)))
-    size = max(1.0, float(np.max(np.abs(J), initial=0.0)))
-    square = folded_function("square", [y, d], [ca.densify(ca.vertcat(*rows))])
-    options: dict[str, Any] = {"abstol": 1e-14 * size, "abstolStep": 1e-15, "max_iter": 30, "error_on_fail": False}
-    solve = ca.rootfinder("close", "fast_newton", square, options)
-    gap = folded_function("gap", [y, d], [ca.sumsqr(c)])
-    return _Stage(plain, solve, gap, (_OPEN * size) ** 2, search.side)
+    rows.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
+    solve = _solver(ca.vertcat(*rows), y, d, ca.DM(scale))
+    much = ca.sumsqr(y / ca.DM(scale)) if search.what == "velocity" else 1
+    gap = folded_function("open", [y, d], [ca.sumsqr(c) - _OPEN**2 * much])
+    return _Stage(plain, solve, gap, search.side)
+
+
+def _solver(rows: ca.SX, y: ca.SX, d: ca.SX, scale: ca.DM) -> ca.Function:
+    """(y to begin with, data) -> y where all rows are zero: at once where they are linear, else by Newton's method in units of `scale`."""
+    begun, data = ca.MX.sym("begun", y.numel()), ca.MX.sym("data", d.numel())
+    unit = ca.SX.sym("unit", y.numel())
+    square = ca.densify(ca.substitute(rows, y, scale * unit))
+    J = ca.jacobian(square, unit)
+    if not ca.depends_on(J, unit):
+        linear = ca.Function(
+            "linear", [d], [ca.densify(J), ca.substitute(square, unit, ca.SX.zeros(unit.numel()))], {"cse": True}
+        )
+        A, b = linear.call([data])
+        return ca.Function("close", [begun, data], [scale * -ca.solve(A, b, "qr")])
+    options: dict[str, Any] = {"abstol": 1e-14, "abstolStep": 1e-15, "max_iter": 30, "error_on_fail": False}
+    newton = ca.rootfinder("newton", "fast_newton", ca.Function("square", [unit, d], [square], {"cse": True}), options)
+    return ca.Function("close", [begun, data], [scale * _called(newton, begun / scale, data)])
 
 
 @dataclass(frozen=True)
 class _Way:
-    """Steps from the reference; `turns` (nq,): 1 for angles and quaternions, whose change in a step is watched."""
+    """Positions on the way from the reference; `turns` (nq,): 1 for angles and quaternions, whose change in a step is watched."""
 
     positions: _Stage
-    velocities: _Stage
-    turns: np.ndarray
+    turns: ca.DM
 
-    def step(self, q: ca.MX, v: ca.MX, data: ca.MX, right: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """q and v at the data, and whether everything was right on the way."""
-        moved, good = self.positions.step(q, data)
-        right = ca.logic_and(right, good)
-        if self.turns.any():
-            right = ca.logic_and(right, ca.mmax(ca.fabs(ca.DM(self.turns) * (moved - q))) < _JUMP)
-        v, good = self.velocities.step(v, ca.vertcat(data, moved))
-        return moved, v, ca.logic_and(right, good)
+    def step(self, q: ca.MX, data: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """q at the data, begun at another, and whether it is right."""
+        moved, right = self.positions.step(q, data)
+        return moved, ca.logic_and(right, ca.mmax(ca.fabs(self.turns * (moved - q))) < _JUMP)
 
-
-def _way(reference: InitialState) -> _Way:
-    a = reference.account
-    moving = np.concatenate([a.data, a.positions.y])
-    turns = np.zeros(a.positions.y.size)
-    for c in a.problem.coordinates.all:
-        turns[c.place] = float(c.unit == "rad")
-    return _Way(
-        _stage(a.problem.positions, a.positions, a.data, a.weights),
-        _stage(a.problem.velocities, a.velocities, moving, a.weights),
-        turns,
-    )
+    def travelled(self, q0: ca.MX, here: ca.MX, asked: ca.MX, steps: int) -> ca.MX:
+        """q near the data that are asked for: as far as steps lead that are doubled after each one that is right, and quartered after others.
+        It has no derivatives: it is only where the last step begins.
+        """
+        n, m = q0.numel(), asked.numel()
+        state = ca.MX.sym("state", n + 2 + m)
+        q, s, h, to = ca.vertsplit(state, [0, n, n + 1, n + 2, n + 2 + m])
+        there = ca.fmin(1, s + h)
+        moved, right = self.step(q, here + there * (to - here))
+        tried = ca.vertcat(ca.if_else(right, moved, q), ca.if_else(right, there, s), ca.if_else(right, 2 * h, h / 4), to)
+        trial = ca.Function("trial", [state], [tried])
+        going = ca.logic_and(s < 1, h > _SHORTEST)
+        one = ca.Function("one", [state], [ca.if_else(going, _called(trial, state), state, True)])
+        end = ca.MX.sym("end", m)
+        ended = _called(one.fold(_TRIALS), ca.vertcat(q0, 0, 1 / steps, end))
+        whole = ca.Function("way", [end], [ended[:n]], {"is_diff_in": [False]})
+        return _called(whole, asked)

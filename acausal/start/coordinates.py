@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols, Tree
-from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.parts.steps import Turn
 from acausal.reduce.unit_quaternions import unit_quaternions
@@ -96,13 +96,8 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     for item in tree.joints:
         for c in _of_joint(item, tree):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
-    offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
-    offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
-    offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
-    size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
-    lengths = [float(abs(q[c.place.start])) for c in found if not c.is_rotation and c.unit != "rad"]
-    reach = float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))
-    return Coordinates(tuple(found), reach if 0 < reach < np.inf else 1.0)
+    size = reach(system, p, values, q, tuple(found))
+    return Coordinates(tuple(found), size if 0 < size < np.inf else 1.0)
 
 
 def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
@@ -122,8 +117,24 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
             result.append(Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
             i += 4
             continue
-        turning = i in angles or joint.q.unit == "rad"
+        turning = i in angles or joint.q.unit == "rad" or (not joint.q.unit and not stepped and _turns(joint, q, i, tree.t))
         unit = "rad" if turning else joint.q.unit or ("m" if units or stepped else "")
         result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, i in angles))
         i += 1
     return result
+
+
+def _turns(joint: AbstractJoint, q: ca.SX, i: int, t: ca.SX) -> bool:
+    """Whether an entry of q has a share in the rotation."""
+    return ca.depends_on(ca.vec(symbolic(joint.pose(q, t).rotation)), q[i])
+
+
+def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:
+    """The greatest offset of any link or coordinate at q [m]; 0 where there is none."""
+    tree = system.tree
+    offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
+    offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
+    offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
+    size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
+    lengths = [float(abs(q[c.place.start])) for c in all if not c.is_rotation and c.unit != "rad"]
+    return float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))

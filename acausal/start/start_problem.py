@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
+from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -62,12 +63,31 @@ def start_problem(outputs: Outputs, start: Start) -> StartProblem:
             )
     known = outputs.start_problems
     what = tuple((key, not isinstance(value, near)) for key, value in start.items())
-    problem = known.get(what)
+    asked = tuple((_identity(key), exact) for key, exact in what)
+    problem = known.get(asked)
     if problem is None:
         if len(known) >= _KEPT:
             known.clear()
-        problem = known[what] = _start_problem(outputs, what)
+        problem = known[asked] = _start_problem(outputs, what)
     return problem
+
+
+def _identity(key: Expression) -> Hashable:
+    """The same for expressions that are written alike: `frame.rotation[2, 0]` is another object each time it is written."""
+    if isinstance(key, Symbol):
+        return key
+    symbols = ca.symvar(key.sx)
+    f = folded_function("key", [ca.vertcat(ca.SX(0, 1), *symbols)], [key.sx])
+    steps = tuple(
+        (
+            f.instruction_id(k),
+            *f.instruction_input(k),
+            *f.instruction_output(k),
+            f.instruction_constant(k) if f.instruction_id(k) == ca.OP_CONST else 0.0,
+        )
+        for k in range(f.n_instructions())
+    )
+    return key.sx.shape, tuple(key.sx.sparsity().find()), tuple(s.element_hash() for s in symbols), key.leaves, steps
 
 
 def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:

@@ -8,7 +8,8 @@ import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
 from acausal.language.connector import Point, Rotational
-from acausal.language.flatten import FlatSystem, Part
+from acausal.language.expression import Derivative
+from acausal.language.flatten import FlatSystem, Part, leaves_inside
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.force import AbstractForce
@@ -39,14 +40,28 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     held = [_edge(path, c, groups, index) for path, c in constraints if not isinstance(c, AbstractJoint)]
     _check_points([*edges, *held], groups)
     edges += _free_edges(len(groups), edges, groups)
-    found = spanning_tree(groups, edges, _driven(flat))
+    found = spanning_tree(groups, edges, _driven(flat, forces))
     return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
 
 
-def _driven(flat: FlatSystem) -> set[AbstractJoint]:
-    """Joints on whose angle something acts."""
+def _driven(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
+    """Joints on whose angle something acts: through their flanges, or because a force reads it."""
     connected = [c for members in flat.connection_sets if len(members) > 1 for c in members if isinstance(c, Rotational)]
-    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)}
+    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)} | _read_by(flat, forces)
+
+
+def _read_by(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
+    """Joints whose coordinates or velocities stand in forces, or that forces know."""
+    held = [value for part in forces for value in vars(part.component).values()]
+    symbols = {s.of if isinstance(s, Derivative) else s for value in held for s in leaves_inside(value)}
+    known = {value for value in held if isinstance(value, AbstractJoint)}
+    if not (symbols or known):
+        return set()
+    joints = [part.component for part in flat.parts if isinstance(part.component, AbstractJoint)]
+    own = [
+        (j, {*j.variables(), *(s for c in j.connectors() if isinstance(c, Rotational) for s in vars(c).values())}) for j in joints
+    ]
+    return {joint for joint, variables in own if joint in known or symbols & variables}
 
 
 def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
@@ -70,6 +85,12 @@ def _edge(path: str, joint: Kind, groups: Sequence[Group], index: dict[Point, in
         raise LockedError(
             f"Both ends of joint '{path}' ({joint.created_at}) are fixed to the same rigid group ({', '.join(p.path for p in groups[a].parts)}), "
             "so it cannot move. Connect one end to another part."
+        )
+    behind_a = groups[a].inertia.seen_from(groups[a].poses[joint.frame_a].inverse())
+    if b == 0 and joint.looks_turned_round(behind_a):
+        raise IncompatibleError(
+            f"{path} ({joint.created_at}) is connected the wrong way round: what rolls belongs to frame_b, the plane that it rolls on to frame_a, but "
+            f"frame_b is on the ground and frame_a on {groups[a].name}, which is round. Exchange the two."
         )
     return Edge(path, joint, a, b, pose_a=groups[a].poses[joint.frame_a], pose_b=groups[b].poses[joint.frame_b])
 

@@ -178,13 +178,25 @@ def _reach(body: MovingBody, shape: Shape, direction: np.ndarray, thickness: flo
 
 
 def write_html(animation: Animation, path: str | Path) -> Path:
-    """Write one page that needs no network: three.js, the viewer and the motion inside. Returns the path."""
+    """Write one page that needs no network: three.js, the viewer and the motion inside. Returns the path.
+
+    Raises `OptionError` for a name that promises something else, such as a film.
+    """
     from acausal.visual.page import page
 
     target = Path(path)
+    check_ending(target, ("", ".html", ".htm"), "a page for a browser", "motion.html")
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(page(animation), encoding="utf-8")
     return target
+
+
+def check_ending(path: Path, endings: tuple[str, ...], kind: str, example: str) -> None:
+    """Raises `OptionError` for a file name that promises another kind of file than what is written."""
+    if path.suffix.lower() not in endings:
+        raise OptionError(
+            f"'{path.name}' ends with '{path.suffix}', but what is written is {kind}. Give a name like '{example}'."
+        )
 
 
 def _places(shape: Shape) -> tuple[Vector, ...]:

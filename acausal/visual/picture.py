@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.visual.animation import Animation, MovingBody, MovingLink, Trail
+from acausal.visual.animation import Animation, MovingBody, MovingLink, Trail, check_ending
 from acausal.visual.geometry import across, arrow_points, rotated, support_points, turned_back
 from acausal.visual.pyplot import new_figure, plain, saved
 from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
@@ -35,8 +35,9 @@ class _Canvas:
 def write_png(animation: Animation, path: str | Path, *, times: Sequence[float] = ()) -> Path:
     """Orthographic view, straight onto a planar mechanism, at `times` [s], by default the first; earlier instants are fainter.
 
-    Returns the path. Raises `OptionError` for times outside of the motion.
+    Returns the path. Raises `OptionError` for times outside of the motion, and for names of another kind of file.
     """
+    check_ending(Path(path), ("", ".png"), "a picture", "picture.png")
     moments = tuple(times) or (float(animation.times[0]),)
     first, last = float(animation.times[0]), float(animation.times[-1])
     slack = 1e-9 * max(abs(first), abs(last), 1e-300)

@@ -7,6 +7,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from acausal.language.component import System
 from acausal.language.expression import Expression
 from acausal.outputs.outputs import Outputs
 from acausal.parts.force import AbstractLineForce
@@ -16,6 +17,7 @@ from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
 from acausal.visual.shapes import Polygon, Rod, Shape
+from acausal.wording import compact
 
 _MOST_FRAMES = 3000
 
@@ -50,7 +52,7 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     pace = speed if speed is not None else 1.0 if span >= 2 else max(span, 1e-9) / 8
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
     moving = run.at(np.linspace(begin, end, frames))
-    bodies = _bodies(moving)
+    bodies = (*_bodies(moving), *_massless_rods(moving))
     links = tuple(
         _link(moving, part.path, part.component)
         for part in run.outputs.system.mechanics.mechanism.forces
@@ -65,7 +67,10 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     )
     size = float(np.linalg.norm(gravity))
     up = (0.0, 0.0, 1.0) if size == 0 else tuple(float(-g / size) for g in gravity)
-    return Animation(run.outputs.system.flat.name, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
+    # a scene that was written as a script has no name of its own
+    name = run.outputs.system.flat.name
+    title = name if name != System.__name__ or not bodies else compact([body.name for body in bodies], 3)
+    return Animation(title, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
 
 
 def _poses(run: Motion, poses: list[Pose]) -> tuple[np.ndarray, np.ndarray]:
@@ -116,6 +121,27 @@ def _bodies(run: Motion) -> tuple[MovingBody, ...]:
             poses.append(mechanics.kinematics.pose(link) @ place)
     positions, rotations = _poses(run, poses)
     return tuple(MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
+
+
+def _massless_rods(run: Motion) -> tuple[MovingBody, ...]:
+    """Constraints between two points, as bars from one to the other."""
+    mechanics = run.outputs.system.mechanics
+    edges = [edge for edge in mechanics.mechanism.cuts if edge.joint.between_points]
+    ends = [mechanics.kinematics.pose(link) @ place for edge in edges for link, place in mechanics.placement.ends(edge)]
+    places, _ = _poses(run, ends)
+    return tuple(_bar(edge.name, places[2 * k], places[2 * k + 1]) for k, edge in enumerate(edges))
+
+
+def _bar(name: str, start: np.ndarray, end: np.ndarray) -> MovingBody:
+    """Of constant length, along z of a frame that turns with it; ends (n, 3)."""
+    along = end - start
+    length = np.linalg.norm(along, axis=1)
+    z = along / np.where(length > 0, length, 1.0)[:, None]
+    x = np.cross(np.eye(3)[np.argmin(np.max(np.abs(z), axis=0))], z)
+    size = np.linalg.norm(x, axis=1)
+    x = np.where(size[:, None] > 0, x / np.where(size > 0, size, 1.0)[:, None], np.eye(3)[0])
+    R = np.stack([x, np.cross(z, x), z], axis=2)
+    return MovingBody(name, (Rod((0.0, 0.0, 0.0), (0.0, 0.0, float(np.max(length)))),), start, _quaternions(R))
 
 
 def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:

@@ -25,6 +25,10 @@ class PointOnPlane(AbstractStepJoint):
         scene.foot = PointOnPlane()
     """
 
+    only_pushes = True
+    if_given_arguments = (
+        'Its plane is z = 0 of frame_a: connect that to a turned frame, world.at((0, 0, 0), rotation=("x", 1.57)).'
+    )
     q = Variable("", "unit quaternion, scalar first (4); x and y in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0))
     v = Variable("", "angular velocity in frame_b (3) [rad/s]; velocity along x and y of frame_a (2) [m/s]", size=5)
 

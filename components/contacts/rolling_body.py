@@ -11,6 +11,7 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, Variable, scalar, sx, vector
 from acausal.language.origin import origin
+from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
@@ -25,6 +26,7 @@ class AbstractRollingBody(AbstractJoint, ABC):
     shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point`.
     """
 
+    only_pushes = True
     q = Variable(
         "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
     )
@@ -91,10 +93,13 @@ class RollingBall(AbstractRollingBody):
     """
 
     def __init__(self, radius: Scalar) -> None:
-        self.radius = scalar(radius, "RollingBall's radius", positive=True)
+        self.radius = scalar(radius, "RollingBall's radius", positive=True, unit="m")
 
     def contact_point(self, n: ca.SX) -> ca.SX:
         return -sx(self.radius) * n
+
+    def looks_turned_round(self, behind_a: Inertia) -> bool:
+        return is_round(behind_a)
 
 
 @final
@@ -105,7 +110,7 @@ class RollingEllipsoid(AbstractRollingBody):
     """
 
     def __init__(self, semi_axes: Scalar) -> None:
-        self.semi_axes = vector(semi_axes, "RollingEllipsoid's semi_axes")
+        self.semi_axes = vector(semi_axes, "RollingEllipsoid's semi_axes", unit="m")
         if isinstance(self.semi_axes, np.ndarray) and np.any(self.semi_axes <= 0):
             raise ParameterError(f"RollingEllipsoid's semi_axes are {self.semi_axes} ({origin()}). They must be positive.")
 

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
+from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
@@ -33,6 +34,7 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     O'Reilly, Intermediate Dynamics for Engineers (2nd ed.), 10.8. Must provide `lowest_point`, and an `axis` in its constructor.
     """
 
+    only_pushes = True
     q = Variable("", "yaw, lean, spin [rad] (3); x and y of the centre in frame_a [m] (2)", size=5)
     v = Variable("rad/s", "angular velocity along the heading, the axle, and up in the wheel's plane", size=3)
     axis: np.ndarray | Expression
@@ -92,6 +94,10 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
         return self._spin(self.coordinates(X_ab)[2]) @ w_ab_b
 
+    @final
+    def looks_turned_round(self, behind_a: Inertia) -> bool:
+        return not isinstance(self.axis, Expression) and is_round(behind_a, self.axis)
+
     def _heading(self, q: ca.SX) -> Pose:
         """X_aC of the heading axes at the wheel's centre."""
         sine, cosine = ca.sin(q[1]), ca.cos(q[1])
@@ -132,7 +138,7 @@ class RollingDisk(AbstractRollingWheel):
     """
 
     def __init__(self, radius: Scalar, axis: Axis = "y") -> None:
-        self.radius = scalar(radius, "RollingDisk's radius", positive=True)
+        self.radius = scalar(radius, "RollingDisk's radius", positive=True, unit="m")
         self.axis = axis_vector(axis, "RollingDisk's axis")
 
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
@@ -147,8 +153,8 @@ class RollingTorus(AbstractRollingWheel):
     """
 
     def __init__(self, radius: Scalar, tube: Scalar, axis: Axis = "y") -> None:
-        self.radius = scalar(radius, "RollingTorus's radius", positive=True)
-        self.tube = scalar(tube, "RollingTorus's tube", positive=True)
+        self.radius = scalar(radius, "RollingTorus's radius", positive=True, unit="m")
+        self.tube = scalar(tube, "RollingTorus's tube", positive=True, unit="m")
         self.axis = axis_vector(axis, "RollingTorus's axis")
 
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:

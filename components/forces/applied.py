@@ -1,4 +1,4 @@
-"""Forces and torques applied from outside: constants, functions of time, or inputs."""
+"""Forces and torques applied from outside: constants, functions of time, inputs, or what the scene's state makes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Scalar, leaves, of_time, sx, vector
+from acausal.language.expression import Expression, Scalar, of_time, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
@@ -21,18 +21,20 @@ _UNCONNECTED = "It acts on nothing: connect it to a body."
 
 @final
 class Force(AbstractForce):
-    """A force on a point: `force` (3,) [N], constants, expressions with `ac.Input` and `ac.time`, or a function of time.
+    """A force on a point: `force` (3,) [N], constants, a function of time, or any expression of inputs, time, and positions, velocities,
+    rotations, joints' coordinates and signals of the scene; of no accelerations or reactions, since these depend on all forces.
 
     `resolved_in`: "world", or "body" for the axes of the body's frame that it is connected to.
 
         scene.push = Force((1.0, 0, 0))
         scene.shake = Force(lambda t: (ca.sin(t), 0, 0))
+        scene.wind = Force(-0.3 * scene.sail.frame.velocity)
     """
 
     point = Point.port(must_connect=True, if_unconnected=_UNCONNECTED)
 
     def __init__(self, force: Scalar | Callable[[Any], Any], *, resolved_in: str = "world") -> None:
-        self.value = _vector(force, "Force")
+        self.value = vector(of_time(force), "Force's value", unit="N")
         self.resolved_in = _checked_axes(resolved_in)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
@@ -55,7 +57,7 @@ class Torque(AbstractForce):
     frame = Frame.port(must_connect=True, if_unconnected=_UNCONNECTED)
 
     def __init__(self, torque: Scalar | Callable[[Any], Any], *, resolved_in: str = "world") -> None:
-        self.value = _vector(torque, "Torque")
+        self.value = vector(of_time(torque), "Torque's value", unit="N*m")
         self.resolved_in = _checked_axes(resolved_in)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
@@ -66,19 +68,6 @@ class Torque(AbstractForce):
 
     def power_loss(self, placement: Placement) -> ca.SX:
         return -ca.dot(self.actions(placement)[0].torque, placement.angular_velocity(self.frame))
-
-
-def _vector(value: Scalar | Callable[[Any], Any], what: str) -> np.ndarray | Expression:
-    of_t = of_time(value)
-    found = leaves(of_t)
-    if isinstance(of_t, list | tuple) and any(
-        isinstance(entry, ca.SX) for entry in of_t
-    ):  # CasADi's functions drop what they know
-        from acausal.language.expression import time
-
-        found |= {time}
-        of_t = Expression(sx(of_t), found)
-    return vector(of_t, f"{what}'s value")
 
 
 def _checked_axes(resolved_in: str) -> str:

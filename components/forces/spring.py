@@ -8,7 +8,7 @@ from typing import Any, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, scalar, sx
+from acausal.language.expression import Expression, Scalar, leaves, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.force import AbstractLineForce
 
@@ -24,8 +24,8 @@ class Spring(AbstractLineForce):
     """
 
     def __init__(self, stiffness: Scalar, natural_length: Scalar = 0.0) -> None:
-        self.stiffness = scalar(stiffness, "Spring's stiffness", non_negative=True)
-        self.natural_length = scalar(natural_length, "Spring's natural_length", non_negative=True)
+        self.stiffness = scalar(stiffness, "Spring's stiffness", non_negative=True, unit="N/m")
+        self.natural_length = scalar(natural_length, "Spring's natural_length", non_negative=True, unit="m")
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         return sx(self.stiffness) * length - sx(self.stiffness) * sx(self.natural_length)
@@ -42,7 +42,7 @@ class Damper(AbstractLineForce):
     """
 
     def __init__(self, damping: Scalar) -> None:
-        self.damping = scalar(damping, "Damper's damping", non_negative=True)
+        self.damping = scalar(damping, "Damper's damping", non_negative=True, unit="N*s/m")
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         return sx(self.damping) * rate
@@ -59,9 +59,9 @@ class SpringDamper(AbstractLineForce):
     """
 
     def __init__(self, stiffness: Scalar, natural_length: Scalar, damping: Scalar) -> None:
-        self.stiffness = scalar(stiffness, "SpringDamper's stiffness", non_negative=True)
-        self.natural_length = scalar(natural_length, "SpringDamper's natural_length", non_negative=True)
-        self.damping = scalar(damping, "SpringDamper's damping", non_negative=True)
+        self.stiffness = scalar(stiffness, "SpringDamper's stiffness", non_negative=True, unit="N/m")
+        self.natural_length = scalar(natural_length, "SpringDamper's natural_length", non_negative=True, unit="m")
+        self.damping = scalar(damping, "SpringDamper's damping", non_negative=True, unit="N*s/m")
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         return sx(self.stiffness) * (length - sx(self.natural_length)) + sx(self.damping) * rate
@@ -82,7 +82,8 @@ class NonlinearSpring(AbstractLineForce):
 
     def __init__(self, potential: Callable[[ca.SX], ca.SX]) -> None:
         length = ca.SX.sym("length")
-        if not ca.depends_on(_tried(potential, "NonlinearSpring's potential", "length", length), length):
+        self.law = _tried(potential, "NonlinearSpring's potential", "length", length)
+        if not ca.depends_on(self.law.sx, length):
             raise ParameterError(f"NonlinearSpring's potential must be a function of the length ({origin()}).")
         self._potential = potential
 
@@ -102,7 +103,7 @@ class NonlinearDamper(AbstractLineForce):
     """
 
     def __init__(self, force: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
-        _tried(force, "NonlinearDamper's force", "length, rate", ca.SX.sym("length"), ca.SX.sym("rate"))
+        self.law = _tried(force, "NonlinearDamper's force", "length, rate", ca.SX.sym("length"), ca.SX.sym("rate"))
         self._force = force
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
@@ -112,10 +113,11 @@ class NonlinearDamper(AbstractLineForce):
         return ca.SX(0)
 
 
-def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -> ca.SX:
-    """The law of symbols. Raises `ParameterError` for what is no function, or none of these symbols, or gives no scalar."""
+def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -> Expression:
+    """The law of symbols, with the parameters in it. Raises `ParameterError` for what is no function, or none of these symbols, or gives no scalar."""
     try:
-        result = ca.SX(law(*values))
+        found = law(*values)
+        result = ca.SX(found)
     except (TypeError, AttributeError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
             f"{what} cannot be used ({origin()}): {str(error).rstrip('.')}. It must be a function of ({arguments}) in numpy's or CasADi's functions, which "
@@ -123,4 +125,4 @@ def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -
         ) from error
     if not result.is_scalar():
         raise ParameterError(f"{what} must give one number, not {result.shape} ({origin()}).")
-    return result
+    return Expression(result, leaves(found))

@@ -35,8 +35,8 @@ class PrescribedMotion(AbstractJoint):
         angle: Scalar | Callable[[Any], Any] = 0.0,
         axis: Axis = "z",
     ) -> None:
-        self.position = vector(of_time(position), "PrescribedMotion's position")
-        self.angle = scalar(of_time(angle), "PrescribedMotion's angle")
+        self.position = vector(of_time(position), "PrescribedMotion's position", unit="m")
+        self.angle = scalar(of_time(angle), "PrescribedMotion's angle", unit="rad")
         self.axis = axis_vector(axis, "PrescribedMotion's axis")
         for name in ("position", "angle", "axis"):
             _check_known(name, getattr(self, name))

@@ -24,7 +24,7 @@ class Rod(AbstractConstraint):
     between_points = True
 
     def __init__(self, length: Scalar) -> None:
-        self.length = scalar(length, "Rod's length", positive=True)
+        self.length = scalar(length, "Rod's length", positive=True, unit="m")
 
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
         length = sx(self.length)

@@ -21,6 +21,9 @@ class Spherical(AbstractStepJoint):
         scene.socket = Spherical()
     """
 
+    if_given_arguments = (
+        'A ball joint has no axis. Its frames may be turned: world.at(place, rotation=("x", 1.57)), body.at(...).'
+    )
     q = Variable("", "unit quaternion, scalar first", size=4, start=(1.0, 0.0, 0.0, 0.0))
     v = Variable("rad/s", "angular velocity in frame_b", size=3)
 

@@ -1,4 +1,4 @@
-"""What must hold for every force between two points."""
+"""What must hold for every force, also for those written later."""
 
 from __future__ import annotations
 
@@ -7,18 +7,59 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.parts.force import AbstractLineForce
-from components import Damper, NonlinearDamper, NonlinearSpring, RigidBody, Spring, SpringDamper, World
+from acausal.parts.force import AbstractForce, AbstractLineForce
+from acausal.parts.force_check import FreePlacement, unbalanced_power
+from acausal.parts.pose import symbolic
+from components import RigidBody, World
+from tests.conformance.catalogue import kinds, made
 
-SAMPLES = [
-    Spring(30.0, 0.4), Spring(30.0), Damper(2.0), SpringDamper(30.0, 0.4, 2.0), NonlinearSpring(lambda length: 3 * length**4 - 1 / length),
-    NonlinearDamper(lambda length, rate: 3 * rate * ca.fabs(rate) / length),
-]  # fmt: skip
+ARGUMENTS: dict[str, dict[str, object]] = {
+    "Force": {"force": (1.0, 2.0, -0.5)}, "Torque": {"torque": (1.0, 2.0, -0.5)},
+    "NonlinearSpring": {"potential": lambda length: 3 * length**4 - 1 / length},
+    "NonlinearDamper": {"force": lambda length, rate: 3 * rate * ca.fabs(rate) / length},
+}  # fmt: skip
+USUAL = {"stiffness": 30.0, "natural_length": 0.4, "damping": 2.0}
+ALL = [made(cls, ARGUMENTS.get(cls.__name__, USUAL)) for cls in kinds(AbstractForce)]
+SAMPLES = [force for force in ALL if isinstance(force, AbstractLineForce)]
 
 
-def test_no_line_force_is_left_out():
-    names = {cls.__name__ for cls in AbstractLineForce.__subclasses__() if cls.__module__.startswith("components")}
-    assert names == {type(sample).__name__ for sample in SAMPLES}
+@pytest.mark.parametrize("force", ALL, ids=lambda f: type(f).__name__)
+def test_power_is_stored_or_lost(force):
+    """Its forces at connectors that move freely do the work that its potential loses, and what it says is dissipated or supplied."""
+    balance = unbalanced_power(force)
+    assert np.max(np.abs(balance.sum(axis=1))) < 1e-12 * (1 + np.max(np.abs(balance)))
+    assert np.max(np.abs(balance)) > 0.1
+
+
+@pytest.mark.parametrize("force", ALL, ids=lambda f: type(f).__name__)
+def test_force_is_minus_the_slope_of_the_potential_where_nothing_moves(force):
+    """At rest the potential's slope along every motion is the work of the forces, less that of forces from outside."""
+    placement = FreePlacement()
+    power = placement.power(force.actions(placement))
+    stored = ca.SX(force.potential_energy(placement))
+    gap = ca.jacobian(power + placement.rate(stored) + force.power_loss(placement), placement.y_dot)
+    f = ca.Function("gap", [placement.y, placement.y_dot, placement.t], [ca.densify(gap)])
+    y = np.random.default_rng(2).uniform(0.2, 1.0, placement.y.numel())
+    assert np.max(np.abs(np.array(f(y, np.zeros(y.size), 0.3)))) < 1e-12
+
+
+@pytest.mark.parametrize("force", [f for f in ALL if len(f.connectors()) > 1], ids=lambda f: type(f).__name__)
+def test_between_parts_action_is_reaction_and_nothing_is_supplied(force):
+    placement = FreePlacement()
+    total, moment = ca.SX.zeros(3), ca.SX.zeros(3)
+    for action in force.actions(placement):
+        X = placement.pose(action.connector)
+        push = symbolic(X.rotation) @ action.force
+        total += push
+        moment += ca.cross(symbolic(X.position), push) + symbolic(X.rotation) @ action.torque
+    f = ca.Function("f", [placement.y, placement.y_dot], [total, moment, ca.SX(force.power_loss(placement))])
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        total_, moment_, lost = (
+            np.array(part) for part in f(rng.uniform(0.2, 1.0, placement.y.numel()), rng.normal(size=placement.y.numel()))
+        )
+        assert np.max(np.abs(total_)) < 1e-12 and np.max(np.abs(moment_)) < 1e-12
+        assert lost.item() >= 0
 
 
 @pytest.mark.parametrize("force", SAMPLES, ids=lambda f: type(f).__name__)

@@ -85,6 +85,29 @@ def test_twist_is_the_rate_of_the_pose(cls):
 
 
 @pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
+def test_twist_is_a_difference_of_poses(cls):
+    """In numbers, without derivatives: poses a little later and a little earlier along q' = N v, to the order of the step squared."""
+    joint, rng = make(cls), np.random.default_rng(7)
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    X, (_, twist) = joint.pose(q, t), composed(joint, q, v, t)
+    at = ca.Function("pose", [q, t], [symbolic(X.rotation), symbolic(X.position)])
+    rates = ca.Function("rates", [q, v, t], [joint.rates(q, v, t)])
+    found = ca.Function("twist", [q, v, t], [twist])
+    q0, v0 = random_state(joint, rng)
+    # along the straight line, off the unit quaternions by h^2 |q'|^2 / 2
+    q_dot = np.array(rates(q0, v0, 0.3)).ravel()
+    gaps = []
+    for h in (1e-2, 1e-3):
+        (R0, p0), (R1, p1) = (tuple(np.array(part) for part in at(q0 + s * h * q_dot, 0.3 + s * h)) for s in (-1, 1))
+        R = np.array(at(q0, 0.3)[0])
+        W = R.T @ (R1 - R0) / (2 * h)
+        w = 0.5 * np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
+        difference = np.concatenate([w, (R.T @ (p1 - p0) / (2 * h)).ravel()])
+        gaps.append(np.max(np.abs(difference - np.array(found(q0, v0, 0.3)).ravel())))
+    assert gaps[1] < 2e-2 * gaps[0] + 1e-11
+
+
+@pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
 def test_reversed_motion_is_the_inverse_with_its_rate(cls):
     joint, rng = make(cls), np.random.default_rng(2)
     q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")

@@ -10,7 +10,7 @@ import numpy as np
 from acausal.explain.integrability.closed_forms import closed_forms
 from acausal.explain.integrability.derived import DerivedSystem, derived_system
 from acausal.explain.integrability.frobenius import Growth, growth, integrable_alone
-from acausal.explain.integrability.integral import Integral, linear_integrals, straightened
+from acausal.explain.integrability.integral import Integral, linear_integral, linear_integrals, straightened
 from acausal.explain.integrability.pfaffian import PfaffianSystem
 
 
@@ -112,9 +112,11 @@ def _block(
 
 
 def _seen_from(integral: Integral, part: PfaffianSystem, whole: PfaffianSystem) -> Integral:
-    """With coefficients of all coordinates."""
+    """With coefficients of all coordinates, these measured as they were."""
     if integral.coefficients is None:
-        return integral
+        return replace(integral, expression=part.seen_plain(integral.expression))
+    plain = linear_integral(part, integral.coefficients / np.array(part.sizes or 1.0), integral.names)
+    assert plain.coefficients is not None
     coefficients = np.zeros(whole.y.numel())
-    coefficients[[whole.coordinate_names.index(name) for name in part.coordinate_names]] = integral.coefficients
-    return replace(integral, coefficients=coefficients)
+    coefficients[[whole.coordinate_names.index(name) for name in part.coordinate_names]] = plain.coefficients
+    return replace(plain, coefficients=coefficients)

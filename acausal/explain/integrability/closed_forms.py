@@ -37,7 +37,8 @@ def closed_forms(
         for expression in (plain, plain.replace(sympy.log, lambda a: sympy.log(sympy.Abs(a)))):
             function = _to_sx(expression, names, system.y)
             if function is not None and is_integral(system, growth, function):
-                labels = {name: sympy.Symbol(label) for name, label in zip(names, system.coordinate_names, strict=True)}
+                sizes = [sympy.Rational(size) for size in system.sizes] or [sympy.Integer(1)] * len(names)
+                labels = {n: sympy.Symbol(label) / s for n, label, s in zip(names, system.coordinate_names, sizes, strict=True)}
                 found.append(Integral(function, None, source_names(system, growth, function), str(expression.subs(labels))))
                 break
     return tuple(found)

@@ -22,7 +22,7 @@ class PfaffianSystem:
 
     `y` (n, 1): coordinates, the time last where it enters (`timed`), so that a rheonomic constraint is one like any other.
     `holonomic` (c, 1): functions of y. `forms` (m, n). `coordinate_names` (n) and `names` (m). `start` (n,): where to look for points
-    with holonomic = 0. Raises `ModelError` for shapes that do not fit and symbols that are not among y.
+    with holonomic = 0. `sizes` (n): what the coordinates were divided by, so that all are about 1; none where they were not. Raises `ModelError` for shapes that do not fit and symbols that are not among y.
     """
 
     y: ca.SX
@@ -32,6 +32,7 @@ class PfaffianSystem:
     names: tuple[str, ...]
     start: np.ndarray
     timed: bool = False
+    sizes: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         n, m = self.y.numel(), len(self.names)
@@ -61,8 +62,32 @@ class PfaffianSystem:
         """The same manifold with only these velocity constraints."""
         chosen = list(rows)
         return PfaffianSystem(
-            self.y, self.holonomic, self.forms[chosen, :], self.coordinate_names, tuple(self.names[i] for i in chosen), self.start, self.timed
+            self.y, self.holonomic, self.forms[chosen, :], self.coordinate_names, tuple(self.names[i] for i in chosen), self.start, self.timed,
+            self.sizes,
         )  # fmt: skip
+
+    def measured(self, sizes: np.ndarray) -> PfaffianSystem:
+        """The same in coordinates y / sizes (n,), rows divided by their largest entry near the start: ranks then meet no units."""
+        plain = self.y * ca.SX(ca.DM(sizes))
+        holonomic, forms = ca.substitute([self.holonomic, self.forms @ ca.diag(ca.SX(ca.DM(sizes)))], [self.y], [plain])
+        start = self.start / sizes
+        beside = start + np.random.default_rng(1).uniform(0.1, 0.4, start.size)
+        rows = np.array(ca.Function("rows", [self.y], [ca.densify(forms)])(beside)).reshape(-1, start.size)
+        slopes = np.array(ca.Function("slopes", [self.y], [ca.densify(ca.jacobian(holonomic, self.y))])(beside)).reshape(
+            -1, start.size
+        )
+        return PfaffianSystem(
+            self.y, _divided(holonomic, slopes), ca.sparsify(_divided(forms, rows)), self.coordinate_names, self.names, start, self.timed,
+            tuple(sizes.tolist()),
+        )  # fmt: skip
+
+    def seen_plain(self, expression: ca.SX) -> ca.SX:
+        """An expression in these coordinates, in the ones before they were divided."""
+        return ca.substitute(expression, self.y, self.y / ca.SX(ca.DM(self.sizes))) if self.sizes else expression
+
+    def seen_measured(self, expression: ca.SX) -> ca.SX:
+        """The way back."""
+        return ca.substitute(expression, self.y, self.y * ca.SX(ca.DM(self.sizes))) if self.sizes else expression
 
     def blocks(self) -> Iterator[tuple[tuple[int, ...], PfaffianSystem]]:
         """Parts that share no coordinate, each with at least one velocity constraint; and which constraints of the whole they hold.
@@ -84,6 +109,7 @@ class PfaffianSystem:
                 yield rows, PfaffianSystem(
                     self.y[own], self.holonomic[[k for k in group if k < c]], self.forms[list(rows), own],
                     tuple(self.coordinate_names[i] for i in own), tuple(self.names[i] for i in rows), self.start[own], self.timed and last in own,
+                    tuple(self.sizes[i] for i in own) if self.sizes else (),
                 )  # fmt: skip
 
     def points(self, count: int = _SAMPLES, seed: int = 0) -> list[np.ndarray]:
@@ -137,6 +163,13 @@ class PfaffianSystem:
             return dc.reshape(-1, n), W.reshape(m, n), change.transpose(0, 2, 1) - change
 
         return at
+
+
+def _divided(rows: ca.SX, values: np.ndarray) -> ca.SX:
+    """Rows (m, k) over the largest of their values (m, n), to a power of two."""
+    largest = np.max(np.abs(np.where(np.isfinite(values), values, 0.0)), axis=1, initial=0.0)
+    factor = np.ldexp(1.0, -np.frexp(np.where(largest > 0, largest, 1.0))[1])
+    return ca.diag(ca.SX(ca.DM(factor))) @ rows if rows.numel() else rows
 
 
 def row_space(matrix: np.ndarray) -> np.ndarray:

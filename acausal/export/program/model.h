@@ -2,11 +2,28 @@
 #ifndef MODEL_H
 #define MODEL_H
 #include "runtime.h"
-#include "simulator.h"
 
-extern const Kernel model_rhs_kernel;        /* t, x, u, p -> x' */
-extern const Kernel model_jvp_kernel;        /* t, x, u, p, dx -> df/dx dx */
-extern const Kernel model_projection_kernel; /* t, x, p -> x nearer to the invariants, invariants */
-extern const long model_lanes, model_invariants;
-extern const long model_copies, model_copy_to[], model_copy_from[]; /* x'[copy_to] = x[copy_from] */
+/* A function of plain numbers, as CasADi writes them, and the sizes of its work space. */
+typedef struct {
+    int (*run)(const double **arguments, double **results, long long *iw, double *w, int memory);
+    long arguments, results, iw, w;
+} PlainFunction;
+
+typedef struct {
+    Kernel rhs;        /* t, x, u, p -> x' */
+    Kernel jvp;        /* t, x, u, p, dx -> df/dx dx */
+    Kernel projection; /* t, x, p -> x nearer to the invariants, invariants */
+    long width;        /* LANES of model.c */
+    long states, inputs, parameters, invariants, copies;
+    const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
+    const char *const *state_names;
+    const double *start, *input_values, *parameter_values;
+    long conditions, constants;     /* constants: parameters that follow from the start; they come last */
+    const double *condition_values;
+    PlainFunction assembly;         /* data (conditions, t, u, p without constants) -> x, constants; NaN where there is no such start */
+    PlainFunction gaps;             /* t, x, u, p -> gaps of positions, of velocities; size of velocities. run is 0 without constraints */
+    const char *depends;            /* on which of the data the start depends */
+} Model;
+
+extern EXPORT const Model model;
 #endif

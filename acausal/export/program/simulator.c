@@ -7,12 +7,12 @@
 #include "methods.h"
 
 #define FINEST 1e-15
+#define CLOSED 1e-6 /* gaps that a start may have, in parts of the model's size, or of its velocities */
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
 
-SimulatorOptions simulator_defaults(void) {
-    SimulatorOptions options = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0};
-    return options;
-}
+static const SimulatorOptions defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0};
+
+SimulatorOptions simulator_defaults(void) { return defaults; }
 
 static int finished(SimulatorReport *report, SimulatorStatus status, const char *message) {
     report->status = status;
@@ -22,7 +22,7 @@ static int finished(SimulatorReport *report, SimulatorStatus status, const char 
 
 /* What is wrong with a call; 0 when nothing is. */
 static const char *mistake(const SimulatorOptions *options, double t0, long n, const double *times, const double *states) {
-    if (lanes() != LANES || model_lanes != LANES) return "model.c, runtime.c and simulator.c were compiled with different flags.";
+    if (lanes() != LANES || model.width != LANES) return "model.c, runtime.c and simulator.c were compiled with different flags.";
     if (n < 1 || !times || !states) return "At least one time is needed, and room for its states.";
     if (!isfinite(t0) || !(times[0] >= t0) || !isfinite(times[n - 1])) return "Times must be finite and not before the start.";
     for (long k = 1; k < n; k++)
@@ -31,6 +31,71 @@ static const char *mistake(const SimulatorOptions *options, double t0, long n, c
     if (!(options->atol >= 0)) return "atol must be positive, or 0 for the same as rtol.";
     if (!(options->step >= 0)) return "step must be positive, or 0 for steps as the tolerances allow.";
     return 0;
+}
+
+static int called(const PlainFunction *f, const double *const *arguments, double *const *results, long n, long m) {
+    const double **arg = malloc(sizeof *arg * (size_t)(f->arguments + 1));
+    double **res = malloc(sizeof *res * (size_t)(f->results + 1)), *w = malloc(sizeof *w * (size_t)(f->w + 1));
+    long long *iw = malloc(sizeof *iw * (size_t)(f->iw + 1));
+    int good = arg && res && w && iw;
+    if (good) {
+        for (long i = 0; i < n; i++) arg[i] = arguments[i];
+        for (long i = 0; i < m; i++) res[i] = results[i];
+        f->run(arg, res, iw, w, 0);
+    }
+    free(arg);
+    free(res);
+    free(w);
+    free(iw);
+    return good;
+}
+
+/* Whether the start depends on one of `count` data, the first of which is number `first`, that is not what it was when exported. */
+static int moved(long first, long count, const double *values, const double *exported) {
+    for (long i = 0; i < count; i++)
+        if (model.depends[first + i] && !(values[i] == exported[i])) return 1;
+    return 0;
+}
+
+/* The state at which a run starts, and the constants in p that belong to it. */
+static SimulatorStatus assemble(double t0, const double *conditions, const double *u, double *p, double *x) {
+    const long c = model.conditions, nu = model.inputs, own = model.parameters - model.constants;
+    const double zero = 0;
+    memcpy(x, model.start, sizeof(double) * (size_t)model.states);
+    if (!moved(0, c, conditions, model.condition_values) && !moved(c, 1, &t0, &zero) && !moved(c + 1, nu, u, model.input_values) &&
+        !moved(c + 1 + nu, own, p, model.parameter_values)) {
+        memcpy(p + own, model.parameter_values + own, sizeof(double) * (size_t)model.constants);
+        return SIMULATOR_SUCCESS;
+    }
+    double *data = malloc(sizeof(double) * (size_t)(c + 1 + nu + own));
+    if (!data) return SIMULATOR_OUT_OF_MEMORY;
+    memcpy(data, conditions, sizeof(double) * (size_t)c);
+    data[c] = t0;
+    memcpy(data + c + 1, u, sizeof(double) * (size_t)nu);
+    memcpy(data + c + 1 + nu, p, sizeof(double) * (size_t)own);
+    int good = called(&model.assembly, (const double *const[]){data}, (double *const[]){x, p + own}, 1, 2);
+    free(data);
+    if (!good) return SIMULATOR_OUT_OF_MEMORY;
+    for (long i = 0; i < model.states; i++)
+        if (!isfinite(x[i])) return SIMULATOR_OPEN_START;
+    return SIMULATOR_SUCCESS;
+}
+
+static SimulatorStatus closed(double t0, const double *x, const double *u, const double *p) {
+    double gaps[3] = {0, 0, 0};
+    if (!model.gaps.run) return SIMULATOR_SUCCESS;
+    if (!called(&model.gaps, (const double *const[]){&t0, x, u, p}, (double *const[]){gaps}, 4, 1)) return SIMULATOR_OUT_OF_MEMORY;
+    return gaps[0] <= CLOSED && gaps[1] <= CLOSED * gaps[2] ? SIMULATOR_SUCCESS : SIMULATOR_OPEN_START;
+}
+
+int simulator_start(double t0, const double *conditions, const double *u, double *p, double *x) {
+    double *own = malloc(sizeof(double) * (size_t)(model.parameters + 1));
+    if (!own) return SIMULATOR_OUT_OF_MEMORY;
+    memcpy(own, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
+    SimulatorStatus status = assemble(t0, conditions ? conditions : model.condition_values, u ? u : model.input_values, own, x);
+    if (p) memcpy(p, own, sizeof(double) * (size_t)model.parameters);
+    free(own);
+    return (int)status;
 }
 
 static const Method *of_order(const Method *methods, long count, long order) {
@@ -100,16 +165,24 @@ static int conclude(SimulatorReport *report, const Integrator *I, enum Code code
     case OUT_OF_MEMORY: return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
     default: break;
     }
-    if (I->worst >= 0 && I->worst < I->nx) report->failed_state = model_state_names[I->worst];
+    if (I->worst >= 0 && I->worst < I->nx) report->failed_state = model.state_names[I->worst];
     if (code == NON_FINITE) return finished(report, SIMULATOR_NON_FINITE, "A rate became infinite or not a number.");
     if (code == NOT_CONVERGED)
         return finished(report, SIMULATOR_NOT_CONVERGED, "The stage equations did not converge; use a smaller step.");
     return finished(report, SIMULATOR_STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here.");
 }
 
+static const char *without_start(SimulatorStatus status) {
+    switch (status) {
+    case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
+    case SIMULATOR_NON_FINITE: return "The start values are not finite.";
+    case SIMULATOR_INPUT_FAILED: return "The inputs could not be computed.";
+    default: return "Not enough memory.";
+    }
+}
+
 int simulate(const SimulatorOptions *options, double t0, const double *x0, const double *u, const double *p, long n,
              const double *times, double *states, SimulatorReport *report) {
-    const SimulatorOptions defaults = simulator_defaults();
     SimulatorReport unread;
     if (!options) options = &defaults;
     if (!report) report = &unread;
@@ -118,28 +191,38 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
     const char *wrong = mistake(options, t0, n, times, states);
     if (wrong) return finished(report, SIMULATOR_BAD_ARGUMENT, wrong);
 
-    Integrator I = {.nx = model_states, .nu = model_inputs, .np = model_parameters, .ng = model_invariants,
-                    .rhs = model_rhs_kernel, .jvp = model_jvp_kernel, .projection = model_projection_kernel,
-                    .copies = model_copies, .copy_to = model_copy_to, .copy_from = model_copy_from, .slice = INFINITY,
+    Integrator I = {.nx = model.states, .nu = model.inputs, .np = model.parameters, .ng = model.invariants,
+                    .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection,
+                    .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from, .slice = INFINITY,
                     .t = t0, .end = times[n - 1], .step = options->step, .max_steps = options->max_steps};
     I.rtol = fmax(options->rtol, FINEST);
     I.atol = fmax(options->atol > 0 ? options->atol : options->rtol, options->rtol < FINEST ? FINEST : 0.0);
     I.input = options->input;
-    I.parameters = p ? p : model_parameter_values;
     if (!choose_method(&I, options, I.rtol)) return finished(report, SIMULATOR_BAD_ARGUMENT, "There is no method of that order.");
 
-    double *own = malloc(sizeof(double) * (size_t)(model_states + model_inputs + 1));
+    double *own = malloc(sizeof(double) * (size_t)(model.states + model.inputs + model.parameters + 1));
     if (!own) return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
+    double *parameters = own + model.states + model.inputs;
     I.x = own;
-    I.u = own + model_states;
-    memcpy(I.x, x0 ? x0 : model_start, sizeof(double) * (size_t)model_states);
-    memcpy(I.u, u ? u : model_input_values, sizeof(double) * (size_t)model_inputs);
-    for (long i = 0; i < model_states; i++)
+    I.u = own + model.states;
+    I.parameters = parameters;
+    memcpy(I.u, u ? u : model.input_values, sizeof(double) * (size_t)model.inputs);
+    memcpy(parameters, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
+    if (x0) memcpy(I.x, x0, sizeof(double) * (size_t)model.states);
+    int given = !I.input || I.input(t0, I.u);
+    SimulatorStatus begun = !given ? SIMULATOR_INPUT_FAILED
+                            : x0   ? SIMULATOR_SUCCESS
+                                   : assemble(t0, model.condition_values, I.u, parameters, I.x);
+    for (long i = 0; i < model.states && begun == SIMULATOR_SUCCESS; i++)
         if (!isfinite(I.x[i])) {
-            report->failed_state = model_state_names[i];
-            free(own);
-            return finished(report, SIMULATOR_NON_FINITE, "The start values are not finite.");
+            report->failed_state = model.state_names[i];
+            begun = SIMULATOR_NON_FINITE;
         }
+    if (x0 && begun == SIMULATOR_SUCCESS) begun = closed(t0, I.x, I.u, parameters);
+    if (begun != SIMULATOR_SUCCESS) {
+        free(own);
+        return finished(report, begun, without_start(begun));
+    }
 
     enum Code code = run(&I);
     report->time = I.t;

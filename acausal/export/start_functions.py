@@ -1,0 +1,116 @@
+"""The start of an exported simulator: assembled anew for other values, and checked where it is given."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.folding import folded_function
+from acausal.outputs.functions import Functions
+from acausal.start.assembly_function import assembled, row_lengths, start_units
+from acausal.start.initial import InitialState
+
+_HEAD = """\
+/* Assembly of the start, in plain numbers, as CasADi writes it: compilers are to spare it their warnings. */
+#pragma GCC system_header
+#include <math.h>
+#define CASADI_SYMBOL_EXPORT static __attribute__((unused))
+#define CASADI_CODEGEN_PREFIX
+#define CODEGEN_PREFIX SIMULATOR_NAME(simulator_)
+#pragma GCC visibility push(hidden)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdangling-pointer"
+"""
+_TAIL = "\n#pragma GCC diagnostic pop\n#pragma GCC visibility pop\n"
+
+
+@dataclass(frozen=True)
+class StartFunctions:
+    """`assembly`: data (start values, t0, u, p without constants) -> (x, constants of integration), NaN where there is no such start; `depends`:
+    on which of the data. `gaps`: (t, x, u, p) -> how far positions and velocities are from closing, and how large the velocities are, without
+    unit; None without constraints. `names`, `values`: of the start values.
+    """
+
+    assembly: ca.Function
+    depends: tuple[bool, ...]
+    gaps: ca.Function | None
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+
+
+def start_functions(functions: Functions, initial: InitialState) -> StartFunctions:
+    """Around the start that is exported."""
+    account, space, s = initial.account, functions.space, functions.outputs.system
+    data = ca.MX.sym("data", account.data.size)
+    whole = assembled(initial, data)
+    sources = ca.Function("constants", [s.t, s.x, s.p], [ca.densify(space.elimination.sources)])
+    _, t, _, p = ca.vertsplit(data, _places(functions, initial))
+    constants = sources(t, whole, p)
+    x = whole[list(space.places)] if space.places else ca.MX(0, 1)
+    names = tuple(met.name + (f"[{k}]" if met.wanted.size > 1 else "") for met in initial.met for k in range(met.wanted.size))
+    return StartFunctions(
+        ca.Function("assembly", [data], [ca.densify(x), ca.densify(constants)]),
+        _depends(functions, initial),
+        _gaps(functions, initial),
+        names,
+        tuple(account.data[: len(names)].tolist()),
+    )
+
+
+def _depends(functions: Functions, initial: InitialState) -> tuple[bool, ...]:
+    """Whether the start depends on each of the data: by what its searches are made of."""
+    account, s = initial.account, functions.outputs.system
+    places = _places(functions, initial)
+    d = ca.SX.sym("data", places[-1])
+    _, t, _, p = ca.vertsplit(d, places)
+    found = np.arange(places[-1]) < places[1]
+    used = [ca.substitute(functions.space.elimination.sources, ca.vertcat(s.t, s.p), ca.vertcat(t, p))]
+    for search, moving in ((account.problem.positions, d), (account.problem.velocities, ca.vertcat(d, ca.SX.sym("q", s.nq)))):
+        y, first = ca.SX.sym("y", search.guess.size), ca.SX.sym("first", search.guess.size)
+        used += [] if search.residual is None else [search.residual(y, moving)]
+        used += [] if search.wish is None else [search.wish(y, moving, first)]
+        used += [] if search.side is None else [search.side(y, moving)]
+    by = ca.jacobian_sparsity(ca.densify(ca.vertcat(*used)), d)
+    found[sorted(set(by.get_col()))] = True
+    return tuple(found.tolist())
+
+
+def _places(functions: Functions, initial: InitialState) -> list[int]:
+    """Where start values, t0, inputs and parameters begin among the data, and where they end."""
+    s, end = functions.outputs.system, initial.account.data.size
+    inputs = end - s.p.numel() - s.u.numel()
+    return [0, inputs - 1, inputs, end - s.p.numel(), end]
+
+
+def _gaps(functions: Functions, initial: InitialState) -> ca.Function | None:
+    s, space, account = functions.outputs.system, functions.space, initial.account
+    if not s.closing.numel() and not s.velocity_closing.numel():
+        return None
+    scale, scale_v = start_units(initial)
+    q, v = s.x[: s.nq], s.x[s.nq :]
+    slopes = ca.Function(
+        "slopes", [s.t, s.x, s.u, s.p], [ca.densify(ca.jacobian(s.closing, q)), ca.densify(ca.jacobian(s.velocity_closing, v))]
+    )
+    whole = np.concatenate([account.positions.y, account.velocities.y])
+    _, t, u, p = np.split(account.data, _places(functions, initial)[1:4])
+    J, K = (np.array(part) for part in slopes(t, whole, u, p))
+    positions = s.closing / ca.DM(row_lengths(J.reshape(-1, q.numel()) * scale))
+    velocities = s.velocity_closing / ca.DM(row_lengths(K.reshape(-1, v.numel()) * scale_v))
+    sizes = [ca.norm_2(ca.vertcat(ca.SX(0), column)) for column in (positions, velocities, v / ca.DM(scale_v))]
+    result = space.put(ca.vertcat(*sizes)) if space.elimination.symbols else ca.vertcat(*sizes)
+    return folded_function("gaps", space.arguments, [ca.densify(result)])
+
+
+def start_c(start: StartFunctions) -> str:
+    """A header with C of the functions, for inclusion after simulator.h."""
+    generator = ca.CodeGenerator("start", {"casadi_int": "long long int"})
+    for function in (start.assembly, start.gaps):
+        if function is not None:
+            generator.add(function)
+    with tempfile.TemporaryDirectory() as folder:
+        made = generator.generate(f"{folder}/")
+        return _HEAD + Path(made).read_text(encoding="utf-8") + _TAIL

@@ -1,0 +1,85 @@
+"""Forces that read variables of scalar domains: once these are solved, their values are put into the equations of motion."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+
+from acausal.dynamics.system import MechanicalSystem
+from acausal.errors import ModelError, UnknownVariableError
+from acausal.language.expression import Derivative, Symbol
+from acausal.language.flatten import Part
+from acausal.scalar.coupling import ScalarPart
+
+
+def with_signals(
+    mechanics: MechanicalSystem, v_dot: ca.SX, multipliers: ca.SX, scalar: ScalarPart
+) -> tuple[MechanicalSystem, ca.SX, ca.SX, ScalarPart]:
+    """The same without symbols of other parts' variables. Raises `ModelError` where a variable depends on the force that reads it."""
+    states = {symbol.sx.element_hash() for symbol in scalar.states}
+    wanted = {s: part for s, part in mechanics.readings.borrowed.items() if s.sx.numel() > 1 or s.sx.element_hash() not in states}
+    values: dict[Symbol, ca.SX] = {}
+    for symbol, part in wanted.items():
+        values[symbol] = _value(mechanics, scalar, symbol, part)
+    values = _without_each_other(mechanics, wanted, values)
+    symbols, new = [s.sx for s in values], list(values.values())
+
+    def put(expression: ca.SX) -> ca.SX:
+        return ca.substitute([expression], symbols, new)[0] if symbols else expression
+
+    borrowed = ca.vertcat(ca.SX(0, 1), *(ca.vec(s) for s in symbols))
+    kept = ca.vertcat(scalar.position, scalar.velocity, *(scalar.correction or ()))
+    if borrowed.numel() and kept.numel() and ca.depends_on(kept, borrowed):
+        raise _loop(mechanics, wanted, set(wanted))
+    solved = {symbol: put(value) for symbol, value in scalar.solved.items()}
+    done = dataclasses.replace(scalar, rates=put(scalar.rates), solved=solved, tau=put(scalar.tau))
+    return mechanics.with_values(list(zip(symbols, new, strict=True))), put(v_dot), put(multipliers), done
+
+
+def _value(mechanics: MechanicalSystem, scalar: ScalarPart, symbol: Symbol, part: Part) -> ca.SX:
+    """By t, x, u and p; of a derivative that no equation holds, by the chain rule."""
+    if symbol in scalar.solved:
+        return scalar.solved[symbol]
+    if not isinstance(symbol, Derivative):
+        raise UnknownVariableError(
+            f"{part.where} depends on {_name(mechanics, symbol)} [{symbol.unit}], which no equation determines. Connect its part, or leave it out."
+        )
+    tree, inputs = mechanics.tree, [entry.sx for entry in mechanics.flat.inputs]
+    of = _value(mechanics, scalar, symbol.of, part)
+    if any(ca.depends_on(of, s) for s in (tree.v, *inputs) if s.numel()):
+        raise _loop(mechanics, {symbol: part}, {symbol})
+    rate = mechanics.kinematics.rate(of)
+    states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
+    return rate + ca.jtimes(of, states, scalar.rates) if states.numel() else rate
+
+
+def _without_each_other(
+    mechanics: MechanicalSystem, readers: dict[Symbol, Part], values: dict[Symbol, ca.SX]
+) -> dict[Symbol, ca.SX]:
+    """Values in which no borrowed symbol is left: those that hold none first, then those that hold only these."""
+    done: dict[Symbol, ca.SX] = {}
+    open_ones = dict(values)
+    while open_ones:
+        ready = [s for s, value in open_ones.items() if not any(ca.depends_on(value, other.sx) for other in open_ones)]
+        if not ready:
+            raise _loop(mechanics, readers, set(open_ones))
+        for symbol in ready:
+            done[symbol] = open_ones.pop(symbol)
+        for symbol, value in open_ones.items():
+            open_ones[symbol] = ca.substitute([value], [s.sx for s in ready], [done[s] for s in ready])[0]
+    return done
+
+
+def _loop(mechanics: MechanicalSystem, readers: dict[Symbol, Part], symbols: set[Symbol]) -> ModelError:
+    symbol = next(s for s in readers if s in symbols)
+    return ModelError(
+        f"{readers[symbol].where} depends on {_name(mechanics, symbol)} [{symbol.unit}], which follows from accelerations or from rates of inputs; accelerations "
+        "depend on this force itself. Put a delay between (a signal behind an Integrator is a state), or read positions and velocities."
+    )
+
+
+def _name(mechanics: MechanicalSystem, symbol: Symbol) -> str:
+    if isinstance(symbol, Derivative):
+        return f"der({_name(mechanics, symbol.of)})"
+    return mechanics.flat.names.get(symbol, symbol.name)

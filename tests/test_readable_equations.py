@@ -1,0 +1,165 @@
+"""Readable equations say what the compiled dynamics compute, at once, and without leftovers of rounding."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+
+import acausal as ac
+from acausal.reduce.unit_quaternions import unit_quaternions
+from components import Free, NonlinearSpring, Revolute, RigidBody, RotationalDamper, RotationalGround, TorqueSource, World
+from tests.analysis_scenes import Motor, Top
+from tests.scenes import DoublePendulum, FourBar, Pendulum, chain
+from tests.test_elimination import slider_crank, upright_disk
+from tests.test_minimal import rolling_ball
+
+T = sp.Symbol("t")
+
+
+def triple_pendulum() -> ac.System:
+    return chain(3, lambda k: Revolute("y"), (0, 0, -0.7), lambda k: RigidBody.rod(1.3, (0, 0, -0.7)))
+
+
+def spatial_arm() -> ac.System:
+    return chain(3, lambda k: Revolute("zyx"[k]), (0.1, 0.2, -0.7))
+
+
+def driven_pendulums() -> ac.System:
+    """Two pendulums in a list, each with a torque and a damper of its own."""
+    scene = ac.System()
+    scene.world = World()
+    scene.hinges, scene.rods = [Revolute("y"), Revolute("y")], [RigidBody.rod(1.0, (0, 0, -1.0)) for _ in range(2)]
+    scene.torques = [ac.Input("N*m"), ac.Input("N*m")]
+    scene.motors = [TorqueSource(u) for u in scene.torques]
+    scene.dampers, scene.still = [RotationalDamper(0.3), RotationalDamper(0.4)], RotationalGround()
+    end = scene.world.frame
+    for hinge, rod, motor, damper in zip(scene.hinges, scene.rods, scene.motors, scene.dampers, strict=True):
+        scene.connect(end, hinge.frame_a)
+        scene.connect(hinge.frame_b, rod.frame)
+        scene.connect(motor.flange, hinge.flange)
+        scene.connect(damper.flange_a, hinge.flange)
+        scene.connect(damper.flange_b, scene.still.flange)
+        end = rod.tip
+    return scene
+
+
+def dumbbell_in_orbit() -> ac.System:
+    """Two ends of a free body are drawn to a centre: the gradient of gravity turns it."""
+    scene = ac.System()
+    scene.world, scene.free, scene.body = World(None), Free(), RigidBody(1.0, (0.2, 0.3, 0.4))
+    scene.pulls = [NonlinearSpring(lambda r: -1.0 / r) for _ in range(2)]
+    scene.connect(scene.world.frame, scene.free.frame_a)
+    scene.connect(scene.free.frame_b, scene.body.frame)
+    for pull, place in zip(scene.pulls, (0.3, -0.2), strict=True):
+        scene.connect(scene.world.frame, pull.point_a)
+        scene.connect(pull.point_b, scene.body.at((place, 0.1, 0)))
+    return scene
+
+
+def motor() -> ac.System:
+    return Motor(12.0, 1.5, 2e-3, 0.04, 1e-4, 2e-4)
+
+
+SCENES: list[tuple[Callable[[], ac.System], float]] = [
+    (Pendulum, 1), (DoublePendulum, 1), (triple_pendulum, 2), (spatial_arm, 5), (Top, 1), (FourBar, 2), (slider_crank, 5),
+    (driven_pendulums, 1), (dumbbell_in_orbit, 5), (rolling_ball, 5), (upright_disk, 2), (motor, 1),
+]  # fmt: skip
+
+
+def identifier(path: str) -> str:
+    return re.sub(r"\W+", "_", path).strip("_")
+
+
+def numbers(model: ac.Model) -> dict[Any, float]:
+    """What each symbol is at a state of the model, taken from its compiled functions."""
+    s, rng = model.system, np.random.default_rng(3)
+    first = model.initial_state()
+    q = model.functions.space.expanded(0.0, first.x, first.p)[: s.nq] + (0.0 if s.constraints.loops else 0.3) * rng.normal(
+        size=s.nq
+    )
+    x = np.concatenate([q, rng.normal(size=s.x.numel() - s.nq)])
+    for item in s.tree_joints:  # quaternions of length 1
+        rows = item.edge.joint.invariants(s.mechanics.tree.q[item.q], s.t)
+        for k in unit_quaternions(rows, s.mechanics.tree.q[item.q]).values():
+            x[item.q][k : k + 4] /= np.linalg.norm(x[item.q][k : k + 4])
+    u = rng.normal(size=s.u.numel())
+    at = ca.Function("at", [s.t, s.x, s.u, s.p], [s.x_dot, s.multipliers])
+    x_dot, multipliers = (np.array(part).ravel() for part in at(0.0, x, u, s.p_values))
+    found: dict[Any, float] = {T: 0.0} | {sp.Symbol(f"lambda_{k + 1}"): v for k, v in enumerate(multipliers)}
+    for item in s.tree_joints:
+        joint, name = item.edge.joint, identifier(item.edge.name)
+        for kind, part in (("q", item.q), ("v", slice(s.nq + item.v.start, s.nq + item.v.stop))):
+            size = part.stop - part.start
+            for i, k in enumerate(range(part.start, part.stop)):
+                symbol = sp.Function(f"{kind}_{name}" + (f"_{i + 1}" if size > 1 else ""))(T)
+                found |= {symbol: x[k], symbol.diff(T): x_dot[k]}
+                if kind == "q" and joint.q.size == joint.v.size:
+                    found[symbol.diff(T, 2)] = x_dot[s.nq + item.v.start + i]
+    for i, state in enumerate(s.scalar_states):
+        symbol = sp.Function(identifier(model.functions.outputs.name(state)))(T)
+        k = s.nq + s.tree_velocities + i
+        found |= {symbol: x[k], symbol.diff(T): x_dot[k]}
+    return found | {sp.Function(identifier(n))(T): v for n, v in zip(model.input_names, u, strict=True)}
+
+
+def value(expression: Any, at: dict[Any, float]) -> float:
+    """Derivatives first: they contain what they are derivatives of."""
+    order = sorted(at, key=lambda symbol: -sp.count_ops(symbol) - len(str(symbol)))
+    names = {symbol: sp.Symbol(f"n{i}") for i, symbol in enumerate(order)}
+    plain = sp.sympify(expression)
+    for symbol in order:
+        plain = plain.subs(symbol, names[symbol])
+    return float(sp.lambdify(list(names.values()), plain)(*(at[symbol] for symbol in order)))
+
+
+@pytest.mark.parametrize(("make", "seconds"), SCENES)
+def test_the_compiled_dynamics_meet_them(make: Callable[[], ac.System], seconds: float):
+    model = ac.build(make())
+    began = time.perf_counter()
+    equations = model.equations()
+    assert time.perf_counter() - began < 2 * seconds  # on a machine that does other things as well
+    if model.functions.space.elimination.symbols:
+        return  # the constants of integration have values for a motion only; another test has these
+    at = numbers(model)
+    for equation in (*equations.motion, *equations.kinematics):
+        size = sum(abs(value(term, at)) for term in sp.Add.make_args(equation.lhs - equation.rhs))
+        assert abs(value(equation.lhs, at) - value(equation.rhs, at)) < 1e-10 * size
+    form = equations.matrices
+    left = form.mass * form.velocities.diff(T) + form.coriolis * form.velocities + form.potential - form.forces
+    for row, entry in enumerate(left):
+        size = sum(abs(value(term, at)) for term in sp.Add.make_args(entry))
+        assert abs(value(entry, at)) < 1e-10 * size, row
+
+
+@pytest.mark.parametrize("make", [DoublePendulum, triple_pendulum, spatial_arm, Top, FourBar])
+def test_no_number_is_a_rounding_error(make: Callable[[], ac.System]):
+    equations = ac.build(make()).equations()
+    floats = {abs(float(n)) for e in equations.all for n in (e.lhs - e.rhs).atoms(sp.Float)}
+    assert all(1e-9 < number < 1e9 and number != 1.0 for number in floats)
+
+
+@pytest.mark.parametrize("make", [DoublePendulum, triple_pendulum, Top])
+def test_mass_rate_less_twice_coriolis_is_skew(make: Callable[[], ac.System]):
+    model = ac.build(make())
+    form, at = model.equations().matrices, numbers(model)
+    skew = np.array([[value(e, at) for e in row] for row in (form.mass.diff(T) - 2 * form.coriolis).tolist()])
+    assert np.max(np.abs(skew)) > 1e-3 and np.max(np.abs(skew + skew.T)) < 1e-13
+
+
+def test_names_are_those_of_parts_in_a_form_that_programs_take():
+    equations = ac.build(driven_pendulums()).equations()
+    names = {str(f.func) for e in equations.all for f in (e.lhs - e.rhs).atoms(sp.Function) if f.args == (T,)}
+    assert {"motors_0_torque", "q_hinges_0", "q_hinges_1"} <= names and all(name.isidentifier() for name in names)
+
+
+def test_quaternions_have_their_kinematics():
+    equations = ac.build(dumbbell_in_orbit()).equations()
+    assert len(equations.kinematics) == 7 and "v_{free" in equations.latex()
+    assert equations._repr_latex_().startswith("$")

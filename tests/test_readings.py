@@ -1,0 +1,237 @@
+"""Forces that read the scene: what they do is what they say, whatever they read, and wherever the graph cuts the loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, make_interp_spline
+
+import acausal as ac
+from acausal.parts.force import AbstractForce, Action
+from acausal.parts.placement import Placement
+from acausal.parts.pose import symbolic
+from components import (
+    AngleSource,
+    Force,
+    Gain,
+    Integrator,
+    NonlinearSpring,
+    Particle,
+    Revolute,
+    RigidBody,
+    RotationSensor,
+    Spherical,
+    Spring,
+    Torque,
+    World,
+)  # fmt: skip
+from tests.bad_input.messages import four_bar, pendulum_with
+from tests.scenes import Pendulum
+
+READINGS: dict[str, Callable[[Any], Any]] = {
+    "position": lambda s: -3 * s.rod.tip.position,
+    "another point": lambda s: s.world.at((1, 0, 0)).position - s.rod.at((0, 0, -0.3)).position,
+    "velocity": lambda s: -2 * s.rod.tip.velocity,
+    "rotation": lambda s: s.rod.tip.rotation @ np.array([1.0, 2.0, 3.0]),
+    "angular velocity": lambda s: s.rod.frame.angular_velocity + 1.0,
+    "coordinate": lambda s: (3 * s.hinge.q, 0, s.hinge.v),
+    "flange": lambda s: (s.hinge.flange.phi, 0, ac.der(s.hinge.flange.phi)),
+    "derivatives": lambda s: ac.der(s.rod.tip.position) + ac.der(s.hinge.q),
+    "CasADi's functions": lambda s: (
+        ca.norm_2(s.rod.tip.velocity),
+        0,
+        ca.if_else(s.hinge.q > 0, s.hinge.q**3, ca.tanh(s.hinge.v) * s.hinge.q**3),
+    ),
+    "input and time": lambda s: (s.wind * ca.sin(ac.time), 0, s.hinge.q * ac.time),
+    "signals": lambda s: (s.gain.output.value, 0, s.sum.output.value),
+    "rate of a signal": lambda s: (ac.der(s.gain.output.value), 0, ac.der(s.sum.output.value)),
+}
+
+
+def pushed(reading: Callable[[Any], Any]) -> ac.System:
+    """A pendulum with a sensor, an amplifier and an integrator, and a force on its tip."""
+    scene = Pendulum()
+    scene.wind, scene.sensor, scene.gain, scene.sum = ac.Input("N", default=2.0), RotationSensor(), Gain(3.0), Integrator()
+    scene.connect(scene.hinge.flange, scene.sensor.flange)
+    scene.connect(scene.sensor.angle, scene.gain.input)
+    scene.connect(scene.gain.output, scene.sum.input)
+    scene.push = Force(reading(scene))
+    scene.connect(scene.rod.tip, scene.push.point)
+    return scene
+
+
+@pytest.mark.parametrize("reading", READINGS.values(), ids=READINGS)
+def test_a_force_is_what_its_expression_is_and_its_work_is_counted(reading):
+    scene = pushed(reading)
+    run = ac.build(scene).simulate(1.0, {scene.hinge.q: 0.5}, rtol=1e-9)
+    value = reading(scene)
+    entries = value if isinstance(value, tuple) else [value[k] for k in range(3)]
+    said = np.column_stack([np.broadcast_to(run[e] if isinstance(e, ac.Expression | ca.SX) else e, run.t.shape) for e in entries])
+    assert np.max(np.abs(run[scene.push.point.force] + said)) < 1e-12 * (1 + np.max(np.abs(said)))
+    assert run.energy_error() < 1e-6
+    assert np.max(np.abs(said)) > 0.1
+
+
+@pytest.mark.parametrize("joint", "abcd")
+def test_a_force_may_read_any_joint_of_a_loop(joint):
+    """The angle of a hinge, and the same from the rotation of the body behind it against that before it."""
+    runs = []
+    for by_rotation in (False, True):
+        scene = four_bar()
+        hinge = getattr(scene, joint)
+        R = hinge.frame_a.rotation.T @ hinge.frame_b.rotation
+        angle = ca.atan2(R[0, 2], R[0, 0]) if by_rotation else hinge.q
+        scene.push = Force((2 * ca.sin(angle), 0.0, 1.0))
+        scene.connect(scene.coupler.at((0.3, 0, 0)), scene.push.point)
+        start = {scene.a.q: 1.0, **{h.q: ac.near(q) for h, q in ((scene.b, -2.134), (scene.c, -0.789), (scene.d, -1.923))}}
+        runs.append(ac.build(scene).simulate(1.0, start, rtol=1e-10)[scene.coupler.tip.position])
+    assert np.max(np.abs(runs[0] - runs[1])) < 1e-7
+
+
+def test_a_force_may_read_all_joints_of_a_loop():
+    """Angles go on where they pass half a turn: the crank turns and the force's work is counted all the way."""
+    scene = four_bar()
+    angles = [hinge.q for hinge in (scene.a, scene.b, scene.c, scene.d)]
+    scene.push = Force((0, 0, sum(0.1 * (k + 1) * angle for k, angle in enumerate(angles))))
+    scene.connect(scene.coupler.tip, scene.push.point)
+    run = ac.build(scene).simulate(2.0, {scene.a.v: 14.0}, rtol=1e-10)
+    for angle in angles:
+        assert np.max(np.abs(np.diff(run[angle]))) < 0.5
+    assert np.ptp(run[scene.a.q]) > 7
+    assert run.energy_error() < 1e-7
+
+
+class Follower(AbstractForce):
+    """Pushes with a joint's angle, and against the rate at which another frame rises."""
+
+    point = ac.Point.port()
+
+    def __init__(self, joint: Revolute, frame: ac.Frame) -> None:
+        self.joint, self.frame = joint, frame
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        push = ca.vertcat(self.joint.q.sx, 0, -2 * placement.rate(self.frame.position.sx[2]))
+        return (Action(self.point, symbolic(placement.pose(self.point).rotation).T @ push, ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)  # what it supplies is found from what it does
+
+
+@pytest.mark.parametrize("joint", "abcd")
+def test_forces_of_one_s_own_read_joints_and_rates_of_loops(joint):
+    scene = four_bar()
+    hinge = getattr(scene, joint)
+    scene.push = Follower(hinge, scene.rocker.tip)
+    scene.connect(scene.push.point, scene.coupler.tip)
+    run = ac.build(scene).simulate(0.5, {scene.a.q: 1.0}, rtol=1e-10)
+    force = -run[scene.push.point.force]
+    assert np.max(np.abs(force[:, 0] - run[hinge.q])) < 1e-13
+    assert np.max(np.abs(force[:, 2] + 2 * run[scene.rocker.tip.velocity][:, 2])) < 1e-12
+    assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda s: Spring(100 * s.ball.q[1] ** 2, 0.1),
+        lambda s: Spring(50 * (2 + np.sin(3 * ac.time)), 0.1),
+        lambda s: Spring(50.0, 0.3 + 0.1 * s.rod.frame.angular_velocity[0] ** 2),
+        lambda s: Spring(s.wind, 0.1),
+        lambda s: NonlinearSpring(lambda length: s.ball.q[2] * length**2 + ca.exp(-length)),
+    ],
+    ids=["position", "time", "velocity", "input", "law"],
+)
+def test_springs_that_change_keep_the_balance_of_energy(law):
+    scene = ac.System()
+    scene.wind = ac.Input("N/m", default=30.0)
+    scene.world, scene.ball, scene.rod = World(), Spherical(), RigidBody.rod(1.0, (0, 0, -1), radius=0.1)
+    scene.connect(scene.world.frame, scene.ball.frame_a)
+    scene.connect(scene.ball.frame_b, scene.rod.frame)
+    scene.spring = law(scene)
+    scene.connect(scene.world.at((1, 0.2, 0)), scene.spring.point_a)
+    scene.connect(scene.rod.tip, scene.spring.point_b)
+    run = ac.build(scene).simulate(1.0, {scene.ball.v: (1.0, 2.0, 3.0)}, rtol=1e-10)
+    assert run.energy_error() < 1e-8
+
+
+def test_torques_read_the_scene_too():
+    """A torque that holds back the turn about the vertical: spin about it falls as exp(-c t / I)."""
+    scene = ac.System()
+    scene.world, scene.body = World(None), RigidBody(1.0, (0.1, 0.2, 0.25))
+    scene.brake = Torque(-0.5 * scene.body.frame.angular_velocity)
+    scene.connect(scene.brake.frame, scene.body.frame)
+    run = ac.build(scene).simulate(1.0, {scene.body.frame.angular_velocity: (0, 0, 2.0)}, rtol=1e-10)
+    assert np.max(np.abs(run[scene.body.frame.angular_velocity][:, 2] - 2 * np.exp(-2 * run.t))) < 1e-8
+
+
+def test_parameters_inside_laws_are_found_and_stay_adjustable():
+    stiffness = ac.Parameter(50.0)
+    runs = []
+    for k, given in ((stiffness, {stiffness: 8.0}), (8.0, {})):
+        scene = ac.System()
+        scene.world, scene.bob, scene.spring = (
+            World(),
+            Particle(1.0),
+            NonlinearSpring(lambda length, k=k: ca.fabs(0.5 * k * length**2)),
+        )
+        scene.connect(scene.world.frame, scene.spring.point_a)
+        scene.connect(scene.spring.point_b, scene.bob.point)
+        run = ac.build(scene).simulate(1.0, {scene.bob.point.position: (1, 0, 0)}, parameters=given)
+        runs.append(run[scene.bob.point.position])
+    assert np.max(np.abs(runs[0] - runs[1])) < 1e-12
+
+
+class Law(ac.Component):
+    """A law on a shaft without a word of energy."""
+
+    flange = ac.Rotational.port()
+
+    def equations(self):
+        yield ac.equal(
+            self.flange.tau, ca.if_else(self.flange.phi > 0, 30.0, 20.0) * self.flange.phi**5 + 0.5 * ac.der(self.flange.phi)
+        )
+
+
+def test_what_flows_into_a_part_that_says_nothing_of_energy_is_counted_as_lost():
+    scene = pendulum_with(Law())
+    run = ac.build(scene).simulate(1.0, {scene.hinge.q: 0.5}, rtol=1e-9)
+    assert run.energy_error() < 1e-7
+    assert np.ptp(run.energy) > 0.1
+
+
+TIMES = np.linspace(0.0, 2.0, 9)
+VALUES = 0.3 * np.sin(2 * TIMES) * TIMES
+
+
+@pytest.mark.parametrize(
+    "spline",
+    [
+        CubicSpline(TIMES, VALUES), PchipInterpolator(TIMES, VALUES), Akima1DInterpolator(TIMES, VALUES), make_interp_spline(TIMES, VALUES, k=5),
+        CubicSpline(TIMES, np.append(VALUES[:-1], VALUES[0]), bc_type="periodic"), PchipInterpolator(TIMES, VALUES, extrapolate=False),
+    ],
+    ids=lambda s: type(s).__name__,
+)  # fmt: skip
+def test_splines_are_what_scipy_makes_of_them(spline):
+    angle = AngleSource(spline).angle
+    times = np.linspace(-0.5, 2.5, 301)
+    found = np.array(ca.Function("angle", [ac.time.sx], [angle.sx])(times)).ravel()
+    wanted = spline(times)
+    assert np.array_equal(np.isnan(found), np.isnan(wanted))
+    assert np.nanmax(np.abs(found - wanted)) < 1e-14
+
+
+def test_a_spline_drives_a_hinge():
+    spline = CubicSpline(TIMES, VALUES)
+    scene = pendulum_with(AngleSource(spline))
+    scene.free, scene.lower = Revolute("y"), RigidBody.rod(1.0, (0, 0, -1))
+    scene.connect(scene.rod.tip, scene.free.frame_a)
+    scene.connect(scene.free.frame_b, scene.lower.frame)
+    run = ac.build(scene).simulate(1.9)
+    assert np.max(np.abs(run[scene.hinge.q] - spline(run.t))) < 1e-14
