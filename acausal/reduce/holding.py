@@ -20,10 +20,14 @@ _SPREAD = 0.3
 
 @dataclass(frozen=True)
 class Holding:
-    """Freedoms of the joints that scalar equations take, after scalar states have given way: in `velocities`, and in `positions`."""
+    """Freedoms of the joints that scalar equations take, after scalar states have given way: in `velocities`, and in `positions`.
+
+    `again`: how many of the velocity equations say what loops say already.
+    """
 
     velocities: int
     positions: int
+    again: int = 0
 
 
 def holding(system: ReducedSystem) -> Holding:
@@ -54,8 +58,8 @@ def holding(system: ReducedSystem) -> Holding:
             found.append(_ranks(*blocks[:3]) + _ranks(*blocks[3:]))
     if not found:
         return Holding(velocity.numel(), scalar.position.numel())
-    both, loop, states_alone, both_q, loop_q, states_q = np.max(found, axis=0)
-    return Holding(int(both - loop - states_alone), int(both_q - loop_q - states_q))
+    both, loop, states_alone, alone, both_q, loop_q, states_q, _ = np.max(found, axis=0)
+    return Holding(int(both - loop - states_alone), int(both_q - loop_q - states_q), int(loop + alone - both))
 
 
 def closed_positions(system: ReducedSystem) -> list[np.ndarray]:
@@ -77,6 +81,11 @@ def closed_positions(system: ReducedSystem) -> list[np.ndarray]:
 
 
 def _ranks(loops: np.ndarray, by_joints: np.ndarray, by_states: np.ndarray) -> list[int]:
-    """Of (L, R by joints and scalar states), of L, and of R by scalar states."""
+    """Of (L, R by joints and scalar states), of L, of R by scalar states, and of R by both."""
     both = np.block([[loops, np.zeros((loops.shape[0], by_states.shape[1]))], [by_joints, by_states]])
-    return [equilibrated_rank(both), equilibrated_rank(loops), equilibrated_rank(by_states)]
+    return [
+        equilibrated_rank(both),
+        equilibrated_rank(loops),
+        equilibrated_rank(by_states),
+        equilibrated_rank(both[loops.shape[0] :]),
+    ]

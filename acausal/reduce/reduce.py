@@ -198,6 +198,12 @@ def _check_free(system: ReducedSystem) -> None:
     rows = ca.vertcat(scalar.velocity, scalar.given, constraints.velocity)
     at_rest = ca.substitute(rows, tree.v, ca.SX.zeros(tree.v.numel()))
     moved = ca.depends_on(ca.vertcat(scalar.position, rows), tree.t) or not at_rest.is_zero()
+    if system.holding.again:
+        names = compact(dict.fromkeys(h.name for h in scalar.held if h.depth == 1), 4)
+        raise LockedError(
+            f"Of the equations {names}, {system.holding.again} hold joints that loops hold already. Remove a gear or a source, or put a spring "
+            "between."
+        )
     if held and (system.degrees_of_freedom < 0 or (system.degrees_of_freedom == 0 and not moved)):
         names = list(dict.fromkeys(h.name for h in scalar.held if h.depth == 1))
         paths, flanges = system.flat.connector_paths, {getattr(item.edge.joint, "flange", None) for item in tree.joints}
