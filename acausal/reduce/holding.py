@@ -3,19 +3,52 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
+from acausal.dynamics.system import MechanicalSystem
+from acausal.loops.constraints import Constraints
 from acausal.numerics.assembly import assemble
 from acausal.numerics.vanishing import equilibrated_rank
-
-if TYPE_CHECKING:
-    from acausal.reduce.reduce import ReducedSystem
+from acausal.scalar.coupling import ScalarPart
 
 _POINTS = 4
 _SPREAD = 0.3
+
+
+class Reduced(Protocol):
+    """What is asked of a reduced system."""
+
+    @property
+    def mechanics(self) -> MechanicalSystem: ...
+    @property
+    def constraints(self) -> Constraints: ...
+    @property
+    def scalar(self) -> ScalarPart: ...
+    @property
+    def t(self) -> ca.SX: ...
+    @property
+    def x(self) -> ca.SX: ...
+    @property
+    def u(self) -> ca.SX: ...
+    @property
+    def p(self) -> ca.SX: ...
+    @property
+    def nq(self) -> int: ...
+    @property
+    def p_values(self) -> np.ndarray: ...
+    @property
+    def u_defaults(self) -> np.ndarray: ...
+    @property
+    def rate_start(self) -> np.ndarray: ...
+    @property
+    def closing(self) -> ca.SX: ...
+    @property
+    def samples(self) -> list[np.ndarray]: ...
+    @property
+    def closed_positions(self) -> list[np.ndarray]: ...
 
 
 @dataclass(frozen=True)
@@ -30,7 +63,7 @@ class Holding:
     again: int = 0
 
 
-def holding(system: ReducedSystem) -> Holding:
+def holding(system: Reduced) -> Holding:
     """Ranks at some positions where everything is closed, velocities and other scalar states at random.
 
     Equations that only say what scalar states are take nothing: with rows R, and L of the loops, that is
@@ -62,7 +95,7 @@ def holding(system: ReducedSystem) -> Holding:
     return Holding(int(both - loop - states_alone), int(both_q - loop_q - states_q), int(loop + alone - both))
 
 
-def closed_positions(system: ReducedSystem) -> list[np.ndarray]:
+def closed_positions(system: Reduced) -> list[np.ndarray]:
     """Configurations (nq,) at which loops and scalar equations are closed, from here and there; if there is none, where the search began."""
     rng = np.random.default_rng(7)
     q = system.x[: system.nq, :]
