@@ -9,12 +9,13 @@ from acausal.arguments import finite, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
 
-
 _PROJECTIONS = 3
 """Moving positions opens the rows of velocities a little; the next projection closes them."""
 
 
-def step_function(rhs: ca.Function, project: ca.Function | None = None, *, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
+def step_function(
+    rhs: ca.Function, project: ca.Function | None = None, *, method: str = "gauss", order: int = 4, h: float | None = None
+) -> ca.Function:
     """(t, x, u, p, h) -> (x_next, residual), without the last argument for a fixed `h`: one step of Gauss (even order) or Radau IIA (odd order) collocation.
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
