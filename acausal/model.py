@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from acausal.dynamics.system import mechanical_system
 from acausal.errors import LockedError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
-from acausal.language.flatten import flatten
+from acausal.language.flatten import FlatSystem, flatten
 from acausal.outputs.functions import Functions, operations
 from acausal.outputs.outputs import Outputs
 from acausal.parts.part_check import check_parts
@@ -387,12 +388,13 @@ class Model:
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).
 
-        `method`: "gauss" (even order) or "radau" (odd order). With a fixed `h` [s] the function has no argument h.
+        `method`: "gauss" (even order) or "radau" (odd order). With a fixed `h` [s] the function has no argument h. Loops are closed again
+        after the step, in positions and velocities, as `simulate` does.
         `residual`: what is left of the stage equations, to be checked. Raises `OptionError` for an order that does not exist.
         """
         from acausal.integrators.step import step_function
 
-        return step_function(self.functions.explicit_dynamics, method=method, order=order, h=h)
+        return step_function(self.functions.explicit_dynamics, self.functions.projection, method=method, order=order, h=h)
 
     def graph(self) -> Any:
         """The mechanism as a networkx multigraph: nodes are rigid groups, edges joints, cut joints and forces."""
@@ -436,6 +438,14 @@ class Model:
 
         return export_simulator(self.functions, folder, self.initial_state(start, parameters=parameters))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _reduced, (self.system.mechanics.flat,)  # made again from its parts: the same functions, compiled code and all
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+        """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
+        flat = self.system.mechanics.flat
+        return _reduced(copy.deepcopy(flat, memo)) if any(id(part.component) in memo for part in flat.parts) else self
+
     def __repr__(self) -> str:
         return f"<Model {self}>"
 
@@ -452,6 +462,10 @@ class Model:
             f"{s.flat.name}: {counted(self.degrees_of_freedom, 'degree')} of freedom, {counted(len(self.state_names), 'state')}, {constraints}, "
             f"{self.operations} operations, {counted(s.u.numel(), 'input')}, {counted(s.p.numel(), 'parameter')}"
         )
+
+
+def _reduced(flat: FlatSystem) -> Model:
+    return Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
 
 
 def build(scene: System) -> Model:
@@ -471,7 +485,7 @@ def build(scene: System) -> Model:
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
     check_parts(flat)
-    model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
+    model = _reduced(flat)
     if model.system.x.numel() == 0 and not model.system.moves_as_given:
         raise LockedError(
             f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. Add a joint or a free body."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -67,9 +66,9 @@ def motor() -> ac.System:
     return Motor(12.0, 1.5, 2e-3, 0.04, 1e-4, 2e-4)
 
 
-SCENES: list[tuple[Callable[[], ac.System], float]] = [
-    (Pendulum, 1), (DoublePendulum, 1), (triple_pendulum, 2), (spatial_arm, 5), (Top, 1), (FourBar, 2), (slider_crank, 5),
-    (driven_pendulums, 1), (dumbbell_in_orbit, 5), (rolling_ball, 5), (upright_disk, 2), (motor, 1),
+SCENES: list[Callable[[], ac.System]] = [
+    Pendulum, DoublePendulum, triple_pendulum, spatial_arm, Top, FourBar, slider_crank, driven_pendulums, dumbbell_in_orbit, rolling_ball,
+    upright_disk, motor,
 ]  # fmt: skip
 
 
@@ -119,12 +118,10 @@ def value(expression: Any, at: dict[Any, float]) -> float:
     return float(sp.lambdify(list(names.values()), plain)(*(at[symbol] for symbol in order)))
 
 
-@pytest.mark.parametrize(("make", "seconds"), SCENES)
-def test_the_compiled_dynamics_meet_them(make: Callable[[], ac.System], seconds: float):
+@pytest.mark.parametrize("make", SCENES)
+def test_the_compiled_dynamics_meet_them(make: Callable[[], ac.System]):
     model = ac.build(make())
-    began = time.perf_counter()
     equations = model.equations()
-    assert time.perf_counter() - began < 2 * seconds  # on a machine that does other things as well
     if model.functions.space.elimination.symbols:
         return  # the constants of integration have values for a motion only; another test has these
     at = numbers(model)

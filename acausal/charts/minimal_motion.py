@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acausal.arguments import whole_number
+from acausal.arguments import finite, whole_number
 from acausal.charts.minimal import MinimalModel
 from acausal.charts.motion import MinimalMotion, Options
 from acausal.charts.singular_state import singular_loops
@@ -70,6 +70,9 @@ def simulate(
     signal = input_signal(functions, inputs)
     moving = any(callable(value) for value in inputs.values())
     whole_number(options.samples, "minimal.simulate: samples", 2)
+    rtol, atol = finite(options.rtol, "minimal.simulate: rtol"), finite(options.atol, "minimal.simulate: atol")
+    if not (0 < rtol < 1 and atol > 0):
+        raise OptionError(f"minimal.simulate: need 0 < rtol < 1 and atol > 0, not rtol={rtol}, atol={atol}.")
     initial = replace(minimal.initial, x=chart.x)
     if start is not None:
         initial = initial_state(functions.outputs, start, chart.t, chart.p, signal(np.array([chart.t]))[:, 0])

@@ -49,8 +49,9 @@ def _number(value: float) -> Any:
 
 def operations() -> dict[int, Any]:
     """sympy's form of each operation of CasADi."""
-    import sympy as sp
+    import sympy
 
+    sp: Any = sympy  # its annotations leave conditions out
     return {
         ca.OP_ASSIGN: lambda a: a,
         ca.OP_ADD: lambda a, b: a + b,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import operator
 import weakref
@@ -13,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
+from acausal.language.identity import Atom
 from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import line_of_new_part, origin
 from acausal.language.units import certainly_different
@@ -221,11 +223,22 @@ class Symbol(Expression):
     def __init__(self, name: str, unit: str, description: str = "", shape: tuple[int, int] = (1, 1)) -> None:
         sx = ca.SX.sym(name, *shape)
         super().__init__(sx, frozenset((self,)))
+        self._atom = Atom(name, sx)
         self.name = name
         self.unit = unit
         self.description = description
-        for scalar in (sx,) if shape == (1, 1) else (sx[k] for k in range(sx.numel())):
+        self._declare()
+
+    def _declare(self) -> None:
+        sx = self.sx
+        for scalar in (sx,) if sx.is_scalar() else (sx[k] for k in range(sx.numel())):
             _DECLARED[scalar.element_hash()] = self
+
+    def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
+        for part in state:
+            for name, value in part.items():
+                setattr(self, name, value)
+        self._declare()
 
     def __hash__(self) -> int:
         return id(self)
@@ -348,6 +361,10 @@ class Time(Symbol):
 
     def __init__(self) -> None:
         super().__init__("time", "s")
+        self._atom = Atom("time", self.sx, lasting="time")
+
+    def __reduce__(self) -> str:
+        return "time"
 
     def __repr__(self) -> str:
         return "ac.time [s]"
@@ -382,13 +399,14 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
         check_formula(expression.sx, what)
-        return checked(expression, lambda found: _check_sign(float(found[0, 0]), what, positive, non_negative))
+        return checked(expression, functools.partial(_check_sign, what=what, positive=positive, non_negative=non_negative))
     result = number(value, what)
-    _check_sign(result, what, positive, non_negative)
+    _check_sign(np.array(result), what, positive, non_negative)
     return result
 
 
-def _check_sign(value: float, what: str, positive: bool, non_negative: bool) -> None:
+def _check_sign(found: np.ndarray, what: str, positive: bool, non_negative: bool) -> None:
+    value = found.item()
     if not math.isfinite(value) or (positive and value <= 0) or (non_negative and value < 0):
         needed = "positive" if positive else "zero or positive" if non_negative else "finite"
         raise ParameterError(f"{what} is {value:g} ({origin()}). It must be {needed}.")
@@ -446,7 +464,7 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
         check_formula(expression.sx, what)
-        return checked(expression, lambda found: _check_finite(found.ravel(), what))
+        return checked(expression, functools.partial(_check_finite, what=what))
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -459,7 +477,7 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
 
 def _check_finite(array: np.ndarray, what: str) -> None:
     if not np.all(np.isfinite(array)):
-        raise ParameterError(f"{what} is {array} ({origin()}). Give finite numbers.")
+        raise ParameterError(f"{what} is {array.ravel()} ({origin()}). Give finite numbers.")
 
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:

@@ -6,7 +6,7 @@ import functools
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -44,6 +44,9 @@ class FlatSystem:
     connector_paths: dict[Connector, str]
     connection_sets: tuple[tuple[Connector, ...], ...]
     """Leaf connectors only; a connector that touches nothing is a set of its own."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FlatSystem, (self.name, self.parts, self.names, self.connector_paths, self.connection_sets)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

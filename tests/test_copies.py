@@ -1,0 +1,105 @@
+"""Scenes and models that are pickled and copied: other symbols, the same scene, the same bits."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import UnknownVariableError
+from components import Prismatic, Revolute, RigidBody, Spring, World
+from examples.bicycle import Bicycle
+from tests.scenes import DoublePendulum, FourBar, bennett_linkage, chain
+from tests.test_minimal import geared_motor, vehicle
+from tests.test_sensitivity import AdjustableFourBar, Oscillator
+
+SCENES: tuple[Callable[[], ac.System], ...] = (
+    DoublePendulum, FourBar, bennett_linkage, AdjustableFourBar, Oscillator, vehicle, geared_motor, Bicycle, lambda: chain(30)
+)  # fmt: skip
+
+
+def motion(model: ac.Model) -> np.ndarray:
+    return model.simulate(0.2, rtol=1e-9, samples=5, compiled=False).x
+
+
+@pytest.mark.parametrize("make", SCENES)
+def test_copies_of_a_scene_and_its_model_give_the_same_bits(make):
+    scene = make()
+    model = ac.build(scene)
+    expected = motion(model)
+    again, model_again = pickle.loads(pickle.dumps((scene, model)))
+    copied, model_copied = copy.deepcopy((scene, model))
+    for other in (model_again, ac.build(again), model_copied, ac.build(copied)):
+        assert other.functions.explicit_dynamics.serialize() == model.functions.explicit_dynamics.serialize()
+        assert other.state_names == model.state_names
+    assert np.array_equal(motion(model_again), expected)
+    assert np.array_equal(motion(ac.build(copied)), expected)
+
+
+def test_a_copy_has_symbols_of_its_own_and_its_model_knows_them():
+    scene = AdjustableFourBar()
+    model = ac.build(scene)
+    for other, its_model in (pickle.loads(pickle.dumps((scene, model))), copy.deepcopy((scene, model))):
+        assert other.length is other.__dict__["length"] and other.length is not scene.length
+        run = its_model.simulate(0.1, {other.a.q: 1.0}, parameters={other.length: 1.1})
+        assert np.array_equal(run.x, model.simulate(0.1, {scene.a.q: 1.0}, parameters={scene.length: 1.1}).x)
+        with pytest.raises(UnknownVariableError):
+            its_model.simulate(0.1, {scene.a.q: 1.0})
+    assert copy.deepcopy(model) is model
+
+
+def test_two_copies_stand_in_one_scene():
+    """Symbols would be the same if they were only copied as CasADi copies them."""
+
+    class Pair(ac.System):
+        def __init__(self) -> None:
+            self.world = World()
+            length = ac.Parameter(1.0, "m")
+            self.length = length
+            self.left = self._arm(length)
+            self.right = copy.deepcopy(self.left)
+            for arm in (self.left, self.right):
+                self.connect(self.world.frame, arm.hinge.frame_a)
+
+        @staticmethod
+        def _arm(length: ac.Parameter) -> ac.System:
+            arm = ac.System()
+            arm.hinge, arm.rod = Revolute("y"), RigidBody.rod(1.0, (0, 0, -1.0 * length))
+            arm.connect(arm.hinge.frame_b, arm.rod.frame)
+            return arm
+
+    model = ac.build(Pair())
+    assert len(model.parameter_names) == 2 and model.degrees_of_freedom == 2
+    assert ca.sprank(model.functions.explicit_dynamics.jac_sparsity(0, 1)) == 4
+
+
+def test_symbols_in_formulas_and_time_are_kept():
+    scene = ac.System()
+    scene.world, scene.stiffness = World(), ac.Parameter(30.0, "N/m")
+    scene.rail, scene.body = Prismatic("x"), RigidBody(1.0, (1, 1, 1))
+    scene.spring = Spring(2 * scene.stiffness + ca.sin(ac.time), 0.3)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.frame)
+    scene.connect(scene.world.at((0, 0, 1)), scene.spring.point_a)
+    scene.connect(scene.body.frame, scene.spring.point_b)
+    expected = motion(ac.build(scene))
+    for other in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
+        model = ac.build(other)
+        assert np.array_equal(motion(model), expected)
+        changed = model.simulate(0.2, {other.rail.q: 0.1}, parameters={other.stiffness: 10.0}, samples=5, compiled=False).x
+        assert np.max(np.abs(changed - expected)) > 1e-3
+
+
+def test_a_model_comes_out_of_another_process(tmp_path):
+    scene = FourBar()
+    (tmp_path / "model.pickle").write_bytes(pickle.dumps((scene, ac.build(scene))))
+    code = f"import pickle; s, m = pickle.load(open({str(tmp_path / 'model.pickle')!r}, 'rb')); print(m.simulate(0.2, {{s.a.q: 1.0}}, rtol=1e-9)[s.d.q][-1].hex())"
+    out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert float.fromhex(out.strip()) == ac.build(scene).simulate(0.2, {scene.a.q: 1.0}, rtol=1e-9)[scene.d.q][-1]
