@@ -47,8 +47,6 @@ class Reduced(Protocol):
     def closing(self) -> ca.SX: ...
     @property
     def samples(self) -> list[np.ndarray]: ...
-    @property
-    def closed_positions(self) -> list[np.ndarray]: ...
 
 
 @dataclass(frozen=True)
@@ -63,8 +61,8 @@ class Holding:
     again: int = 0
 
 
-def holding(system: Reduced) -> Holding:
-    """Ranks at some positions where everything is closed, velocities and other scalar states at random.
+def holding(system: Reduced, positions: list[np.ndarray]) -> Holding:
+    """Ranks at some `positions` (nq,) where everything is closed, velocities and other scalar states at random.
 
     Equations that only say what scalar states are take nothing: with rows R, and L of the loops, that is
     rank (L, R by joints and scalar states) - rank L - rank (R by scalar states).
@@ -83,7 +81,7 @@ def holding(system: Reduced) -> Holding:
     function = ca.Function("rows", [system.t, system.x, system.u, system.p], [ca.densify(part) for part in parts])
     rng = np.random.default_rng(6)
     found: list[list[int]] = []
-    for q in system.closed_positions:
+    for q in positions:
         rates = system.rate_start + rng.uniform(-1, 1, system.rate_start.size)
         x = np.concatenate([q, rates])
         blocks = [np.array(part) for part in function(0.0, x, system.u_defaults + rng.uniform(), system.p_values)]

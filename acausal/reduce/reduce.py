@@ -144,7 +144,7 @@ class ReducedSystem:
     @functools.cached_property
     def holding(self) -> Holding:
         """What scalar equations take of the freedom that loops leave."""
-        return holding(self)
+        return holding(self, self.closed_positions)
 
 
 def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> ReducedSystem:
