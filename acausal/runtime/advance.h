@@ -23,7 +23,7 @@ int begin(Integrator *I) {
         for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
         if (I->guard.work > longest) T->work = (V *)w;
     }
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment};
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
         if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
     T->copied = reserve(I, (size_t)n + 1);
@@ -34,6 +34,7 @@ int begin(Integrator *I) {
     for (long i = 0, k = 0; i < n; i++)
         if (!T->copied[i]) T->own[k++] = i;
     for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
+    I->size = T->size;
     long most = 0;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
@@ -49,7 +50,6 @@ static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = now() + I->slice;
     if (!T->begun) {
-        set_scale(I);
         if (!keep(I, 0)) return OUT_OF_MEMORY;
         if (I->end > I->t && I->nx && I->step == 0 && !first_step(I)) return INPUT_FAILED;
         T->begun = 1;

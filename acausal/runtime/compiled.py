@@ -29,7 +29,7 @@ from acausal.collocation.problem import (
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
 from acausal.numerics.kernel import copied_states
-from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
+from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, RoundingFunction, method_table
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 
 _SLICE = 0.05
@@ -200,6 +200,9 @@ class Run:
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
+        self._rounding = problem.rounding
+        self._rounding_callback = RoundingFunction(self._round)
+        core.rounding = self._rounding_callback
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:
@@ -236,6 +239,15 @@ class Run:
             return 0
         for i, value in enumerate(values):
             u[i] = value
+        return 1
+
+    def _round(self, t: float, x: Any, h: float, rates: Any) -> int:
+        try:
+            found = self._rounding(t, np.ctypeslib.as_array(x, (self.compiled.nx,)), h)
+        except BaseException as error:  # it must not cross the C code; raised again after it
+            self.error = error
+            return 0
+        np.ctypeslib.as_array(rates, (self.compiled.nx,))[:] = found
         return 1
 
     def advance(self, end: float, progress: Progress | None = None, slow: Slow | None = None) -> Outcome:

@@ -45,18 +45,6 @@ static int keep(Integrator *I, const Stages *S) {
     return 1;
 }
 
-static void set_scale(Integrator *I) {
-    struct State *T = I->state;
-    for (long i = 0; i < I->nx; i++) T->scale[i] = I->atol + I->rtol * T->size[i];
-}
-
-/* Sizes of changes in units of the scale. */
-static void set_factor(Integrator *I, double h, const double *scale) {
-    struct State *T = I->state;
-    for (long i = 0; i < I->nx; i++) T->factor[i] = h / scale[i];
-    if (!T->newton_now) count_copies_through(I, h);
-}
-
 /* Stage rates by extrapolating the last step's polynomial; the rate at the start for the first step. Extrapolated Legendre
    series diverge where steps are large, so the series ends before its smallest term. */
 static int guess(Integrator *I, Stages *S, double h) {
@@ -98,14 +86,17 @@ static int guess(Integrator *I, Stages *S, double h) {
 }
 
 /* The change that rounding alone can make, in units of the scale. */
-static double rounding_floor(Integrator *I, Stages *S, double h, const double *scale) {
+static double rounding_floor(Integrator *I, Stages *S, double h) {
+    const struct State *T = I->state;
     V worst = v_all(0.0);
-    for (long b = 0; b < S->blocks; b++)
-        for (long i = 0; i < I->nx; i++) {
-            V size = v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(scale[i]);
-            worst = v_larger(worst, size);
-        }
-    return 2 * EPS * v_largest(worst);
+    double noise = 0;
+    for (long i = 0; i < I->nx; i++) {
+        if (T->scale[i] <= NOTHING) continue;
+        noise = fmax(noise, 4 * fabs(h) * T->noise[i] / T->scale[i]);
+        for (long b = 0; b < S->blocks; b++)
+            worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
+    }
+    return fmax(noise, fmin(2 * EPS * v_largest(worst), 4 * EPS / T->unit));
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
@@ -202,39 +193,38 @@ static enum Code failed_at(Integrator *I, enum Code code) {
             I->worst = i;
             return code == STEP_UNDERFLOW ? NON_FINITE : code;
         }
-        double here = fabs(T->rate[i]) / (I->atol + I->rtol * T->size[i]);
+        double here = fabs(T->rate[i]) / T->scale[i];
         if (here > largest) largest = here, I->worst = i;
     }
     return code;
 }
 
-/* A first step as Hairer, Norsett, Wanner I, section II.4 choose it, from the rates at the start and a little later. */
+/* A first step: by the time in which the motion changes much, from the rates at the start and a little later along them. Quotients
+   of a state's size, rate and change of rate are times whatever its unit; what is zero says nothing. */
 static int first_step(Integrator *I) {
     struct State *T = I->state;
     long n = I->nx;
-    double span = I->end - I->t, size = 0, fastest = 0, bend = 0, largest = 0;
-    double order = (double)I->method_list[I->method].error_order;
+    double span = I->end - I->t, fastest = 0, order = (double)I->method_list[I->method].error_order;
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
-    for (long i = 0; i < n; i++) size = fmax(size, fabs(I->x[i]));
-    size = 1e-3 * fmax(1.0, size);
     for (long i = 0; i < n; i++) {
-        double here = fabs(T->rate[i]) / fmax(fabs(I->x[i]), size);
-        if (!(here <= fastest)) fastest = here;
+        double here = fabs(T->rate[i]) / fabs(I->x[i]);
+        if (I->x[i] != 0 && !(here <= fastest)) fastest = here;
     }
     if (!isfinite(fastest)) {
         I->h = 1e-6 * span;
         return 1;
     }
-    double h = fmin(0.01 * span, fastest > 0 ? 0.05 / fastest : span);
-    for (long i = 0; i < n; i++) T->before[i] = I->x[i] + 0.1 * h * T->rate[i];
+    double h = fmin(0.01 * span, 0.05 / fastest), soon = 0.1 * h;
+    for (long i = 0; i < n; i++) T->before[i] = I->x[i] + soon * T->rate[i];
     double *later = T->factor;
-    if (!rate_at(I, I->t + 0.1 * h, T->before, later)) return 0;
+    if (!rate_at(I, I->t + soon, T->before, later)) return 0;
     for (long i = 0; i < n; i++) {
-        bend = fmax(bend, fabs(later[i] - T->rate[i]) / T->scale[i] / (0.1 * h));
-        largest = fmax(largest, fabs(T->rate[i]) / T->scale[i]);
+        double bend = fabs(later[i] - T->rate[i]) / soon, rate = fmax(fabs(T->rate[i]), fabs(later[i]));
+        if (I->x[i] != 0 && bend > fastest * fastest * fabs(I->x[i])) fastest = sqrt(bend / fabs(I->x[i]));
+        if (I->x[i] == 0 && bend > fastest * rate && bend * soon < 0.5 * rate) fastest = bend / rate;
     }
-    largest = fmax(largest, bend);
-    I->h = isfinite(largest) && largest > 0 ? fmin(h, 10 * pow(0.01 / largest, 1 / (order + 1))) : h;
+    double allowed = pow(0.01 * I->rtol, 1 / (order + 1)) / fastest;
+    I->h = fastest > 0 && isfinite(fastest) ? fmin(h, allowed) : h;
     return 1;
 }
 
@@ -276,12 +266,13 @@ static void choose_order(Integrator *I, double contraction, int failed) {
 }
 
 /* Solves the stage equations of a step of size h; 1 when converged, 0 when not, -1 when the input function failed. */
-static int solve_stages(Integrator *I, Stages *S, double h, const double *scale, double tolerance, double *contraction) {
+static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, double *contraction) {
     struct State *T = I->state;
-    set_factor(I, h, scale);
+    set_scale(I, h);
+    set_factor(I, h);
     if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
-    Judge J = new_judge(tolerance, rounding_floor(I, S, h, scale), T->newton_now ? 15 : 50);
-    int done = T->newton_now ? newton(I, S, h, I->x, T->factor, &J) : fixed_point(I, S, I->x, T->factor, &J);
+    Judge J = new_judge(tolerance, rounding_floor(I, S, h), T->newton_now ? 15 : 50);
+    int done = T->newton_now ? newton(I, S, h, I->x, &J) : fixed_point(I, S, h, I->x, &J);
     *contraction = J.contraction;
     return done;
 }
@@ -292,19 +283,42 @@ static int refresh_jacobian(Integrator *I) {
     return T->jacobian_fresh || jacobian(I, I->t, I->x);
 }
 
+/* Where steps are rejected again and again, states may be nothing but rounding, which no step size makes accurate: ask for what
+   rounding makes of the rates. 1 where it explains rejections, -1 when the input function failed. */
+static int blame_rounding(Integrator *I, double h) {
+    struct State *T = I->state;
+    if (!I->rounding || T->waited++ < T->patience) return 0;
+    double *found = T->factor;
+    if (!I->rounding(I->t, I->x, h, found)) return -1;
+    int explains = 0;
+    for (long i = 0; i < I->nx; i++) {
+        if (!(found[i] > T->noise[i]) || !isfinite(found[i])) continue;
+        T->noise[i] = found[i];
+        explains |= NOISE * h * found[i] > T->unit * T->size[i];
+    }
+    T->waited = 0;
+    T->patience = explains ? 0 : fmin(2 * (double)T->patience + 1, 1000);
+    return explains;
+}
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int failed = 0, misses = 0, tries = 0;
-    set_scale(I);
+    int failed = 0, misses = 0, tries = 0, refused = -1;
+    double first = I->h;
     for (;;) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
+        if (++refused == 3) {
+            int explained = blame_rounding(I, fmin(first, I->end - I->t));
+            if (explained < 0) return INPUT_FAILED;
+            if (explained) I->h = first;
+        }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
-        int solved = solve_stages(I, S, h, T->scale, 0.001, &contraction);
+        int solved = solve_stages(I, S, h, 0.001, &contraction);
         if (solved < 0) return INPUT_FAILED;
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
@@ -361,17 +375,16 @@ static enum Code one_fixed(Integrator *I) {
     if (!S) return OUT_OF_MEMORY;
     double h = fmin(I->step, I->end - I->t), contraction;
     if (I->end - I->t - h < 1e-9 * h) h = I->end - I->t;
-    for (long i = 0; i < I->nx; i++) T->scale[i] = fmax((I->atol + I->rtol * T->size[i]) / I->rtol, 1e-3);
     int solved = 0;
     if (T->newton_now) {
         T->jacobian_fresh = 0;
         if (!refresh_jacobian(I)) return INPUT_FAILED;
-        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        solved = solve_stages(I, S, h, 0.0, &contraction);
     }
     if (!solved) {
         int before = T->newton_now;
         T->newton_now = 0;
-        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        solved = solve_stages(I, S, h, 0.0, &contraction);
         T->newton_now = before;
     }
     if (!solved && I->newton == WHERE_SLOW && !T->newton_now) {
@@ -379,7 +392,7 @@ static enum Code one_fixed(Integrator *I) {
         T->newton_now = 1;
         T->jacobian_fresh = 0;
         if (!refresh_jacobian(I)) return INPUT_FAILED;
-        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        solved = solve_stages(I, S, h, 0.0, &contraction);
         if (solved > 0) I->newton_steps++;
         T->newton_now = 0;
     }

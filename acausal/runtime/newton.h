@@ -167,7 +167,7 @@ static void newton_direction(Integrator *I, const Method *m, const double *R, do
     }
 }
 
-static int newton(Integrator *I, Stages *S, double h, const double *x, const double *factor, Judge *J) {
+static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     struct State *T = I->state;
     const Method *m = S->method;
     long n = I->nx, s = S->s;
@@ -182,6 +182,9 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, const dou
             for (long i = 0; i < n; i++) residual[j * n + i] = S->N[j / LANES][i][j % LANES] - S->K[j / LANES][i][j % LANES];
         newton_direction(I, m, residual, T->dK);
         double sum = 0;
+        const double *factor = T->factor;
+        for (long b = 0; b < S->blocks; b++)
+            for (long i = 0; i < n; i++) widen(I, i, S->N[b][i], h);
         for (long j = 0; j < S->blocks * LANES; j++) {
             const double *d = T->dK + (j < s ? j : s - 1) * n;
             for (long i = 0; i < n; i++) {

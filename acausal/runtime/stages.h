@@ -86,6 +86,9 @@ struct State {
     char *copied;
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
+    double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates */
+    double unit;             /* the scale of a state of size one, without atol */
+    long patience, waited;   /* steps with rejections until rounding is asked for again */
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
     double *guard_values, *chebyshev;
@@ -187,9 +190,56 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
     return 1;
 }
 
+#define NOTHING 1e-290     /* the scale of what is exactly zero */
+#define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
+#define NOISE 64.0         /* of what rounding makes of its rates in a step: too little to be judged */
+
+/* The scale of state i for steps of size h: atol + rtol times the largest magnitude met so far, but at least what rounding alone can do. */
+static void set_scale_of(Integrator *I, long i, double h, double size) {
+    struct State *T = I->state;
+    double least = NOISE * fabs(h) * T->noise[i];
+    T->scale[i] = fmax(fmax(T->unit / I->rtol * I->atol + T->unit * size, least), NOTHING);
+    T->limit[i] = size / (PART * fabs(h));
+}
+
+static void set_scale(Integrator *I, double h) {
+    struct State *T = I->state;
+    T->unit = I->step > 0 ? 1.0 : I->rtol;
+    for (long i = 0; i < I->nx; i++) set_scale_of(I, i, h, T->size[i]);
+}
+
+/* In fixed-point iteration, positions that are integrals of velocities count through these. */
+static void count_copies_through(Integrator *I, double h) {
+    double *factor = I->state->factor;
+    for (long k = 0; k < I->copies; k++) {
+        double other = h * factor[I->copy_to[k]], *mine = &factor[I->copy_from[k]];
+        if (other > *mine) *mine = other;
+    }
+    for (long k = 0; k < I->copies; k++) factor[I->copy_to[k]] = 0;
+}
+
+/* Sizes of changes of rates in units of the scale. */
+static void set_factor(Integrator *I, double h) {
+    struct State *T = I->state;
+    for (long i = 0; i < I->nx; i++) T->factor[i] = h / T->scale[i];
+    if (!T->newton_now) count_copies_through(I, h);
+}
+
+/* A state that starts at zero, or is moved as never before: what the step moves it by is its size. */
+OUTLINE void widen(Integrator *I, long i, V rate, double h) {
+    double most = v_largest(v_abs(rate));
+    if (!(most > I->state->limit[i])) return;
+    set_scale_of(I, i, h, PART * fabs(h) * most);
+    set_factor(I, h);
+}
+
 /* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. */
-static double replace_rates(Integrator *I, Stages *S, const double *factor) {
+static double replace_rates(Integrator *I, Stages *S, double h) {
+    const double *factor = I->state->factor, *limit = I->state->limit;
     double sum = 0;
+    for (long b = 0; b < S->blocks; b++)
+        for (long i = 0; i < I->nx; i++)
+            if (i_any(v_abs(S->N[b][i]) > v_all(limit[i]))) widen(I, i, S->N[b][i], h);
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
         for (long i = 0; i < I->nx; i++) {
@@ -202,16 +252,6 @@ static double replace_rates(Integrator *I, Stages *S, const double *factor) {
         sum += v_sum(part);
     }
     return sqrt(sum / (double)S->s);
-}
-
-/* In fixed-point iteration, positions that are integrals of velocities count through these. */
-static void count_copies_through(Integrator *I, double h) {
-    double *factor = I->state->factor;
-    for (long k = 0; k < I->copies; k++) {
-        double other = h * factor[I->copy_to[k]], *mine = &factor[I->copy_from[k]];
-        if (other > *mine) *mine = other;
-    }
-    for (long k = 0; k < I->copies; k++) factor[I->copy_to[k]] = 0;
 }
 
 /* in[1 + i] = x[i] + mu L[i] for the states of a list. */
@@ -232,7 +272,7 @@ INLINE void combine_states(Stages *S, const long *list, long count, const double
 }
 
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
-static int fixed_point(Integrator *I, Stages *S, const double *x, const double *factor, Judge *J) {
+static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     const struct State *T = I->state;
     for (;;) {
         scale_rates(I, S);
@@ -241,7 +281,7 @@ static int fixed_point(Integrator *I, Stages *S, const double *x, const double *
             for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
         combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
-        enum Verdict v = judge(J, replace_rates(I, S, factor));
+        enum Verdict v = judge(J, replace_rates(I, S, h));
         if (v != GO_ON) return v == DONE;
     }
 }
