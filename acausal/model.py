@@ -224,7 +224,7 @@ class Model:
         """
         from acausal.simulate.simulation import sensitivity_run
 
-        tolerances = Tolerances(rtol, rtol if atol is None else atol, None, max_steps)
+        tolerances = Tolerances(rtol, atol or 0.0, None, max_steps)
         return sensitivity_run(self.functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled)
 
     def trajectory_function(

@@ -54,7 +54,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Error control: `rtol` and `atol` per step, or a fixed `step` [s]."""
+    """Error control: `rtol` and `atol` per step, or a fixed `step` [s]. atol 0: by the sizes of the states alone."""
 
     rtol: float
     atol: float

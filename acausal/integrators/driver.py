@@ -13,6 +13,7 @@ from acausal.collocation.problem import Newton, Problem, Progress, Solution, Sta
 from acausal.collocation.tableau import Tableau, legendre_values
 from acausal.integrators.dense import CollocationPolynomial, refined
 from acausal.integrators.projection import Projection
+from acausal.integrators.scale import Scale
 from acausal.integrators.stages import StageSolver
 
 _EPS = float(np.finfo(float).eps)
@@ -77,7 +78,7 @@ class Run:
         self.states.append(self.x)
         self._projection = Projection(self.problem)
         self._carry = np.zeros_like(self.x)
-        self._size = np.abs(self.x)
+        self.scale = Scale(self.problem, self.tolerances, self.x)
         self.last: Step | None = None
 
     @property
@@ -85,19 +86,16 @@ class Run:
         """Of a run that nothing has stopped."""
         return Status(StatusKind.SUCCESS, self.t)
 
-    def scale(self) -> np.ndarray:
-        """atol + rtol * the largest |x| met so far, per state (nx,)."""
-        return self.tolerances.atol + self.tolerances.rtol * self._size
-
     def solution(self, status: Status) -> Solution:
         """What has been computed so far."""
         t, x = np.array(self.times), np.array(self.states)
         tableau, problem, superconvergent = self.scheme.tableau, self.problem, self.scheme.superconvergent
+        noise = self.scale.noise
         coefficients = np.array(self.coefficients).reshape(len(t) - 1, tableau.stages, self.x.size)
 
         @functools.cache
         def polynomial() -> CollocationPolynomial:
-            return refined(problem, t, x, coefficients) if superconvergent else CollocationPolynomial(t, x, coefficients)
+            return refined(problem, t, x, coefficients, noise) if superconvergent else CollocationPolynomial(t, x, coefficients)
 
         statistics = Statistics(
             tableau.name + (" with Newton" if self.newton_steps and self.scheme.newton is Newton.WHERE_SLOW else ""),
@@ -137,7 +135,7 @@ class Run:
         self.x = self._projection(self.t, x)
         if self.x is not x:
             self._carry = np.zeros_like(x)
-        np.maximum(self._size, np.abs(self.x), out=self._size)
+        self.scale.met(self.x)
         self.times.append(self.t)
         self.states.append(self.x)
         self.coefficients.append(step.a)
@@ -188,13 +186,17 @@ def _advance(run: Run) -> Status | None:
     if run.tolerances.step is not None:
         return _advance_fixed(run, run.tolerances.step)
     order, failed, misses, tries = run.scheme.error_order, False, 0, 0
-    scale = run.scale()
+    scale, refused, first = run.scale, 0, run.h
     while True:
+        if refused == 8 and scale.blame_rounding(run.t, run.x, min(first, run.end - run.t)):
+            run.h = first
+        refused += 1
         h = min(run.h, run.end - run.t)
         if run.end - run.t - h < 1e-3 * h:
             h = run.end - run.t
         if h <= 16 * _EPS * max(abs(run.t), abs(run.end) * 1e-3):
             return _underflow(run)
+        scale.begin(h)
         solve = run.solver.newton if run.newton else run.solver.fixed_point
         solved = solve(run.t, h, run.x, run.guess(h), scale, _LEFT)
         if solved is None:
@@ -203,7 +205,7 @@ def _advance(run: Run) -> Status | None:
             run.h, run.rejected, failed, tries = shrink * h, run.rejected + 1, True, tries + 1
             continue
         K, contraction = solved
-        step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale)
+        step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale.values)
         error = run.scheme.error(run.solver, step)
         if not error <= 1:
             growth = 0.65 * error ** (-1 / (order + 1)) if error < np.inf else 0.1
@@ -263,7 +265,8 @@ def _advance_fixed(run: Run, size: float) -> Status | None:
     h = min(size, run.end - run.t)
     if run.end - run.t - h < 1e-9 * h:
         h = run.end - run.t
-    scale = np.maximum(run.scale() / run.tolerances.rtol, 1e-3)
+    scale = run.scale
+    scale.begin(h)
     guess = run.guess(h)
     solved = run.solver.newton(run.t, h, run.x, guess, scale, 0.0) if run.newton else None
     if solved is None:
@@ -276,25 +279,26 @@ def _advance_fixed(run: Run, size: float) -> Status | None:
             return _underflow(run)
         message = "The stage equations did not converge; use a smaller step."
         return Status(StatusKind.NOT_CONVERGED, run.t, message, _worst(run))
-    run.accept(Step(run.t, h, run.x, solved[0], run.scheme.tableau.to_legendre @ solved[0], scale))
+    run.accept(Step(run.t, h, run.x, solved[0], run.scheme.tableau.to_legendre @ solved[0], scale.values))
     return None
 
 
 def _first_step(run: Run) -> float:
-    """A first step as Hairer, Norsett, Wanner I, section II.4 choose it, from the rates at the start and a little later."""
-    span, scale, order = run.end - run.t, run.scale(), run.scheme.error_order
+    """A first step: a part of the time in which the motion changes much, from the rates at the start and a little later along them.
+
+    Roots of size over change of rate, and rates over their change, are times whatever the unit. A state near zero may pretend to
+    change quickly, hence a least step; what is too long is rejected.
+    """
+    span, size, time, soon = run.end - run.t, np.abs(run.x), np.inf, 1e-3 * (run.end - run.t)
     rate = run.solver.rate(run.t, run.x).copy()
-    size = np.maximum(np.abs(run.x), 1e-3 * max(1.0, float(np.abs(run.x).max())))
-    fastest = float((np.abs(rate) / size).max())
-    if not np.isfinite(fastest):
-        return 1e-6 * span
-    h = min(0.01 * span, 0.05 / fastest if fastest > 0 else span)
-    later = run.solver.rate(run.t + 0.1 * h, run.x + 0.1 * h * rate)
-    bend = float((np.abs(later - rate) / scale).max()) / (0.1 * h)
-    largest = max(float((np.abs(rate) / scale).max()), bend)
-    if not np.isfinite(largest) or largest == 0:
-        return h
-    return min(h, 10 * (0.01 / largest) ** (1 / (order + 1)))
+    for _ in range(8):
+        bend = np.abs(run.solver.rate(run.t + soon, run.x + soon * rate) - rate) / soon
+        here = np.where(size == 0, np.inf, np.maximum(np.sqrt(size / bend), np.abs(rate) / bend))
+        time = float(np.where(np.isfinite(bend), here, 0.0).min())
+        if time >= 2 * soon:
+            break
+        soon = max(0.1 * time, 1e-3 * soon)
+    return min(0.01 * span, max(1e-6 * span, (1e-4 * run.tolerances.rtol) ** (1 / (run.scheme.error_order + 1)) * time))
 
 
 def _underflow(run: Run) -> Status:
@@ -309,4 +313,4 @@ def _worst(run: Run) -> int | None:
     """The state with a rate that is not finite, otherwise the one with the largest rate in units of its tolerance."""
     rate = run.solver.rate(run.t, run.x)
     bad = np.flatnonzero(~np.isfinite(rate))
-    return int(bad[0]) if bad.size else int(np.argmax(np.abs(rate) / run.scale())) if rate.size else None
+    return int(bad[0]) if bad.size else int(np.argmax(np.abs(rate) / run.scale.values)) if rate.size else None

@@ -29,6 +29,7 @@ from acausal.collocation.problem import (
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
 from acausal.numerics.kernel import copied_states
+from acausal.numerics.rounding import rounding_of_rates
 from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, RoundingFunction, method_table
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 
@@ -200,7 +201,7 @@ class Run:
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
-        self._rounding = problem.rounding
+        self._rhs = problem.rhs
         self._rounding_callback = RoundingFunction(self._round)
         core.rounding = self._rounding_callback
         if problem.guards is not None:
@@ -243,7 +244,8 @@ class Run:
 
     def _round(self, t: float, x: Any, h: float, rates: Any) -> int:
         try:
-            found = self._rounding(t, np.ctypeslib.as_array(x, (self.compiled.nx,)), h)
+            here = np.ctypeslib.as_array(x, (self.compiled.nx,))
+            found = rounding_of_rates(self._rhs, t, here, self._inputs(np.array([t]))[:, 0], self._p, h)
         except BaseException as error:  # it must not cross the C code; raised again after it
             self.error = error
             return 0

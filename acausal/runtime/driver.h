@@ -89,14 +89,12 @@ static int guess(Integrator *I, Stages *S, double h) {
 static double rounding_floor(Integrator *I, Stages *S, double h) {
     const struct State *T = I->state;
     V worst = v_all(0.0);
-    double noise = 0;
     for (long i = 0; i < I->nx; i++) {
         if (T->scale[i] <= NOTHING) continue;
-        noise = fmax(noise, 4 * fabs(h) * T->noise[i] / T->scale[i]);
         for (long b = 0; b < S->blocks; b++)
             worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
     }
-    return fmax(noise, fmin(2 * EPS * v_largest(worst), 4 * EPS / T->unit));
+    return fmax(noise_floor(I, h), fmin(2 * EPS * v_largest(worst), 4 * EPS / T->unit));
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
@@ -199,32 +197,26 @@ static enum Code failed_at(Integrator *I, enum Code code) {
     return code;
 }
 
-/* A first step: by the time in which the motion changes much, from the rates at the start and a little later along them. Quotients
-   of a state's size, rate and change of rate are times whatever its unit; what is zero says nothing. */
+/* A first step: a part of the time in which the motion changes much, from the rates at the start and a little later along them.
+   Roots of size over change of rate, and rates over their change, are times whatever the unit. A state near zero may pretend to
+   change quickly, hence a least step; what is too long is rejected. */
 static int first_step(Integrator *I) {
     struct State *T = I->state;
-    long n = I->nx;
-    double span = I->end - I->t, fastest = 0, order = (double)I->method_list[I->method].error_order;
+    double span = I->end - I->t, time = INFINITY, soon = 1e-3 * span, order = (double)I->method_list[I->method].error_order;
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
-    for (long i = 0; i < n; i++) {
-        double here = fabs(T->rate[i]) / fabs(I->x[i]);
-        if (I->x[i] != 0 && !(here <= fastest)) fastest = here;
-    }
-    if (!isfinite(fastest)) {
-        I->h = 1e-6 * span;
-        return 1;
-    }
-    double h = fmin(0.01 * span, 0.05 / fastest), soon = 0.1 * h;
-    for (long i = 0; i < n; i++) T->before[i] = I->x[i] + soon * T->rate[i];
     double *later = T->factor;
-    if (!rate_at(I, I->t + soon, T->before, later)) return 0;
-    for (long i = 0; i < n; i++) {
-        double bend = fabs(later[i] - T->rate[i]) / soon, rate = fmax(fabs(T->rate[i]), fabs(later[i]));
-        if (I->x[i] != 0 && bend > fastest * fastest * fabs(I->x[i])) fastest = sqrt(bend / fabs(I->x[i]));
-        if (I->x[i] == 0 && bend > fastest * rate && bend * soon < 0.5 * rate) fastest = bend / rate;
+    for (int k = 0; k < 8; k++, soon = fmax(0.1 * time, 1e-3 * soon)) {
+        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + soon * T->rate[i];
+        if (!rate_at(I, I->t + soon, T->before, later)) return 0;
+        time = INFINITY;
+        for (long i = 0; i < I->nx; i++) {
+            double bend = fabs(later[i] - T->rate[i]) / soon;
+            double here = I->x[i] == 0 ? INFINITY : fmax(sqrt(fabs(I->x[i]) / bend), fabs(T->rate[i]) / bend);
+            if (!(here >= time)) time = isfinite(bend) ? here : 0;
+        }
+        if (time >= 2 * soon) break;
     }
-    double allowed = pow(0.01 * I->rtol, 1 / (order + 1)) / fastest;
-    I->h = fastest > 0 && isfinite(fastest) ? fmin(h, allowed) : h;
+    I->h = fmin(0.01 * span, fmax(1e-6 * span, pow(1e-4 * I->rtol, 1 / (order + 1)) * time));
     return 1;
 }
 
@@ -292,9 +284,9 @@ static int blame_rounding(Integrator *I, double h) {
     if (!I->rounding(I->t, I->x, h, found)) return -1;
     int explains = 0;
     for (long i = 0; i < I->nx; i++) {
-        if (!(found[i] > T->noise[i]) || !isfinite(found[i])) continue;
+        if (!(found[i] > T->noise[i] && NOISE * h * found[i] > T->unit * T->size[i]) || !isfinite(found[i])) continue;
         T->noise[i] = found[i];
-        explains |= NOISE * h * found[i] > T->unit * T->size[i];
+        explains = 1;
     }
     T->waited = 0;
     T->patience = explains ? 0 : fmin(2 * (double)T->patience + 1, 1000);
@@ -308,7 +300,7 @@ static enum Code one_adaptive(Integrator *I) {
     for (;;) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
-        if (++refused == 3) {
+        if (++refused == 8) {
             int explained = blame_rounding(I, fmin(first, I->end - I->t));
             if (explained < 0) return INPUT_FAILED;
             if (explained) I->h = first;

@@ -87,6 +87,7 @@ struct State {
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates */
+    int widened;             /* whether the scale counts what the step moves states by */
     double unit;             /* the scale of a state of size one, without atol */
     long patience, waited;   /* steps with rejections until rounding is asked for again */
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
@@ -199,13 +200,24 @@ static void set_scale_of(Integrator *I, long i, double h, double size) {
     struct State *T = I->state;
     double least = NOISE * fabs(h) * T->noise[i];
     T->scale[i] = fmax(fmax(T->unit / I->rtol * I->atol + T->unit * size, least), NOTHING);
-    T->limit[i] = size / (PART * fabs(h));
 }
 
 static void set_scale(Integrator *I, double h) {
     struct State *T = I->state;
     T->unit = I->step > 0 ? 1.0 : I->rtol;
-    for (long i = 0; i < I->nx; i++) set_scale_of(I, i, h, T->size[i]);
+    for (long i = 0; i < I->nx; i++) {
+        set_scale_of(I, i, h, T->size[i]);
+        T->limit[i] = T->size[i] / (PART * fabs(h));
+    }
+    T->widened = 0;
+}
+
+/* The change that noisy rates can make, in units of the scale. */
+static double noise_floor(const Integrator *I, double h) {
+    const struct State *T = I->state;
+    double most = 0;
+    for (long i = 0; i < I->nx; i++) most = fmax(most, 4 * fabs(h) * T->noise[i] / T->scale[i]);
+    return most;
 }
 
 /* In fixed-point iteration, positions that are integrals of velocities count through these. */
@@ -225,21 +237,27 @@ static void set_factor(Integrator *I, double h) {
     if (!T->newton_now) count_copies_through(I, h);
 }
 
-/* A state that starts at zero, or is moved as never before: what the step moves it by is its size. */
-OUTLINE void widen(Integrator *I, long i, V rate, double h) {
-    double most = v_largest(v_abs(rate));
-    if (!(most > I->state->limit[i])) return;
-    set_scale_of(I, i, h, PART * fabs(h) * most);
+/* States that start at zero, or are moved as never before: what the step moves them by, at rates K, is their size. */
+static void widen(Integrator *I, Stages *S, V **K, double h) {
+    struct State *T = I->state;
+    int beyond = 0;
+    for (long b = 0; b < S->blocks; b++)
+        for (long i = 0; i < I->nx; i++) beyond |= i_any(v_abs(K[b][i]) > v_all(T->limit[i]));
+    if (!beyond && !T->widened) return;
+    for (long i = 0; i < I->nx; i++) {
+        double most = 0;
+        for (long b = 0; b < S->blocks; b++) most = fmax(most, v_largest(v_abs(K[b][i])));
+        set_scale_of(I, i, h, fmax(T->size[i], PART * fabs(h) * most));
+    }
     set_factor(I, h);
+    T->widened = 1;
 }
 
 /* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. */
 static double replace_rates(Integrator *I, Stages *S, double h) {
-    const double *factor = I->state->factor, *limit = I->state->limit;
+    const double *factor = I->state->factor;
     double sum = 0;
-    for (long b = 0; b < S->blocks; b++)
-        for (long i = 0; i < I->nx; i++)
-            if (i_any(v_abs(S->N[b][i]) > v_all(limit[i]))) widen(I, i, S->N[b][i], h);
+    widen(I, S, S->N, h);
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
         for (long i = 0; i < I->nx; i++) {

@@ -50,7 +50,7 @@ class Options:
     def checked(self) -> Options:
         """The same with plain numbers. Raises `OptionError` for what makes no sense."""
         rtol = finite(self.rtol, "simulate: rtol")
-        atol = rtol if self.atol is None else finite(self.atol, "simulate: atol")
+        atol = 0.0 if self.atol is None else finite(self.atol, "simulate: atol")
         step = None if self.step is None else finite(self.step, "simulate: the step [s]")
         events = tuple(listed(self.events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
         for event in events:
@@ -92,14 +92,13 @@ def simulate(
     problem = replace(problem, parameters=initial.p)
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
-    atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
         initial.x,
         t0,
         t1,
         options.rtol,
-        atol,
+        options.atol or 0.0,
         method=options.method,
         order=options.order,
         step=options.step,
@@ -135,8 +134,8 @@ def sensitivity_run(
         atol=finite(tolerances.atol, "sensitivities: atol"),
         max_steps=whole_number(tolerances.max_steps, "sensitivities: max_steps", 1),
     )
-    if not (0 < tolerances.rtol < 1 and tolerances.atol > 0):
-        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol > 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
+    if not (0 < tolerances.rtol < 1 and tolerances.atol >= 0):
+        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol >= 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
     for entry in wrt:
         if isinstance(entry, Input) and callable(inputs.get(entry)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
