@@ -13,7 +13,7 @@ from acausal.collocation.problem import Newton, Problem, Progress, Solution, Sta
 from acausal.collocation.tableau import Tableau, legendre_values
 from acausal.integrators.dense import CollocationPolynomial, refined
 from acausal.integrators.projection import Projection
-from acausal.integrators.scale import Scale
+from acausal.integrators.scale import DOUBTS, Scale
 from acausal.integrators.stages import StageSolver
 
 _EPS = float(np.finfo(float).eps)
@@ -66,6 +66,8 @@ class Run:
     contraction: float = 0.0
     """Of the iteration in the last step."""
     newton_steps: int = 0
+    trusted: float = 0.0
+    """Size of the last step without doubts."""
     times: list[float] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     coefficients: list[np.ndarray] = field(default_factory=list)
@@ -186,10 +188,15 @@ def _advance(run: Run) -> Status | None:
     if run.tolerances.step is not None:
         return _advance_fixed(run, run.tolerances.step)
     order, failed, misses, tries = run.scheme.error_order, False, 0, 0
-    scale, refused, first = run.scale, 0, run.h
+    scale, refused = run.scale, 0
+    if scale.doubts == 0:
+        run.trusted = run.h
     while True:
-        if refused == 8 and scale.blame_rounding(run.t, run.x, min(first, run.end - run.t)):
-            run.h = first
+        if scale.doubts >= scale.patience or refused == 2 * DOUBTS:
+            before = min(max(run.trusted, run.h), run.end - run.t)
+            if scale.blame_rounding([(run.t, run.x), run.solver.last_stage()], before):
+                run.h = before
+        scale.doubts += refused > 0
         refused += 1
         h = min(run.h, run.end - run.t)
         if run.end - run.t - h < 1e-3 * h:
@@ -218,6 +225,8 @@ def _advance(run: Run) -> Status | None:
         run.error, run.contraction = max(error, 1e-30), contraction
         run.accept(step)
         _limit_by_contraction(run, h, wanted, contraction, failed)
+        if refused == 1:
+            scale.doubts = scale.doubts + 2 if run.h < 0.5 * h else max(0, scale.doubts - 1)
         return None
 
 
@@ -293,8 +302,8 @@ def _first_step(run: Run) -> float:
     rate = run.solver.rate(run.t, run.x).copy()
     for _ in range(8):
         bend = np.abs(run.solver.rate(run.t + soon, run.x + soon * rate) - rate) / soon
-        here = np.where(size == 0, np.inf, np.maximum(np.sqrt(size / bend), np.abs(rate) / bend))
-        time = float(np.where(np.isfinite(bend), here, 0.0).min())
+        here = np.where((size == 0) | (bend == 0), np.inf, np.maximum(np.sqrt(size / bend), np.abs(rate) / bend))
+        time = float(np.where(np.isfinite(bend), here, 0.0).min(initial=np.inf))
         if time >= 2 * soon:
             break
         soon = max(0.1 * time, 1e-3 * soon)

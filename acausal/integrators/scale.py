@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acausal.collocation.problem import Problem, Tolerances
@@ -11,6 +13,8 @@ _EPS = float(np.finfo(float).eps)
 _NOTHING = 1e-290
 _PART = 0.125
 _NOISE = 64.0
+DOUBTS = 8
+"""Rejections, less steps without, that call for an explanation."""
 
 
 class Scale:
@@ -26,7 +30,7 @@ class Scale:
         self._atol = tolerances.atol * self.unit / tolerances.rtol
         self.size = np.abs(x)
         self.noise = np.zeros_like(self.size)
-        self._patience = self._waited = 0
+        self.doubts, self.patience = 0, DOUBTS
         self.values, self.limit = self.size, self.size
 
     def begin(self, h: float) -> None:
@@ -45,6 +49,10 @@ class Scale:
         self._widened = True
         return True
 
+    def unit_of_rates(self, h: float) -> np.ndarray:
+        """(nx,) to measure changes of rates with; 0 for what is exactly zero."""
+        return np.where(self.values > _NOTHING, h / self.values, 0.0)
+
     def floor(self, h: float, x: np.ndarray, K: np.ndarray) -> float:
         """The change that rounding alone can make, in units of the values."""
         size = np.maximum(np.abs(x), np.abs(h * K).max(axis=0))
@@ -57,14 +65,17 @@ class Scale:
         """Remember the magnitudes of x."""
         np.maximum(self.size, np.abs(x), out=self.size)
 
-    def blame_rounding(self, t: float, x: np.ndarray, h: float) -> bool:
-        """Whether states are nothing but rounding, which no step size makes accurate: asked where steps are rejected again and again."""
-        self._waited += 1
-        if self._waited <= self._patience:
-            return False
-        u = self.problem.inputs(np.array([t]))[:, 0]
-        found = rounding_of_rates(self.problem.rhs, t, x, u, self.problem.parameters, h)
-        explained = np.isfinite(found) & (found > self.noise) & (_NOISE * h * found > self.unit * self.size)
-        self.noise[explained] = found[explained]
-        self._waited, self._patience = 0, 0 if explained.any() else min(2 * self._patience + 1, 1000)
-        return bool(explained.any())
+    def blame_rounding(self, points: Sequence[tuple[float, np.ndarray]], h: float) -> bool:
+        """Whether states are nothing but rounding at times and states (nx,) of a step, which no step size makes accurate.
+
+        Asked where steps are rejected again and again.
+        """
+        explains = False
+        for t, x in points:
+            u = self.problem.inputs(np.array([t]))[:, 0]
+            found = rounding_of_rates(self.problem.rhs, t, x, u, self.problem.parameters, h)
+            explained = np.isfinite(found) & (found > self.noise) & (_NOISE * h * found > self.unit * self.size)
+            self.noise[explained] = np.maximum(found, _NOISE * self.noise)[explained]  # it grows with the motion
+            explains |= bool(explained.any())
+        self.doubts, self.patience = 0, DOUBTS if explains else min(2 * self.patience, 1000)
+        return explains

@@ -58,6 +58,10 @@ class StageSolver:
         self._singles += 1
         return self.single.evaluate()[0]
 
+    def last_stage(self) -> tuple[float, np.ndarray]:
+        """Time and state (nx,) of the last stage that was tried."""
+        return float(self.rates.t[-1]), self.rates.X[-1].copy()
+
     def fixed_point(
         self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: Scale, tolerance: float
     ) -> tuple[np.ndarray, float] | None:
@@ -110,7 +114,7 @@ class StageSolver:
             step = np.ascontiguousarray((vectors @ transformed).real)
             K = K + step
             scale.widen(h, K)
-            step *= h / scale.values
+            step *= scale.unit_of_rates(h)
             self.iterations += 1
             verdict = judge.judge(float(np.vdot(step, step) * self._mean) ** 0.5)
             if verdict is not Verdict.GO_ON:
@@ -118,7 +122,7 @@ class StageSolver:
 
     def _factor(self, h: float, scale: Scale) -> np.ndarray:
         """Sizes of changes of rates in units of the scale; copies are judged by what the velocities' change will do to them."""
-        factor, copies = h / scale.values, self._copies
+        factor, copies = scale.unit_of_rates(h), self._copies
         if copies is not None:
             factor[copies[1]] = np.maximum(factor[copies[1]], h * factor[copies[0]])
             factor[copies[0]] = 0.0

@@ -35,6 +35,7 @@ int begin(Integrator *I) {
         if (!T->copied[i]) T->own[k++] = i;
     for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
     I->size = T->size;
+    T->patience = DOUBTS;
     long most = 0;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;

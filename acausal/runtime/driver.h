@@ -276,34 +276,41 @@ static int refresh_jacobian(Integrator *I) {
 }
 
 /* Where steps are rejected again and again, states may be nothing but rounding, which no step size makes accurate: ask for what
-   rounding makes of the rates. 1 where it explains rejections, -1 when the input function failed. */
-static int blame_rounding(Integrator *I, double h) {
+   rounding makes of the rates, at the start and at the last stage that was tried. 1 where it explains rejections, -1 when the input
+   function failed. */
+static int blame_rounding(Integrator *I, const Stages *S, double h) {
     struct State *T = I->state;
-    if (!I->rounding || T->waited++ < T->patience) return 0;
     double *found = T->factor;
-    if (!I->rounding(I->t, I->x, h, found)) return -1;
+    const V *last = S->in[(S->s - 1) / LANES];
+    long lane = (S->s - 1) % LANES;
     int explains = 0;
-    for (long i = 0; i < I->nx; i++) {
-        if (!(found[i] > T->noise[i] && NOISE * h * found[i] > T->unit * T->size[i]) || !isfinite(found[i])) continue;
-        T->noise[i] = found[i];
-        explains = 1;
+    for (int later = 0; later < 2; later++) {
+        for (long i = 0; i < I->nx; i++) T->before[i] = later ? last[1 + i][lane] : I->x[i];
+        if (!I->rounding(later ? last[0][lane] : I->t, T->before, h, found)) return -1;
+        for (long i = 0; i < I->nx; i++) {
+            if (!(found[i] > T->noise[i] && NOISE * h * found[i] > T->unit * T->size[i]) || !isfinite(found[i])) continue;
+            T->noise[i] = fmax(found[i], NOISE * T->noise[i]); /* it grows with the motion */
+            explains = 1;
+        }
     }
-    T->waited = 0;
-    T->patience = explains ? 0 : fmin(2 * (double)T->patience + 1, 1000);
+    T->doubts = 0;
+    T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
     return explains;
 }
 
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int failed = 0, misses = 0, tries = 0, refused = -1;
-    double first = I->h;
+    if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
-        if (++refused == 8) {
-            int explained = blame_rounding(I, fmin(first, I->end - I->t));
+        T->doubts += ++refused > 0;
+        if (I->rounding && (T->doubts >= T->patience || refused == 2 * DOUBTS)) {
+            double before = fmin(fmax(T->trusted, I->h), I->end - I->t);
+            int explained = blame_rounding(I, S, before);
             if (explained < 0) return INPUT_FAILED;
-            if (explained) I->h = first;
+            if (explained) I->h = before;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
@@ -314,7 +321,10 @@ static enum Code one_adaptive(Integrator *I) {
         if (solved < 0) return INPUT_FAILED;
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
-            if (old) continue; /* again with a new Jacobian */
+            if (old) {
+                refused--;
+                continue; /* again with a new Jacobian */
+            }
             /* where it converged well until now, something local is in the way: other nodes may miss it */
             I->h = (I->contraction < 0.1 && tries++ < 4 ? 0.85 : 0.4) * h;
             I->rejected++;
@@ -356,6 +366,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
+        if (!refused) T->doubts = I->h < 0.5 * h ? T->doubts + 2 : T->doubts > 0 ? T->doubts - 1 : 0;
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
         return REACHED_END;
     }

@@ -89,7 +89,8 @@ struct State {
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates */
     int widened;             /* whether the scale counts what the step moves states by */
     double unit;             /* the scale of a state of size one, without atol */
-    long patience, waited;   /* steps with rejections until rounding is asked for again */
+    long doubts, patience;   /* rejections, less steps without; how many until rounding is asked for */
+    double trusted;          /* size of the last step without doubts */
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
     double *guard_values, *chebyshev;
@@ -194,6 +195,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 #define NOTHING 1e-290     /* the scale of what is exactly zero */
 #define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
 #define NOISE 64.0         /* of what rounding makes of its rates in a step: too little to be judged */
+#define DOUBTS 8           /* rejections that call for an explanation */
 
 /* The scale of state i for steps of size h: atol + rtol times the largest magnitude met so far, but at least what rounding alone can do. */
 static void set_scale_of(Integrator *I, long i, double h, double size) {
@@ -233,7 +235,7 @@ static void count_copies_through(Integrator *I, double h) {
 /* Sizes of changes of rates in units of the scale. */
 static void set_factor(Integrator *I, double h) {
     struct State *T = I->state;
-    for (long i = 0; i < I->nx; i++) T->factor[i] = h / T->scale[i];
+    for (long i = 0; i < I->nx; i++) T->factor[i] = T->scale[i] > NOTHING ? h / T->scale[i] : 0;
     if (!T->newton_now) count_copies_through(I, h);
 }
 
