@@ -192,9 +192,11 @@ def _advance(run: Run) -> Status | None:
     if scale.doubts == 0:
         run.trusted = run.h
     while True:
-        if scale.doubts >= scale.patience or refused == 2 * DOUBTS:
+        if scale.doubts >= scale.patience or refused in (2 * DOUBTS, 3 * DOUBTS):
             before = min(max(run.trusted, run.h), run.end - run.t)
-            if scale.blame_rounding([(run.t, run.x), run.solver.last_stage()], before):
+            soon = 0.01 * run.h
+            points = [(run.t, run.x), (run.t + soon, run.x + soon * run.solver.rate(run.t, run.x))]
+            if scale.blame_rounding(points, before, desperate=run.h < 1e-6 * run.trusted):
                 run.h = before
         scale.doubts += refused > 0
         refused += 1

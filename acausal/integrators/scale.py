@@ -12,7 +12,8 @@ from acausal.numerics.rounding import rounding_of_rates
 _EPS = float(np.finfo(float).eps)
 _NOTHING = 1e-290
 _PART = 0.125
-_NOISE = 64.0
+_NOISE = 512.0
+_SMALL = 1e-4
 DOUBTS = 8
 """Rejections, less steps without, that call for an explanation."""
 
@@ -58,24 +59,25 @@ class Scale:
         size = np.maximum(np.abs(x), np.abs(h * K).max(axis=0))
         known = self.values > _NOTHING
         rounding = 2 * _EPS * float((size / self.values).max(initial=0.0, where=known))
-        noise = 4 * h * float((self.noise / self.values).max(initial=0.0, where=known))
+        noise = h * float((self.noise / self.values).max(initial=0.0, where=known))
         return max(noise, min(rounding, 4 * _EPS / self.unit))
 
     def met(self, x: np.ndarray) -> None:
         """Remember the magnitudes of x."""
         np.maximum(self.size, np.abs(x), out=self.size)
 
-    def blame_rounding(self, points: Sequence[tuple[float, np.ndarray]], h: float) -> bool:
-        """Whether states are nothing but rounding at times and states (nx,) of a step, which no step size makes accurate.
+    def blame_rounding(self, points: Sequence[tuple[float, np.ndarray]], h: float, *, desperate: bool) -> bool:
+        """Whether states are nothing but rounding at the start of a step or, when zero there, a little later: no step size is accurate.
 
-        Asked where steps are rejected again and again.
+        Asked where steps are rejected again and again. Large states are disturbed for a moment at singular positions, too: that
+        explains steps only when they have shrunk to next to nothing.
         """
-        explains = False
+        explains, part = False, self.unit if desperate else max(self.unit, _SMALL)
         for t, x in points:
             u = self.problem.inputs(np.array([t]))[:, 0]
             found = rounding_of_rates(self.problem.rhs, t, x, u, self.problem.parameters, h)
-            explained = np.isfinite(found) & (found > self.noise) & (_NOISE * h * found > self.unit * self.size)
+            explained = np.isfinite(found) & (found > self.noise) & (_NOISE * h * found > part * self.size)
             self.noise[explained] = np.maximum(found, _NOISE * self.noise)[explained]  # it grows with the motion
-            explains |= bool(explained.any())
+            explains, part = explains | bool(explained.any()), 1.0
         self.doubts, self.patience = 0, DOUBTS if explains else min(2 * self.patience, 1000)
         return explains

@@ -276,19 +276,20 @@ static int refresh_jacobian(Integrator *I) {
 }
 
 /* Where steps are rejected again and again, states may be nothing but rounding, which no step size makes accurate: ask for what
-   rounding makes of the rates, at the start and at the last stage that was tried. 1 where it explains rejections, -1 when the input
+   rounding makes of the rates, at the start and, for states that are zero there, a little later. Large states are disturbed for a moment at singular
+   positions, too: that explains steps only when they have shrunk to next to nothing. 1 where it explains rejections, -1 when the input
    function failed. */
-static int blame_rounding(Integrator *I, const Stages *S, double h) {
+static int blame_rounding(Integrator *I, double h) {
     struct State *T = I->state;
-    double *found = T->factor;
-    const V *last = S->in[(S->s - 1) / LANES];
-    long lane = (S->s - 1) % LANES;
+    double *found = T->factor, soon = 0.01 * I->h;
+    if (!rate_at(I, I->t, I->x, T->rate)) return -1;
+    double part = I->h < 1e-6 * T->trusted ? T->unit : fmax(T->unit, SMALL);
     int explains = 0;
     for (int later = 0; later < 2; later++) {
-        for (long i = 0; i < I->nx; i++) T->before[i] = later ? last[1 + i][lane] : I->x[i];
-        if (!I->rounding(later ? last[0][lane] : I->t, T->before, h, found)) return -1;
+        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + (later ? soon * T->rate[i] : 0);
+        if (!I->rounding(I->t + (later ? soon : 0), T->before, h, found)) return -1;
         for (long i = 0; i < I->nx; i++) {
-            if (!(found[i] > T->noise[i] && NOISE * h * found[i] > T->unit * T->size[i]) || !isfinite(found[i])) continue;
+            if (!(found[i] > T->noise[i] && NOISE * h * found[i] > (later ? 1 : part) * T->size[i]) || !isfinite(found[i])) continue;
             T->noise[i] = fmax(found[i], NOISE * T->noise[i]); /* it grows with the motion */
             explains = 1;
         }
@@ -306,9 +307,9 @@ static enum Code one_adaptive(Integrator *I) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
         T->doubts += ++refused > 0;
-        if (I->rounding && (T->doubts >= T->patience || refused == 2 * DOUBTS)) {
+        if (I->rounding && (T->doubts >= T->patience || refused == 2 * DOUBTS || refused == 3 * DOUBTS)) {
             double before = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int explained = blame_rounding(I, S, before);
+            int explained = blame_rounding(I, before);
             if (explained < 0) return INPUT_FAILED;
             if (explained) I->h = before;
         }

@@ -194,7 +194,8 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 
 #define NOTHING 1e-290     /* the scale of what is exactly zero */
 #define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
-#define NOISE 64.0         /* of what rounding makes of its rates in a step: too little to be judged */
+#define NOISE 512.0        /* of what rounding makes of its rates in a step: too little to be judged */
+#define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
 #define DOUBTS 8           /* rejections that call for an explanation */
 
 /* The scale of state i for steps of size h: atol + rtol times the largest magnitude met so far, but at least what rounding alone can do. */
@@ -218,7 +219,7 @@ static void set_scale(Integrator *I, double h) {
 static double noise_floor(const Integrator *I, double h) {
     const struct State *T = I->state;
     double most = 0;
-    for (long i = 0; i < I->nx; i++) most = fmax(most, 4 * fabs(h) * T->noise[i] / T->scale[i]);
+    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(h) * T->noise[i] / T->scale[i]);
     return most;
 }
 
