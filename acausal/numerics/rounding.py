@@ -99,13 +99,20 @@ class Rounding:
         return np.where(np.isfinite(spreads), spreads, np.nan) * (_EPS / _ENLARGED)
 
 
+def rounding_of(
+    function: ca.Function, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, spread: np.ndarray | None = None
+) -> np.ndarray:
+    """What rounding makes of the results of function(t, x, u, p); `spread` (nx,): what it has made of x besides."""
+    return _kept(function)(t, x, u, p, spread=spread)
+
+
 def rounding_of_rates(rhs: ca.Function, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
     """Rates (nx,) that rounding alone seems to add to those of x' = rhs(t, x, u, p) in an implicit step of size h.
 
     A state that is the integral of a disturbed one is disturbed with it, and what decays fast forgets: |(1 - h J)^-1| h r / h for
     disturbances r of the rates.
     """
-    rounding = _kept(rhs)(t, x, u, p)
+    rounding = rounding_of(rhs, t, x, u, p)
     rounding[~np.isfinite(rounding)] = 0.0
     J = scaled_jacobian(rhs, t, x, u, p, h * rounding)
     if not np.isfinite(J).all():

@@ -18,7 +18,9 @@ int begin(Integrator *I) {
         w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
         T->guard_values = reserve_doubles(I, POINTS * I->guards);
         T->chebyshev = reserve_doubles(I, POINTS * POINTS);
-        if (!w || !T->guard_values || !T->chebyshev) return 0;
+        T->guard_noise = reserve_doubles(I, I->guards);
+        T->guard_states = reserve(I, sizeof(struct GuardState) * (size_t)I->guards);
+        if (!w || !T->guard_values || !T->guard_noise || !T->guard_states || !T->chebyshev) return 0;
         chebyshev_cosines(T->chebyshev);
         for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
         if (I->guard.work > longest) T->work = (V *)w;

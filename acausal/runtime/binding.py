@@ -15,6 +15,7 @@ _Double = ctypes.POINTER(ctypes.c_double)
 _Long = ctypes.POINTER(ctypes.c_long)
 InputFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double)
 RoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, ctypes.c_double, _Double)
+GuardRoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, _Double)
 
 
 class Code(enum.IntEnum):
@@ -68,6 +69,7 @@ class Integrator(ctypes.Structure):
         ("parameters", ctypes.c_void_p),
         ("input", InputFunction),
         ("rounding", RoundingFunction),
+        ("guard_rounding", GuardRoundingFunction),
         ("u", ctypes.c_void_p),
         ("copy_to", _Long),
         ("copy_from", _Long),

@@ -29,8 +29,8 @@ from acausal.collocation.problem import (
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
 from acausal.numerics.kernel import copied_states
-from acausal.numerics.rounding import rounding_of_rates
-from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, RoundingFunction, method_table
+from acausal.numerics.rounding import rounding_of, rounding_of_rates
+from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, RoundingFunction, GuardRoundingFunction, method_table
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 
 _SLICE = 0.05
@@ -231,6 +231,9 @@ class Run:
         self._guards = (ctypes.c_long * n)(*guards.directions), (ctypes.c_long * n)(*guards.stops)
         core.guards, core.guard = n, self.compiled.guard(guards.function)[1][0]
         core.guard_direction, core.guard_stops = self._guards
+        self._guard_function = guards.function
+        self._guard_callback = GuardRoundingFunction(self._round_guards)
+        core.guard_rounding = self._guard_callback
 
     def _input(self, t: float, u: Any) -> int:
         try:
@@ -250,6 +253,17 @@ class Run:
             self.error = error
             return 0
         np.ctypeslib.as_array(rates, (self.compiled.nx,))[:] = found
+        return 1
+
+    def _round_guards(self, t: float, x: Any, values: Any) -> int:
+        try:
+            here, size = (np.ctypeslib.as_array(a, (self.compiled.nx,)) for a in (x, self.core.size))
+            u = self._inputs(np.array([t]))[:, 0]
+            found = rounding_of(self._guard_function, t, here, u, self._p, np.spacing(size))
+        except BaseException as error:  # it must not cross the C code; raised again after it
+            self.error = error
+            return 0
+        np.ctypeslib.as_array(values, (found.size,))[:] = found
         return 1
 
     def advance(self, end: float, progress: Progress | None = None, slow: Slow | None = None) -> Outcome:

@@ -50,6 +50,8 @@ typedef struct Integrator {
     int (*input)(double t, double *u); /* null: `u` does not change */
     /* What rounding makes of the rates in steps of size h, per state, into `rates`; null: not known. */
     int (*rounding)(double t, const double *x, double h, double *rates);
+    /* What rounding makes of the guards, into `values`; null: not known. */
+    int (*guard_rounding)(double t, const double *x, double *values);
     double *u;
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     double *x;                       /* start and current state */

@@ -76,6 +76,12 @@ static void columns_of(V *columns, const double *matrix, long s, long blocks) {
             }
 }
 
+/* What is known of a guard: its side of zero (0: none), whether and since when it is at zero, whether it has been since the start. */
+struct GuardState {
+    int side, at_zero, at_start;
+    double since;
+};
+
 /* What `begin` makes. */
 struct State {
     Stages *stages, *fine;   /* per method; of dense output */
@@ -93,7 +99,8 @@ struct State {
     double trusted;          /* size of the last step without doubts */
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
-    double *guard_values, *chebyshev;
+    double *guard_values, *guard_noise, *chebyshev;
+    struct GuardState *guard_states;
     V *variation_in, *variation_out, *variation_c, *variation_work, *projected_in, *projected_out, *projected_c, *projected_work;
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     long terms;
