@@ -39,7 +39,8 @@ class Problem:
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
-    functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located.
+    functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located. `met`:
+    (nx,) largest magnitudes of states before the start.
     """
 
     rhs: ca.Function
@@ -50,6 +51,7 @@ class Problem:
     constant_inputs: np.ndarray | None = None
     compiled: Any = None
     guards: Guards | None = None
+    met: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

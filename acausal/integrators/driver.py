@@ -15,12 +15,11 @@ from acausal.integrators.dense import CollocationPolynomial, refined
 from acausal.integrators.projection import Projection
 from acausal.integrators.scale import DOUBTS, Scale
 from acausal.integrators.stages import StageSolver
+from acausal.runtime.compiled import Pace, Slow
 
 _EPS = float(np.finfo(float).eps)
-_HARD = 8
 _LEFT = 1e-3
 """What the iteration may leave of the error of a step."""
-_CHECK = 25
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,10 @@ class Run:
     """Of the last step, in units of the tolerance."""
     hard: int = 0
     """Steps whose size was set by the convergence of the iteration and not by accuracy, less the others."""
+    asked: int = 4
+    """How many of them until `slow` is asked."""
+    slowness: float = 1.0
+    """Step size that accuracy allows over that of the iteration."""
     contraction: float = 0.0
     """Of the iteration in the last step."""
     newton_steps: int = 0
@@ -154,9 +157,9 @@ def drive(
     tolerances: Tolerances,
     progress: Progress | None,
     *,
-    leave: Callable[[Run], bool] | None = None,
+    slow: Slow | None = None,
 ) -> tuple[Solution, bool]:
-    """Integrate from t0 to t1; the solution, and whether `leave(run)`, asked after each step, ended it early."""
+    """Integrate from t0 to t1; the solution, and whether `slow` ended it early by "leave"."""
     run = Run(problem, scheme, tolerances, t0, np.array(x0, dtype=float), t1)
     if not np.isfinite(run.x).all():
         worst = int(np.flatnonzero(~np.isfinite(run.x))[0])
@@ -171,7 +174,7 @@ def drive(
                 status = _advance(run)
                 if status is not None:
                     return run.solution(status), False
-                if leave is not None and leave(run):
+                if slow is not None and _asked(run, slow) == "leave":
                     return run.solution(run.status), True
                 if progress is not None and time.perf_counter() - shown > 0.2:
                     shown = time.perf_counter()
@@ -179,6 +182,17 @@ def drive(
     except KeyboardInterrupt:
         return run.solution(Status(StatusKind.INTERRUPTED, run.t, "Interrupted.")), False
     return run.solution(run.status), False
+
+
+def _asked(run: Run, slow: Slow) -> str:
+    """What `slow` says where it is to be asked; Newton's iteration begins where it says so."""
+    if run.hard < run.asked or run.tolerances.step is not None:
+        return "go on"
+    run.hard, run.asked = 0, 2 * run.asked if run.asked < 1000 else run.asked
+    answer = slow(Pace(run.t, run.x, run.scale.size, run.h, run.slowness, run.contraction, run.newton))
+    if answer == "newton":
+        run.newton, run.asked = True, 4
+    return answer
 
 
 def _advance(run: Run) -> Status | None:
@@ -194,9 +208,7 @@ def _advance(run: Run) -> Status | None:
     while True:
         if scale.doubts >= scale.patience or refused in (2 * DOUBTS, 3 * DOUBTS):
             before = min(max(run.trusted, run.h), run.end - run.t)
-            soon = 0.01 * run.h
-            points = [(run.t, run.x), (run.t + soon, run.x + soon * run.solver.rate(run.t, run.x))]
-            if scale.blame_rounding(points, before, desperate=run.h < 1e-6 * run.trusted):
+            if scale.blame_rounding([(run.t, run.x), run.solver.last_stage()], before, desperate=run.h < 1e-6 * run.trusted):
                 run.h = before
         scale.doubts += refused > 0
         refused += 1
@@ -254,7 +266,7 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
 def _next_size(run: Run, h: float, error: float) -> float:
     """Step size for an error of one, by the smaller of the plain and the predictive controller (Gustafsson 1994)."""
     power = 1 / (run.scheme.error_order + 1)
-    growth = 0.55 * error**-power
+    growth = 0.5 * error**-power
     if run.last is not None and run.error > 0:
         growth = min(growth, growth * (h / run.last.h) * (run.error / error) ** power)
     return h * min(4.0, max(0.3, growth))
@@ -267,9 +279,8 @@ def _limit_by_contraction(run: Run, h: float, wanted: float, contraction: float,
     limit = 0.7 * h if failed else h * (best / contraction) ** power if contraction > 0 else np.inf
     slow = failed or wanted > 2 * limit
     run.h = min(wanted, limit)
-    run.hard = run.hard + 1 if slow else max(0, run.hard - 1)
-    if run.hard > _HARD and run.scheme.newton is Newton.WHERE_SLOW and not run.newton:
-        run.newton, run.hard = True, 0
+    run.slowness = wanted / run.h
+    run.hard = run.hard + 1 if slow or run.newton else max(0, run.hard - 1)
 
 
 def _advance_fixed(run: Run, size: float) -> Status | None:

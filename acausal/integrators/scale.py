@@ -29,7 +29,7 @@ class Scale:
         self.problem = problem
         self.unit = tolerances.rtol if tolerances.step is None else 1.0
         self._atol = tolerances.atol * self.unit / tolerances.rtol
-        self.size = np.abs(x)
+        self.size = np.abs(x) if problem.met is None else np.maximum(np.abs(x), problem.met)
         self.noise = np.zeros_like(self.size)
         self.doubts, self.patience = 0, DOUBTS
         self.values, self.limit = self.size, self.size
@@ -67,13 +67,15 @@ class Scale:
         np.maximum(self.size, np.abs(x), out=self.size)
 
     def blame_rounding(self, points: Sequence[tuple[float, np.ndarray]], h: float, *, desperate: bool) -> bool:
-        """Whether states are nothing but rounding at the start of a step or, when zero there, a little later: no step size is accurate.
+        """Whether states are nothing but rounding at the start of a step or, when zero there, at its last stage: no step size is accurate.
 
         Asked where steps are rejected again and again. Large states are disturbed for a moment at singular positions, too: that
         explains steps only when they have shrunk to next to nothing.
         """
         explains, part = False, self.unit if desperate else max(self.unit, _SMALL)
         for t, x in points:
+            if ((np.abs(x - points[0][1]) > self.size) & (self.size > 0)).any():
+                break
             u = self.problem.inputs(np.array([t]))[:, 0]
             found = rounding_of_rates(self.problem.rhs, t, x, u, self.problem.parameters, h)
             explained = np.isfinite(found) & (found > self.noise) & (_NOISE * h * found > part * self.size)

@@ -58,6 +58,10 @@ class StageSolver:
         self._singles += 1
         return self.single.evaluate()[0]
 
+    def last_stage(self) -> tuple[float, np.ndarray]:
+        """Time and state (nx,) of the last stage that was tried."""
+        return float(self.rates.t[-1]), self.rates.X[-1].copy()
+
     def fixed_point(
         self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: Scale, tolerance: float
     ) -> tuple[np.ndarray, float] | None:

@@ -63,8 +63,8 @@ static enum Code run_steps(Integrator *I) {
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         if (code == REACHED_END && I->guards) code = watch(I);
         if (code != REACHED_END) return code;
-        if (I->newton == WHERE_SLOW && !T->newton_now && T->hard >= T->asked) {
-            T->asked = T->asked < 1000 ? 4 * T->asked : T->asked;
+        if (I->newton == WHERE_SLOW && I->step == 0 && T->hard >= T->asked) {
+            T->asked = T->asked < 1000 ? 2 * T->asked : T->asked;
             T->hard = 0;
             return SLOW;
         }
@@ -85,4 +85,5 @@ void use_newton(Integrator *I) {
     I->state->newton_now = 1;
     I->state->jacobian_fresh = 0;
     I->state->hard = 0;
+    I->state->asked = 4;
 }

@@ -55,8 +55,22 @@ class Choice:
     adapt_order: bool = False
 
 
-Slow = Callable[[float, np.ndarray, float, float, float], str]
-"""(t, x, h, slowness, contraction) -> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size."""
+@dataclass(frozen=True)
+class Pace:
+    """What an integration is like: state x and sizes of the states (nx,) at t [s], step size h [s], the size that accuracy allows over h
+    (`slowness`), contraction of the iteration, and whether it is Newton's."""
+
+    t: float
+    x: np.ndarray
+    size: np.ndarray
+    h: float
+    slowness: float
+    contraction: float
+    newton: bool
+
+
+Slow = Callable[[Pace], str]
+"""-> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size, and now and then while Newton iterates."""
 
 
 @dataclass(frozen=True)
@@ -210,6 +224,9 @@ class Run:
             self._follow(directions)
         if not compiled.library.begin(ctypes.byref(core)):
             raise MemoryError("integration: not enough memory.")
+        if problem.met is not None:
+            size = np.ctypeslib.as_array(core.size, self.x.shape)
+            np.maximum(size, problem.met, out=size)
 
     def __del__(self) -> None:
         if hasattr(self, "core"):
@@ -270,17 +287,18 @@ class Run:
         """Run until `end`, or what stops it before."""
         core, advance, reference = self.core, self.compiled.library.advance, ctypes.byref(self.core)
         core.end = end
-        t0, shown = core.t, self.started
+        t0, shown, newton = core.t, self.started, False
         try:
             while (code := advance(reference)) in _GO_ON:
                 if code == Code.NEEDS_JACOBIAN:
                     core.jvp = self.compiled.jvp[1][0]
                 elif code == Code.SLOW and slow is not None:
-                    answer = slow(core.t, self.x.copy(), core.h, core.slowness, core.contraction)
+                    size = np.ctypeslib.as_array(core.size, self.x.shape).copy()
+                    answer = slow(Pace(core.t, self.x.copy(), size, core.h, core.slowness, core.contraction, newton))
                     if answer == "leave":
                         return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
                     if answer == "newton":
-                        core.jvp = self.compiled.jvp[1][0]
+                        core.jvp, newton = self.compiled.jvp[1][0], True
                         self.compiled.library.use_newton(reference)
                 elif progress is not None and time.perf_counter() - shown > 0.2:
                     shown = time.perf_counter()

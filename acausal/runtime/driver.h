@@ -224,7 +224,7 @@ static int first_step(Integrator *I) {
 static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
     double power = 1 / (double)(I->method_list[I->method].error_order + 1);
-    double growth = 0.55 * pow(error, -power);
+    double growth = 0.5 * pow(error, -power);
     if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
     return h * fmin(4.0, fmax(0.3, growth));
 }
@@ -240,7 +240,7 @@ static void choose_size(Integrator *I, double h, double wanted, double contracti
     I->h = fmin(wanted, limit);
     I->slowness = wanted / I->h;
     if (T->newton_now && !failed && I->h >= h && I->h < 1.2 * h) I->h = h; /* the factors serve again */
-    T->hard = slow ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0;
+    T->hard = slow || T->newton_now ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0; /* Newton may hide that it is stiff */
     if (T->newton_now) T->jacobian_fresh = contraction < 0.03;
 }
 
@@ -276,18 +276,24 @@ static int refresh_jacobian(Integrator *I) {
 }
 
 /* Where steps are rejected again and again, states may be nothing but rounding, which no step size makes accurate: ask for what
-   rounding makes of the rates, at the start and, for states that are zero there, a little later. Large states are disturbed for a moment at singular
+   rounding makes of the rates, at the start and, for states that are zero there, at the last stage that was tried. Large states are disturbed for a moment at singular
    positions, too: that explains steps only when they have shrunk to next to nothing. 1 where it explains rejections, -1 when the input
    function failed. */
-static int blame_rounding(Integrator *I, double h) {
+static int blame_rounding(Integrator *I, const Stages *S, double h) {
     struct State *T = I->state;
-    double *found = T->factor, soon = 0.01 * I->h;
-    if (!rate_at(I, I->t, I->x, T->rate)) return -1;
+    double *found = T->factor;
+    const V *last = S->in[(S->s - 1) / LANES];
+    long lane = (S->s - 1) % LANES;
     double part = I->h < 1e-6 * T->trusted ? T->unit : fmax(T->unit, SMALL);
     int explains = 0;
     for (int later = 0; later < 2; later++) {
-        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + (later ? soon * T->rate[i] : 0);
-        if (!I->rounding(I->t + (later ? soon : 0), T->before, h, found)) return -1;
+        int near = 1;
+        for (long i = 0; i < I->nx; i++) {
+            T->before[i] = later ? last[1 + i][lane] : I->x[i];
+            near &= T->size[i] == 0 || fabs(T->before[i] - I->x[i]) <= T->size[i];
+        }
+        if (!near) break;
+        if (!I->rounding(later ? last[0][lane] : I->t, T->before, h, found)) return -1;
         for (long i = 0; i < I->nx; i++) {
             if (!(found[i] > T->noise[i] && NOISE * h * found[i] > (later ? 1 : part) * T->size[i]) || !isfinite(found[i])) continue;
             T->noise[i] = fmax(found[i], NOISE * T->noise[i]); /* it grows with the motion */
@@ -309,7 +315,7 @@ static enum Code one_adaptive(Integrator *I) {
         T->doubts += ++refused > 0;
         if (I->rounding && (T->doubts >= T->patience || refused == 2 * DOUBTS || refused == 3 * DOUBTS)) {
             double before = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int explained = blame_rounding(I, before);
+            int explained = blame_rounding(I, S, before);
             if (explained < 0) return INPUT_FAILED;
             if (explained) I->h = before;
         }
