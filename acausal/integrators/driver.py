@@ -266,7 +266,7 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
 def _next_size(run: Run, h: float, error: float) -> float:
     """Step size for an error of one, by the smaller of the plain and the predictive controller (Gustafsson 1994)."""
     power = 1 / (run.scheme.error_order + 1)
-    growth = 0.5 * error**-power
+    growth = 0.55 * error**-power
     if run.last is not None and run.error > 0:
         growth = min(growth, growth * (h / run.last.h) * (run.error / error) ** power)
     return h * min(4.0, max(0.3, growth))

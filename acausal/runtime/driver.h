@@ -224,7 +224,7 @@ static int first_step(Integrator *I) {
 static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
     double power = 1 / (double)(I->method_list[I->method].error_order + 1);
-    double growth = 0.5 * pow(error, -power);
+    double growth = 0.55 * pow(error, -power);
     if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
     return h * fmin(4.0, fmax(0.3, growth));
 }

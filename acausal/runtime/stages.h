@@ -299,6 +299,17 @@ INLINE void combine_states(Stages *S, const long *list, long count, const double
     }
 }
 
+/* Rates of positions are velocities at the stages: the newest ones, not those that the last rates were found with. */
+static void renew_copies(Integrator *I, Stages *S, const double *x) {
+    if (!I->copies) return;
+    scale_rates(I, S);
+    for (long b = 0; b < S->blocks; b++)
+        for (long k = 0; k < I->copies; k++) {
+            long from = I->copy_from[k];
+            S->K[b][I->copy_to[k]] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, from, v_all(x[from]));
+        }
+}
+
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
 static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     const struct State *T = I->state;
@@ -310,6 +321,7 @@ static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judg
         combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
         enum Verdict v = judge(J, replace_rates(I, S, h));
+        if (v == DONE) renew_copies(I, S, x);
         if (v != GO_ON) return v == DONE;
     }
 }
