@@ -12,7 +12,7 @@ from acausal.numerics.rounding import rounding_of_rates
 _EPS = float(np.finfo(float).eps)
 _NOTHING = 1e-290
 _PART = 0.125
-_NOISE = 512.0
+_NOISE = 128.0
 _SMALL = 1e-4
 DOUBTS = 8
 """Rejections, less steps without, that call for an explanation."""
