@@ -59,7 +59,7 @@ class Scale:
         size = np.maximum(np.abs(x), np.abs(h * K).max(axis=0))
         known = self.values > _NOTHING
         rounding = 2 * _EPS * float((size / self.values).max(initial=0.0, where=known))
-        noise = h * float((self.noise / self.values).max(initial=0.0, where=known))
+        noise = 0.25 * h * float((self.noise / self.values).max(initial=0.0, where=known))
         return max(noise, min(rounding, 4 * _EPS / self.unit))
 
     def met(self, x: np.ndarray) -> None:

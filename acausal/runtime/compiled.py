@@ -310,6 +310,8 @@ class Run:
     def _outcome(self, code: Code) -> Outcome:
         core = self.core
         if code == Code.INPUT_FAILED and self.error is not None:
+            if isinstance(self.error, KeyboardInterrupt):
+                return Outcome(Status(StatusKind.INTERRUPTED, core.t, "Interrupted."))
             raise self.error
         if code == Code.OUT_OF_MEMORY:
             raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")

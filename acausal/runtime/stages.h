@@ -226,7 +226,7 @@ static void set_scale(Integrator *I, double h) {
 static double noise_floor(const Integrator *I, double h) {
     const struct State *T = I->state;
     double most = 0;
-    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(h) * T->noise[i] / T->scale[i]);
+    for (long i = 0; i < I->nx; i++) most = fmax(most, 0.25 * fabs(h) * T->noise[i] / T->scale[i]);
     return most;
 }
 
