@@ -56,7 +56,7 @@ def test_order_on_trees_loops_and_rolling(scene, method, order):
     if scene is pendulum and (method, order) == ("gauss", 8):
         steps = (16, 24)
     if scene is four_bar:  # it is faster
-        steps = {("gauss", 6): (192, 256), ("gauss", 8): (64, 96), ("radau", 5): (384, 512), ("radau", 7): (128, 192)}.get(
+        steps = {("gauss", 6): (192, 256), ("gauss", 8): (64, 96), ("radau", 5): (384, 512), ("radau", 7): (96, 144)}.get(
             (method, order), steps
         )
     fine = model.simulate(1.0, start, rtol=1e-14, atol=1e-14).solution.x[:, -1]

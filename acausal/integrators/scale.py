@@ -12,7 +12,7 @@ from acausal.numerics.rounding import rounding_of_rates
 _EPS = float(np.finfo(float).eps)
 _NOTHING = 1e-290
 _PART = 0.125
-_NOISE = 128.0
+_NOISE = 512.0
 _SMALL = 1e-4
 DOUBTS = 8
 """Rejections, less steps without, that call for an explanation."""
@@ -60,7 +60,7 @@ class Scale:
         known = self.values > _NOTHING
         rounding = 2 * _EPS * float((size / self.values).max(initial=0.0, where=known))
         noise = 0.25 * h * float((self.noise / self.values).max(initial=0.0, where=known))
-        return max(noise, min(rounding, 4 * _EPS / self.unit))
+        return max(noise, min(rounding, 2 * _EPS / self.unit))
 
     def met(self, x: np.ndarray) -> None:
         """Remember the magnitudes of x."""

@@ -94,7 +94,7 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
         for (long b = 0; b < S->blocks; b++)
             worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
     }
-    return fmax(noise_floor(I, h), fmin(2 * EPS * v_largest(worst), 4 * EPS / T->unit));
+    return fmax(noise_floor(I, h), fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit));
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,

@@ -201,7 +201,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 
 #define NOTHING 1e-290     /* the scale of what is exactly zero */
 #define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
-#define NOISE 128.0        /* of what rounding makes of its rates in a step: too little to be judged */
+#define NOISE 512.0        /* of what rounding makes of its rates in a step: too little to be judged */
 #define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
 #define DOUBTS 8           /* rejections that call for an explanation */
 
