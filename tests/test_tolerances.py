@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Particle, Prismatic, Revolute, RigidBody, RotationalDamper, RotationalGround, RotationalSpring, Spring, World
+from components import (
+    Particle,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    RotationalSpring,
+    Spring,
+    World,
+)
 
 BOTH = pytest.mark.parametrize("compiled", [True, False])
 
@@ -112,7 +122,9 @@ def test_many_turns_do_not_loosen_what_turns(compiled):
     scene.connect(scene.hinge.frame_b, scene.rod.frame)
     model = ac.build(scene)
     turned = 2 * np.pi * 1.5e5
-    runs = [model.simulate(1.0, {scene.hinge.q: q, scene.hinge.v: 20.0}, compiled=compiled, rtol=1e-10) for q in (0.3, 0.3 + turned)]
+    runs = [
+        model.simulate(1.0, {scene.hinge.q: q, scene.hinge.v: 20.0}, compiled=compiled, rtol=1e-10) for q in (0.3, 0.3 + turned)
+    ]
     assert np.max(np.abs(runs[1][scene.hinge.v] - runs[0][scene.hinge.v])) < 1e-3
     assert runs[1].energy_error() < 1e-3
 

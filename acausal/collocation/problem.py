@@ -166,7 +166,7 @@ class Interpolant:
 
     @staticmethod
     def of(solution: Solution) -> Interpolant:
-        """Of a solution, to rounding."""
+        """Of a solution, as accurate as its dense output."""
         t, nx = solution.t, solution.x.shape[0]
         if isinstance(solution.dense, Interpolant):
             return solution.dense

@@ -31,9 +31,7 @@ class CollocationPolynomial:
         return (self.x[step] + h[:, None] * np.einsum("nj,njk->nk", Q, self.coefficients[step])).T
 
 
-def refined(
-    problem: Problem, t: np.ndarray, x: np.ndarray, coefficients: np.ndarray, noise: np.ndarray
-) -> CollocationPolynomial:
+def refined(problem: Problem, t: np.ndarray, x: np.ndarray, coefficients: np.ndarray, noise: np.ndarray) -> CollocationPolynomial:
     """A polynomial of higher degree through the same step points.
 
     A Gauss step of s stages is accurate to order 2 s at its end but only s + 1 inside. Fixed-point iteration on 1.75 s nodes,

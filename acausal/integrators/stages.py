@@ -92,7 +92,9 @@ class StageSolver:
             K[:] = new
             self.iterations += 1
             verdict = judge.judge(float(flat.dot(flat) * self._mean) ** 0.5)
-            if verdict is Verdict.DONE and copies is not None:  # the newest velocities, not those that the last rates were found with
+            if (
+                verdict is Verdict.DONE and copies is not None
+            ):  # the newest velocities, not those that the last rates were found with
                 K[:, copies[0]] = x[copies[1]] + mu.dot(hb * K[:, copies[1]])
             if verdict is not Verdict.GO_ON:
                 return (K.copy(), judge.contraction) if verdict is Verdict.DONE else None

@@ -30,7 +30,16 @@ from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
 from acausal.numerics.kernel import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
-from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, RoundingFunction, GuardRoundingFunction, method_table
+from acausal.runtime.binding import (
+    Code,
+    GuardRoundingFunction,
+    InputFunction,
+    Integrator,
+    Method,
+    MethodTable,
+    RoundingFunction,
+    method_table,
+)
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 
 _SLICE = 0.05
