@@ -63,7 +63,7 @@ def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
     Newton where something else makes it slow.
     """
     radius = float(np.max(np.abs(eigenvectors(tableau)[0])))
-    seen = 0  # a look at one moment may deceive unless it is clear: decay and growth take turns in many a motion
+    seen = 0  # a look at one moment may deceive: decay and growth take turns in many a motion
 
     def answer(pace: Pace) -> str:
         nonlocal seen
@@ -72,7 +72,7 @@ def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
         u = problem.inputs(np.array([pace.t]))[:, 0]
         decay, growth = fastest(scaled_jacobian(problem.rhs, pace.t, pace.x, u, problem.parameters, pace.size))
         least = _FAST if pace.newton else 0.15 * pace.contraction / radius
-        seen = 0 if decay <= 3 * growth or pace.h * decay <= least else seen + (2 if decay > 100 * growth else 1)
+        seen = seen + 1 if decay > 3 * growth and pace.h * decay > least else 0
         return "leave" if seen > 1 else "go on" if seen else newton_where_slow(pace)
 
     return answer
