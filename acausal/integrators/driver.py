@@ -256,6 +256,8 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
     first = np.abs((signs @ step.a - solver.rate(step.t, step.x)) * unit).max()
     last = np.abs((step.a.sum(axis=0) - solver.rate(step.t + step.h, end)) * unit).max()
     worst = max(float(first), float(last))
+    if not np.isfinite(last):
+        return True
     if tableau.c[0] * worst <= 1:
         return False
     sizes = np.abs(step.a * unit).max(axis=1)

@@ -136,6 +136,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     for (long i = 0; i < I->nx; i++) {
         const double *a = S->a + i * n;
         double even = 0, odd = 0, unit = h / T->scale[i];
+        if (!isfinite(T->end_rate[i])) return 1;
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
         first = fmax(first, fabs(even - odd - T->start_rate[i]) * unit);
         last = fmax(last, fabs(even + odd - T->end_rate[i]) * unit);
