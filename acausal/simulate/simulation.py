@@ -22,7 +22,7 @@ from acausal.outputs.given_motion import check_given_motions
 from acausal.simulate.events import when
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
-from acausal.simulate.trouble import failure, warn_if_outside, warn_if_pulled, warn_if_singular
+from acausal.simulate.trouble import failure, raise_if_interrupted, warn_if_outside, warn_if_pulled, warn_if_singular
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
@@ -50,7 +50,7 @@ class Options:
     def checked(self) -> Options:
         """The same with plain numbers. Raises `OptionError` for what makes no sense."""
         rtol = finite(self.rtol, "simulate: rtol")
-        atol = rtol if self.atol is None else finite(self.atol, "simulate: atol")
+        atol = 0.0 if self.atol is None else finite(self.atol, "simulate: atol")
         step = None if self.step is None else finite(self.step, "simulate: the step [s]")
         events = tuple(listed(self.events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
         for event in events:
@@ -92,14 +92,13 @@ def simulate(
     problem = replace(problem, parameters=initial.p)
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
-    atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
         initial.x,
         t0,
         t1,
         options.rtol,
-        atol,
+        options.atol or 0.0,
         method=options.method,
         order=options.order,
         step=options.step,
@@ -112,6 +111,7 @@ def simulate(
     warn_if_outside(functions, run)
     warn_if_pulled(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
+        raise_if_interrupted(run.status, run)
         raise SimulationError(failure(functions, run.status, t1, run), run)
     return run
 
@@ -135,14 +135,15 @@ def sensitivity_run(
         atol=finite(tolerances.atol, "sensitivities: atol"),
         max_steps=whole_number(tolerances.max_steps, "sensitivities: max_steps", 1),
     )
-    if not (0 < tolerances.rtol < 1 and tolerances.atol > 0):
-        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol > 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
+    if not (0 < tolerances.rtol < 1 and tolerances.atol >= 0):
+        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol >= 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
     for entry in wrt:
         if isinstance(entry, Input) and callable(inputs.get(entry)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
     problem = _problem(functions, inputs, parameters, compiled)
     found = sensitivities(functions, problem, times, wrt, start, tolerances)
     status = found.found.status
+    raise_if_interrupted(status, None)
     if status.kind is not StatusKind.SUCCESS:
         raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
     return found
@@ -199,34 +200,42 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Ca
                 f"The input {name} is given as {shown(value)} ({origin()}). Give a number, or a function of time that gives numbers: "
                 "lambda t: np.sin(t), or lambda t: np.interp(t, times, samples)."
             )
-        given[known.index(entry)] = number(value, name) if not callable(value) else _watched(value, name)
+        given[known.index(entry)] = number(value, name) if not callable(value) else _Watched(value, name)
+    return _Signal(tuple(given))
 
-    def signal(times: np.ndarray) -> np.ndarray:
-        result = np.empty((len(given), times.size))
-        for i, value in enumerate(given):
+
+@dataclass(frozen=True)
+class _Signal:
+    """times (n,) -> inputs (nu, n), each a number or a function of time."""
+
+    given: tuple[InputValue, ...]
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        result = np.empty((len(self.given), times.size))
+        for i, value in enumerate(self.given):
             result[i] = [value(float(t)) for t in times] if callable(value) else value
         return result
 
-    return signal
 
-
-def _watched(function: Callable[[float], Any], name: str) -> Callable[[float], float]:
+@dataclass(frozen=True)
+class _Watched:
     """The function, whose errors and results that are no numbers raise `ParameterError` with the input's name."""
 
-    def value(t: float) -> float:
+    function: Callable[[float], Any]
+    name: str
+
+    def __call__(self, t: float) -> float:
         try:
-            found = float(function(t))
+            found = float(self.function(t))
         except (TypeError, ValueError) as error:
             raise ParameterError(
-                f"The input {name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is called with one "
-                "number, the time [s], and must return one number."
+                f"The input {self.name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is "
+                "called with one number, the time [s], and must return one number."
             ) from error
         except Exception as error:  # the user's own, in the user's own function
-            error.add_note(f"In the function of time of the input {name}, called with t = {t:.6g} s.")
+            error.add_note(f"In the function of time of the input {self.name}, called with t = {t:.6g} s.")
             raise
         return found
-
-    return value
 
 
 def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
