@@ -192,14 +192,15 @@ class Model:
     ) -> Trajectory:
         """The motion from `t0` to `end` [s].
 
-        `start`: values of any variables or expressions, exactly or `ac.near(...)`. `rtol`, `atol`: local error tolerances
-        (atol = rtol in SI units by default). `inputs`: numbers or functions of time. `parameters`: other values than at build.
+        `start`: values of any variables or expressions, exactly or `ac.near(...)`. `rtol`, `atol`: local error
+        tolerances: each state is judged by rtol times the largest magnitude that it has met, or that the step moves it by, whatever its
+        unit; `atol` [SI] is added where it is given. `inputs`: numbers or functions of time. `parameters`: other values than at build.
         `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
         method has them. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
         `events`: zeros of expressions, `ac.when(...)`, found in `run.events`.
         Raises `StartValueError`, `UnknownVariableError`, `ParameterError`, and `SimulationError` (with what was computed) unless
         `raise_on_failure` is off. `compiled`: as C, made once and kept in a cache folder; off, or without a C compiler, on CasADi's
-        virtual machine (slower). Ctrl-C stops the run and keeps what was computed.
+        virtual machine (slower). Ctrl-C raises `KeyboardInterrupt`, whose `run` is what was computed.
         """
         from acausal.simulate.simulation import Options, simulate
 
@@ -226,7 +227,7 @@ class Model:
         """
         from acausal.simulate.simulation import sensitivity_run
 
-        tolerances = Tolerances(rtol, rtol if atol is None else atol, None, max_steps)
+        tolerances = Tolerances(rtol, atol or 0.0, None, max_steps)
         return sensitivity_run(self.functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled)
 
     def trajectory_function(

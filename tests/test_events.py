@@ -162,3 +162,64 @@ def test_wrong_events_are_explained():
         ac.when(1.0)  # type: ignore[arg-type]
     with pytest.raises(OptionError, match="not a scalar"):
         ac.build(scene).simulate(1.0, events=[ac.when(scene.ball.point.position)])
+
+
+@BOTH
+def test_an_expression_without_a_value_hides_no_other(compiled):
+    """sqrt(z + 1) ends at z = -1; the ball falls on, to z = -5."""
+    run = thrown(
+        0.0,
+        lambda s: [ac.when(np.sqrt(s.height + 1) - 1.5), ac.when(s.height + 5, "falling", stop=True)],
+        compiled=compiled,
+    )
+    assert run.solution.stopped and abs(run.t[-1] - np.sqrt(10 / G)) < 1e-12
+
+
+@BOTH
+def test_a_part_of_a_step_without_values_hides_no_zero_in_the_rest(compiled):
+    run = thrown(0.0, lambda s: [ac.when(np.sqrt(s.height + 1) - 0.5, "falling")], compiled=compiled)
+    assert [round(e.time, 9) for e in run.events] == [round(float(np.sqrt(1.5 / G)), 9)]
+
+
+@BOTH
+@pytest.mark.parametrize("power", [2, 3, 4, 5])
+def test_flat_zeros_are_crossed_or_touched_by_their_power(compiled, power):
+    run = thrown(0.0, lambda s: [ac.when((ac.time - 0.1) ** power)], compiled=compiled, end=1.0)
+    assert [e.direction for e in run.events] == ["rising" if power % 2 else "touching"]
+    assert abs(run.events[0].time - 0.1) < 1e-4
+    assert not thrown(0.0, lambda s: [ac.when((ac.time - 0.1) ** 3, "falling", stop=True)], compiled=compiled).solution.stopped
+
+
+@BOTH
+def test_expressions_that_stay_at_rounding_or_zero_are_no_events(compiled):
+    """A hinge askew: its tip stays in a plane; what never leaves the ground; what is zero for a while."""
+    n = np.array([0.3, 0.8, 0.2]) / np.linalg.norm([0.3, 0.8, 0.2])
+    scene = ac.System()
+    scene.world, scene.hinge = World(), Revolute(tuple(n))
+    scene.rod = RigidBody.rod(1.0, tuple(np.cross(n, (0.3, 0.5, -1.0))))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    tip = scene.rod.tip.position
+    run = ac.build(scene).simulate(
+        10.0, {scene.hinge.q: 0.5}, events=[ac.when(tip[0] * n[0] + tip[1] * n[1] + tip[2] * n[2])], compiled=compiled
+    )
+    assert not run.events
+    flat = thrown(
+        3.0,
+        lambda s: [ac.when(s.ball.point.position[0]), ac.when(abs(s.height - 0.2) + s.height - 0.2), ac.when(s.height - 0.2)],
+        compiled=compiled,
+        end=1.0,
+    )
+    assert [e.direction for e in flat.events] == ["rising", "falling"]
+
+
+@BOTH
+def test_a_motion_that_goes_on_in_the_same_direction_does_not_stop_again(compiled):
+    scene = Ball()
+    model = ac.build(scene)
+    position, velocity = scene.ball.point.position, scene.ball.point.velocity
+    events = [ac.when(scene.height - 1, "falling", stop=True)]
+    run = model.simulate(5.0, {position: (0, 0, 0), velocity: (0, 0, 10.0)}, events=events, compiled=compiled)
+    assert run.solution.stopped
+    on = model.simulate(5.0, {position: run.x[:3, -1], velocity: run.x[3:, -1]}, t0=run.t[-1], events=events, compiled=compiled)
+    assert not on.solution.stopped and on.t[-1] == 5.0

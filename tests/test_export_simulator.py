@@ -208,9 +208,9 @@ def test_a_run_that_fails_says_where_and_names_the_state(tmp_path):
     model = ac.build(scene)
     program = compiled(model.export_simulator(tmp_path))
     status = model.simulate(3.0, raise_on_failure=False).status
-    run = subprocess.run([str(program), "3", "4"], env={}, capture_output=True, text=True)
+    run = subprocess.run([str(program), "3", "5"], env={}, capture_output=True, text=True)
     assert run.returncode == 1
-    assert len(run.stdout.splitlines()) == 2  # header and start
+    assert len(run.stdout.splitlines()) == 3  # header, start and 0.75 s
     assert f"System: {status.message} Stopped at t = 1 s of 3 s" in run.stderr
     assert f"The state that failed first: {model.state_names[status.worst]}." in run.stderr
 

@@ -166,7 +166,7 @@ class MinimalModel:
         from acausal.charts.minimal_motion import simulate
 
         rtol = finite(rtol, "simulate: rtol")
-        atol = rtol if atol is None else finite(atol, "simulate: atol")
+        atol = 0.0 if atol is None else finite(atol, "simulate: atol")
         options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure)
         return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
 

@@ -18,6 +18,7 @@ from acausal.language.expression import Input
 from acausal.outputs.functions import Functions, warn_no_compiler
 from acausal.simulate.inputs import InputValue, input_signal
 from acausal.simulate.trajectory import Trajectory
+from acausal.simulate.trouble import raise_if_interrupted
 from acausal.start.initial import InitialState, Start, initial_state
 
 _WORSE = 0.3
@@ -157,6 +158,7 @@ def _finished(
         solution = replace(solution, status=Status(kind, float(solution.t[-1]), trouble))
     times = np.linspace(solution.t[0], solution.t[-1], options.samples)
     motion = MinimalMotion(Trajectory(functions, problem, solution, initial, times), tuple(p.minimal.chart for p in pieces))
+    raise_if_interrupted(solution.status, motion.trajectory)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         status = solution.status
         raise SimulationError(

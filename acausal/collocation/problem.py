@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -39,7 +39,8 @@ class Problem:
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
-    functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located.
+    functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located. `met`:
+    (nx,) largest magnitudes of states before the start.
     """
 
     rhs: ca.Function
@@ -50,11 +51,17 @@ class Problem:
     constant_inputs: np.ndarray | None = None
     compiled: Any = None
     guards: Guards | None = None
+    met: np.ndarray | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies and files: without the compiled code, which belongs to this process."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Problem, tuple((values | {"compiled": None}).values())
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Error control: `rtol` and `atol` per step, or a fixed `step` [s]."""
+    """Error control: `rtol` and `atol` per step, or a fixed `step` [s]. atol 0: by the sizes of the states alone."""
 
     rtol: float
     atol: float
@@ -136,3 +143,44 @@ class Solution:
     crossings: tuple[Crossing, ...] = ()
     stopped: bool = False
     located: bool = False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies and files: the integrator's memory stays behind, polynomials through its dense output take its place."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Solution, tuple((values | {"dense": Interpolant.of(self)}).values())
+
+
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(33) / 32)
+_WEIGHTS = np.where(np.arange(33) % 2, -1.0, 1.0) * np.where((np.arange(33) == 0) | (np.arange(33) == 32), 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class Interpolant:
+    """Dense output as numbers: states `values` (steps, points, nx) at Chebyshev points of the steps between times `t` (steps + 1,).
+
+    Interpolation by the barycentric formula; 33 points are more than the degree of any collocation polynomial asks for.
+    """
+
+    t: np.ndarray
+    values: np.ndarray
+
+    @staticmethod
+    def of(solution: Solution) -> Interpolant:
+        """Of a solution, as accurate as its dense output."""
+        t, nx = solution.t, solution.x.shape[0]
+        if isinstance(solution.dense, Interpolant):
+            return solution.dense
+        if t.size < 2:
+            return Interpolant(t, solution.x.T[None, :, :])
+        times = np.minimum(t[:-1, None] + np.diff(t)[:, None] * _NODES, t[1:, None])
+        return Interpolant(t, solution.dense(times.ravel()).T.reshape(t.size - 1, _NODES.size, nx))
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """States (nx, m) at times (m,)."""
+        if self.t.size < 2:
+            return np.repeat(self.values[0, :1].T, times.size, axis=1)
+        step = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, self.t.size - 2)
+        away = ((times - self.t[step]) / np.diff(self.t)[step])[:, None] - _NODES
+        hit = away == 0
+        weights = np.where(hit.any(axis=1)[:, None], hit, _WEIGHTS / np.where(hit, 1.0, away))
+        return np.einsum("mk,mki->im", weights / weights.sum(axis=1, keepdims=True), self.values[step])

@@ -10,15 +10,16 @@ import numpy as np
 from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.collocation.tableau import Tableau, eigenvectors, gauss_legendre
 from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import Run, drive
+from acausal.integrators.driver import drive
 from acausal.integrators.gauss import Gauss, default_order, gauss_scheme, newton_where_slow
 from acausal.integrators.radau import Radau
-from acausal.integrators.rates import difference_jacobian
-from acausal.runtime.compiled import Choice, Slow
+from acausal.numerics.rounding import scaled_jacobian
+from acausal.runtime.compiled import Choice, Pace, Slow
 
-_CHECK = 25
 _LARGEST = 400
 """States up to which eigenvalues are looked at."""
+_FAST = 1.0
+"""Decay in a step from which on Gauss, which does not damp it, is the wrong method."""
 
 
 @dataclass(frozen=True)
@@ -47,27 +48,32 @@ class Automatic(AbstractIntegrator):
             first, stiff = problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
         else:
             scheme = gauss_scheme(order, Newton.WHERE_SLOW)
-            first, stiff = drive(problem, scheme, x0, t0, t1, tolerances, progress, leave=is_stiff)
+            first, stiff = drive(problem, scheme, x0, t0, t1, tolerances, progress, slow=stiffness_of(problem, scheme.tableau))
         if not stiff or first.stopped:
             return first
         done = (float(first.t[-1]) - t0) / (t1 - t0)
         later = None if progress is None else lambda fraction: progress(done + (1 - done) * fraction)
+        problem = replace(problem, met=np.max(np.abs(first.x), axis=1))
         rest = Radau().integrate(problem, first.x[:, -1], float(first.t[-1]), t1, tolerances, later)
         return joined(first, rest)
 
 
 def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
-    """Leaves Gauss for Radau where decay explains the contraction of the iteration; solves by Newton where something else does."""
+    """Leaves Gauss for Radau where decay explains the contraction of the iteration, or is fast against the steps of Newton's; solves by
+    Newton where something else makes it slow.
+    """
     radius = float(np.max(np.abs(eigenvectors(tableau)[0])))
+    seen = 0  # a look at one moment may deceive: decay and growth take turns in many a motion
 
-    signs = [0]  # a look at one moment may deceive: decay and growth take turns in many a motion
-
-    def answer(t: float, x: np.ndarray, h: float, slowness: float, contraction: float) -> str:
-        if x.size > _LARGEST:
-            return newton_where_slow(t, x, h, slowness, contraction)
-        decay, growth = fastest(difference_jacobian(problem, t, x))
-        signs[0] = signs[0] + 1 if decay > 3 * growth and h * decay * radius > 0.15 * contraction else 0
-        return "leave" if signs[0] > 1 else "go on" if signs[0] else newton_where_slow(t, x, h, slowness, contraction)
+    def answer(pace: Pace) -> str:
+        nonlocal seen
+        if pace.x.size > _LARGEST:
+            return newton_where_slow(pace)
+        u = problem.inputs(np.array([pace.t]))[:, 0]
+        decay, growth = fastest(scaled_jacobian(problem.rhs, pace.t, pace.x, u, problem.parameters, pace.size))
+        least = _FAST if pace.newton else 0.15 * pace.contraction / radius
+        seen = seen + 1 if decay > 3 * growth and pace.h * decay > least else 0
+        return "leave" if seen > 1 else "go on" if seen else newton_where_slow(pace)
 
     return answer
 
@@ -78,18 +84,6 @@ def fastest(jacobian: np.ndarray) -> tuple[float, float]:
         return 0.0, 0.0
     real = np.real(np.linalg.eigvals(jacobian))
     return float(np.max(-real, initial=0.0)), float(np.max(real, initial=0.0))
-
-
-def is_stiff(run: Run) -> bool:
-    """Whether the fastest decay, not accuracy, holds the step size down, or is so fast that iteration holds on by luck only."""
-    if (
-        run.tolerances.step is not None
-        or run.x.size > _LARGEST
-        or not (run.hard == 4 or run.newton or len(run.times) in (_CHECK, 4 * _CHECK, 16 * _CHECK))
-    ):
-        return False
-    decay, growth = (run.h * rate for rate in fastest(difference_jacobian(run.problem, run.t, run.x)))
-    return decay > 3 * growth and (decay > 8 or (decay > 0.5 and (run.hard >= 4 or run.error < 1e-3)))
 
 
 def joined(first: Solution, second: Solution) -> Solution:

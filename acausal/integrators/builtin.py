@@ -57,7 +57,7 @@ def _integrate_builtin(
     )
     parameters = ca.vertcat(begin, span, u, p)
     dae = {"t": t, "x": x, "p": parameters, "ode": span * f(begin + span * t, x, u, p)}
-    options = {"abstol": tolerances.atol, "reltol": tolerances.rtol}
+    options = {"abstol": tolerances.atol or tolerances.rtol, "reltol": tolerances.rtol}
     if name in ("cvodes", "idas"):
         options["max_num_steps"] = 100_000
     step = ca.integrator("step", name, dae, 0.0, 1.0, options)

@@ -10,6 +10,8 @@ from acausal.collocation.problem import Problem
 from acausal.collocation.tableau import gauss_legendre, integrated_legendre, legendre_values
 from acausal.integrators.rates import Rates
 
+_EPS = float(np.finfo(float).eps)
+
 
 @dataclass(frozen=True)
 class CollocationPolynomial:
@@ -29,11 +31,12 @@ class CollocationPolynomial:
         return (self.x[step] + h[:, None] * np.einsum("nj,njk->nk", Q, self.coefficients[step])).T
 
 
-def refined(problem: Problem, t: np.ndarray, x: np.ndarray, coefficients: np.ndarray) -> CollocationPolynomial:
+def refined(problem: Problem, t: np.ndarray, x: np.ndarray, coefficients: np.ndarray, noise: np.ndarray) -> CollocationPolynomial:
     """A polynomial of higher degree through the same step points.
 
     A Gauss step of s stages is accurate to order 2 s at its end but only s + 1 inside. Fixed-point iteration on 1.75 s nodes,
     started from the collocation polynomial and done for all steps at once, brings the inside up to the end's accuracy.
+    `noise` (nx,): what rounding makes of the rates.
     """
     n, s, nx = coefficients.shape
     if n == 0:
@@ -46,11 +49,13 @@ def refined(problem: Problem, t: np.ndarray, x: np.ndarray, coefficients: np.nda
     rates.at((t[:-1, None] + h[:, None] * fine.c).ravel())
     previous = np.inf
     best = K
+    rounding = np.maximum(h[:, None, None] * noise / _EPS, np.finfo(float).tiny)
+    size = np.maximum(np.abs(x).max(axis=0), rounding)
     for _ in range(30):
         X = x[:-1, None, :] + h[:, None, None] * np.einsum("ij,njk->nik", fine.A, K)
         rates.X[:] = X.reshape(n * m, nx)
         new = rates.evaluate().reshape(n, m, nx).copy()
-        change = float(np.max(np.abs((new - K) * h[:, None, None]) / (1e-3 + np.abs(x[:-1, None, :]))))
+        change = float(np.max(np.abs((new - K) * h[:, None, None]) / size))
         if not np.isfinite(change) or change > 0.9 * previous:
             break
         best = K = new

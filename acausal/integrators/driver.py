@@ -13,13 +13,13 @@ from acausal.collocation.problem import Newton, Problem, Progress, Solution, Sta
 from acausal.collocation.tableau import Tableau, legendre_values
 from acausal.integrators.dense import CollocationPolynomial, refined
 from acausal.integrators.projection import Projection
+from acausal.integrators.scale import DOUBTS, Scale
 from acausal.integrators.stages import StageSolver
+from acausal.runtime.compiled import Pace, Slow
 
 _EPS = float(np.finfo(float).eps)
-_HARD = 8
 _LEFT = 1e-3
 """What the iteration may leave of the error of a step."""
-_CHECK = 25
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,15 @@ class Run:
     """Of the last step, in units of the tolerance."""
     hard: int = 0
     """Steps whose size was set by the convergence of the iteration and not by accuracy, less the others."""
+    asked: int = 4
+    """How many of them until `slow` is asked."""
+    slowness: float = 1.0
+    """Step size that accuracy allows over that of the iteration."""
     contraction: float = 0.0
     """Of the iteration in the last step."""
     newton_steps: int = 0
+    trusted: float = 0.0
+    """Size of the last step without doubts."""
     times: list[float] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     coefficients: list[np.ndarray] = field(default_factory=list)
@@ -77,7 +83,7 @@ class Run:
         self.states.append(self.x)
         self._projection = Projection(self.problem)
         self._carry = np.zeros_like(self.x)
-        self._size = np.abs(self.x)
+        self.scale = Scale(self.problem, self.tolerances, self.x)
         self.last: Step | None = None
 
     @property
@@ -85,19 +91,16 @@ class Run:
         """Of a run that nothing has stopped."""
         return Status(StatusKind.SUCCESS, self.t)
 
-    def scale(self) -> np.ndarray:
-        """atol + rtol * the largest |x| met so far, per state (nx,)."""
-        return self.tolerances.atol + self.tolerances.rtol * self._size
-
     def solution(self, status: Status) -> Solution:
         """What has been computed so far."""
         t, x = np.array(self.times), np.array(self.states)
         tableau, problem, superconvergent = self.scheme.tableau, self.problem, self.scheme.superconvergent
+        noise = self.scale.noise
         coefficients = np.array(self.coefficients).reshape(len(t) - 1, tableau.stages, self.x.size)
 
         @functools.cache
         def polynomial() -> CollocationPolynomial:
-            return refined(problem, t, x, coefficients) if superconvergent else CollocationPolynomial(t, x, coefficients)
+            return refined(problem, t, x, coefficients, noise) if superconvergent else CollocationPolynomial(t, x, coefficients)
 
         statistics = Statistics(
             tableau.name + (" with Newton" if self.newton_steps and self.scheme.newton is Newton.WHERE_SLOW else ""),
@@ -137,7 +140,7 @@ class Run:
         self.x = self._projection(self.t, x)
         if self.x is not x:
             self._carry = np.zeros_like(x)
-        np.maximum(self._size, np.abs(self.x), out=self._size)
+        self.scale.met(self.x)
         self.times.append(self.t)
         self.states.append(self.x)
         self.coefficients.append(step.a)
@@ -154,9 +157,9 @@ def drive(
     tolerances: Tolerances,
     progress: Progress | None,
     *,
-    leave: Callable[[Run], bool] | None = None,
+    slow: Slow | None = None,
 ) -> tuple[Solution, bool]:
-    """Integrate from t0 to t1; the solution, and whether `leave(run)`, asked after each step, ended it early."""
+    """Integrate from t0 to t1; the solution, and whether `slow` ended it early by "leave"."""
     run = Run(problem, scheme, tolerances, t0, np.array(x0, dtype=float), t1)
     if not np.isfinite(run.x).all():
         worst = int(np.flatnonzero(~np.isfinite(run.x))[0])
@@ -171,7 +174,7 @@ def drive(
                 status = _advance(run)
                 if status is not None:
                     return run.solution(status), False
-                if leave is not None and leave(run):
+                if slow is not None and _asked(run, slow) == "leave":
                     return run.solution(run.status), True
                 if progress is not None and time.perf_counter() - shown > 0.2:
                     shown = time.perf_counter()
@@ -181,6 +184,17 @@ def drive(
     return run.solution(run.status), False
 
 
+def _asked(run: Run, slow: Slow) -> str:
+    """What `slow` says where it is to be asked; Newton's iteration begins where it says so."""
+    if run.hard < run.asked or run.tolerances.step is not None:
+        return "go on"
+    run.hard, run.asked = 0, 2 * run.asked if run.asked < 1000 else run.asked
+    answer = slow(Pace(run.t, run.x, run.scale.size, run.h, run.slowness, run.contraction, run.newton))
+    if answer == "newton":
+        run.newton, run.asked = True, 4
+    return answer
+
+
 def _advance(run: Run) -> Status | None:
     """One accepted step; a status when none is possible."""
     if len(run.times) > run.tolerances.max_steps:
@@ -188,13 +202,22 @@ def _advance(run: Run) -> Status | None:
     if run.tolerances.step is not None:
         return _advance_fixed(run, run.tolerances.step)
     order, failed, misses, tries = run.scheme.error_order, False, 0, 0
-    scale = run.scale()
+    scale, refused = run.scale, 0
+    if scale.doubts == 0:
+        run.trusted = run.h
     while True:
+        if scale.doubts >= scale.patience or refused in (2 * DOUBTS, 3 * DOUBTS):
+            before = min(max(run.trusted, run.h), run.end - run.t)
+            if scale.blame_rounding([(run.t, run.x), run.solver.last_stage()], before, desperate=run.h < 1e-6 * run.trusted):
+                run.h = before
+        scale.doubts += refused > 0
+        refused += 1
         h = min(run.h, run.end - run.t)
         if run.end - run.t - h < 1e-3 * h:
             h = run.end - run.t
         if h <= 16 * _EPS * max(abs(run.t), abs(run.end) * 1e-3):
             return _underflow(run)
+        scale.begin(h)
         solve = run.solver.newton if run.newton else run.solver.fixed_point
         solved = solve(run.t, h, run.x, run.guess(h), scale, _LEFT)
         if solved is None:
@@ -203,7 +226,7 @@ def _advance(run: Run) -> Status | None:
             run.h, run.rejected, failed, tries = shrink * h, run.rejected + 1, True, tries + 1
             continue
         K, contraction = solved
-        step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale)
+        step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale.values)
         error = run.scheme.error(run.solver, step)
         if not error <= 1:
             growth = 0.65 * error ** (-1 / (order + 1)) if error < np.inf else 0.1
@@ -216,6 +239,8 @@ def _advance(run: Run) -> Status | None:
         run.error, run.contraction = max(error, 1e-30), contraction
         run.accept(step)
         _limit_by_contraction(run, h, wanted, contraction, failed)
+        if refused == 1:
+            scale.doubts = scale.doubts + 2 if run.h < 0.5 * h else max(0, scale.doubts - 1)
         return None
 
 
@@ -231,6 +256,8 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
     first = np.abs((signs @ step.a - solver.rate(step.t, step.x)) * unit).max()
     last = np.abs((step.a.sum(axis=0) - solver.rate(step.t + step.h, end)) * unit).max()
     worst = max(float(first), float(last))
+    if not np.isfinite(last):
+        return True
     if tableau.c[0] * worst <= 1:
         return False
     sizes = np.abs(step.a * unit).max(axis=1)
@@ -254,16 +281,16 @@ def _limit_by_contraction(run: Run, h: float, wanted: float, contraction: float,
     limit = 0.7 * h if failed else h * (best / contraction) ** power if contraction > 0 else np.inf
     slow = failed or wanted > 2 * limit
     run.h = min(wanted, limit)
-    run.hard = run.hard + 1 if slow else max(0, run.hard - 1)
-    if run.hard > _HARD and run.scheme.newton is Newton.WHERE_SLOW and not run.newton:
-        run.newton, run.hard = True, 0
+    run.slowness = wanted / run.h
+    run.hard = run.hard + 1 if slow or run.newton else max(0, run.hard - 1)
 
 
 def _advance_fixed(run: Run, size: float) -> Status | None:
     h = min(size, run.end - run.t)
     if run.end - run.t - h < 1e-9 * h:
         h = run.end - run.t
-    scale = np.maximum(run.scale() / run.tolerances.rtol, 1e-3)
+    scale = run.scale
+    scale.begin(h)
     guess = run.guess(h)
     solved = run.solver.newton(run.t, h, run.x, guess, scale, 0.0) if run.newton else None
     if solved is None:
@@ -276,25 +303,26 @@ def _advance_fixed(run: Run, size: float) -> Status | None:
             return _underflow(run)
         message = "The stage equations did not converge; use a smaller step."
         return Status(StatusKind.NOT_CONVERGED, run.t, message, _worst(run))
-    run.accept(Step(run.t, h, run.x, solved[0], run.scheme.tableau.to_legendre @ solved[0], scale))
+    run.accept(Step(run.t, h, run.x, solved[0], run.scheme.tableau.to_legendre @ solved[0], scale.values))
     return None
 
 
 def _first_step(run: Run) -> float:
-    """A first step as Hairer, Norsett, Wanner I, section II.4 choose it, from the rates at the start and a little later."""
-    span, scale, order = run.end - run.t, run.scale(), run.scheme.error_order
+    """A first step: a part of the time in which the motion changes much, from the rates at the start and a little later along them.
+
+    Roots of size over change of rate, and rates over their change, are times whatever the unit. A state near zero may pretend to
+    change quickly, hence a least step; what is too long is rejected.
+    """
+    span, size, time, soon = run.end - run.t, np.abs(run.x), np.inf, 1e-3 * (run.end - run.t)
     rate = run.solver.rate(run.t, run.x).copy()
-    size = np.maximum(np.abs(run.x), 1e-3 * max(1.0, float(np.abs(run.x).max())))
-    fastest = float((np.abs(rate) / size).max())
-    if not np.isfinite(fastest):
-        return 1e-6 * span
-    h = min(0.01 * span, 0.05 / fastest if fastest > 0 else span)
-    later = run.solver.rate(run.t + 0.1 * h, run.x + 0.1 * h * rate)
-    bend = float((np.abs(later - rate) / scale).max()) / (0.1 * h)
-    largest = max(float((np.abs(rate) / scale).max()), bend)
-    if not np.isfinite(largest) or largest == 0:
-        return h
-    return min(h, 10 * (0.01 / largest) ** (1 / (order + 1)))
+    for _ in range(8):
+        bend = np.abs(run.solver.rate(run.t + soon, run.x + soon * rate) - rate) / soon
+        here = np.where((size == 0) | (bend == 0), np.inf, np.maximum(np.sqrt(size / bend), np.abs(rate) / bend))
+        time = float(np.where(np.isfinite(bend), here, 0.0).min(initial=np.inf))
+        if time >= 2 * soon:
+            break
+        soon = max(0.1 * time, 1e-3 * soon)
+    return min(0.01 * span, max(1e-6 * span, (1e-4 * run.tolerances.rtol) ** (1 / (run.scheme.error_order + 1)) * time))
 
 
 def _underflow(run: Run) -> Status:
@@ -309,4 +337,4 @@ def _worst(run: Run) -> int | None:
     """The state with a rate that is not finite, otherwise the one with the largest rate in units of its tolerance."""
     rate = run.solver.rate(run.t, run.x)
     bad = np.flatnonzero(~np.isfinite(rate))
-    return int(bad[0]) if bad.size else int(np.argmax(np.abs(rate) / run.scale())) if rate.size else None
+    return int(bad[0]) if bad.size else int(np.argmax(np.abs(rate) / run.scale.values)) if rate.size else None

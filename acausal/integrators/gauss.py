@@ -13,7 +13,7 @@ from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator
 from acausal.integrators.driver import Scheme, Step, drive
 from acausal.integrators.stages import StageSolver
-from acausal.runtime.compiled import Choice
+from acausal.runtime.compiled import Choice, Pace
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Gauss(AbstractIntegrator):
             choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
             return problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
         scheme = gauss_scheme(order, Newton.WHERE_SLOW)
-        return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]
+        return drive(problem, scheme, x0, t0, t1, tolerances, progress, slow=newton_where_slow)[0]
 
 
 def default_order(rtol: float, problem: Problem) -> int:
@@ -53,9 +53,9 @@ def default_order(rtol: float, problem: Problem) -> int:
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
 
 
-def newton_where_slow(t: float, x: np.ndarray, h: float, slowness: float, contraction: float) -> str:
+def newton_where_slow(pace: Pace) -> str:
     """Newton costs a Jacobian and linear algebra: worth it where it makes steps several times larger."""
-    return "newton" if slowness > 5 else "go on"
+    return "newton" if pace.slowness > 5 and not pace.newton else "go on"
 
 
 def gauss_scheme(order: int, newton: Newton) -> Scheme:

@@ -37,12 +37,12 @@ def integrate(
     rtol, atol = finite(rtol, "simulate: rtol"), finite(atol, "simulate: atol")
     if not t1 >= t0 or not np.isfinite(t1 - t0):
         raise OptionError(f"simulate: the end {t1} s must be finite and not before the start {t0} s.")
-    if not (0 < rtol < 1 and atol > 0) or (step is not None and not step > 0):
-        raise OptionError(f"simulate: need 0 < rtol < 1, atol > 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
+    if not (0 < rtol < 1 and atol >= 0) or (step is not None and not step > 0):
+        raise OptionError(f"simulate: need 0 < rtol < 1, atol >= 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
     if rtol < _FINEST:
         message = f"rtol={rtol:g} asks for more than double precision holds; {_FINEST:g} is used. Errors stay at rounding."
         warnings.warn(message, RoundingWarning, stacklevel=callers_level())
-        rtol, atol = _FINEST, max(atol, _FINEST)
+        rtol = _FINEST
     tolerances = Tolerances(rtol, atol, None, max_steps)
     solution = integrator(method, order, step).integrate(problem, x0, t0, t1, tolerances, progress)
     if problem.guards is not None and not solution.located:

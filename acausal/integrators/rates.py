@@ -51,18 +51,3 @@ class Jacobian:
         if self._u.size:
             self._u[:] = self._problem.inputs(self._t)[:, 0]
         return self._kernel()
-
-
-def difference_jacobian(problem: Problem, t: float, x: np.ndarray) -> np.ndarray:
-    """df/dx (nx, nx) at one point by one-sided differences, good for eigenvalues to about seven digits.
-
-    n + 1 evaluations; the exact one has many times more operations than f where f is large.
-    """
-    n = x.size
-    step = 1e-7 * (1 + np.abs(x))
-    X = np.tile(x[:, None], n + 1)
-    X[np.arange(n), np.arange(n)] += step
-    times = np.full(n + 1, t)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], n + 1, axis=1)
-    F = np.array(problem.rhs(times[None, :], X, problem.inputs(times), p)).reshape(n, n + 1)
-    return (F[:, :n] - F[:, n:]) / step

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -53,6 +53,7 @@ def _compiled(
         if outcome.left:
             now = Directions(run.S.T.copy(), directions.du, directions.dp)
             choice = Radau().choice(tolerances.rtol)
+            problem = replace(problem, met=np.ctypeslib.as_array(run.core.size, run.x.shape).copy())
             run = Run(compiled, problem, run.x, outcome.status.time, float(end), tolerances, choice, now)
             outcome = run.advance(float(end))
         status = outcome.status

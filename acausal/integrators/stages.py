@@ -11,9 +11,8 @@ from acausal.collocation.problem import Problem
 from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.integrators.convergence import Convergence, Verdict
 from acausal.integrators.rates import Jacobian, Rates
+from acausal.integrators.scale import Scale
 from acausal.numerics.kernel import copied_states
-
-_EPS = float(np.finfo(float).eps)
 
 
 @dataclass
@@ -59,23 +58,24 @@ class StageSolver:
         self._singles += 1
         return self.single.evaluate()[0]
 
+    def last_stage(self) -> tuple[float, np.ndarray]:
+        """Time and state (nx,) of the last stage that was tried."""
+        return float(self.rates.t[-1]), self.rates.X[-1].copy()
+
     def fixed_point(
-        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
+        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: Scale, tolerance: float
     ) -> tuple[np.ndarray, float] | None:
         """Stage rates (s, nx) from a guess K, and the contraction seen; None when it does not converge.
 
-        `scale` (nx,): sizes of the states for norms. Converged when what is left of h K is below `tolerance` in units of scale.
+        `scale`: sizes of the states for norms. Converged when what is left of h K is below `tolerance` in units of scale.
         Positions whose rates are states are advanced with the newest velocities (Gauss-Seidel), which squares the contraction.
         """
         rates, mu, hb, copies = self.rates, self.tableau.mu, h * self.tableau.b[:, None], self._copies
         X, new, difference, run = rates.X, rates.K, self._difference, rates.run
         flat = difference.reshape(-1)
         rates.at(t + h * self.tableau.c)
-        factor = h / scale
-        if copies is not None:  # judged by what the velocities' change will do to them
-            factor[copies[1]] = np.maximum(factor[copies[1]], h * factor[copies[0]])
-            factor[copies[0]] = 0.0
-        judge = Convergence(tolerance, self._floor(h, x, K, scale), 50)
+        factor = self._factor(h, scale)
+        judge = Convergence(tolerance, scale.floor(h, x, K), 50)
         self._K[:] = K
         K = self._K
         while True:
@@ -85,26 +85,31 @@ class StageSolver:
                 X[:, copies[0]] = mu.dot(hb * X[:, copies[1]])
                 X[:, copies[0]] += x[copies[0]]
             run()
+            if scale.widen(h, new):
+                factor = self._factor(h, scale)
             np.subtract(new, K, out=difference)
             np.multiply(difference, factor, out=difference)
             K[:] = new
             self.iterations += 1
             verdict = judge.judge(float(flat.dot(flat) * self._mean) ** 0.5)
+            if (
+                verdict is Verdict.DONE and copies is not None
+            ):  # the newest velocities, not those that the last rates were found with
+                K[:, copies[0]] = x[copies[1]] + mu.dot(hb * K[:, copies[1]])
             if verdict is not Verdict.GO_ON:
                 return (K.copy(), judge.contraction) if verdict is Verdict.DONE else None
 
     def newton(
-        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray, tolerance: float
+        self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: Scale, tolerance: float
     ) -> tuple[np.ndarray, float] | None:
         """The same by simplified Newton in the eigenvectors of A: Hairer and Wanner II, section IV.8."""
         rates, mu, hb = self.rates, self.tableau.mu, h * self.tableau.b[:, None]
-        factor = h / scale
         rates.at(t + h * self.tableau.c)
         inverse = self._inverse(t, h, x, K)
         if inverse is None:
             return None
         vectors, vectors_inverse = eigenvectors(self.tableau)[1:]
-        judge = Convergence(tolerance, self._floor(h, x, K, scale), 15)
+        judge = Convergence(tolerance, scale.floor(h, x, K), 15)
         while True:
             np.dot(mu, hb * K, out=rates.X)
             rates.X += x
@@ -112,15 +117,20 @@ class StageSolver:
             transformed = np.matmul(inverse, (vectors_inverse @ residual)[:, :, None])[:, :, 0]
             step = np.ascontiguousarray((vectors @ transformed).real)
             K = K + step
-            step *= factor
+            scale.widen(h, K)
+            step *= scale.unit_of_rates(h)
             self.iterations += 1
             verdict = judge.judge(float(np.vdot(step, step) * self._mean) ** 0.5)
             if verdict is not Verdict.GO_ON:
                 return (K, judge.contraction) if verdict is Verdict.DONE else None
 
-    def _floor(self, h: float, x: np.ndarray, K: np.ndarray, scale: np.ndarray) -> float:
-        size = np.abs(h * K).max(axis=0)
-        return 2 * _EPS * float((np.maximum(np.abs(x), size) / scale).max())
+    def _factor(self, h: float, scale: Scale) -> np.ndarray:
+        """Sizes of changes of rates in units of the scale; copies are judged by what the velocities' change will do to them."""
+        factor, copies = scale.unit_of_rates(h), self._copies
+        if copies is not None:
+            factor[copies[1]] = np.maximum(factor[copies[1]], h * factor[copies[0]])
+            factor[copies[0]] = 0.0
+        return factor
 
     def _inverse(self, t: float, h: float, x: np.ndarray, K: np.ndarray) -> np.ndarray | None:
         """(m, nx, nx): inverses of 1 - h lambda J for the eigenvalues lambda of A, J in the middle of the step as guessed."""

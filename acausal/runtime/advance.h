@@ -18,12 +18,14 @@ int begin(Integrator *I) {
         w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
         T->guard_values = reserve_doubles(I, POINTS * I->guards);
         T->chebyshev = reserve_doubles(I, POINTS * POINTS);
-        if (!w || !T->guard_values || !T->chebyshev) return 0;
+        T->guard_noise = reserve_doubles(I, I->guards);
+        T->guard_states = reserve(I, sizeof(struct GuardState) * (size_t)I->guards);
+        if (!w || !T->guard_values || !T->guard_noise || !T->guard_states || !T->chebyshev) return 0;
         chebyshev_cosines(T->chebyshev);
         for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
         if (I->guard.work > longest) T->work = (V *)w;
     }
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment};
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
         if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
     T->copied = reserve(I, (size_t)n + 1);
@@ -34,6 +36,8 @@ int begin(Integrator *I) {
     for (long i = 0, k = 0; i < n; i++)
         if (!T->copied[i]) T->own[k++] = i;
     for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
+    I->size = T->size;
+    T->patience = DOUBTS;
     long most = 0;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
@@ -49,7 +53,6 @@ static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = now() + I->slice;
     if (!T->begun) {
-        set_scale(I);
         if (!keep(I, 0)) return OUT_OF_MEMORY;
         if (I->end > I->t && I->nx && I->step == 0 && !first_step(I)) return INPUT_FAILED;
         T->begun = 1;
@@ -60,8 +63,8 @@ static enum Code run_steps(Integrator *I) {
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         if (code == REACHED_END && I->guards) code = watch(I);
         if (code != REACHED_END) return code;
-        if (I->newton == WHERE_SLOW && !T->newton_now && T->hard >= T->asked) {
-            T->asked = T->asked < 1000 ? 4 * T->asked : T->asked;
+        if (I->newton == WHERE_SLOW && I->step == 0 && T->hard >= T->asked) {
+            T->asked = T->asked < 1000 ? 2 * T->asked : T->asked;
             T->hard = 0;
             return SLOW;
         }
@@ -82,4 +85,5 @@ void use_newton(Integrator *I) {
     I->state->newton_now = 1;
     I->state->jacobian_fresh = 0;
     I->state->hard = 0;
+    I->state->asked = 4;
 }

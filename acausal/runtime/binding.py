@@ -14,6 +14,8 @@ from acausal.runtime.kernels import Kernel
 _Double = ctypes.POINTER(ctypes.c_double)
 _Long = ctypes.POINTER(ctypes.c_long)
 InputFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double)
+RoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, ctypes.c_double, _Double)
+GuardRoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, _Double)
 
 
 class Code(enum.IntEnum):
@@ -66,12 +68,15 @@ class Integrator(ctypes.Structure):
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
         ("input", InputFunction),
+        ("rounding", RoundingFunction),
+        ("guard_rounding", GuardRoundingFunction),
         ("u", ctypes.c_void_p),
         ("copy_to", _Long),
         ("copy_from", _Long),
         ("x", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "slice")),
         *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst")),
+        ("size", _Double),
         *((name, ctypes.c_double) for name in ("h", "error", "contraction", "slowness")),
         ("guard_direction", _Long),
         ("guard_stops", _Long),

@@ -29,7 +29,17 @@ from acausal.collocation.problem import (
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
 from acausal.numerics.kernel import copied_states
-from acausal.runtime.binding import Code, InputFunction, Integrator, Method, MethodTable, method_table
+from acausal.numerics.rounding import rounding_of, rounding_of_rates
+from acausal.runtime.binding import (
+    Code,
+    GuardRoundingFunction,
+    InputFunction,
+    Integrator,
+    Method,
+    MethodTable,
+    RoundingFunction,
+    method_table,
+)
 from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
 
 _SLICE = 0.05
@@ -54,8 +64,22 @@ class Choice:
     adapt_order: bool = False
 
 
-Slow = Callable[[float, np.ndarray, float, float, float], str]
-"""(t, x, h, slowness, contraction) -> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size."""
+@dataclass(frozen=True)
+class Pace:
+    """What an integration is like: state x and sizes of the states (nx,) at t [s], step size h [s], the size that accuracy allows over h
+    (`slowness`), contraction of the iteration, and whether it is Newton's."""
+
+    t: float
+    x: np.ndarray
+    size: np.ndarray
+    h: float
+    slowness: float
+    contraction: float
+    newton: bool
+
+
+Slow = Callable[[Pace], str]
+"""-> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size, and now and then while Newton iterates."""
 
 
 @dataclass(frozen=True)
@@ -200,12 +224,18 @@ class Run:
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
+        self._rhs = problem.rhs
+        self._rounding_callback = RoundingFunction(self._round)
+        core.rounding = self._rounding_callback
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:
             self._follow(directions)
         if not compiled.library.begin(ctypes.byref(core)):
             raise MemoryError("integration: not enough memory.")
+        if problem.met is not None:
+            size = np.ctypeslib.as_array(core.size, self.x.shape)
+            np.maximum(size, problem.met, out=size)
 
     def __del__(self) -> None:
         if hasattr(self, "core"):
@@ -227,6 +257,9 @@ class Run:
         self._guards = (ctypes.c_long * n)(*guards.directions), (ctypes.c_long * n)(*guards.stops)
         core.guards, core.guard = n, self.compiled.guard(guards.function)[1][0]
         core.guard_direction, core.guard_stops = self._guards
+        self._guard_function = guards.function
+        self._guard_callback = GuardRoundingFunction(self._round_guards)
+        core.guard_rounding = self._guard_callback
 
     def _input(self, t: float, u: Any) -> int:
         try:
@@ -238,21 +271,43 @@ class Run:
             u[i] = value
         return 1
 
+    def _round(self, t: float, x: Any, h: float, rates: Any) -> int:
+        try:
+            here = np.ctypeslib.as_array(x, (self.compiled.nx,))
+            found = rounding_of_rates(self._rhs, t, here, self._inputs(np.array([t]))[:, 0], self._p, h)
+        except BaseException as error:  # it must not cross the C code; raised again after it
+            self.error = error
+            return 0
+        np.ctypeslib.as_array(rates, (self.compiled.nx,))[:] = found
+        return 1
+
+    def _round_guards(self, t: float, x: Any, values: Any) -> int:
+        try:
+            here, size = (np.ctypeslib.as_array(a, (self.compiled.nx,)) for a in (x, self.core.size))
+            u = self._inputs(np.array([t]))[:, 0]
+            found = rounding_of(self._guard_function, t, here, u, self._p, np.spacing(size))
+        except BaseException as error:  # it must not cross the C code; raised again after it
+            self.error = error
+            return 0
+        np.ctypeslib.as_array(values, (found.size,))[:] = found
+        return 1
+
     def advance(self, end: float, progress: Progress | None = None, slow: Slow | None = None) -> Outcome:
         """Run until `end`, or what stops it before."""
         core, advance, reference = self.core, self.compiled.library.advance, ctypes.byref(self.core)
         core.end = end
-        t0, shown = core.t, self.started
+        t0, shown, newton = core.t, self.started, False
         try:
             while (code := advance(reference)) in _GO_ON:
                 if code == Code.NEEDS_JACOBIAN:
                     core.jvp = self.compiled.jvp[1][0]
                 elif code == Code.SLOW and slow is not None:
-                    answer = slow(core.t, self.x.copy(), core.h, core.slowness, core.contraction)
+                    size = np.ctypeslib.as_array(core.size, self.x.shape).copy()
+                    answer = slow(Pace(core.t, self.x.copy(), size, core.h, core.slowness, core.contraction, newton))
                     if answer == "leave":
                         return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
                     if answer == "newton":
-                        core.jvp = self.compiled.jvp[1][0]
+                        core.jvp, newton = self.compiled.jvp[1][0], True
                         self.compiled.library.use_newton(reference)
                 elif progress is not None and time.perf_counter() - shown > 0.2:
                     shown = time.perf_counter()
@@ -264,6 +319,8 @@ class Run:
     def _outcome(self, code: Code) -> Outcome:
         core = self.core
         if code == Code.INPUT_FAILED and self.error is not None:
+            if isinstance(self.error, KeyboardInterrupt):
+                return Outcome(Status(StatusKind.INTERRUPTED, core.t, "Interrupted."))
             raise self.error
         if code == Code.OUT_OF_MEMORY:
             raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")

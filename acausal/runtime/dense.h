@@ -26,12 +26,15 @@ static int refine_step(Integrator *I, Stages *F, long k) {
             F->K[j / LANES][i][j % LANES] = sum;
         }
     }
-    for (long i = 0; i < I->nx; i++) T->factor[i] = h / (I->step > 0 ? 1e-3 + fabs(x[i]) : I->atol + I->rtol * T->size[i]);
-    count_copies_through(I, h);
+    int before = T->newton_now;
+    T->newton_now = 0;
+    set_scale(I, h);
+    set_factor(I, h);
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
-    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, I->step > 0 ? 4 * EPS : 4 * EPS / I->rtol, 30);
-    if (!fixed_point(I, F, x, T->factor, &J))
+    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, fmax(noise_floor(I, h), 4 * EPS / T->unit), 30);
+    if (!fixed_point(I, F, h, x, &J))
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
+    T->newton_now = before;
     legendre_coefficients(I, F);
     return 1;
 }

@@ -45,18 +45,6 @@ static int keep(Integrator *I, const Stages *S) {
     return 1;
 }
 
-static void set_scale(Integrator *I) {
-    struct State *T = I->state;
-    for (long i = 0; i < I->nx; i++) T->scale[i] = I->atol + I->rtol * T->size[i];
-}
-
-/* Sizes of changes in units of the scale. */
-static void set_factor(Integrator *I, double h, const double *scale) {
-    struct State *T = I->state;
-    for (long i = 0; i < I->nx; i++) T->factor[i] = h / scale[i];
-    if (!T->newton_now) count_copies_through(I, h);
-}
-
 /* Stage rates by extrapolating the last step's polynomial; the rate at the start for the first step. Extrapolated Legendre
    series diverge where steps are large, so the series ends before its smallest term. */
 static int guess(Integrator *I, Stages *S, double h) {
@@ -98,14 +86,15 @@ static int guess(Integrator *I, Stages *S, double h) {
 }
 
 /* The change that rounding alone can make, in units of the scale. */
-static double rounding_floor(Integrator *I, Stages *S, double h, const double *scale) {
+static double rounding_floor(Integrator *I, Stages *S, double h) {
+    const struct State *T = I->state;
     V worst = v_all(0.0);
-    for (long b = 0; b < S->blocks; b++)
-        for (long i = 0; i < I->nx; i++) {
-            V size = v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(scale[i]);
-            worst = v_larger(worst, size);
-        }
-    return 2 * EPS * v_largest(worst);
+    for (long i = 0; i < I->nx; i++) {
+        if (T->scale[i] <= NOTHING) continue;
+        for (long b = 0; b < S->blocks; b++)
+            worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
+    }
+    return fmax(noise_floor(I, h), fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit));
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
@@ -147,6 +136,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     for (long i = 0; i < I->nx; i++) {
         const double *a = S->a + i * n;
         double even = 0, odd = 0, unit = h / T->scale[i];
+        if (!isfinite(T->end_rate[i])) return 1;
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
         first = fmax(first, fabs(even - odd - T->start_rate[i]) * unit);
         last = fmax(last, fabs(even + odd - T->end_rate[i]) * unit);
@@ -202,39 +192,32 @@ static enum Code failed_at(Integrator *I, enum Code code) {
             I->worst = i;
             return code == STEP_UNDERFLOW ? NON_FINITE : code;
         }
-        double here = fabs(T->rate[i]) / (I->atol + I->rtol * T->size[i]);
+        double here = fabs(T->rate[i]) / T->scale[i];
         if (here > largest) largest = here, I->worst = i;
     }
     return code;
 }
 
-/* A first step as Hairer, Norsett, Wanner I, section II.4 choose it, from the rates at the start and a little later. */
+/* A first step: a part of the time in which the motion changes much, from the rates at the start and a little later along them.
+   Roots of size over change of rate, and rates over their change, are times whatever the unit. A state near zero may pretend to
+   change quickly, hence a least step; what is too long is rejected. */
 static int first_step(Integrator *I) {
     struct State *T = I->state;
-    long n = I->nx;
-    double span = I->end - I->t, size = 0, fastest = 0, bend = 0, largest = 0;
-    double order = (double)I->method_list[I->method].error_order;
+    double span = I->end - I->t, time = INFINITY, soon = 1e-3 * span, order = (double)I->method_list[I->method].error_order;
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
-    for (long i = 0; i < n; i++) size = fmax(size, fabs(I->x[i]));
-    size = 1e-3 * fmax(1.0, size);
-    for (long i = 0; i < n; i++) {
-        double here = fabs(T->rate[i]) / fmax(fabs(I->x[i]), size);
-        if (!(here <= fastest)) fastest = here;
-    }
-    if (!isfinite(fastest)) {
-        I->h = 1e-6 * span;
-        return 1;
-    }
-    double h = fmin(0.01 * span, fastest > 0 ? 0.05 / fastest : span);
-    for (long i = 0; i < n; i++) T->before[i] = I->x[i] + 0.1 * h * T->rate[i];
     double *later = T->factor;
-    if (!rate_at(I, I->t + 0.1 * h, T->before, later)) return 0;
-    for (long i = 0; i < n; i++) {
-        bend = fmax(bend, fabs(later[i] - T->rate[i]) / T->scale[i] / (0.1 * h));
-        largest = fmax(largest, fabs(T->rate[i]) / T->scale[i]);
+    for (int k = 0; k < 8; k++, soon = fmax(0.1 * time, 1e-3 * soon)) {
+        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + soon * T->rate[i];
+        if (!rate_at(I, I->t + soon, T->before, later)) return 0;
+        time = INFINITY;
+        for (long i = 0; i < I->nx; i++) {
+            double bend = fabs(later[i] - T->rate[i]) / soon;
+            double here = I->x[i] == 0 ? INFINITY : fmax(sqrt(fabs(I->x[i]) / bend), fabs(T->rate[i]) / bend);
+            if (!(here >= time)) time = isfinite(bend) ? here : 0;
+        }
+        if (time >= 2 * soon) break;
     }
-    largest = fmax(largest, bend);
-    I->h = isfinite(largest) && largest > 0 ? fmin(h, 10 * pow(0.01 / largest, 1 / (order + 1))) : h;
+    I->h = fmin(0.01 * span, fmax(1e-6 * span, pow(1e-4 * I->rtol, 1 / (order + 1)) * time));
     return 1;
 }
 
@@ -258,7 +241,7 @@ static void choose_size(Integrator *I, double h, double wanted, double contracti
     I->h = fmin(wanted, limit);
     I->slowness = wanted / I->h;
     if (T->newton_now && !failed && I->h >= h && I->h < 1.2 * h) I->h = h; /* the factors serve again */
-    T->hard = slow ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0;
+    T->hard = slow || T->newton_now ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0; /* Newton may hide that it is stiff */
     if (T->newton_now) T->jacobian_fresh = contraction < 0.03;
 }
 
@@ -276,12 +259,13 @@ static void choose_order(Integrator *I, double contraction, int failed) {
 }
 
 /* Solves the stage equations of a step of size h; 1 when converged, 0 when not, -1 when the input function failed. */
-static int solve_stages(Integrator *I, Stages *S, double h, const double *scale, double tolerance, double *contraction) {
+static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, double *contraction) {
     struct State *T = I->state;
-    set_factor(I, h, scale);
+    set_scale(I, h);
+    set_factor(I, h);
     if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
-    Judge J = new_judge(tolerance, rounding_floor(I, S, h, scale), T->newton_now ? 15 : 50);
-    int done = T->newton_now ? newton(I, S, h, I->x, T->factor, &J) : fixed_point(I, S, I->x, T->factor, &J);
+    Judge J = new_judge(tolerance, rounding_floor(I, S, h), T->newton_now ? 15 : 50);
+    int done = T->newton_now ? newton(I, S, h, I->x, &J) : fixed_point(I, S, h, I->x, &J);
     *contraction = J.contraction;
     return done;
 }
@@ -292,23 +276,63 @@ static int refresh_jacobian(Integrator *I) {
     return T->jacobian_fresh || jacobian(I, I->t, I->x);
 }
 
+/* Where steps are rejected again and again, states may be nothing but rounding, which no step size makes accurate: ask for what
+   rounding makes of the rates, at the start and, for states that are zero there, at the last stage that was tried. Large states are disturbed for a moment at singular
+   positions, too: that explains steps only when they have shrunk to next to nothing. 1 where it explains rejections, -1 when the input
+   function failed. */
+static int blame_rounding(Integrator *I, const Stages *S, double h) {
+    struct State *T = I->state;
+    double *found = T->factor;
+    const V *last = S->in[(S->s - 1) / LANES];
+    long lane = (S->s - 1) % LANES;
+    double part = I->h < 1e-6 * T->trusted ? T->unit : fmax(T->unit, SMALL);
+    int explains = 0;
+    for (int later = 0; later < 2; later++) {
+        int near = 1;
+        for (long i = 0; i < I->nx; i++) {
+            T->before[i] = later ? last[1 + i][lane] : I->x[i];
+            near &= T->size[i] == 0 || fabs(T->before[i] - I->x[i]) <= T->size[i];
+        }
+        if (!near) break;
+        if (!I->rounding(later ? last[0][lane] : I->t, T->before, h, found)) return -1;
+        for (long i = 0; i < I->nx; i++) {
+            if (!(found[i] > T->noise[i] && NOISE * h * found[i] > (later ? 1 : part) * T->size[i]) || !isfinite(found[i])) continue;
+            T->noise[i] = fmax(found[i], NOISE * T->noise[i]); /* it grows with the motion */
+            explains = 1;
+        }
+    }
+    T->doubts = 0;
+    T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
+    return explains;
+}
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int failed = 0, misses = 0, tries = 0;
-    set_scale(I);
+    int failed = 0, misses = 0, tries = 0, refused = -1;
+    if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
+        T->doubts += ++refused > 0;
+        if (I->rounding && (T->doubts >= T->patience || refused == 2 * DOUBTS || refused == 3 * DOUBTS)) {
+            double before = fmin(fmax(T->trusted, I->h), I->end - I->t);
+            int explained = blame_rounding(I, S, before);
+            if (explained < 0) return INPUT_FAILED;
+            if (explained) I->h = before;
+        }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
-        int solved = solve_stages(I, S, h, T->scale, 0.001, &contraction);
+        int solved = solve_stages(I, S, h, 0.001, &contraction);
         if (solved < 0) return INPUT_FAILED;
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
-            if (old) continue; /* again with a new Jacobian */
+            if (old) {
+                refused--;
+                continue; /* again with a new Jacobian */
+            }
             /* where it converged well until now, something local is in the way: other nodes may miss it */
             I->h = (I->contraction < 0.1 && tries++ < 4 ? 0.85 : 0.4) * h;
             I->rejected++;
@@ -350,6 +374,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
+        if (!refused) T->doubts = I->h < 0.5 * h ? T->doubts + 2 : T->doubts > 0 ? T->doubts - 1 : 0;
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
         return REACHED_END;
     }
@@ -361,17 +386,16 @@ static enum Code one_fixed(Integrator *I) {
     if (!S) return OUT_OF_MEMORY;
     double h = fmin(I->step, I->end - I->t), contraction;
     if (I->end - I->t - h < 1e-9 * h) h = I->end - I->t;
-    for (long i = 0; i < I->nx; i++) T->scale[i] = fmax((I->atol + I->rtol * T->size[i]) / I->rtol, 1e-3);
     int solved = 0;
     if (T->newton_now) {
         T->jacobian_fresh = 0;
         if (!refresh_jacobian(I)) return INPUT_FAILED;
-        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        solved = solve_stages(I, S, h, 0.0, &contraction);
     }
     if (!solved) {
         int before = T->newton_now;
         T->newton_now = 0;
-        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        solved = solve_stages(I, S, h, 0.0, &contraction);
         T->newton_now = before;
     }
     if (!solved && I->newton == WHERE_SLOW && !T->newton_now) {
@@ -379,7 +403,7 @@ static enum Code one_fixed(Integrator *I) {
         T->newton_now = 1;
         T->jacobian_fresh = 0;
         if (!refresh_jacobian(I)) return INPUT_FAILED;
-        solved = solve_stages(I, S, h, T->scale, 0.0, &contraction);
+        solved = solve_stages(I, S, h, 0.0, &contraction);
         if (solved > 0) I->newton_steps++;
         T->newton_now = 0;
     }

@@ -1,18 +1,24 @@
 /* Guards: zeros of functions of the state, located on dense output. A guard is interpolated in Chebyshev points over an interval;
    the sum of the sizes of its coefficients bounds it, and that of its derivative's bounds the slope. An interval is left alone when the
    first excludes a zero, searched by bracketing when the second says that it is monotone, and halved otherwise: crossings that come in
-   pairs within a step and zeros that are only touched are found too. Boyd, Solving Transcendental Equations, chapters 2 and 3. */
+   pairs within a step and zeros that are only touched are found too. Boyd, Solving Transcendental Equations, chapters 2 and 3.
+
+   Values no larger than what rounding makes of them have no sign. A guard has a side once it has had a sign; it crosses when it
+   gets the other one, however flat the zero between, and touches when it gets the same one again. Where it has no sign for a whole step,
+   it has no side any more. */
 
 #define PI 3.14159265358979323846
 #define POINTS 16
-#define TOUCH 1e-13 /* of the largest value in the step: as good as zero */
+#define AT_START 1e-12 /* of the largest value in the first step: as good as zero there */
+#define ROUNDINGS 16.0 /* sizes of rounding below which values have no sign */
+#define SEARCHES 4000  /* intervals looked at for a guard in a step */
 
 typedef struct {
     Integrator *I;
     const double *a, *start, *stop; /* coefficients (nx, width), states at both ends */
     long s, width, guard;
-    double t, h, largest;
-    int first;
+    double t, h, noise;
+    int first, searches, memory;
 } Path;
 
 static double chebyshev_point(int k) { return 0.5 - 0.5 * cos(PI * k / (POINTS - 1)); }
@@ -70,11 +76,11 @@ static void chebyshev_coefficients(const double *table, const double *values, do
     }
 }
 
-/* Whether the values keep away from zero on the whole interval. */
-static int excludes_zero(const double *c) {
+/* Whether the values keep away from what is no more than noise on the whole interval. */
+static int excludes_zero(const double *c, double noise) {
     double rest = 0;
     for (int k = 1; k < POINTS; k++) rest += fabs(c[k]);
-    return fabs(c[0]) > 1.01 * rest + 1e-300;
+    return fabs(c[0]) > 1.01 * rest + noise;
 }
 
 static int is_monotone(const double *c) {
@@ -128,46 +134,76 @@ static double zero_between(const Path *p, double lo, double hi, double g_lo, dou
     return fabs(g_lo) < fabs(g_hi) ? lo : hi;
 }
 
-/* A motion that starts at zero counts when it leaves zero in the direction asked for. */
-static int leaves_zero(const Path *p, const double *values) {
-    if (!p->first || fabs(values[0]) > 1e-12 * p->largest) return 1;
-    for (int k = 1; k < POINTS; k++) {
-        if (fabs(values[k]) <= 1e-12 * p->largest) continue;
-        int direction = values[k] > 0 ? 1 : -1;
-        return p->I->guard_direction[p->guard] != direction || found(p->I, p->guard, p->t, direction);
-    }
-    return 1;
+static void event_at(Path *p, double time, int direction) { p->memory &= found(p->I, p->guard, time, direction); }
+
+/* Whether a guard that starts at zero leaves it in proportion to time: then it is in the middle of a crossing. */
+static int leaves_steadily(const Path *p, double theta) {
+    double whole = one_value(p, theta), half = one_value(p, 0.5 * theta);
+    return fabs(half) > 0.36 * fabs(whole);
 }
 
-/* Zeros in (lo, hi]. Returns 0 when memory is short. */
-static int zeros_within(const Path *p, double lo, double hi, int depth) {
+/* From theta on the guard has this sign; a zero before it counts as in the middle of where there was no sign. */
+static void takes_side(Path *p, double theta, int sign) {
+    struct GuardState *G = &p->I->state->guard_states[p->guard];
+    double now = p->t + theta * p->h;
+    if (G->side && (sign != G->side || G->at_zero))
+        event_at(p, G->at_zero ? 0.5 * (G->since + now) : now, sign != G->side ? sign : 0);
+    else if (!G->side && G->at_start && p->I->guard_direction[p->guard] == sign)
+        if (!p->I->guard_stops[p->guard] || !leaves_steadily(p, fmax(2 * theta, chebyshev_point(1)))) event_at(p, p->t, sign);
+    G->side = sign;
+    G->at_zero = G->at_start = 0;
+}
+
+static void comes_to_zero(Path *p, double theta) {
+    struct GuardState *G = &p->I->state->guard_states[p->guard];
+    if (!G->at_zero) G->since = p->t + theta * p->h;
+    G->at_zero = 1;
+}
+
+/* The largest value without a sign: larger where there was none, or noise would come and go. */
+static double no_sign(const Path *p) { return p->I->state->guard_states[p->guard].at_zero ? 4 * p->noise : p->noise; }
+
+static int sign_of(double value, double none) { return value > none ? 1 : value < -none ? -1 : 0; }
+
+/* Follows the sign of the guard from theta lo to hi. Returns 0 when the input function failed. */
+static int follow(Path *p, double lo, double hi, int depth) {
     Integrator *I = p->I;
-    double theta[POINTS], values[POINTS], c[POINTS], *all = I->state->guard_values;
+    double theta[POINTS], values[POINTS], c[POINTS], *all = I->state->guard_values, largest = 0, middle = 0.5 * (lo + hi);
+    int known = 0;
     for (int k = 0; k < POINTS; k++) theta[k] = k == POINTS - 1 ? hi : lo + (hi - lo) * chebyshev_point(k);
     if (!guard_values(p, theta, POINTS, all)) return 0;
-    double largest = 0;
     for (int k = 0; k < POINTS; k++) {
         values[k] = all[k * I->guards + p->guard];
+        known += isfinite(values[k]);
         largest = fmax(largest, fabs(values[k]));
     }
-    double g_lo = values[0], g_hi = values[POINTS - 1];
-    int at_start = p->first && lo == 0 && fabs(g_lo) <= 1e-12 * p->largest;
+    int deep = depth > 40 || ++p->searches > SEARCHES;
+    if (known < POINTS) {
+        if (known == 0 || depth > 20 || deep) return 1;
+        return follow(p, lo, middle, depth + 1) && follow(p, middle, hi, depth + 1);
+    }
+    double none = no_sign(p);
+    if (largest <= none) {
+        comes_to_zero(p, lo);
+        return 1;
+    }
     chebyshev_coefficients(I->state->chebyshev, values, c);
-    if (excludes_zero(c) && !at_start) return 1;
-    if (largest <= TOUCH * p->largest || depth > 40) {
-        if (at_start) return 1;
-        double middle = 0.5 * (lo + hi);
-        return found(I, p->guard, p->t + middle * p->h, 0);
+    double g_lo = values[0], g_hi = values[POINTS - 1];
+    if (excludes_zero(c, none)) {
+        takes_side(p, lo, g_lo > 0 ? 1 : -1);
+        return 1;
     }
-    if (is_monotone(c)) {
-        int rising = g_hi > g_lo ? 1 : -1;
-        if (at_start) return 1; /* `leaves_zero` has seen to it */
-        if (g_hi == 0) return found(I, p->guard, p->t + hi * p->h, rising);
-        if (g_lo == 0 || (g_lo > 0) == (g_hi > 0)) return 1;
-        return found(I, p->guard, p->t + zero_between(p, lo, hi, g_lo, g_hi) * p->h, rising);
+    if (!deep && !is_monotone(c)) return follow(p, lo, middle, depth + 1) && follow(p, middle, hi, depth + 1);
+    int from = sign_of(g_lo, none), to = sign_of(g_hi, none);
+    if (from) takes_side(p, lo, from);
+    if (from && to && from != to) {
+        takes_side(p, zero_between(p, lo, hi, g_lo, g_hi), to);
+    } else if (to) {
+        takes_side(p, lo, to);
+    } else {
+        comes_to_zero(p, from ? (g_hi > 0) == (g_lo > 0) ? hi : zero_between(p, lo, hi, g_lo, g_hi) : lo);
     }
-    double middle = 0.5 * (lo + hi);
-    return zeros_within(p, lo, middle, depth + 1) && zeros_within(p, middle, hi, depth + 1);
+    return 1;
 }
 
 /* End the motion within the last step: state, kept step and its coefficients. */
@@ -197,29 +233,62 @@ static void cut_step(Integrator *I, const Path *p, double theta) {
     T->last_h = 0;
 }
 
+/* What rounding makes of all guards at theta. Returns 0 when the input function failed. */
+static int guard_rounding(const Path *p, double theta) {
+    Integrator *I = p->I;
+    struct State *T = I->state;
+    if (!I->guard_rounding) return 1;
+    state_within(I->nx, p->start, p->a, p->s, p->width, theta, p->h, T->before);
+    return I->guard_rounding(p->t + theta * p->h, T->before, T->guard_noise);
+}
+
+/* Looks for zeros of one guard in a step whose values at Chebyshev points are known. Returns 0 when the input function failed. */
+static int search(Path *p, const double *values) {
+    struct State *T = p->I->state;
+    struct GuardState *G = &T->guard_states[p->guard];
+    double least = INFINITY, largest = 0, where = 0;
+    for (int j = 0; j < POINTS; j++) {
+        if (fabs(values[j]) < least) least = fabs(values[j]), where = chebyshev_point(j);
+        if (isfinite(values[j])) largest = fmax(largest, fabs(values[j]));
+    }
+    if (!guard_rounding(p, where)) return 0;
+    p->noise = isfinite(T->guard_noise[p->guard]) ? ROUNDINGS * T->guard_noise[p->guard] : 0;
+    if (p->first) p->noise = fmax(p->noise, fabs(values[0]) <= AT_START * largest ? AT_START * largest : 0);
+    if (p->first && fabs(values[0]) <= p->noise) G->at_start = 1;
+    p->searches = 0;
+    if (!follow(p, 0, 1, 0)) return 0;
+    if (G->at_zero && G->since <= p->t) G->side = G->at_zero = 0; /* for a whole step: no side any more */
+    if (G->at_zero && G->side && p->I->t >= p->I->end) event_at(p, G->since, -G->side);
+    return 1;
+}
+
 /* Looks for zeros in the last step. REACHED_END: go on; EVENT: a guard that stops the motion has fired. */
 static enum Code watch(Integrator *I) {
     struct State *T = I->state;
     long k = I->steps - 1, n = I->guards;
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
-              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, k == 0};
+              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, k == 0, 0, 1};
     double theta[POINTS], values[POINTS], c[POINTS];
     T->events_before = I->events;
     for (int j = 0; j < POINTS; j++) theta[j] = chebyshev_point(j);
     theta[POINTS - 1] = 1;
     int refined = 0;
     for (long g = 0; g < n; g++) {
+        struct GuardState *G = &T->guard_states[g];
         p.guard = g;
         for (int pass = refined; pass < 2; pass++) {
             if (!guard_values(&p, theta, POINTS, T->guard_values)) return INPUT_FAILED;
-            p.largest = 0;
+            int known = 1;
             for (int j = 0; j < POINTS; j++) {
                 values[j] = T->guard_values[j * n + g];
-                if (!isfinite(values[j])) return REACHED_END;
-                p.largest = fmax(p.largest, fabs(values[j]));
+                known &= isfinite(values[j]) != 0;
             }
             chebyshev_coefficients(T->chebyshev, values, c);
-            if (excludes_zero(c) && !(p.first && fabs(values[0]) <= 1e-12 * p.largest)) break;
+            int sign = values[0] > 0 ? 1 : -1;
+            if (known && (G->side == sign || !G->side) && !G->at_zero && !G->at_start && !p.first && excludes_zero(c, 0)) {
+                G->side = sign;
+                break;
+            }
             if (!refined && I->fine) {
                 if (!fine_stages(I, I->fine) || !refine_step(I, T->fine, k)) return INPUT_FAILED;
                 p.a = T->fine->a;
@@ -228,7 +297,8 @@ static enum Code watch(Integrator *I) {
                 refined = 1;
                 continue;
             }
-            if (p.largest > 0 && !(leaves_zero(&p, values) && zeros_within(&p, 0, 1, 0))) return OUT_OF_MEMORY;
+            if (!search(&p, values)) return INPUT_FAILED;
+            if (!p.memory) return OUT_OF_MEMORY;
             break;
         }
     }

@@ -167,7 +167,7 @@ static void newton_direction(Integrator *I, const Method *m, const double *R, do
     }
 }
 
-static int newton(Integrator *I, Stages *S, double h, const double *x, const double *factor, Judge *J) {
+static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     struct State *T = I->state;
     const Method *m = S->method;
     long n = I->nx, s = S->s;
@@ -182,13 +182,14 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, const dou
             for (long i = 0; i < n; i++) residual[j * n + i] = S->N[j / LANES][i][j % LANES] - S->K[j / LANES][i][j % LANES];
         newton_direction(I, m, residual, T->dK);
         double sum = 0;
+        const double *factor = T->factor;
         for (long j = 0; j < S->blocks * LANES; j++) {
             const double *d = T->dK + (j < s ? j : s - 1) * n;
-            for (long i = 0; i < n; i++) {
-                S->K[j / LANES][i][j % LANES] += d[i];
-                if (j < s) sum += d[i] * factor[i] * d[i] * factor[i];
-            }
+            for (long i = 0; i < n; i++) S->K[j / LANES][i][j % LANES] += d[i];
         }
+        widen(I, S, S->K, h);
+        for (long j = 0; j < s; j++)
+            for (long i = 0; i < n; i++) sum += T->dK[j * n + i] * factor[i] * T->dK[j * n + i] * factor[i];
         enum Verdict v = judge(J, sqrt(sum / (double)s));
         if (v != GO_ON) return v == DONE;
     }

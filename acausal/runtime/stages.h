@@ -76,6 +76,12 @@ static void columns_of(V *columns, const double *matrix, long s, long blocks) {
             }
 }
 
+/* What is known of a guard: its side of zero (0: none), whether and since when it is at zero, whether it has been since the start. */
+struct GuardState {
+    int side, at_zero, at_start;
+    double since;
+};
+
 /* What `begin` makes. */
 struct State {
     Stages *stages, *fine;   /* per method; of dense output */
@@ -86,9 +92,15 @@ struct State {
     char *copied;
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
+    double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates */
+    int widened;             /* whether the scale counts what the step moves states by */
+    double unit;             /* the scale of a state of size one, without atol */
+    long doubts, patience;   /* rejections, less steps without; how many until rounding is asked for */
+    double trusted;          /* size of the last step without doubts */
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
-    double *guard_values, *chebyshev;
+    double *guard_values, *guard_noise, *chebyshev;
+    struct GuardState *guard_states;
     V *variation_in, *variation_out, *variation_c, *variation_work, *projected_in, *projected_out, *projected_c, *projected_work;
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     long terms;
@@ -187,9 +199,75 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
     return 1;
 }
 
+#define NOTHING 1e-290     /* the scale of what is exactly zero */
+#define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
+#define NOISE 512.0        /* of what rounding makes of its rates in a step: too little to be judged */
+#define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
+#define DOUBTS 8           /* rejections that call for an explanation */
+
+/* The scale of state i for steps of size h: atol + rtol times the largest magnitude met so far, but at least what rounding alone can do. */
+static void set_scale_of(Integrator *I, long i, double h, double size) {
+    struct State *T = I->state;
+    double least = NOISE * fabs(h) * T->noise[i];
+    T->scale[i] = fmax(fmax(T->unit / I->rtol * I->atol + T->unit * size, least), NOTHING);
+}
+
+static void set_scale(Integrator *I, double h) {
+    struct State *T = I->state;
+    T->unit = I->step > 0 ? 1.0 : I->rtol;
+    for (long i = 0; i < I->nx; i++) {
+        set_scale_of(I, i, h, T->size[i]);
+        T->limit[i] = T->size[i] / (PART * fabs(h));
+    }
+    T->widened = 0;
+}
+
+/* The change that noisy rates can make, in units of the scale. */
+static double noise_floor(const Integrator *I, double h) {
+    const struct State *T = I->state;
+    double most = 0;
+    for (long i = 0; i < I->nx; i++) most = fmax(most, 0.25 * fabs(h) * T->noise[i] / T->scale[i]);
+    return most;
+}
+
+/* In fixed-point iteration, positions that are integrals of velocities count through these. */
+static void count_copies_through(Integrator *I, double h) {
+    double *factor = I->state->factor;
+    for (long k = 0; k < I->copies; k++) {
+        double other = h * factor[I->copy_to[k]], *mine = &factor[I->copy_from[k]];
+        if (other > *mine) *mine = other;
+    }
+    for (long k = 0; k < I->copies; k++) factor[I->copy_to[k]] = 0;
+}
+
+/* Sizes of changes of rates in units of the scale. */
+static void set_factor(Integrator *I, double h) {
+    struct State *T = I->state;
+    for (long i = 0; i < I->nx; i++) T->factor[i] = T->scale[i] > NOTHING ? h / T->scale[i] : 0;
+    if (!T->newton_now) count_copies_through(I, h);
+}
+
+/* States that start at zero, or are moved as never before: what the step moves them by, at rates K, is their size. */
+static void widen(Integrator *I, Stages *S, V **K, double h) {
+    struct State *T = I->state;
+    int beyond = 0;
+    for (long b = 0; b < S->blocks; b++)
+        for (long i = 0; i < I->nx; i++) beyond |= i_any(v_abs(K[b][i]) > v_all(T->limit[i]));
+    if (!beyond && !T->widened) return;
+    for (long i = 0; i < I->nx; i++) {
+        double most = 0;
+        for (long b = 0; b < S->blocks; b++) most = fmax(most, v_largest(v_abs(K[b][i])));
+        set_scale_of(I, i, h, fmax(T->size[i], PART * fabs(h) * most));
+    }
+    set_factor(I, h);
+    T->widened = 1;
+}
+
 /* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. */
-static double replace_rates(Integrator *I, Stages *S, const double *factor) {
+static double replace_rates(Integrator *I, Stages *S, double h) {
+    const double *factor = I->state->factor;
     double sum = 0;
+    widen(I, S, S->N, h);
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
         for (long i = 0; i < I->nx; i++) {
@@ -202,16 +280,6 @@ static double replace_rates(Integrator *I, Stages *S, const double *factor) {
         sum += v_sum(part);
     }
     return sqrt(sum / (double)S->s);
-}
-
-/* In fixed-point iteration, positions that are integrals of velocities count through these. */
-static void count_copies_through(Integrator *I, double h) {
-    double *factor = I->state->factor;
-    for (long k = 0; k < I->copies; k++) {
-        double other = h * factor[I->copy_to[k]], *mine = &factor[I->copy_from[k]];
-        if (other > *mine) *mine = other;
-    }
-    for (long k = 0; k < I->copies; k++) factor[I->copy_to[k]] = 0;
 }
 
 /* in[1 + i] = x[i] + mu L[i] for the states of a list. */
@@ -231,8 +299,19 @@ INLINE void combine_states(Stages *S, const long *list, long count, const double
     }
 }
 
+/* Rates of positions are velocities at the stages: the newest ones, not those that the last rates were found with. */
+static void renew_copies(Integrator *I, Stages *S, const double *x) {
+    if (!I->copies) return;
+    scale_rates(I, S);
+    for (long b = 0; b < S->blocks; b++)
+        for (long k = 0; k < I->copies; k++) {
+            long from = I->copy_from[k];
+            S->K[b][I->copy_to[k]] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, from, v_all(x[from]));
+        }
+}
+
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
-static int fixed_point(Integrator *I, Stages *S, const double *x, const double *factor, Judge *J) {
+static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     const struct State *T = I->state;
     for (;;) {
         scale_rates(I, S);
@@ -241,7 +320,8 @@ static int fixed_point(Integrator *I, Stages *S, const double *x, const double *
             for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
         combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
-        enum Verdict v = judge(J, replace_rates(I, S, factor));
+        enum Verdict v = judge(J, replace_rates(I, S, h));
+        if (v == DONE) renew_copies(I, S, x);
         if (v != GO_ON) return v == DONE;
     }
 }

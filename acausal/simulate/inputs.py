@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -42,13 +43,7 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Ca
         else:
             courses.append(_course(given.get(entry, entry.default), name, entry in rated))
 
-    def signal(times: np.ndarray) -> np.ndarray:
-        result = np.empty((len(courses), times.size))
-        for i, value in enumerate(courses):
-            result[i] = [value(float(t)) for t in times] if callable(value) else value
-        return result
-
-    return signal
+    return _Signal(tuple(courses))
 
 
 def _course(value: Any, name: str, rated: bool) -> float | Callable[[float], float]:
@@ -58,7 +53,7 @@ def _course(value: Any, name: str, rated: bool) -> float | Callable[[float], flo
     if isinstance(value, Expression | ca.SX) and rated:
         return _evaluated(value, name)
     if callable(value):
-        return _watched(value, name)
+        return _Watched(value, name)
     if not np.isscalar(value):
         raise ParameterError(
             f"The input {name} is given as {shown(value)} ({origin()}). Give a number, or a function of time that gives numbers: "
@@ -92,26 +87,51 @@ def _evaluated(value: Expression | ca.SX, name: str) -> Callable[[float], float]
             f"The input {name} is given as {shown(value)} ({origin()}). Give a scalar in which only ac.time stands."
         )
     function = ca.Function("course", [time.sx], [ca.densify(expression)])
-    return _watched(lambda t: float(function(t)), name)
+    return _Evaluated(function)
 
 
-def _watched(function: Callable[[float], Any], name: str) -> Callable[[float], float]:
+@dataclass(frozen=True)
+class _Signal:
+    """times (n,) -> inputs (nu, n), each a number or a function of time."""
+
+    given: tuple[float | Callable[[float], float], ...]
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        result = np.empty((len(self.given), times.size))
+        for i, value in enumerate(self.given):
+            result[i] = [value(float(t)) for t in times] if callable(value) else value
+        return result
+
+
+@dataclass(frozen=True)
+class _Watched:
     """The function, whose errors and results that are no numbers raise `ParameterError` with the input's name."""
 
-    def value(t: float) -> float:
+    function: Callable[[float], Any]
+    name: str
+
+    def __call__(self, t: float) -> float:
         try:
-            found = float(function(t))
+            found = float(self.function(t))
         except (TypeError, ValueError) as error:
             raise ParameterError(
-                f"The input {name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is called with one "
-                "number, the time [s], and must return one number."
+                f"The input {self.name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is "
+                "called with one number, the time [s], and must return one number."
             ) from error
         except Exception as error:  # the user's own, in the user's own function
-            error.add_note(f"In the function of time of the input {name}, called with t = {t:.6g} s.")
+            error.add_note(f"In the function of time of the input {self.name}, called with t = {t:.6g} s.")
             raise
         return found
 
-    return value
+
+@dataclass(frozen=True)
+class _Evaluated:
+    """A CasADi function of time for numbers."""
+
+    function: ca.Function
+
+    def __call__(self, t: float) -> float:
+        return float(self.function(t))
 
 
 def unknown_symbol(symbol: Any, kind: str, known: list[str]) -> str:

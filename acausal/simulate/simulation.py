@@ -20,7 +20,14 @@ from acausal.simulate.events import when
 from acausal.simulate.inputs import INPUTS, InputValue, input_signal, unknown_symbol
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
-from acausal.simulate.trouble import failure, warn_if_not_followed, warn_if_outside, warn_if_pulled, warn_if_singular
+from acausal.simulate.trouble import (
+    failure,
+    raise_if_interrupted,
+    warn_if_not_followed,
+    warn_if_outside,
+    warn_if_pulled,
+    warn_if_singular,
+)
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
@@ -46,7 +53,7 @@ class Options:
     def checked(self) -> Options:
         """The same with plain numbers. Raises `OptionError` for what makes no sense."""
         rtol = finite(self.rtol, "simulate: rtol")
-        atol = rtol if self.atol is None else finite(self.atol, "simulate: atol")
+        atol = 0.0 if self.atol is None else finite(self.atol, "simulate: atol")
         step = None if self.step is None else finite(self.step, "simulate: the step [s]")
         events = tuple(listed(self.events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
         for event in events:
@@ -88,14 +95,13 @@ def simulate(
     problem = replace(problem, parameters=initial.p)
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
-    atol = options.rtol if options.atol is None else options.atol
     solution = integrate(
         problem,
         initial.x,
         t0,
         t1,
         options.rtol,
-        atol,
+        options.atol or 0.0,
         method=options.method,
         order=options.order,
         step=options.step,
@@ -109,6 +115,7 @@ def simulate(
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
+        raise_if_interrupted(run.status, run)
         raise SimulationError(failure(functions, run.status, t1, run), run)
     return run
 
@@ -132,14 +139,15 @@ def sensitivity_run(
         atol=finite(tolerances.atol, "sensitivities: atol"),
         max_steps=whole_number(tolerances.max_steps, "sensitivities: max_steps", 1),
     )
-    if not (0 < tolerances.rtol < 1 and tolerances.atol > 0):
-        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol > 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
+    if not (0 < tolerances.rtol < 1 and tolerances.atol >= 0):
+        raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol >= 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
     for entry in wrt:
         if isinstance(entry, Input) and not np.isscalar(inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
     problem = _problem(functions, inputs, parameters, compiled)
     found = sensitivities(functions, problem, times, wrt, start, tolerances)
     status = found.found.status
+    raise_if_interrupted(status, None)
     if status.kind is not StatusKind.SUCCESS:
         raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
     return found

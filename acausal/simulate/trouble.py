@@ -139,6 +139,16 @@ def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
     )  # fmt: skip
 
 
+def raise_if_interrupted(status: Status, run: Trajectory | None) -> None:
+    """Raise the `KeyboardInterrupt` that ended a run; `run` of the exception is the motion until then."""
+    if status.kind is StatusKind.INTERRUPTED:
+        interrupt = KeyboardInterrupt(
+            f"Interrupted at t = {status.time:.6g} s; the motion until then is in this exception's `run`."
+        )
+        interrupt.run = run  # type: ignore[attr-defined]  # the one thing that is added to it
+        raise interrupt
+
+
 def failure(functions: Functions, status: Status, t1: float, run: Trajectory | None) -> str:
     """Why a run ended early: the status, the state that failed first, and what has no inertia there."""
     worst = ""

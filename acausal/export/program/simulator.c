@@ -28,7 +28,7 @@ static const char *mistake(const SimulatorOptions *options, double t0, long n, c
     for (long k = 1; k < n; k++)
         if (!(times[k] >= times[k - 1])) return "Times must be in ascending order.";
     if (!(options->rtol > 0 && options->rtol < 1)) return "rtol must lie between 0 and 1.";
-    if (!(options->atol >= 0)) return "atol must be positive, or 0 for the same as rtol.";
+    if (!(options->atol >= 0)) return "atol must be positive, or 0 to judge states by their sizes alone.";
     if (!(options->step >= 0)) return "step must be positive, or 0 for steps as the tolerances allow.";
     return 0;
 }
@@ -136,10 +136,13 @@ static int choose_method(Integrator *I, const SimulatorOptions *options, double 
 }
 
 static enum Code run(Integrator *I) {
-    int code;
+    int code, newton = 0;
     if (!begin(I)) return OUT_OF_MEMORY;
     while ((code = advance(I)) == PAUSED || code == SLOW) /* Newton costs a Jacobian: worth it where steps grow several times */
-        if (code == SLOW && I->slowness > 5) use_newton(I);
+        if (code == SLOW && I->slowness > 5 && !newton) {
+            newton = 1;
+            use_newton(I);
+        }
     return (enum Code)code;
 }
 
@@ -196,7 +199,7 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
                     .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from, .slice = INFINITY,
                     .t = t0, .end = times[n - 1], .step = options->step, .max_steps = options->max_steps};
     I.rtol = fmax(options->rtol, FINEST);
-    I.atol = fmax(options->atol > 0 ? options->atol : options->rtol, options->rtol < FINEST ? FINEST : 0.0);
+    I.atol = options->atol;
     I.input = options->input;
     if (!choose_method(&I, options, I.rtol)) return finished(report, SIMULATOR_BAD_ARGUMENT, "There is no method of that order.");
 

@@ -44,7 +44,7 @@ typedef struct {
     SimulatorMethod method;
     long order;     /* gauss 8, 12, 16; radau 5, 9, 13; 0: by the tolerance */
     double rtol;    /* relative error per step, 0 < rtol < 1; no less than 1e-15 is used */
-    double atol;    /* absolute error per step, in SI units; 0: the same as rtol */
+    double atol;    /* absolute error per step, in SI units; 0: none, states are judged by their sizes */
     double step;    /* size of fixed steps [s]; 0: as the tolerances allow */
     long max_steps; /* the run fails when these are not enough */
     /* Fills the inputs u at time t, also times ahead of the motion; returns 0 to give up. 0: inputs stay what `simulate` got. */
@@ -89,7 +89,7 @@ extern const long model_states, model_inputs, model_parameters, model_conditions
 extern const char *const model_state_names[], *const model_input_names[], *const model_parameter_names[], *const model_condition_names[];
 extern const double model_start[], model_input_values[], model_parameter_values[], model_condition_values[];
 
-/* gauss, order by the tolerance, rtol = atol = 1e-8, no fixed step, at most a million steps, constant inputs. */
+/* gauss, order by the tolerance, rtol = 1e-8, no fixed step, at most a million steps, constant inputs. */
 SimulatorOptions simulator_defaults(void);
 
 /* The start state x (model_states numbers) at time t0 [s] that meets the conditions (0: the exported values) with inputs u and parameters p

@@ -1,0 +1,149 @@
+"""What states are measured by: no unit, nothing of other scenes in the same system, and nothing that is only rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from components import (
+    Particle,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    RotationalSpring,
+    Spring,
+    World,
+)
+
+BOTH = pytest.mark.parametrize("compiled", [True, False])
+
+
+def add_pendulum(scene: ac.System, name: str, length: float, mass: float, time: float) -> tuple[Revolute, Revolute]:
+    """A double pendulum of this length and mass, with a spring that gives it this time."""
+    parts = {
+        "a": Revolute("y"), "b": Revolute("y"), "upper": RigidBody.rod(mass, (0, 0, -length)), "lower": RigidBody.rod(mass, (0, 0, -length)),
+        "spring": RotationalSpring(mass * length**2 / time**2), "ground": RotationalGround(),
+    }  # fmt: skip
+    for key, part in parts.items():
+        setattr(scene, name + key, part)
+    a, b, upper, lower = (getattr(scene, name + key) for key in ("a", "b", "upper", "lower"))
+    scene.connect(scene.world.frame, a.frame_a)
+    scene.connect(a.frame_b, upper.frame)
+    scene.connect(upper.tip, b.frame_a)
+    scene.connect(b.frame_b, lower.frame)
+    scene.connect(parts["ground"].flange, parts["spring"].flange_a)
+    scene.connect(a.flange, parts["spring"].flange_b)
+    return a, b
+
+
+@BOTH
+@pytest.mark.parametrize("power", [-15, 0, 15])
+@pytest.mark.parametrize("of", ["length", "mass", "time"])
+def test_similar_scenes_take_the_same_steps_to_the_same_bits(compiled, power, of):
+    sizes = {"length": 1.0, "mass": 1.0, "time": 1.0}
+
+    def run(**sizes: float):
+        scene = ac.System()
+        scene.world = World(None)
+        a, b = add_pendulum(scene, "", **sizes)
+        end = 8.0 * sizes["time"]
+        found = ac.build(scene).simulate(end, {a.q: 0.9, b.v: 2.0 / sizes["time"]}, compiled=compiled, samples=5)
+        return found, np.array([found[a.q], found[b.q], found[b.v] * sizes["time"]])
+
+    (one, x), (two, y) = run(**sizes), run(**(sizes | {of: 4.0**power}))
+    assert one.statistics.steps == two.statistics.steps
+    assert np.array_equal(x, y)
+
+
+@BOTH
+def test_copies_of_different_size_in_one_system_move_as_each_alone(compiled):
+    small, large = (1e-3, 1e-9, 0.1), (1e3, 1e9, 0.1)
+
+    def run(*sizes: tuple[float, float, float]):
+        scene = ac.System()
+        scene.world = World(None)
+        joints = [add_pendulum(scene, f"p{k}_", *size) for k, size in enumerate(sizes)]
+        start = {joint: value for a, b in joints for joint, value in ((a.q, 0.9), (b.q, -0.4))}
+        found = ac.build(scene).simulate(1.0, start, compiled=compiled, samples=11, rtol=1e-9)
+        return [np.array([found[a.q], found[b.q]]) for a, b in joints]
+
+    together, alone = run(small, large), [*run(small), *run(large)]
+    assert all(np.max(np.abs(a - b)) < 1e-7 for a, b in zip(together, alone, strict=True))
+
+
+@BOTH
+@pytest.mark.parametrize("amplitude", [1e-9, 1e-3, 1e6])
+@pytest.mark.parametrize("hanging", [False, True])
+def test_an_oscillation_of_any_size_is_as_accurate(compiled, amplitude, hanging):
+    """x = a cos t, also about the position in which a weight hangs on its spring."""
+    scene = ac.System()
+    g = 1.0 if hanging else 0.0
+    scene.world, scene.rail, scene.mass, scene.spring = World((0, 0, -g)), Prismatic("z"), Particle(1.0), Spring(1.0, 0.0)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.mass.point)
+    scene.connect(scene.world.at((0, 0, 2.0 if hanging else 0.0)), scene.spring.point_a)
+    scene.connect(scene.mass.point, scene.spring.point_b)
+    rest = 1.0 if hanging else 0.0
+    if hanging and amplitude > 1:
+        return  # the spring has no direction where its ends meet
+    run = ac.build(scene).simulate(10.0, {scene.rail.q: rest + amplitude}, compiled=compiled, rtol=1e-8)
+    error = np.max(np.abs(run[scene.rail.q] - rest - ((rest + amplitude) - rest) * np.cos(run.t)))
+    assert error < 1e-6 * amplitude + (1e-14 if hanging else 0.0)
+    assert run.statistics.steps < 60
+
+
+@BOTH
+def test_what_rests_takes_few_steps(compiled):
+    """At rest in every sense: exactly at zero, in equilibrium but for rounding, and next to what moves."""
+    scene = ac.System()
+    scene.world, scene.still = World(), Revolute((0.36, 0.48, 0.8))
+    scene.weight = RigidBody.rod(1.0, (0.0, 0.0, -1.0))
+    scene.moving, scene.swinging = Revolute("y"), RigidBody.rod(1.0, (0.0, 0.0, -1.0))
+    scene.connect(scene.world.frame, scene.still.frame_a)
+    scene.connect(scene.still.frame_b, scene.weight.frame)
+    scene.connect(scene.world.frame, scene.moving.frame_a)
+    scene.connect(scene.moving.frame_b, scene.swinging.frame)
+    model = ac.build(scene)
+    at_rest = model.simulate(10.0, compiled=compiled)
+    assert at_rest.statistics.steps < 200 and np.max(np.abs(at_rest.x)) < 1e-12
+    moved = model.simulate(10.0, {scene.moving.q: 1.0}, compiled=compiled)
+    assert moved.statistics.steps < 200 and np.max(np.abs(moved[scene.still.q])) < 1e-12
+    assert moved.energy_error() < 1e-7
+
+
+@BOTH
+def test_many_turns_do_not_loosen_what_turns(compiled):
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod = World(), Revolute("y"), RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    model = ac.build(scene)
+    turned = 2 * np.pi * 1.5e5
+    runs = [
+        model.simulate(1.0, {scene.hinge.q: q, scene.hinge.v: 20.0}, compiled=compiled, rtol=1e-10) for q in (0.3, 0.3 + turned)
+    ]
+    assert np.max(np.abs(runs[1][scene.hinge.v] - runs[0][scene.hinge.v])) < 1e-3
+    assert runs[1].energy_error() < 1e-3
+
+
+@BOTH
+def test_fast_decay_is_left_to_radau(compiled):
+    """A stiff damped elbow: the default takes about the steps of Radau."""
+    scene = ac.System()
+    scene.world, scene.a, scene.b = World(), Revolute("y"), Revolute("y")
+    scene.upper, scene.lower = RigidBody.rod(1.0, (0, 0, -1.0)), RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.damper, scene.spring, scene.ground = RotationalDamper(100.0), RotationalSpring(1e6), RotationalGround()
+    scene.connect(scene.world.frame, scene.a.frame_a)
+    scene.connect(scene.a.frame_b, scene.upper.frame)
+    scene.connect(scene.upper.tip, scene.b.frame_a)
+    scene.connect(scene.b.frame_b, scene.lower.frame)
+    for part in (scene.damper, scene.spring):
+        scene.connect(scene.ground.flange, part.flange_a)
+        scene.connect(scene.b.flange, part.flange_b)
+    model = ac.build(scene)
+    auto, radau = (model.simulate(5.0, {scene.a.q: 1.0}, rtol=1e-6, method=m, compiled=compiled) for m in ("auto", "radau"))
+    assert "radau" in auto.statistics.method
+    assert auto.statistics.steps < 1.5 * radau.statistics.steps
