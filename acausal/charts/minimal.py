@@ -165,9 +165,7 @@ class MinimalModel:
         """
         from acausal.charts.minimal_motion import simulate
 
-        rtol = finite(rtol, "simulate: rtol")
-        atol = 0.0 if atol is None else finite(atol, "simulate: atol")
-        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure)
+        options = Options(rtol, 0.0 if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
         return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
 
     @functools.cached_property

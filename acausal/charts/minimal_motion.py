@@ -72,8 +72,8 @@ def simulate(
     moving = any(callable(value) for value in inputs.values())
     whole_number(options.samples, "minimal.simulate: samples", 2)
     rtol, atol = finite(options.rtol, "minimal.simulate: rtol"), finite(options.atol, "minimal.simulate: atol")
-    if not (0 < rtol < 1 and atol > 0):
-        raise OptionError(f"minimal.simulate: need 0 < rtol < 1 and atol > 0, not rtol={rtol}, atol={atol}.")
+    if not (0 < rtol < 1 and atol >= 0):
+        raise OptionError(f"minimal.simulate: need 0 < rtol < 1 and atol >= 0, not rtol={rtol}, atol={atol}.")
     initial = replace(minimal.initial, x=chart.x)
     if start is not None:
         initial = initial_state(functions.outputs, start, chart.t, chart.p, signal(np.array([chart.t]))[:, 0])
