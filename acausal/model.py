@@ -114,7 +114,8 @@ class Model:
         self, t0: float, inputs: Mapping[Input, InputValue] | None, parameters: Mapping[Parameter, float] | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Values of all parameters, and of all inputs at t0."""
-        from acausal.simulate.simulation import input_signal, parameter_values
+        from acausal.simulate.inputs import input_signal
+        from acausal.simulate.simulation import parameter_values
 
         t0 = finite(t0, "The start t0 [s]")
         u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
@@ -486,7 +487,7 @@ def build(scene: System) -> Model:
         )
     check_parts(flat)
     model = _reduced(flat)
-    if model.system.x.numel() == 0:
+    if model.system.x.numel() == 0 and not model.system.moves_as_given:
         raise LockedError(
             f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. Add a joint or a free body."
         )

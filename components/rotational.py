@@ -178,6 +178,9 @@ class AngleSource(Component):
 class SpeedSource(Component):
     """A given speed: der(phi) = speed [rad/s], constant, parameter, input, or function of time; phi is a state. Supplies -tau speed.
 
+    What has inertia takes the rate of an input too: it follows from a number, an expression of `ac.time`, or a function that takes one; of any
+    other function give it with the value, inputs={scene.speed: (function, function of its rate)}.
+
     scene.spindle = SpeedSource(10.0)
     """
 

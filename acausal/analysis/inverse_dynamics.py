@@ -16,10 +16,12 @@ from acausal.arguments import expressions
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.simulate.simulation import InputValue, input_signal, parameter_values
+from acausal.simulate.inputs import InputValue, input_signal
+from acausal.simulate.simulation import parameter_values
 from acausal.start.start_values import Start, near, softened, start_mapping
 
 
@@ -157,9 +159,7 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
     missing = -ca.substitute(gap, w, ca.SX.zeros(w.numel()))
     force = ca.solve(B, missing) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, missing)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
-    return ca.Function(
-        "inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"], {"cse": True}
-    )
+    return folded_function("inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"])
 
 
 def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:
@@ -167,7 +167,7 @@ def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:
     or gears, or other values than freedoms: then forward dynamics has to be inverted.
     """
     tree = s.mechanics.tree
-    if values.numel() != tree.v.numel() or s.constraints.jacobian.shape[0] or s.scalar.states or s.scalar.rows:
+    if values.numel() != tree.v.numel() or s.constraints.jacobian.shape[0] or s.scalar.states or s.scalar.held:
         return None
     at_rate = [values[k] if ca.depends_on(values[k], tree.v) else _change(s, values[k]) for k in range(values.numel())]
     rate = ca.vertcat(*at_rate)

@@ -10,9 +10,11 @@ import numpy as np
 
 from acausal.arguments import finite
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.simulate.simulation import InputValue, input_signal, parameter_values
+from acausal.simulate.inputs import InputValue, input_signal
+from acausal.simulate.simulation import parameter_values
 from acausal.start.initial import Start, initial_state
 from acausal.start.states import consistent_states
 
@@ -52,10 +54,10 @@ def operating_point(
 def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:
     """All coordinates, velocities and scalar states of the states x (nx,), as start values of a simulation."""
     s = functions.outputs.system
-    rates, last = x[s.nq : s.nq + s.tree_velocities], x[s.nq + s.tree_velocities :]
+    rates = x[s.nq : s.nq + s.tree_velocities]
     values: dict[Expression, np.ndarray] = {joint.edge.joint.q: x[joint.q] for joint in s.tree_joints}
     values |= {joint.edge.joint.v: rates[joint.v] for joint in s.tree_joints}
-    values |= {state: last[[i]] for i, state in enumerate(s.scalar_states)}
+    values |= {state: x[[i]] for i, state in zip(s.scalar_places, s.scalar_states, strict=True)}
     return {key: value for key, value in values.items() if value.size}
 
 
@@ -65,7 +67,7 @@ class Differentiable:
     def __init__(self, system: ReducedSystem, column: ca.SX) -> None:
         self.size = column.numel()
         arguments = [system.t, system.x, system.u, system.p]
-        self._function = ca.Function("column", arguments, [ca.densify(column)], {"cse": True}) if self.size else None
+        self._function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
         self._forward = None if self._function is None else self._function.forward(1)
 
     def value(self, at: OperatingPoint) -> np.ndarray:

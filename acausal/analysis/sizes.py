@@ -87,12 +87,14 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
     nq, last = s.nq, s.nq + s.tree_velocities
     if not nq:
         return np.zeros(0)
-    found = coordinates(s.mechanics, s.p, at.p, at.x[:nq], s.scalar.position)
-    length = reach(s.mechanics, s.p, at.p, at.x[:nq], found.all)
+    q = at.x[: s.mechanics.tree.q.numel()]
+    found = coordinates(s.mechanics, s.p, at.p, q, s.scalar.position)
+    length = reach(s.mechanics, s.p, at.p, q, found.all)
     if not 0 < length < np.inf:
         stiffness = J[nq:last, :nq]
         length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
-    turns = np.concatenate([np.full(c.place.stop - c.place.start, c.unit == "rad" or c.is_rotation) for c in found.all])
+    joints = [np.full(c.place.stop - c.place.start, c.unit == "rad" or c.is_rotation) for c in found.all]
+    turns = np.concatenate([*joints, [state.unit == "rad" for state in s.scalar_states[: s.scalar.positions]]]).astype(bool)
     return np.where(turns, 1.0, length if 0 < length < np.inf else 1.0)
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from acausal.charts.chart import Choice
 from acausal.charts.implicit import Followed, Known, follow, solve_rows
 from acausal.charts.manifold import Manifold
+from acausal.numerics.folding import folded_function
 from acausal.runtime.compiled import CompiledProblem, compile_problem
-
-_FOLD = {"cse": True}
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,7 +86,7 @@ class ChartEquations:
     def expand(self) -> ca.Function:
         """(t, y, p, r) -> x; NaN where the chart has ended."""
         k, at = self._symbols, self._point
-        return ca.Function("expand", [k.t, k.y, k.p, k.r], [ca.densify(ca.vertcat(at.q, at.w))], _FOLD)
+        return folded_function("expand", [k.t, k.y, k.p, k.r], [ca.densify(ca.vertcat(at.q, at.w))])
 
     @functools.cached_property
     def restrict(self) -> ca.Function:
@@ -95,7 +94,7 @@ class ChartEquations:
         s, k, choice = self.manifold.functions.outputs.system, self._symbols, self.choice
         c = self.manifold.coordinates.coordinates(s.x[: s.nq], self._reference(k.r)[1])
         y = ca.vertcat(c[list(choice.positions)], s.x[s.nq :][list(choice.rates)])
-        return ca.Function("restrict", [s.x, k.r], [ca.densify(y)], _FOLD)
+        return folded_function("restrict", [s.x, k.r], [ca.densify(y)])
 
     @functools.cached_property
     def dynamics(self) -> ca.Function:
@@ -107,9 +106,8 @@ class ChartEquations:
         x_dot = self.manifold.functions.explicit_dynamics(k.t, ca.vertcat(at.q, at.w), k.u, k.p)
         c_dot = ca.substitute(ca.jtimes(c, q, x_dot[: s.nq]), q, at.q) if s.nq else ca.SX(0, 1)
         y_dot = ca.vertcat(c_dot[list(self.choice.positions)], x_dot[s.nq :][list(self.choice.rates)])
-        return ca.Function(
-            "explicit_dynamics", [k.t, k.y, k.u, ca.vertcat(k.p, k.r, self._limits)], [ca.densify(y_dot)], ["t", "y", "u", "p"], ["y_dot"], _FOLD
-        )  # fmt: skip
+        return folded_function(
+            "explicit_dynamics", [k.t, k.y, k.u, ca.vertcat(k.p, k.r, self._limits)], [ca.densify(y_dot)], ["t", "y", "u", "p"], ["y_dot"])  # fmt: skip
 
     @functools.cached_property
     def conditions(self) -> ca.Function:
@@ -119,7 +117,7 @@ class ChartEquations:
         s, k = self.manifold.functions.outputs.system, self._symbols
         q, w = s.x[: s.nq], s.x[s.nq :]
         c = self.manifold.coordinates.coordinates(q, self._reference(k.r)[1])
-        return ca.Function("conditions", [s.t, s.x, s.p, k.r], [self._conditions(s.t, c, w, s.p, k.r)], _FOLD)
+        return folded_function("conditions", [s.t, s.x, s.p, k.r], [self._conditions(s.t, c, w, s.p, k.r)])
 
     @functools.cached_property
     def guards(self) -> ca.Function:
@@ -130,7 +128,7 @@ class ChartEquations:
         conditions = self._conditions(k.t, at.c, at.w, k.p, k.r) - self._limits[:-1]
         strain = self._limits[-1] - (at.positions.strain + at.rates.strain)
         p = ca.vertcat(k.p, k.r, self._limits)
-        return ca.Function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))], _FOLD)
+        return folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))])
 
     @functools.cached_property
     def compiled(self) -> CompiledProblem | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.charts.coordinates import ChartCoordinates
 from acausal.charts.singular_state import scaled_rows
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.unit_quaternions import unit_quaternions
 
@@ -66,18 +67,15 @@ class Manifold:
         c = ca.SX.sym("c", self.coordinates.count)
         position = ca.jacobian(self.position(s.t, self.coordinates.configuration(c, q), s.p), c)
         position = ca.substitute(position, c, self.coordinates.coordinates(q, q))
-        return ca.Function(
-            "slopes",
-            [s.t, s.x, s.p],
-            [ca.densify(position), ca.densify(ca.jacobian(self.rate(s.t, q, w, s.p), w))],
-            {"cse": True},
+        return folded_function(
+            "slopes", [s.t, s.x, s.p], [ca.densify(position), ca.densify(ca.jacobian(self.rate(s.t, q, w, s.p), w))]
         )
 
     @functools.cached_property
     def _samples(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """`_slopes` at some assembled configurations."""
         s = self.functions.outputs.system
-        found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
+        found = [self._slopes(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.closed_positions]
         return [np.array(position) * self.units_c for position, _ in found], [np.array(rate) * self.units_w for _, rate in found]
 
     @functools.cached_property
@@ -148,7 +146,7 @@ def manifold(functions: Functions, units: np.ndarray) -> Manifold:
     coordinates = ChartCoordinates(s.nq, tuple(sorted(quaternions.values())))
     rates, place = s.mechanics.tree.rates, {w[i].element_hash(): i for i in range(nv)}
     twins: list[tuple[int, int]] = []
-    for i in range(s.nq):
+    for i in range(rates.numel()):
         if rates[i].is_symbolic() and rates[i].element_hash() in place:
             twins.append((coordinates.entries(i)[0], place[rates[i].element_hash()]))
     return Manifold(

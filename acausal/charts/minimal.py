@@ -17,6 +17,7 @@ from acausal.charts.manifold import Manifold, manifold
 from acausal.charts.motion import MinimalMotion, Options
 from acausal.errors import OptionError
 from acausal.language.expression import Input, Parameter, Variable
+from acausal.numerics.folding import folded_function
 from acausal.start.assembly_function import start_units
 from acausal.start.initial import InitialState, Start
 from acausal.start.states import consistent_states
@@ -89,20 +90,20 @@ class MinimalModel:
         t, y, u, p = self._symbols
         limits = np.zeros(self._equations.guards.numel_out(0))
         rate = self._equations.dynamics(t, y, u, ca.vertcat(p, self.chart.reference, limits))
-        return ca.Function("explicit_dynamics", [t, y, u, p], [rate], ["t", "y", "u", "p"], ["y_dot"], {"cse": True})
+        return folded_function("explicit_dynamics", [t, y, u, p], [rate], ["t", "y", "u", "p"], ["y_dot"])
 
     @functools.cached_property
     def expand(self) -> ca.Function:
         """(t, y, u, p) -> x, the states of the model."""
         t, y, u, p = self._symbols
         x = self._equations.expand(t, y, p, self.chart.reference)
-        return ca.Function("expand", [t, y, u, p], [x], ["t", "y", "u", "p"], ["x"], {"cse": True})
+        return folded_function("expand", [t, y, u, p], [x], ["t", "y", "u", "p"], ["x"])
 
     @functools.cached_property
     def restrict(self) -> ca.Function:
         """x -> y."""
         x = self._x
-        return ca.Function("restrict", [x], [self._equations.restrict(x, self.chart.reference)], ["x"], ["y"], {"cse": True})
+        return folded_function("restrict", [x], [self._equations.restrict(x, self.chart.reference)], ["x"], ["y"])
 
     @functools.cached_property
     def residual(self) -> ca.Function:
@@ -111,9 +112,7 @@ class MinimalModel:
         invariants = self.atlas.functions.invariants
         x = self._equations.expand(t, y, p, self.chart.reference)
         total = ca.SX(0) if invariants is None else ca.sumsqr(invariants(t, x, p))
-        return ca.Function(
-            "residual", [t, y, u, p], [ca.densify(ca.sqrt(total))], ["t", "y", "u", "p"], ["residual"], {"cse": True}
-        )
+        return folded_function("residual", [t, y, u, p], [ca.densify(ca.sqrt(total))], ["t", "y", "u", "p"], ["residual"])
 
     @functools.cached_property
     def conditioning(self) -> ca.Function:
@@ -121,9 +120,7 @@ class MinimalModel:
         t, _, u, p = self._symbols
         x = self._x
         least = ca.mmin(self._equations.conditions(t, x, p, self.chart.reference))
-        return ca.Function(
-            "conditioning", [t, x, u, p], [ca.densify(least)], ["t", "x", "u", "p"], ["conditioning"], {"cse": True}
-        )
+        return folded_function("conditioning", [t, x, u, p], [ca.densify(least)], ["t", "x", "u", "p"], ["conditioning"])
 
     def change(self, other: MinimalModel) -> ca.Function:
         """(t, y, u, p) -> y of the same state in another chart of the same model. Raises `OptionError` for another model."""
@@ -132,8 +129,8 @@ class MinimalModel:
         if other.atlas.functions is not self.atlas.functions:
             raise OptionError("minimal.change: the other chart belongs to another model. Make it by rechart(...) of this one.")
         arguments = self._symbols
-        return ca.Function(
-            "change", list(arguments), [other.restrict(self.expand(*arguments))], ["t", "y", "u", "p"], ["y_other"], {"cse": True}
+        return folded_function(
+            "change", list(arguments), [other.restrict(self.expand(*arguments))], ["t", "y", "u", "p"], ["y_other"]
         )
 
     def rechart(

@@ -16,7 +16,7 @@ from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input
 from acausal.outputs.functions import Functions, warn_no_compiler
-from acausal.simulate.simulation import InputValue, input_signal
+from acausal.simulate.inputs import InputValue, input_signal
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import raise_if_interrupted
 from acausal.start.initial import InitialState, Start, initial_state

@@ -26,7 +26,7 @@ def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) ->
     def rows(t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.array(functions.constraint_jacobian(t, x, s.u_defaults, p))
 
-    samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.constraints.samples]
+    samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.samples]
     _, values, directions = np.linalg.svd(scaled_rows(rows(t, x, p), samples))
     return abs(float(values[rank - 1])), directions[rank - 1]
 

@@ -12,10 +12,11 @@ from acausal.explain.integrability.classification import Block, Integrability
 from acausal.explain.integrability.integral import Integral
 from acausal.explain.integrability.pfaffian import row_space
 from acausal.explain.integrability.scene import scene_integrability
-from acausal.explain.integrability.velocity_forms import held_rows, velocity_system
+from acausal.explain.integrability.velocity_forms import is_linear, rates_only, velocity_system
 from acausal.explain.row_meaning import row_meanings
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.unit_quaternions import unit_quaternions
+from acausal.scalar.coupling import Held
 from acausal.wording import compact, counted, entry_names
 
 _MOST_NAMES = 4
@@ -141,10 +142,10 @@ def _configuration_freedom(system: ReducedSystem) -> int:
     """nq less the rank of all functions of position, at some assembled configurations."""
     if not system.nq:
         return 0
-    slope = ca.densify(ca.jacobian(system.closing, system.mechanics.tree.q))
-    function = ca.Function("slope", [system.mechanics.tree.q, system.t, system.p], [slope])
+    q = system.x[: system.nq, :]
+    function = ca.Function("slope", [q, system.t, system.p], [ca.densify(ca.jacobian(system.closing, q))])
     ranks = [
-        row_space(np.array(function(q, 0.0, system.p_values)).reshape(-1, system.nq)).shape[0] for q in system.constraints.samples
+        row_space(np.array(function(q, 0.0, system.p_values)).reshape(-1, system.nq)).shape[0] for q in system.closed_positions
     ]
     return system.nq - max(ranks)
 
@@ -192,21 +193,27 @@ def _in_tree(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
 
 
 def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
-    """Gears, sources, and equations of one's own between flanges of joints."""
-    held = held_rows(system)
-    for i in range(system.scalar.position.numel()):
-        name = next((h.name for h in held if h.position == i), f"scalar equation {i + 1}")
-        timed = ca.depends_on(system.scalar.position[i], system.t)
+    """Gears, sources, and equations of one's own between flanges of joints, and what they tie to them."""
+    told = set[int]()
+    for held in system.scalar.held:
+        if held.depth > 1 and held.number not in told:
+            told.add(held.number)
+            kind = "rheonomic" if ca.depends_on(held.residual, system.t) else "holonomic"
+            yield ConstraintEntry(held.name, f"other positions of {_whose(held)}", kind, True, "given in positions")
+    for held in system.scalar.redundant:
         yield ConstraintEntry(
-            name, "other positions of flanges", "rheonomic" if timed else "holonomic", True, "given in positions"
+            held.name, "other positions of flanges", "redundant", False, "it follows from others; the smallest efforts are given"
         )
-    for row in held:
-        if row.position is not None:
-            continue
-        timed = ca.depends_on(row.velocity, system.t)
-        if row.linear:
-            yield judge.entry(row.name, "other velocities of flanges", timed)
+    for held in rates_only(system):
+        if held.of_inputs:
+            yield ConstraintEntry(held.name, f"other velocities of {_whose(held)}", "rheonomic", True, "given by an input")
+        elif held.of_joints and is_linear(held.residual, system.mechanics.tree.v):
+            yield judge.entry(held.name, "other velocities of flanges", ca.depends_on(held.residual, system.t))
         else:
-            yield ConstraintEntry(
-                row.name, "other velocities of flanges", "nonholonomic", True, "not linear in velocities, not examined"
-            )
+            why = "with scalar states" if not held.of_joints else "not linear in velocities"
+            words = f"other velocities of {_whose(held)}"
+            yield ConstraintEntry(held.name, words, "nonholonomic", True, f"{why}, not examined")
+
+
+def _whose(held: Held) -> str:
+    return "flanges" if held.of_joints else "flanges and scalar parts"

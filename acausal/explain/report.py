@@ -48,7 +48,7 @@ def report(headline: str, model: Functions) -> str:
 
 def _freedoms(model: Functions) -> list[str]:
     system = model.outputs.system
-    held = f" and {system.scalar.rows} by sources or gears on their flanges" if system.scalar.rows else ""
+    held = f" and {system.holding.velocities} by sources or gears on their flanges" if system.holding.velocities else ""
     rows = [
         f"Freedoms: {system.tree_velocities} of the joints in the tree, less {system.constraints.rank.rank} by loops{held}, are {model.outputs.system.degrees_of_freedom}."
     ]
@@ -56,7 +56,7 @@ def _freedoms(model: Functions) -> list[str]:
         system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints)
     )
     holonomic = sum(".rolling[" not in name for name in system.constraints.kept)
-    configuration -= system.scalar.position.numel()
+    configuration -= system.scalar.positions + system.holding.positions
     if configuration - holonomic != model.outputs.system.degrees_of_freedom:
         rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
     return rows + grouped(
@@ -139,6 +139,6 @@ def planar_normal(model: Functions) -> np.ndarray | None:
         X = system.mechanics.kinematics.pose(link) @ place
         axes.append(symbolic(X.rotation) @ symbolic(joint.mounting())[:, 2])
     function = ca.Function("axes", [system.t, system.x, system.p], [ca.horzcat(*axes)])
-    x = np.concatenate([system.q_start, np.zeros(system.x.numel() - system.nq)])
+    x = np.concatenate([system.q_start, system.rate_start])
     values = np.array(function(0.0, x, system.p_values))
     return values[:, 0] if np.max(np.abs(np.abs(values[:, 0] @ values) - 1)) < 1e-9 else None

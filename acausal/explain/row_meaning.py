@@ -17,9 +17,9 @@ def row_meanings(system: ReducedSystem, rows: LoopRows) -> dict[str, str]:
     """
     both = ca.densify(ca.horzcat(rows.wrench_basis, rows.dropped_basis))
     function = ca.Function("basis", [system.mechanics.tree.q, system.t, system.p], [both])
-    wrenches = np.array(function(system.q_start, 0.0, system.p_values)).T
-    place = coordinates(system.mechanics, system.p, system.p_values, system.q_start, system.scalar.position)
-    length = reach(system.mechanics, system.p, system.p_values, system.q_start, place.all) or 1.0
+    wrenches = np.array(function(system.constraints.q_start, 0.0, system.p_values)).T
+    place = coordinates(system.mechanics, system.p, system.p_values, system.constraints.q_start, system.scalar.position)
+    length = reach(system.mechanics, system.p, system.p_values, system.constraints.q_start, place.all) or 1.0
     has_axis = type(rows.edge.joint).mounting is not AbstractConstraint.mounting
     found: dict[str, str] = {}
     for k, name in enumerate((*rows.names, *rows.dropped)):

@@ -21,7 +21,7 @@ from acausal.numerics.kernel import copied_states
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.compiled import directional_derivative, projection_with_invariants
-from acausal.simulate.simulation import input_signal
+from acausal.simulate.inputs import input_signal
 from acausal.start.initial import InitialState
 
 PROGRAM = Path(__file__).resolve().parent / "program"

@@ -9,6 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.start.assembly_function import assembled, row_lengths, start_units
 from acausal.start.initial import InitialState
@@ -101,7 +102,7 @@ def _gaps(functions: Functions, initial: InitialState) -> ca.Function | None:
     velocities = s.velocity_closing / ca.DM(row_lengths(K.reshape(-1, v.numel()) * scale_v))
     sizes = [ca.norm_2(ca.vertcat(ca.SX(0), column)) for column in (positions, velocities, v / ca.DM(scale_v))]
     result = space.put(ca.vertcat(*sizes)) if space.elimination.symbols else ca.vertcat(*sizes)
-    return ca.Function("gaps", space.arguments, [ca.densify(result)], {"cse": True})
+    return folded_function("gaps", space.arguments, [ca.densify(result)])
 
 
 def start_c(start: StartFunctions) -> str:

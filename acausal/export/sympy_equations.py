@@ -16,6 +16,7 @@ from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import ExportError
 from acausal.export.sympy_bridge import operations
 from acausal.export.trigonometric_sums import Algebra, Sum, TooLarge
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
@@ -231,7 +232,7 @@ class _Scene:
 
 def _sums(algebra: Algebra, column: ca.SX, arguments: Sequence[ca.SX], values: Sequence[Sequence[Sum]]) -> list[Sum]:
     """Instruction by instruction."""
-    function = ca.Function("rows", list(arguments), [ca.densify(column)], {"cse": True})
+    function = folded_function("rows", list(arguments), [ca.densify(column)])
     results: list[Sum] = [{} for _ in range(column.numel())]
     work: dict[int, Sum] = {}
     waves: dict[int, tuple[Sum, Sum, Sum]] = {}

@@ -12,6 +12,7 @@ from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.automatic import Automatic, stiffness_of
 from acausal.integrators.gauss import default_order
 from acausal.integrators.radau import Radau
+from acausal.numerics.folding import folded_function
 from acausal.runtime.compiled import Choice, CompiledProblem, Run
 
 
@@ -71,13 +72,13 @@ def _augmented(problem: Problem, x0: np.ndarray, times: np.ndarray, directions: 
     change = [
         ca.jtimes(rate, ca.vertcat(x, u, p), ca.vertcat(S[:, d], directions.du[:, d], directions.dp[:, d])) for d in range(n)
     ]
-    rhs = ca.Function("variational", [t, y, u, p], [ca.densify(ca.vertcat(rate, *change))], {"cse": True})
+    rhs = folded_function("variational", [t, y, u, p], [ca.densify(ca.vertcat(rate, *change))])
     invariants = project = None
     if problem.invariants is not None and problem.project is not None:
         invariants = ca.Function("invariants", [t, y, p], [problem.invariants(t, x, p)])
         nearer = ca.densify(problem.project(t, x, p))
         moved = [ca.jtimes(nearer, ca.vertcat(x, p), ca.vertcat(S[:, d], directions.dp[:, d])) for d in range(n)]
-        project = ca.Function("projection", [t, y, p], [ca.densify(ca.vertcat(nearer, *moved))], {"cse": True})
+        project = folded_function("projection", [t, y, p], [ca.densify(ca.vertcat(nearer, *moved))])
     whole = Problem(rhs, invariants, project, problem.inputs, problem.parameters, problem.constant_inputs)
     start = np.concatenate([x0, directions.dx.ravel(order="F")])
     solution = Automatic().integrate(whole, start, float(times[0]), float(times[-1]), tolerances)

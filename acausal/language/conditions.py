@@ -40,3 +40,11 @@ class ParameterConditions:
                     f"{p.name} = {v:g}" for p, v in zip(self._parameters, values, strict=True) if p in condition.value.leaves
                 ]
                 raise ParameterError(f"With the parameters of this call ({', '.join(given)}): {error}") from None
+
+    def allow(self, values: np.ndarray) -> bool:
+        """Whether these values (np,) keep all conditions."""
+        try:
+            self.check(values)
+        except ParameterError:
+            return False
+        return True

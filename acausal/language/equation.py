@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from acausal.errors import ExpressionError
-from acausal.language.expression import Derivative, Expression, Input, Parameter, Scalar, Symbol, Time, leaves, sx
+from acausal.language.expression import Derivative, Expression, Input, InputRate, Parameter, Scalar, Symbol, Time, leaves, sx
 from acausal.language.origin import origin
 
 _DERIVATIVE = "_derivative"
@@ -47,6 +47,14 @@ def der(value: Expression | ca.SX) -> Expression:
     for leaf, leaf_rate in zip(moving, rates, strict=True):
         rate += ca.jtimes(value.sx, leaf.sx, leaf_rate.sx)
     return Expression(rate, value.leaves.union(*(r.leaves for r in rates)))
+
+
+def input_rate(symbol: Input) -> InputRate:
+    """The one symbol for the rate of an input."""
+    found = symbol.__dict__.get(_DERIVATIVE)
+    if found is None:
+        found = symbol.__dict__[_DERIVATIVE] = InputRate(symbol)
+    return found
 
 
 def _symbol_rate(symbol: Symbol) -> Expression:

@@ -345,6 +345,15 @@ class Input(Symbol):
         self.default = number(default, "an Input's default")
 
 
+class InputRate(Input):
+    """The rate of an input, an input of its own, where a part needs it: it follows from what the input is given as."""
+
+    def __init__(self, of: Input) -> None:
+        super().__init__(f"{of.unit}/s" if of.unit else "1/s", f"rate of {of.name}")
+        self.name = f"der({of.name})"
+        self.of = of
+
+
 class Time(Symbol):
     """Time in seconds."""
 

@@ -15,16 +15,16 @@ from acausal.errors import ExportError, NoCompilerWarning
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
+from acausal.numerics.folding import folded_function
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
+from acausal.reduce.decisions import Decisions
 from acausal.reduce.state_space import StateSpace
 from acausal.wording import callers_level
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
-
-_FOLD = {"cse": True}
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,6 +36,11 @@ class Functions:
 
     outputs: Outputs
     space: StateSpace
+
+    @functools.cached_property
+    def decisions(self) -> Decisions:
+        """What the reduction decided by the values of parameters."""
+        return Decisions(self.space)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -59,11 +64,13 @@ class Functions:
     def tree_state_names(self) -> tuple[str, ...]:
         """Names of all states of the reduced system, also of those that follow from x."""
         names: list[str] = []
+        scalars, n = self.outputs.system.scalar_states, self.outputs.system.scalar.positions
         for kind in ("q", "v"):
             for item in self.outputs.system.mechanics.tree.joints:
                 size = (item.edge.joint.q if kind == "q" else item.edge.joint.v).size
                 names += [f"{item.edge.name}.{kind}" + (f"[{i}]" if size > 1 else "") for i in range(size)]
-        return tuple(names + [self.outputs.name(s) for s in self.outputs.system.scalar_states])
+            names += [self.outputs.name(s) for s in (scalars[:n] if kind == "q" else scalars[n:])]
+        return tuple(names)
 
     @functools.cached_property
     def explicit_dynamics(self) -> ca.Function:
@@ -79,7 +86,7 @@ class Functions:
         s, space = self.outputs.system, self.space
         rate = ca.SX.sym("x_dot", space.x.numel())
         force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
-        tree, nv = s.mechanics.tree, s.mechanics.tree.v.numel()
+        nv = s.tree_velocities
         everything = space.put(s.x)
         L = ca.jacobian(everything, space.x)  # rates of all states by those of x
         full = L @ rate + ca.jtimes(everything, s.t, ca.SX(1))
@@ -91,19 +98,14 @@ class Functions:
             balance -= A.T @ force
         # what holds eliminated coordinates does no work
         balance = L[s.nq : s.nq + nv, space.nq : space.nq + nv - len(space.elimination.rates)].T @ balance
-        difference = full - ca.vertcat(tree.rates, s.v_dot, s.x_dot[s.nq + nv :, :])
+        difference = full - ca.vertcat(s.x_dot[: s.nq, :], s.v_dot, s.x_dot[s.nq + nv :, :])
         kept = [i for i in space.places if not s.nq <= i < s.nq + nv]
         rows = [difference[[i for i in kept if i < s.nq]], balance, difference[[i for i in kept if i >= s.nq]]]
         if A.shape[0]:
             rows.append(A @ v_dot + s.constraints.bias)
         names = ["t", "x", "x_dot", "multipliers", "u", "p"]
-        return ca.Function(
-            "residual_dynamics",
-            [s.t, space.x, rate, force, s.u, space.p],
-            [space.put(ca.vertcat(*rows))],
-            names,
-            ["residual"],
-            _FOLD,
+        return folded_function(
+            "residual_dynamics", [s.t, space.x, rate, force, s.u, space.p], [space.put(ca.vertcat(*rows))], names, ["residual"]
         )
 
     @functools.cached_property
@@ -156,7 +158,7 @@ class Functions:
         rows = self.space.constraints(ca.vertcat(s.position_invariants, s.velocity_invariants))
         if not rows.numel():
             return None
-        return ca.Function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"], _FOLD)
+        return folded_function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"])
 
     @functools.cached_property
     def projection(self) -> ca.Function | None:
@@ -165,7 +167,7 @@ class Functions:
         if s.projection is None or self.invariants is None:
             return None
         result = ca.densify(self.space.kept(s.projection))
-        return ca.Function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"], _FOLD)
+        return folded_function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"])
 
     @functools.cached_property
     def compiled(self) -> CompiledProblem | None:
@@ -229,7 +231,7 @@ class Functions:
 
     def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
         found = [ca.densify(self.space.put(r)) for r in results]
-        return ca.Function(name, self.space.arguments, found, ["t", "x", "u", "p"], names, _FOLD)
+        return folded_function(name, self.space.arguments, found, ["t", "x", "u", "p"], names)
 
 
 @functools.cache

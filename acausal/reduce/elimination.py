@@ -69,19 +69,22 @@ class _Relation:
         return replace(self, coefficients=ca.sparsify(coefficients), rest=self.rest - factor * other.rest)
 
 
-def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, parameters: ca.SX, values: np.ndarray) -> Elimination:
-    """From constraints `position` (n, 1) in t, q, p and `velocity` (m, 1) in t, q, v, p, of which some may follow from the former."""
+def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, parameters: ca.SX, values: np.ndarray) -> Elimination:
+    """From constraints `position` (n, 1) and `velocity` (m, 1) in t, x, p, of which some may follow from the former.
+
+    `moving`: everything but the parameters that changes during a motion, without the time: states and inputs.
+    """
     plain = _plain(tree)
     if not plain or not (position.numel() or velocity.numel()):
         return Elimination.none()
     q, v = tree.q[[k for k, _ in plain]], tree.v[[j for _, j in plain]]
     numbers = _Numbers(parameters, values)
     known: list[_Relation] = []
-    for row in _linear(position, q, tree.q):
+    for row in _linear(position, q, moving, tree.t):
         known = _joined(known, row, numbers)
     constants: list[ca.SX] = []
     sources: list[ca.SX] = []
-    for row in _linear(velocity, v, ca.vertcat(tree.q, tree.v)):
+    for row in _linear(velocity, v, moving, tree.t):
         if ca.depends_on(row.rest, tree.t):
             continue  # not integrated
         constant = ca.SX.sym(f"constant[{len(constants)}]")
@@ -109,14 +112,15 @@ def _plain(tree: Tree) -> list[tuple[int, int]]:
     return [(k, j) for k, j in found if j is not None]
 
 
-def _linear(rows: ca.SX, y: ca.SX, moving: ca.SX) -> list[_Relation]:
-    """The rows that are linear in y (n, 1), with slopes of parameters, and in which nothing else that is `moving` stands."""
+def _linear(rows: ca.SX, y: ca.SX, moving: ca.SX, t: ca.SX) -> list[_Relation]:
+    """The rows that are linear in y (n, 1), with slopes of parameters, and in which nothing else that is `moving` stands but the time t."""
     slopes = ca.jacobian(rows, y)
     found: list[_Relation] = []
     for i in range(rows.numel()):
         coefficients = ca.sparsify(slopes[i, :])
         rest = ca.substitute(rows[i], y, ca.SX.zeros(y.numel()))
-        if coefficients.nnz() and not ca.depends_on(coefficients, moving) and not ca.depends_on(rest, moving):
+        changing = ca.depends_on(coefficients, ca.vertcat(moving, t)) or ca.depends_on(rest, moving)
+        if coefficients.nnz() and not changing:
             found.append(_Relation(coefficients, rest))
     return found
 

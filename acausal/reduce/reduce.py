@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -12,10 +13,13 @@ from acausal.dynamics.forward_dynamics import forward_dynamics
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.errors import LockedError
+from acausal.language.connector import Electrical
 from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
+from acausal.parts.pose import symbolic
+from acausal.reduce.holding import Holding, closed_positions, holding
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.wording import compact, counted, grouped
@@ -23,9 +27,10 @@ from acausal.wording import compact, counted, grouped
 
 @dataclass(frozen=True, repr=False)
 class ReducedSystem:
-    """States x = (q, v, scalar states), their rates, constraint multipliers and invariants, all as `SX` in t, x, u and p.
+    """States x = (q, scalar positions, v, other scalar states), their rates, constraint multipliers and invariants, as `SX` in t, x, u and p.
 
-    `projection`: one Newton step towards the invariants, in the mass metric.
+    Scalar positions are those that equations tie to coordinates of joints or to one another. `projection`: one Newton step towards the
+    invariants, in the mass metric.
     """
 
     flat: FlatSystem
@@ -61,8 +66,14 @@ class ReducedSystem:
 
     @property
     def scalar_states(self) -> tuple[Symbol, ...]:
-        """The states of scalar domains; they come last in x."""
+        """The states of scalar domains, in the order of x."""
         return self.scalar.states
+
+    @property
+    def scalar_places(self) -> tuple[int, ...]:
+        """Of the scalar states in x."""
+        nq, nv, n = self.mechanics.tree.q.numel(), self.tree_velocities, self.scalar.positions
+        return (*range(nq, nq + n), *range(nq + n + nv, self.x.numel()))
 
     @property
     def solved(self) -> dict[Symbol, ca.SX]:
@@ -71,8 +82,8 @@ class ReducedSystem:
 
     @property
     def nq(self) -> int:
-        """Number of configuration variables; they come first in x."""
-        return self.mechanics.tree.q.numel()
+        """Number of configuration variables, of joints and then of scalar positions; they come first in x."""
+        return self.mechanics.tree.q.numel() + self.scalar.positions
 
     @property
     def tree_joints(self) -> tuple[JointSymbols, ...]:
@@ -85,30 +96,55 @@ class ReducedSystem:
         return self.mechanics.tree.v.numel()
 
     @property
+    def samples(self) -> list[np.ndarray]:
+        """Some configurations (nq,) with closed loops; scalar positions at their `start`."""
+        return [np.concatenate([q, self.scalar.start[: self.scalar.positions]]) for q in self.constraints.samples]
+
+    @property
     def q_start(self) -> np.ndarray:
-        """An assembled configuration (nq,), where the search for initial values begins."""
-        return self.constraints.q_start
+        """A configuration (nq,) with closed loops, where the search for initial values begins."""
+        return self.samples[0]
 
     @property
     def rate_start(self) -> np.ndarray:
-        """Where the search for velocities (zeros) and scalar states (their `start`) begins."""
-        return np.concatenate([np.zeros(self.tree_velocities), self.scalar.start])
+        """Where the search for velocities (zeros) and other scalar states (their `start`) begins."""
+        return np.concatenate([np.zeros(self.tree_velocities), self.scalar.start[self.scalar.positions :]])
 
     @property
     def closing(self) -> ca.SX:
-        """All position constraints and joint invariants, redundant ones too, for assembly."""
+        """All constraints of positions and joint invariants, redundant ones too, for assembly."""
         loops = [rows.position for rows in self.constraints.loops]
         return ca.vertcat(self.constraints.joint_invariants, *loops, self.scalar.position)
 
     @property
     def velocity_closing(self) -> ca.SX:
         """All velocity constraints, redundant ones too, and those of scalar states."""
-        return ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity)
+        return ca.vertcat(
+            ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity, self.scalar.given
+        )
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Independent velocities."""
-        return self.mechanics.tree.v.numel() - self.constraints.rank.rank - self.scalar.rows
+        """Independent velocities of the mechanism."""
+        return self.mechanics.tree.v.numel() - self.constraints.rank.rank - self.holding.velocities
+
+    @functools.cached_property
+    def closed_positions(self) -> list[np.ndarray]:
+        """Some configurations (nq,) at which loops and scalar equations are closed."""
+        return closed_positions(self) if any(h.depth > 1 for h in self.scalar.held) else self.samples
+
+    @property
+    def moves_as_given(self) -> bool:
+        """Whether there is something to compute though there is no state: motions that are prescribed, circuits without stores."""
+        links = [link.motion.pose for link in self.mechanics.tree.links]
+        values = [symbolic(part) for pose in links for part in (pose.position, pose.rotation)] + list(self.scalar.solved.values())
+        circuits = any(isinstance(connector, Electrical) for connector in self.flat.connector_paths)
+        return circuits or any(ca.depends_on(value, self.t) for value in values)
+
+    @functools.cached_property
+    def holding(self) -> Holding:
+        """What scalar equations take of the freedom that loops leave."""
+        return holding(self, self.closed_positions)
 
 
 def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> ReducedSystem:
@@ -118,7 +154,6 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     """
     flat, tree = mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
-    u = stacked([entry.sx for entry in flat.inputs])
     values = np.array([parameter.value for parameter in flat.parameters])
     constraints = analyse_constraints(mechanics, p, values)
     tau = ca.SX.sym("tau", tree.v.numel())
@@ -128,42 +163,75 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
             mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias
         )
     )
-    scalar = add_scalar_domains(mechanics, tau, v_dot)
+    step = projection(forces, ca.SX(0, 1))
+    nq, nv = tree.q.numel(), tree.v.numel()
+    closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
+    scalar = add_scalar_domains(mechanics, tau, v_dot, closing)
     if mechanics.readings.borrowed:
         mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
-    _check_free(mechanics, constraints, scalar)
+    rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
+    flat = dataclasses.replace(flat, names={**flat.names, **scalar.names, **rates})
+    u = stacked([entry.sx for entry in flat.inputs])
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
     states = stacked([s.sx for s in scalar.states])
-    x, second = ca.vertcat(tree.q, tree.v, states), ca.vertcat(v_dot, scalar.rates)
+    n = scalar.positions
+    first, last = _split(states, n)
+    x, second = ca.vertcat(tree.q, first, tree.v, last), ca.vertcat(v_dot, scalar.rates)
     if constraints.singular:
         second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
-    return ReducedSystem(
-        dataclasses.replace(flat, names={**flat.names, **scalar.names}), mechanics, constraints, time.sx, x, u, p, values,
-        np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, second), v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
+    accelerations, positions, others = _split(second, nv, n)
+    x_dot = ca.vertcat(tree.rates, positions, accelerations, others)
+    system = ReducedSystem(
+        flat, mechanics, constraints, time.sx, x, u, p, values,
+        np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(projection(forces, states), x, scalar), forces.delassus, scalar,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, scalar,
     )  # fmt: skip
+    _check_free(system)
+    return system
 
 
-def _check_free(mechanics: MechanicalSystem, constraints: Constraints, scalar: ScalarPart) -> None:
+def _check_free(system: ReducedSystem) -> None:
     """Gears between joints may leave nothing free; a source may take the last freedom, since it moves."""
-    free = mechanics.tree.v.numel() - constraints.rank.rank - scalar.rows
-    rows = ca.vertcat(scalar.velocity, constraints.velocity)
-    at_rest = ca.substitute(rows, mechanics.tree.v, ca.SX.zeros(mechanics.tree.v.numel()))
-    moved = ca.depends_on(ca.vertcat(scalar.position, rows), mechanics.tree.t) or not at_rest.is_zero()
-    if scalar.rows and (free < 0 or (free == 0 and not moved)):
+    scalar, constraints, tree = system.scalar, system.constraints, system.mechanics.tree
+    held = system.holding.velocities
+    rows = ca.vertcat(scalar.velocity, scalar.given, constraints.velocity)
+    at_rest = ca.substitute(rows, tree.v, ca.SX.zeros(tree.v.numel()))
+    moved = ca.depends_on(ca.vertcat(scalar.position, rows), tree.t) or not at_rest.is_zero()
+    if system.holding.again:
+        names = compact(dict.fromkeys(h.name for h in scalar.held if h.depth == 1), 4)
         raise LockedError(
-            f"Joints cannot move: against their {counted(mechanics.tree.v.numel(), 'freedom')} stand {constraints.rank.rank} constraints of loops "
-            f"and {scalar.rows} of gears and sources, from {', '.join(list(dict.fromkeys(scalar.holding))[:4])}. Remove a source or a gear, or put "
-            "a spring between."
+            f"Of the equations {names}, {system.holding.again} hold joints that loops hold already. Remove a gear or a source, or put a spring "
+            "between."
+        )
+    if held and (system.degrees_of_freedom < 0 or (system.degrees_of_freedom == 0 and not moved)):
+        names = list(dict.fromkeys(h.name for h in scalar.held if h.depth == 1))
+        paths, flanges = system.flat.connector_paths, {getattr(item.edge.joint, "flange", None) for item in tree.joints}
+        sets = [group for group in system.flat.connection_sets if len(group) > 1 and not flanges.isdisjoint(group)]
+        places = compact((" and ".join(paths[c] for c in group[:3]) for group in sets), 3)
+        raise LockedError(
+            f"Joints cannot move: against their {counted(tree.v.numel(), 'freedom')} stand {constraints.rank.rank} constraints of loops "
+            f"and {held} of gears and sources at {places}, from {', '.join(names[:4])}. Remove a source or a gear, or put a spring between."
         )
 
 
-def _corrected(projected: ca.SX | None, x: ca.SX, scalar: ScalarPart) -> ca.SX | None:
-    """The projection onto loops and joints' invariants, and onto those of scalar domains."""
-    if scalar.correction is None:
-        return projected
-    return (x if projected is None else projected) + ca.vertcat(*scalar.correction)
+def _corrected(step: ca.SX | None, x: ca.SX, nq: int, scalar: ScalarPart) -> ca.SX | None:
+    """The projection onto loops and joints' invariants, `step` of (q, v), and onto those of scalar domains."""
+    if step is None and scalar.correction is None:
+        return None
+    n, nv = scalar.positions, x.numel() - nq - len(scalar.states)
+    dq, dv, ds = scalar.correction or (ca.SX.zeros(nq), ca.SX.zeros(nv), ca.SX.zeros(len(scalar.states)))
+    q, s, v, rest = _split(x, nq, n, nv)
+    if step is not None:
+        q, v = _split(step, nq)
+    first, last = _split(ds, n)
+    return ca.vertcat(q + dq, s + first, v + dv, rest + last)
+
+
+def _split(column: ca.SX, *sizes: int) -> list[ca.SX]:
+    """Parts of these sizes one after another, and the rest."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return ca.vertsplit(column, [*ends, column.numel()])
 
 
 def _put(symbol: ca.SX, value: ca.SX, expression: ca.SX) -> ca.SX:

@@ -10,8 +10,10 @@ import numpy as np
 
 from acausal.reduce.elimination import Elimination, eliminate
 from acausal.reduce.reduce import ReducedSystem
+from acausal.wording import compact
 
-_VANISHED = 1e-12
+_VANISHED = 1e-11
+"""What may be left of a row that vanishes, of the sum of its terms."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,14 +47,37 @@ class StateSpace:
         if not self.elimination.symbols:
             return rows
         left = self.put(rows)
+        open_rows = self._open(rows, self.system.p_values)
+        return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
+
+    def complaint(self, values: np.ndarray) -> str:
+        """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""
+        followers = ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.system.scalar.redundant))
+        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
+        if not self.elimination.symbols:
+            rows = followers
+        lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
+        if not lost.any():
+            return ""
+        held = dict.fromkeys(h.name for h in (*self.system.scalar.held, *self.system.scalar.redundant))
+        return (
+            "constraints that follow from others at the build's values do not follow any more, or a coordinate can no longer be found from others: "
+            f"{compact(held, 4)}"
+        )
+
+    def _open(self, rows: ca.SX, values: np.ndarray) -> np.ndarray:
+        """Which rows (n,) do not vanish, beside their own terms, for any states x and these values of parameters (np,)."""
         s, rng = self.system, np.random.default_rng(4)
-        both = ca.Function("rows", [s.t, s.x, self.p], [ca.densify(rows), ca.densify(left)])
+        terms = ca.fabs(ca.jacobian(rows, s.x)) @ ca.fabs(s.x)
+        function = ca.Function("rows", [s.t, s.x, s.u, self.p], [ca.densify(rows), ca.densify(terms)])
         open_rows = np.zeros(rows.numel(), dtype=bool)
         for _ in range(3):
-            p = np.concatenate([s.p_values, rng.normal(size=self.p.numel() - s.p_values.size)])
-            whole, part = (np.array(r).ravel() for r in both(rng.normal(), rng.normal(size=s.x.numel()), p))
-            open_rows |= np.abs(part) > _VANISHED * (1 + np.abs(whole))
-        return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
+            p = np.concatenate([values, rng.normal(size=self.p.numel() - values.size)])
+            t, u = rng.normal(), rng.normal(size=s.u.numel())
+            x = self.expanded(t, rng.normal(size=len(self.places)), p)
+            left, size = (np.array(part).ravel() for part in function(t, x, u, p))
+            open_rows |= ~(np.abs(left) <= _VANISHED * size)
+        return open_rows
 
     @property
     def nq(self) -> int:
@@ -106,7 +131,10 @@ def whole_state_space(system: ReducedSystem) -> StateSpace:
 
 def state_space(system: ReducedSystem) -> StateSpace:
     """With the states that do not follow from others; with all, if none would be left."""
-    found = eliminate(system.mechanics.tree, system.position_invariants, system.velocity_invariants, system.p, system.p_values)
+    moving = ca.vertcat(system.x, system.u)
+    found = eliminate(
+        system.mechanics.tree, system.position_invariants, system.velocity_invariants, moving, system.p, system.p_values
+    )
     nq = system.nq
     gone = {*found.places, *(nq + j for j in found.rates)}
     places = tuple(i for i in range(system.x.numel()) if i not in gone)

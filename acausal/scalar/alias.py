@@ -128,14 +128,24 @@ class _Elimination:
             equation.add_number(coefficient * number)
 
     def _work(self, queue: deque[int]) -> None:
-        while queue:
-            k = queue.popleft()
+        divisions: deque[int] = deque()  # come last: others may make them needless
+        while queue or divisions:
+            last = not queue
+            k = divisions.popleft() if last else queue.popleft()
             equation = self.affine.get(k)
             if equation is None:
+                continue
+            if not last and self._divides(equation):
+                divisions.append(k)
                 continue
             changed = self._eliminate(k, equation)
             if changed is not None:
                 queue.extend(sorted(self._renewed(changed)))
+
+    def _divides(self, equation: Affine) -> bool:
+        """Whether one of two unknowns can be eliminated only by a division."""
+        able = [a for (root, order), a in equation.coefficients.items() if order == 0 and root not in self.chains.outer]
+        return len(equation.coefficients) == 2 and all(abs(a) != 1.0 for a in able)
 
     def _eliminate(self, k: int, equation: Affine) -> int | None:
         """Uses an equation with at most two levels; returns the root that is gone, if one is."""
@@ -145,7 +155,8 @@ class _Elimination:
             return None
         if count > 2 or equation.open or (count == 2 and equation.combined):
             return None
-        levels = sorted(equation.coefficients.items(), key=lambda item: (item[0][1], self._size(item[0][0])))
+        # without a division where that is possible
+        levels = sorted(equation.coefficients.items(), key=lambda item: (item[0][1], abs(item[1]) != 1.0, self._size(item[0][0])))
         if levels[0][0][0] in self.chains.outer:
             levels.reverse()
         (root, order), a = levels[0]
@@ -170,7 +181,7 @@ class _Elimination:
             names = named(m.unknown for m in members if m is not None)
             raise OverdeterminedError(
                 f"Equation {source}{f' of {names}' if names else ''} contradicts the others: with what they say it reads 0 = {_told(equation.remainder)}. "
-                f"A value or a motion is given twice: remove it, or another equation of the same variables. {self.system.totals}"
+                f"A value or a motion is given twice: remove a source, or another equation of the same variables. {self.system.totals}"
             )
         self.dropped.append(source)
 

@@ -8,13 +8,18 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import IncompatibleError, ModelError, UnknownVariableError
-from acausal.language.connector import FLOWS, Connector, Point, Quantity
-from acausal.language.equation import Equation, der
+from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotational, Translational
+from acausal.language.equation import Equation, der, input_rate
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
 from acausal.language.flatten import FlatSystem, Part
+from acausal.scalar.canonical import canonical_parts
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
+
+_FAR = 1e6
+"""A parameter may become so many times larger or smaller."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,12 @@ class Collection:
     """Full names of all symbols in the equations."""
     elements: dict[Symbol, tuple[Symbol, ...]]
     """Scalars of each declared symbol in the equations; itself where it is one."""
+    efforts: dict[int, ca.SX]
+    """Of mechanical flanges: hash of the position -> the effort."""
+    positions: set[int]
+    """Hashes of mechanical flanges' positions, and of the variables of parts that are no derivatives."""
+    declared: dict[int, int]
+    """Hash of a scalar -> place of its part in the order of declaration."""
 
     @functools.cached_property
     def _symbols(self) -> dict[int, Symbol]:
@@ -88,12 +99,18 @@ class _Collector:
         self.owners: dict[Symbol, Part] = {}
         self.scalars: dict[int, Symbol] = {}
         self.known: dict[Symbol, ca.SX] = {}
+        written = [list(_written(part)) for part in flat.parts]
+        order = canonical_parts(flat, [[e.residual.sx for e in own] for own in written])
+        self.parts = [flat.parts[k] for k in order]
+        self.written = [written[k] for k in order]
+        rank = {part.component: k for k, part in enumerate(self.parts)}
+        self.rank = {c: (rank[c.owner], flat.connector_paths[c]) for c in flat.connector_paths if c.owner in rank}
 
     def run(self) -> Collection:
-        equations = [e for part in self.flat.parts for e in self._of_part(part)]
-        for group in self.flat.connection_sets:
-            if not isinstance(group[0], Point):
-                equations += self._of_connection(group)
+        equations = [e for part, own in zip(self.parts, self.written, strict=True) for e in self._of_part(part, own)]
+        groups = [group for group in self.flat.connection_sets if not isinstance(group[0], Point)]
+        for group in sorted(groups, key=lambda group: min(self.rank[c] for c in group)):
+            equations += self._of_connection(group)
         flanges = tuple(self._flange(k) for k in range(len(self.driven)))
         self._register_names()
         result: list[ScalarEquation] = []
@@ -108,17 +125,45 @@ class _Collector:
             ScalarEquation(f.acceleration - f.bias - ca.dot(f.flexibility, ca.vertcat(*(g.effort for g in flanges)).T), f"mechanics of {name}")
             for f, (_, name) in zip(flanges, self.driven, strict=True)
         ]  # fmt: skip
-        return Collection(self._system(result, flanges), flanges, self.names, self.elements)
+        efforts = self._efforts()
+        own = {
+            s.sx.element_hash()
+            for symbol, scalars in self.elements.items()
+            if isinstance(symbol, Variable) and not isinstance(symbol, Quantity) and symbol not in self._of_connectors()
+            for s in scalars
+        }
+        return Collection(
+            self._system(result, flanges), flanges, self.names, self.elements, efforts, own.union(efforts), self._declared()
+        )
 
-    def _of_part(self, part: Part) -> Iterable[tuple[ca.SX, frozenset[Symbol], str, str]]:
+    def _declared(self) -> dict[int, int]:
+        place = {part.component: k for k, part in enumerate(self.flat.parts)}
+        return {key: place[self.owners[_base(s)].component] for key, s in self.scalars.items() if _base(s) in self.owners}
+
+    def _of_connectors(self) -> set[Symbol]:
+        """Variables of connectors."""
+        return {v for c in self.flat.connector_paths for v in c.__dict__.values() if isinstance(v, Variable)}
+
+    def _efforts(self) -> dict[int, ca.SX]:
+        found: dict[int, ca.SX] = {}
+        for connector in self.flat.connector_paths:
+            if type(connector) in (Rotational, Translational):
+                potential, flow = FLOWS[type(connector)]
+                position, effort = getattr(connector, potential), getattr(connector, flow)
+                if position in self.elements and effort in self.elements:
+                    found[position.sx.element_hash()] = effort.sx
+        return found
+
+    def _of_part(self, part: Part, written: Sequence[Equation]) -> Iterable[tuple[ca.SX, frozenset[Symbol], str, str]]:
         own = type(part.component).__module__.split(".")[0] not in ("acausal", "components")
-        for k, e in enumerate(_written(part), start=1):
+        for k, e in enumerate(written, start=1):
             # a line of the user's own component says more than where the part was made
             origin = e.origin if own and e.origin else part.component.created_at
             yield e.residual.sx, e.residual.leaves, f"equation {k} of {part.path}", origin
 
     def _of_connection(self, group: tuple[Connector, ...]) -> list[tuple[ca.SX, frozenset[Symbol], str, str]]:
         kind, paths = type(group[0]), [self.flat.connector_paths[c] for c in group]
+        group = tuple(sorted(group, key=lambda c: self.rank[c]))
         label = f"connection of {' and '.join(paths[:3])}" + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
         potential, flow = FLOWS.get(kind, ("value", ""))
         symbols: list[Variable] = [getattr(c, potential) for c in group]
@@ -145,7 +190,7 @@ class _Collector:
         return Flange(connector, position.sx, velocity.sx, acceleration.sx, effort.sx, bias, flexibility)
 
     def _register_names(self) -> None:
-        for part in self.flat.parts:
+        for part in self.parts:
             for variable in part.component.variables():
                 self.owners[variable] = part
             for connector in part.component.connectors():
@@ -219,7 +264,7 @@ class _Collector:
 
     def _add_unused(self) -> None:
         """Variables that a part with equations declares and never uses: nothing determines them."""
-        for part in self.flat.parts:
+        for part in self.parts:
             component = part.component
             if any(isinstance(c, Point) for c in component.connectors()) or not any(True for _ in component.equations()):
                 continue
@@ -231,14 +276,32 @@ class _Collector:
         unknowns = {s.sx.element_hash(): self._unknown(s) for s in self._all_scalars()}
         derivatives = [(s.sx, s.of.sx) for s in self._all_scalars() if isinstance(s, Derivative)]
         opaque = [symbol for f in flanges for symbol in (f.bias, *ca.vertsplit(f.flexibility.T))]
-        rated = [(s.sx, rate) for s, rate in self.known.items() if not isinstance(s, Input)]
+        rates = [input_rate(s) for s in self.known if isinstance(s, Input)]
+        rated = [(s.sx, input_rate(s).sx if isinstance(s, Input) else rate) for s, rate in self.known.items()]
+        parameters = [s for s in self.known if isinstance(s, Parameter)]
         return EquationSet(
             tuple(equations), tuple(u for key, u in unknowns.items() if key not in outer), tuple(derivatives),
-            (*(s.sx for s in self.known), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
-            tuple((s.sx, s.value) for s in self.known if isinstance(s, Parameter)),
-            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known),
+            (*(s.sx for s in self.known), *(s.sx for s in rates), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
+            tuple((s.sx, s.value) for s in parameters), self._limits(parameters),
+            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(s.of, s.of.name)) for s in rates),
             tuple(unknowns[f.position.element_hash()] for f in flanges), self._rate_symbol,
         )  # fmt: skip
+
+    def _limits(self, parameters: Sequence[Parameter]) -> np.ndarray:
+        """Values (k, n) of these parameters: one of them 0, large or small, the others as usual; without those that parts refuse."""
+        present = np.array([s.value for s in self.flat.parameters])
+        places = [self.flat.parameters.index(s) for s in parameters]
+        found: list[np.ndarray] = []
+        usual = np.where(present != 0, present, np.median(np.abs(present[present != 0])) if present.any() else 1.0)
+        usual = usual if self.flat.conditions.allow(usual) else present
+
+        for k in places:
+            for value in (0.0, _FAR * usual[k], usual[k] / _FAR):
+                at = usual.copy()
+                at[k] = value
+                if self.flat.conditions.allow(at):
+                    found.append(at[places])
+        return np.array(found).reshape(len(found), len(places))
 
     def _all_scalars(self) -> list[Symbol]:
         """Scalars of all symbols and what they are derivatives of, in the order of parts."""

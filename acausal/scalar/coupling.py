@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from acausal.dynamics.kernels import solve_positive
 from acausal.dynamics.system import MechanicalSystem
-from acausal.errors import LockedError
 from acausal.language.connector import Connector
-from acausal.language.expression import Symbol, Variable, time
+from acausal.language.equation import input_rate
+from acausal.language.expression import InputRate, Symbol, Variable, time
 from acausal.loops.loops import relative_pose
 from acausal.parts.joint import AbstractJoint
 from acausal.scalar.collection import Collection, Flange, collect, has_scalar_parts
 from acausal.scalar.diagnosis import no_rate
 from acausal.scalar.equations import ScalarEquation
-from acausal.scalar.reduction import ReducedEquations, algebraic_rates, reduce_equations
-from acausal.scalar.solution import AlgebraicBlock
+from acausal.scalar.reduction import Invariant, ReducedEquations, algebraic_rates, reduce_equations
+from acausal.scalar.redundancy import needed
+from acausal.scalar.solution import AlgebraicBlock, LinearBlock
 
 
 @dataclass(frozen=True)
@@ -34,27 +34,58 @@ class Driven:
 
 
 @dataclass(frozen=True)
+class Held:
+    """One scalar equation, or a derivative of it, that is kept as an invariant: its `residual` in t, x and p, and what it is called.
+
+    `depth`: 1 among velocities, 2 and more among positions. `number`: of the equation; its derivatives share it. `of_joints`: without
+    scalar states. `of_inputs`: with inputs, whose course is not known to a projection; only the rates of such a one are kept.
+    """
+
+    residual: ca.SX
+    depth: int
+    number: int
+    of_joints: bool
+    of_inputs: bool
+    name: str
+
+
+@dataclass(frozen=True)
 class ScalarPart:
     """What scalar domains add to a mechanical system, in t, q, v, the scalar states, u and p.
 
-    `position` and `velocity`: invariants, those that hold for q alone and all others. `correction`: (dq, dv, dstates), one Newton
-    step towards both. `tau` (nv, 1): joint forces. `holding`: the equations that hold joints' velocities, in words.
+    `states`: first the `positions` that equations tie to coordinates of joints or to one another, without velocities. `held`: the invariants, those
+    of positions first; `residuals`: of nonlinear blocks. `correction`: (dq, dv, dstates), one Newton step towards them. `tau` (nv, 1): joint
+    forces. `blocks`: the linear blocks that were solved. `input_rates`: of the inputs whose rates are needed.
+    `redundant`: equations between positions that follow from others.
     """
 
     states: tuple[Symbol, ...]
+    positions: int
     rates: ca.SX
     solved: dict[Symbol, ca.SX]
     tau: ca.SX
-    position: ca.SX
-    velocity: ca.SX
-    correction: tuple[ca.SX, ca.SX, ca.SX] | None
-    holding: tuple[str, ...] = ()
+    held: tuple[Held, ...] = ()
+    residuals: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    correction: tuple[ca.SX, ca.SX, ca.SX] | None = None
+    blocks: tuple[LinearBlock, ...] = ()
+    input_rates: tuple[InputRate, ...] = ()
+    redundant: tuple[Held, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
 
     @property
-    def rows(self) -> int:
-        """Number of freedoms of the joints that scalar equations take."""
-        return len(self.holding)
+    def position(self) -> ca.SX:
+        """Invariants of coordinates and scalar positions (n, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth > 1))
+
+    @property
+    def velocity(self) -> ca.SX:
+        """All other invariants (n, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1 and not h.of_inputs), self.residuals)
+
+    @property
+    def given(self) -> ca.SX:
+        """What inputs prescribe (n, 1), zero in a motion."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.of_inputs))
 
     @property
     def start(self) -> list[float]:
@@ -63,18 +94,22 @@ class ScalarPart:
         return [0.0 if s is None else float(s[0]) if isinstance(s, Sequence) else float(s) for s in found]
 
 
-def add_scalar_domains(mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX) -> ScalarPart:
+def add_scalar_domains(
+    mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX, closing: tuple[ca.SX, ca.SX] | None = None
+) -> ScalarPart:
     """Reduces the scalar equations of a scene. `v_dot` (nv, 1) depends on the joint forces, whose symbol is `tau` (nv, 1).
 
-    Where efforts depend on the joints' own accelerations (a rotor geared to a joint), they are affine in them, and the accelerations
-    are affine in the efforts: both together are one linear block. Raises the errors of `reduce_equations`.
+    `closing`: (dq, dv), one step towards closed loops. Where efforts depend on the joints' own accelerations (a rotor geared to a joint), they
+    are affine in them, and the accelerations are affine in the efforts: both together are one linear block. Raises the errors of
+    `reduce_equations`.
     """
     if not has_scalar_parts(mechanics.flat):
-        none = ca.SX(0, 1)
-        return ScalarPart((), none, {}, ca.SX.zeros(tau.numel()), none, none, None)
+        return ScalarPart((), 0, ca.SX(0, 1), {}, ca.SX.zeros(tau.numel()))
     driven = _driven(mechanics)
     collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven])
-    return _Coupling(mechanics, tau, v_dot, driven, collection, reduce_equations(collection.system)).result()
+    kept = needed(collection.system, collection.efforts, collection.positions)
+    reduced = reduce_equations(kept.system)
+    return _Coupling(mechanics, tau, v_dot, closing, driven, collection, reduced, kept.redundant).result()
 
 
 @dataclass(frozen=True)
@@ -82,27 +117,36 @@ class _Coupling:
     mechanics: MechanicalSystem
     tau: ca.SX
     v_dot: ca.SX
+    closing: tuple[ca.SX, ca.SX] | None
     driven: tuple[Driven, ...]
     collection: Collection
     reduced: ReducedEquations
+    redundant: tuple[ScalarEquation, ...]
 
     def result(self) -> ScalarPart:
-        flanges, values = self.collection.flanges, self.reduced.values
-        tau = self._joint_forces(self._resolved([values[f.effort.element_hash()] for f in flanges]))
+        values, blocks = self.reduced.values, self.reduced.algebraic
+        tau = self._joint_forces(self._at_rest(self._efforts))
         second = [(f.acceleration, _put([(self.tau, tau)], [self._second(d)])[0]) for f, d in self._pairs]
-        residuals = [b.residual for b in self.reduced.algebraic]
-        everything = _put(second, self._resolved([*self.reduced.rates, *values.values(), *residuals]))
+        everything = _put(
+            second, self._at_rest(self._resolved([*self.reduced.rates, *values.values(), *(b.residual for b in blocks)]))
+        )
         n, m = len(self.reduced.rates), len(values)
         rates, residuals = everything[:n], everything[n + m :]
         solved = dict(zip(values, everything[n : n + m], strict=True))
-        invariants = self._invariants()
-        states = [*self.reduced.states, *(u for b in self.reduced.algebraic for u in b.unknowns)]
-        symbols = tuple(self.collection.symbol_of(u) for u in states)
+        held = self._held()
+        states = [*self.reduced.states, *(u for b in blocks for u in b.unknowns)]
+        symbols = [self.collection.symbol_of(u) for u in states]
+        rated = ca.vertcat(ca.SX(0, 1), *self._with_algebraic(rates, residuals, tau))
+        dq, dv, step = self._correction([one for _, one in held], residuals, second)
+        tied = {s.element_hash() for invariant, one in held if one.depth > 1 for s in invariant.states}
+        place, n_states = self.collection.declared, len(self.reduced.states)
+        keys = [u.symbol.element_hash() for u in states]
+        order = sorted(range(len(states)), key=lambda k: (keys[k] not in tied, k >= n_states, place.get(keys[k], len(place))))
         return ScalarPart(
-            symbols, ca.vertcat(ca.SX(0, 1), *self._with_algebraic(rates, residuals, tau)), self._solved(solved), tau,
-            ca.vertcat(ca.SX(0, 1), *(i.residual for i in invariants if i.by_q)),
-            ca.vertcat(ca.SX(0, 1), *(i.residual for i in invariants if not i.by_q), *residuals),
-            self._correction(symbols, invariants, residuals), tuple(str(i.source) for i in invariants if i.of_joints and not i.by_q), self.collection.names,
+            tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
+            tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
+            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self._redundant(),
+            self.collection.names,
         )  # fmt: skip
 
     @property
@@ -113,6 +157,21 @@ class _Coupling:
     def _motion(self) -> list[tuple[ca.SX, ca.SX]]:
         """Coordinates of flanges and their rates, by those of joints."""
         return [(f.position, d.position) for f, d in self._pairs] + [(f.velocity, d.velocity) for f, d in self._pairs]
+
+    @functools.cached_property
+    def _efforts(self) -> list[ca.SX]:
+        """At the flanges; pushes of the invariants are in them."""
+        return self._resolved([self.reduced.values[f.effort.element_hash()] for f in self.collection.flanges])
+
+    @functools.cached_property
+    def _pushes(self) -> ca.SX:
+        """One for each constraint that has invariants."""
+        found = {i.push.element_hash(): i.push for i in self.reduced.invariants}
+        return ca.vertcat(ca.SX(0, 1), *found.values())
+
+    def _at_rest(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
+        """Without pushes, as in a motion."""
+        return _put([(self._pushes, ca.SX.zeros(self._pushes.numel()))], expressions)
 
     def _resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """With the mechanics put in, but for accelerations that stay symbols."""
@@ -131,6 +190,8 @@ class _Coupling:
     @functools.cached_property
     def _flexibility(self) -> ca.SX:
         """v' (nv, n) for a unit effort at each flange, loops kept closed."""
+        if not self.driven:
+            return ca.SX(self.v_dot.numel(), 0)
         return ca.jacobian(self.v_dot, self.tau) @ ca.vertcat(*(d.row for d in self.driven)).T
 
     @functools.cached_property
@@ -162,6 +223,11 @@ class _Coupling:
             result.append(z_dot)
         return result
 
+    def _input_rates(self, used: Sequence[ca.SX]) -> tuple[InputRate, ...]:
+        symbols = {s.element_hash() for s in ca.symvar(ca.veccat(*used))}
+        rates = [input_rate(entry) for entry in self.mechanics.flat.inputs]
+        return tuple(rate for rate in rates if rate.sx.element_hash() in symbols)
+
     def _solved(self, values: dict[int, ca.SX]) -> dict[Symbol, ca.SX]:
         found: dict[Symbol, ca.SX] = {}
         for symbol, scalars in self.collection.elements.items():
@@ -170,78 +236,89 @@ class _Coupling:
                 found[symbol] = ca.vertcat(*entries)
         return found
 
-    def _invariants(self) -> list[_Kept]:
-        found: list[_Kept] = []
-        velocities = ca.vertcat(ca.SX(0, 1), *(f.velocity for f in self.collection.flanges))
-        for invariant, residual in zip(
-            self.reduced.invariants, self._resolved([i.residual for i in self.reduced.invariants]), strict=True
-        ):
-            by_q = invariant.outer and not _depends(residual, self.mechanics.tree.v)
-            slope = self._resolved([ca.jacobian(invariant.residual, velocities)])[0]
-            found.append(_Kept(residual, invariant.states, invariant.outer, by_q, slope, invariant.source))
-        return found
+    def _held(self) -> list[tuple[Invariant, Held]]:
+        residuals = self._resolved([i.residual for i in self.reduced.invariants])
+        place = {push.element_hash(): k for k, push in enumerate(ca.vertsplit(self._pushes))} if residuals else {}
+        return [
+            (i, self._held_as(i, residual, place[i.push.element_hash()]))
+            for i, residual in zip(self.reduced.invariants, residuals, strict=True)
+        ]
+
+    def _redundant(self) -> tuple[Held, ...]:
+        """In states: zero, whatever these are."""
+        residuals = [equation.residual for equation in self.redundant]
+        values = [
+            (s, self.reduced.values[s.element_hash()])
+            for s in ca.symvar(ca.vertcat(ca.SX(0, 1), *residuals))
+            if s.element_hash() in self.reduced.values
+        ]
+        found = self._at_rest(self._resolved(_put(values, residuals)))
+        return tuple(Held(r, 2, -1, True, False, str(e)) for r, e in zip(found, self.redundant, strict=True))
+
+    def _held_as(self, i: Invariant, residual: ca.SX, number: int) -> Held:
+        inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}
+        return Held(
+            residual, i.depth, number, not i.states, any(s.element_hash() in inputs for s in ca.symvar(residual)), str(i.source)
+        )
 
     def _correction(
-        self, states: Sequence[Symbol], invariants: Sequence[_Kept], residuals: Sequence[ca.SX]
-    ) -> tuple[ca.SX, ca.SX, ca.SX] | None:
-        """One Newton step: joints in the mass metric, scalar states by the least change, unknowns of nonlinear blocks as they must."""
-        if not invariants and not residuals:
-            return None
-        dq, dv = self._joint_correction(invariants)
-        step = ca.SX.zeros(len(states))
-        place = {s.sx.element_hash(): k for k, s in enumerate(states)}
-        groups = [([u.symbol for u in b.unknowns], [r]) for b, r in zip(self.reduced.algebraic, residuals, strict=True)]
-        groups += _groups([(list(i.states), i.residual) for i in invariants if not i.of_joints])
-        for symbols, rows in groups:
-            h, y = ca.vertcat(*rows), ca.vertcat(*symbols)
-            H = ca.densify(ca.jacobian(h, y))
-            found = -(ca.solve(H, h) if h.numel() == y.numel() else H.T @ solve_positive(ca.densify(H @ H.T), h))
-            for k, symbol in enumerate(symbols):
-                step[place[symbol.element_hash()]] += found[k]
-        return dq, dv, step
+        self, held: Sequence[Held], residuals: Sequence[ca.SX], second: list[tuple[ca.SX, ca.SX]]
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """One Newton step towards the invariants and to the unknowns of nonlinear blocks as they must be.
 
-    def _joint_correction(self, invariants: Sequence[_Kept]) -> tuple[ca.SX, ca.SX]:
-        """(dq, dv): W = M^-1 J', steps -W (J W)^-1 residual."""
-        tree = self.mechanics.tree
-        rates = [i for i in invariants if i.of_joints and not i.by_q]
-        if not rates:
-            return ca.SX.zeros(tree.q.numel()), ca.SX.zeros(tree.v.numel())
-        C = ca.vertcat(*(i.slope for i in rates))
-        W = self._flexibility @ C.T
-        D = ca.densify(C @ ca.vertcat(*(d.row for d in self.driven)) @ W)
-        if any(D[k, k].is_zero() for k in range(D.shape[0])):
-            raise LockedError(
-                f"The equations {', '.join(str(i.source) for i in rates[:4])} hold joints that loops hold already. Remove one of them."
-            )
-        dv = -(W @ solve_positive(D, ca.vertcat(*(i.residual for i in rates))))
-        gaps = {id(i.source): i.residual for i in invariants if i.by_q}
-        both = [k for k, i in enumerate(rates) if id(i.source) in gaps]
-        if not both:
-            return ca.SX.zeros(tree.q.numel()), dv
-        W, D = W[:, both], D[both, both]
-        moved = W @ solve_positive(D, ca.vertcat(*(gaps[id(rates[k].source)] for k in both)))
-        return -(ca.jacobian(tree.rates, tree.v) @ moved), dv
+        The dynamics themselves say how: a push p on the right-hand side of a constraint's highest form, g'' = p, changes accelerations by R p
+        along the forces that keep the constraint. With the same R, positions change by -R g and velocities by -R g', all other constraints
+        and loops kept: no metric is chosen, and none depends on units.
+        """
+        tree, reduced = self.mechanics.tree, self.reduced
+        dq, dv = self.closing or (ca.SX.zeros(tree.q.numel()), ca.SX.zeros(tree.v.numel()))
+        moved = ca.vertcat(tree.q, tree.v), ca.vertcat(dq, dv)
+        # loops are closed in the same step, which moves what scalar equations see of the joints
+        gaps = [h.residual + ca.jtimes(h.residual, *moved) if self.closing else h.residual for h in held]
+        of_v, of_states = self._pushed(second)
 
+        def step(response: ca.SX, depth: int) -> ca.SX:
+            found = [(h.number, gap) for h, gap in zip(held, gaps, strict=True) if h.depth == depth and not h.of_inputs]
+            return -(response[:, [k for k, _ in found]] @ ca.vertcat(ca.SX(0, 1), *(gap for _, gap in found)))
 
-@dataclass(frozen=True)
-class _Kept:
-    """An invariant in t, q, v, scalar states, p. `slope` (1, n): by the flanges' velocities; `by_q`: without velocities."""
+        change_q = ca.jacobian(tree.rates, tree.v) @ step(of_v, 2)
+        change_v = step(of_v, 1)
+        states = [u.symbol for u in reduced.states]
+        changes = [step(of_states[k, :], depth) for k, depth in enumerate(reduced.depths)]
+        known, changed = [tree.q, tree.v, *states], [dq + change_q, dv + change_v, *changes]
+        for block, residual in zip(reduced.algebraic, residuals, strict=True):
+            z = ca.vertcat(*(u.symbol for u in block.unknowns))
+            left = residual + ca.jtimes(residual, ca.vertcat(*known), ca.vertcat(*changed))
+            dz = -ca.solve(ca.densify(ca.jacobian(residual, z)), left)
+            known, changed, changes = [*known, z], [*changed, dz], [*changes, dz]
+        return ca.densify(change_q), ca.densify(change_v), ca.densify(ca.vertcat(ca.SX(0, 1), *changes))
 
-    residual: ca.SX
-    states: tuple[ca.SX, ...]
-    of_joints: bool
-    by_q: bool
-    slope: ca.SX
-    source: ScalarEquation
+    def _pushed(self, second: list[tuple[ca.SX, ca.SX]]) -> tuple[ca.SX, ca.SX]:
+        """Changes of v' (nv, m) and of the states' highest derivatives (n, m) for unit pushes."""
+        reduced, p = self.reduced, self._pushes
+        flanges = self.collection.flanges
+        accelerations = ca.vertcat(ca.SX(0, 1), *(f.acceleration for f in flanges))
+        rows = ca.vertcat(ca.SX(0, self.mechanics.tree.v.numel()), *(d.row for d in self.driven))
+        tops = ca.vertcat(ca.SX(0, 1), *self._resolved(reduced.tops))
+        efforts = ca.vertcat(ca.SX(0, 1), *self._efforts)
+        blocks = self._resolved([b.residual for b in reduced.algebraic])
+        of_v = ca.SX(self.mechanics.tree.v.numel(), p.numel())
+        z: list[tuple[ca.SX, ca.SX]] = []
 
+        def response(expression: ca.SX) -> ca.SX:
+            found = ca.jacobian(expression, p) + ca.jacobian(expression, accelerations) @ (rows @ of_v)
+            for symbols, of_symbols in z:
+                found += ca.jacobian(expression, symbols) @ of_symbols
+            return found
 
-def _has(residual: ca.SX, symbols: Sequence[ca.SX]) -> bool:
-    keys = {s.element_hash() for s in symbols}
-    return any(s.element_hash() in keys for s in ca.symvar(residual))
-
-
-def _depends(expression: ca.SX, column: ca.SX) -> bool:
-    return _has(expression, [column[i] for i in range(column.numel())])
+        for _ in range(2 if blocks and p.numel() else 1):
+            z.clear()
+            for block, residual in zip(reduced.algebraic, blocks if p.numel() else [], strict=False):
+                symbols = ca.vertcat(*(u.symbol for u in block.unknowns))
+                z.append((symbols, -ca.solve(ca.densify(ca.jacobian(residual, symbols)), ca.densify(response(residual)))))
+            of_v = self._flexibility @ response(efforts)
+        found = _put(second, self._at_rest([of_v, response(tops)]))
+        return found[0], found[1]
 
 
 def _put(pairs: Sequence[tuple[ca.SX, ca.SX]], expressions: Sequence[ca.SX]) -> list[ca.SX]:
@@ -250,24 +327,6 @@ def _put(pairs: Sequence[tuple[ca.SX, ca.SX]], expressions: Sequence[ca.SX]) -> 
     if not pairs or not expressions:
         return list(expressions)
     return ca.substitute(list(expressions), [s for s, _ in pairs], [value for _, value in pairs])
-
-
-def _groups(rows: Sequence[tuple[list[ca.SX], ca.SX]]) -> list[tuple[list[ca.SX], list[ca.SX]]]:
-    """Rows that share symbols, together."""
-    import networkx as nx
-
-    graph: nx.Graph[tuple[str, int]] = nx.Graph()
-    symbols: dict[int, ca.SX] = {}
-    for k, (own, _) in enumerate(rows):
-        graph.add_node(("row", k))
-        for symbol in own:
-            symbols[symbol.element_hash()] = symbol
-            graph.add_edge(("row", k), ("symbol", symbol.element_hash()))
-    found: list[tuple[list[ca.SX], list[ca.SX]]] = []
-    for group in nx.connected_components(graph):
-        own = [symbol for key, symbol in symbols.items() if ("symbol", key) in group]
-        found.append((own, [row for k, (_, row) in enumerate(rows) if ("row", k) in group]))
-    return found
 
 
 def _driven(mechanics: MechanicalSystem) -> tuple[Driven, ...]:

@@ -20,7 +20,7 @@ Row = dict[Level, float]
 
 
 @dataclass
-class _Elimination:
+class Elimination:
     """Rows while they are eliminated; `steps` are (row, pivot row, factor): factor times the pivot row was added."""
 
     rows: dict[int, Row]
@@ -86,7 +86,7 @@ class _Elimination:
 def replace_dependent(equations: Mapping[int, Affine], highest: Mapping[int, int]) -> dict[int, Affine]:
     """New versions of equations of which a combination holds no highest derivative. `highest`: root -> highest order in use."""
     rows = {k: {lv: a for lv, a in e.coefficients.items() if highest[lv[0]] == lv[1]} for k, e in equations.items()}
-    elimination = _Elimination({k: row for k, row in rows.items() if row})
+    elimination = Elimination({k: row for k, row in rows.items() if row})
     replaced: dict[int, Affine] = {}
     for k in elimination.run():
         total = Affine({}, 0.0, 0.0)

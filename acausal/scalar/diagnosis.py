@@ -78,9 +78,11 @@ def singular(system: EquationSet, sources: Iterable[ScalarEquation], unknowns: I
 
 def no_rate(system: EquationSet, symbol: ca.SX, source: ScalarEquation) -> ModelError:
     """A known symbol without a rate would have to be differentiated."""
+    rated = {rate.element_hash() for _, rate in system.known_rates}
+    twice, which = (" twice", "second ") if symbol.element_hash() in rated else ("", "")
     return OverdeterminedError(
-        f"Equation {source} fixes a quantity whose rate is needed, so '{system.name(symbol)}' would have to be differentiated, and its rate is not "
-        "known. Put an element that stores (a small inertia, spring, capacitor) between, or give it as a function of time."
+        f"Equation {source} fixes a quantity whose rate is needed, so '{system.name(symbol)}' would have to be differentiated{twice}, and its {which}rate "
+        "is not known. Put an element that stores (a small inertia, spring, capacitor) between, or give it as a function of time."
     )
 
 

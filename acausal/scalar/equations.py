@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import ModelError
 
@@ -45,8 +46,8 @@ class EquationSet:
     `derivatives` pairs a symbol with the unknown it is the time derivative of; derivatives of derivatives by chaining. A
     derivative symbol may, but need not, be listed in `unknowns`.
     `known` are time, parameters, inputs and opaque coefficients. `known_rates` gives their time derivatives where there is
-    one: time 1, a parameter 0 (rate zero is what makes it a constant, so a pivot). `values`: present values of parameters; `names` of
-    known symbols, where they are not the symbols' own.
+    one: time 1, a parameter 0 (rate zero is what makes it a constant, so a pivot). `values`: present values of parameters; `limits` (k, n): others
+    that are allowed, one parameter at its limits at a time. `names` of known symbols, where they are not the symbols' own.
     `outer`: coordinates of an outer block, which keeps them and their derivatives but for the highest as its states; the highest
     counts as an unknown, and the outer block's equations for them stand last among `equations`.
     `rate_symbol` makes the symbol for the derivative of an unknown where a further one is needed.
@@ -58,6 +59,7 @@ class EquationSet:
     known: tuple[ca.SX, ...] = ()
     known_rates: tuple[tuple[ca.SX, ca.SX], ...] = ()
     values: tuple[tuple[ca.SX, float], ...] = ()
+    limits: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     names: tuple[tuple[ca.SX, str], ...] = ()
     outer: tuple[Unknown, ...] = ()
     rate_symbol: Callable[[ca.SX], ca.SX] | None = None

@@ -1,26 +1,34 @@
 """Linear blocks solved in symbols: sparse Gaussian elimination with pivots that cannot vanish, and a small dense rest by QR.
 
-Pivots are numbers first, then expressions of parameters alone; each among the largest entries of its row (columns scaled) at a sample
-point, in the row with fewest entries (H. M. Markowitz, The elimination form of the inverse, 1957). Without the condition on size a long
-ladder of resistors would be solved by shooting from one end to the other, with errors that grow exponentially. What has no such
-pivot (coefficients that change with the motion) is left for CasADi's QR. Entries that cancel at the sample point are zero.
+Pivots are numbers first, then expressions of parameters alone; each among the largest entries of its row (columns scaled), in the row with
+fewest entries (H. M. Markowitz, The elimination form of the inverse, 1957). Without the condition on size a long ladder of resistors would
+be solved by shooting from one end to the other, with errors that grow exponentially. A pivot is large at *all* sample points: parameters at
+their values, at others, and at the limits that parts allow, so that a resistor may be shorted later. What has no such pivot (coefficients
+that change with the motion, or that a parameter can make zero) is left for CasADi's QR, which needs none. Entries that cancel at all points
+are zero; those that are zero at the present values only are not.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.vanishing import equilibrated, equilibrated_rank
+
 _LARGE, _SMALL = 0.5, 1e-3
 _ZERO = 1e-11
+_LARGEST = 60
+"""Unknowns of a block for which limits of parameters without a solution are told apart."""
+_MOST_BY_QR = 12
+"""Rows that QR takes where elimination would also do with pivots that are large at the present values only."""
 
 
 class SingularMatrixError(Exception):
-    """The block has no inverse at the sample point: rows and columns of the null vectors."""
+    """The block has no inverse at the present values: rows and columns of the null vectors."""
 
     def __init__(self, rows: list[int], columns: list[int]) -> None:
         super().__init__(rows, columns)
@@ -30,18 +38,30 @@ class SingularMatrixError(Exception):
 
 @dataclass
 class Entry:
-    """A coefficient and its value at the sample point; `kind`: 0 a number, 1 constant during a run, 2 changing."""
+    """A coefficient, its values at the sample points (k,), and the sums of the sizes of the terms that went into them.
+
+    `kind`: 0 a number, 1 constant during a run, 2 changing.
+    """
 
     value: ca.SX
-    sample: float
+    sample: np.ndarray
+    size: np.ndarray
     kind: int
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether its terms cancel wherever they have values."""
+        known = np.isfinite(self.sample) & np.isfinite(self.size)
+        return bool(known.any() and (np.abs(self.sample) <= _ZERO * self.size)[known].all())
 
 
 Row = dict[int, Entry]
+Sample = Callable[[list[ca.SX]], Sequence[float] | np.ndarray]
+"""Values of expressions at the sample points (n, k); of the present values of parameters first."""
 
 
-def solve_linear(matrix: ca.SX, right: ca.SX, sample: Callable[[list[ca.SX]], list[float]], constants: set[int]) -> list[ca.SX]:
-    """x of matrix x = right. `sample`: values of expressions at the sample point; `constants`: hashes of symbols that do not change.
+def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int]) -> list[ca.SX]:
+    """x of matrix x = right. `constants`: hashes of symbols that do not change.
 
     Raises SingularMatrixError.
     """
@@ -49,31 +69,31 @@ def solve_linear(matrix: ca.SX, right: ca.SX, sample: Callable[[list[ca.SX]], li
     rows = _rows(matrix, sample, constants)
     b = [right[i] for i in range(n)]
     solved: list[tuple[int, int, Row]] = []
-    heap = [(len(row), i) for i, row in enumerate(rows)]
-    heapq.heapify(heap)
     users: list[set[int]] = [set() for _ in range(n)]
-    scale = [1e-300] * n
-    for row in rows:
-        for j, entry in row.items():
-            scale[j] = max(scale[j], abs(entry.sample))
     for i, row in enumerate(rows):
         for j in row:
             users[j].add(i)
+    scale = _column_sizes(rows, n)
     open_rows = set(range(n))
-    while heap:
-        size, i = heapq.heappop(heap)
-        if i not in open_rows or size != len(rows[i]):
-            continue
-        j = _pivot(rows[i], users, scale)
-        if j is None:
-            continue
-        open_rows.discard(i)
-        solved.append((i, j, rows[i]))
-        for k in rows[i]:
-            users[k].discard(i)
-        for other in sorted(users[j]):
-            b[other] = _eliminate(rows, i, j, other, users, b)
-            heapq.heappush(heap, (len(rows[other]), other))
+    for points in (slice(None), slice(0, 1)):
+        if len(open_rows) <= _MOST_BY_QR and points.stop:
+            break
+        heap = [(len(rows[i]), i) for i in open_rows]
+        heapq.heapify(heap)
+        while heap:
+            size, i = heapq.heappop(heap)
+            if i not in open_rows or size != len(rows[i]):
+                continue
+            j = _pivot(rows[i], users, scale, points)
+            if j is None:
+                continue
+            open_rows.discard(i)
+            solved.append((i, j, rows[i]))
+            for k in rows[i]:
+                users[k].discard(i)
+            for other in sorted(users[j]):
+                b[other] = _eliminate(rows, i, j, other, users, b)
+                heapq.heappush(heap, (len(rows[other]), other))
     x: dict[int, ca.SX] = {}
     if open_rows:
         _solve_rest(rows, sorted(open_rows), sorted(set(range(n)) - {j for _, j, _ in solved}), b, x, matrix, sample)
@@ -86,26 +106,54 @@ def solve_linear(matrix: ca.SX, right: ca.SX, sample: Callable[[list[ca.SX]], li
     return [x[j] for j in range(n)]
 
 
-def _rows(matrix: ca.SX, sample: Callable[[list[ca.SX]], list[float]], constants: set[int]) -> list[Row]:
+def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
     rows: list[Row] = [{} for _ in range(matrix.shape[0])]
     where = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     values = [matrix[i, j] for i, j in where]
-    for (i, j), value, number in zip(where, values, sample(values), strict=True):
+    samples = np.array([np.atleast_1d(numbers) for numbers in sample(values)])
+    for (i, j), value, numbers in zip(where, values, samples[:, _regular(where, samples, len(rows))], strict=True):
         if value.is_zero():
             continue
         free = {s.element_hash() for s in ca.symvar(value)}
         kind = 0 if value.is_constant() else 1 if free <= constants else 2
-        rows[i][j] = Entry(value, number, kind)
+        rows[i][j] = Entry(value, numbers, np.abs(numbers), kind)
     return rows
 
 
-def _pivot(row: Row, users: list[set[int]], scale: list[float]) -> int | None:
-    sizes = {j: abs(e.sample) / scale[j] for j, e in row.items()}
-    largest = max(sizes.values(), default=0.0)
+def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int) -> np.ndarray:
+    """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one."""
+    if samples.shape[1] == 1 or n > _LARGEST:
+        return np.arange(samples.shape[1])
+    A = np.zeros((n, n))
+    kept = [0]
+    for k in range(1, samples.shape[1]):
+        A[tuple(np.transpose(where))] = samples[:, k]
+        if np.isfinite(A).all() and equilibrated_rank(A) == n:
+            kept.append(k)
+    return np.array(kept)
+
+
+def _column_sizes(rows: list[Row], n: int) -> list[np.ndarray]:
+    """The largest entry of each column at each point; 1 where there is none."""
+    found: list[np.ndarray | float] = [0.0] * n
+    for row in rows:
+        for j, entry in row.items():
+            found[j] = np.fmax(found[j], np.abs(entry.sample))
+    return [np.where((size > 0) & np.isfinite(size), size, 1.0) for size in found]
+
+
+def _pivot(row: Row, users: list[set[int]], scale: list[np.ndarray], points: slice) -> int | None:
+    """The column of an entry that is large in its row at all of these points; None where there is none."""
+    if not row:
+        return None
+    sizes = {j: np.abs(e.sample[points]) / scale[j][points] for j, e in row.items()}
+    largest = np.max(list(sizes.values()), axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = {j: float(np.min(np.nan_to_num(size / largest))) for j, size in sizes.items()}
     for threshold in (_LARGE, _SMALL):
-        able = [j for j, e in row.items() if e.kind < 2 and sizes[j] >= threshold * largest > 0]
+        able = [j for j, e in row.items() if e.kind < 2 and shares[j] >= threshold]
         if able:
-            return min(able, key=lambda j: (row[j].kind, len(users[j]), -sizes[j], j))
+            return min(able, key=lambda j: (row[j].kind, len(users[j]), -shares[j], j))
     return None
 
 
@@ -114,22 +162,25 @@ def _eliminate(rows: list[Row], i: int, j: int, other: int, users: list[set[int]
     pivot, target = rows[i][j], rows[other]
     entry = target.pop(j)
     users[j].discard(other)
-    factor = Entry(entry.value / pivot.value, entry.sample / pivot.sample, max(entry.kind, pivot.kind))
+    with np.errstate(all="ignore"):
+        ratio = entry.sample / pivot.sample
+    factor, kind = entry.value / pivot.value, max(entry.kind, pivot.kind)
     for k, e in rows[i].items():
         if k == j:
             continue
         old = target.get(k)
-        taken = factor.sample * e.sample
-        number = (0.0 if old is None else old.sample) - taken
-        if abs(number) <= _ZERO * (abs(taken) + (0.0 if old is None else abs(old.sample))):
+        with np.errstate(all="ignore"):
+            taken, size = ratio * e.sample, np.abs(ratio) * e.size
+        value = -(factor * e.value) if old is None else old.value - factor * e.value
+        number, size = (-taken, size) if old is None else (old.sample - taken, old.size + size)
+        new = Entry(value, number, size, 0 if value.is_constant() else max(kind, e.kind, 0 if old is None else old.kind))
+        if value.is_zero() or new.vanishes:
             target.pop(k, None)
             users[k].discard(other)
             continue
-        value = -(factor.value * e.value) if old is None else old.value - factor.value * e.value
-        kind = max(factor.kind, e.kind, 0 if old is None else old.kind)
-        target[k] = Entry(value, number, 0 if value.is_constant() else kind)
+        target[k] = new
         users[k].add(other)
-    return b[other] - factor.value * b[i]
+    return b[other] - factor * b[i]
 
 
 def _solve_rest(
@@ -139,17 +190,16 @@ def _solve_rest(
     b: list[ca.SX],
     x: dict[int, ca.SX],
     matrix: ca.SX,
-    sample: Callable[[list[ca.SX]], list[float]],
+    sample: Sample,
 ) -> None:
     place = {j: k for k, j in enumerate(columns)}
     numbers = np.zeros((len(left), len(columns)))
     core = ca.SX(len(left), len(columns))
     for k, i in enumerate(left):
         for j, entry in rows[i].items():
-            numbers[k, place[j]] = entry.sample
+            numbers[k, place[j]] = entry.sample[0]
             core[k, place[j]] = entry.value
-    sizes = np.abs(numbers).max(axis=1, initial=0.0)
-    if not sizes.all() or np.linalg.matrix_rank(numbers / sizes[:, None], tol=1e-10) < len(left):
+    if equilibrated_rank(numbers) < len(left):
         raise SingularMatrixError(*_null_vectors(matrix, sample))
     rest = ca.vertcat(*(b[i] for i in left))
     found = rest / core if len(left) == 1 else ca.solve(core, rest)
@@ -157,14 +207,13 @@ def _solve_rest(
         x[j] = found[k]
 
 
-def _null_vectors(matrix: ca.SX, sample: Callable[[list[ca.SX]], list[float]]) -> tuple[list[int], list[int]]:
-    """Rows and columns that take part in the null vectors of the matrix at the sample point."""
+def _null_vectors(matrix: ca.SX, sample: Sample) -> tuple[list[int], list[int]]:
+    """Rows and columns that take part in the null vectors of the matrix at the present values."""
     where = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     numbers = np.zeros(matrix.shape)
     for (i, j), value in zip(where, sample([matrix[i, j] for i, j in where]), strict=True):
-        numbers[i, j] = value
-    numbers /= np.maximum(np.abs(numbers).max(axis=1, initial=0.0), 1e-300)[:, None]
-    U, s, Vt = np.linalg.svd(numbers)
+        numbers[i, j] = np.atleast_1d(value)[0]
+    U, s, Vt = np.linalg.svd(equilibrated(numbers))
     null = s < 1e-9 * max(1.0, float(s[0]))
     rows = np.flatnonzero(np.abs(U[:, null]).max(axis=1, initial=0.0) > 1e-6)
     columns = np.flatnonzero(np.abs(Vt[null]).max(axis=0, initial=0.0) > 1e-6)

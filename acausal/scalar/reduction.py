@@ -20,35 +20,43 @@ from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, check
 from acausal.scalar.index_reduction import Offsets, differentiation_counts
 from acausal.scalar.matching import blocks, match, underdetermined
 from acausal.scalar.naming import Names
-from acausal.scalar.solution import AlgebraicBlock, Solution
+from acausal.scalar.solution import AlgebraicBlock, LinearBlock, Solution
 from acausal.scalar.state_choice import choose_dummies
 
 
 @dataclass(frozen=True)
 class Invariant:
-    """A constraint that its differentiated form keeps: `residual` = 0 in `states` (symbols) and known symbols."""
+    """A constraint that its differentiated form keeps: `residual` = 0 in `states` (symbols), the outer block's coordinates and known symbols.
+
+    `depth`: how many differentiations below the form that determines accelerations: 1 a constraint of velocities, 2 of positions. `push`:
+    the symbol of what that form is to be, zero in a motion.
+    """
 
     residual: ca.SX
     states: tuple[ca.SX, ...]
-    outer: bool
-    """Whether only coordinates of the outer block are in it."""
     source: ScalarEquation
+    depth: int
+    push: ca.SX
 
 
 @dataclass(frozen=True)
 class ReducedEquations:
     """`states` with their `rates`, then the unknowns of nonlinear blocks; `values` of every declared symbol, by element hash.
 
-    All in the symbols of states, known symbols, and the outer block's coordinates and highest derivatives.
+    All in the symbols of states, known symbols, the outer block's coordinates and highest derivatives, and the invariants' pushes.
+    `tops`: the highest derivative that each state has in the equations, which lies `depths` above it.
     """
 
     states: tuple[Unknown, ...]
     rates: tuple[ca.SX, ...]
+    tops: tuple[ca.SX, ...]
+    depths: tuple[int, ...]
     algebraic: tuple[AlgebraicBlock, ...]
     invariants: tuple[Invariant, ...]
     values: dict[int, ca.SX]
     steps: tuple[tuple[str, ...], ...]
     """Names of the unknowns of each block, in the order of solution."""
+    blocks: tuple[LinearBlock, ...] = ()
 
     def __str__(self) -> str:
         lines = [
@@ -74,6 +82,11 @@ class _Row:
     residual: ca.SX
     source: ScalarEquation
     levels: tuple[Level, ...]
+
+
+def _pushed(row: _Row, push: ca.SX | None) -> _Row:
+    """The row with its push on the right-hand side."""
+    return row if push is None else _Row(row.residual - push, row.source, row.levels)
 
 
 class _Reduction:
@@ -174,8 +187,9 @@ class _Reduction:
         first = {root: offsets.unknowns[j] - taken.get(j, 0) for j, root in enumerate(roots)}
         unknown = [(root, k) for j, root in enumerate(roots) for k in range(first[root], offsets.unknowns[j] + 1)]
         index = {level: u for u, level in enumerate(unknown)}
-        rows = [row for i, own in enumerate(stages) for row in (own if i in chosen else own[-1:])]
-        kept = [row for i, own in enumerate(stages) if i not in chosen for row in own[:-1]]
+        pushes = {i: ca.SX.sym("push") for i, own in enumerate(stages) if i not in chosen and len(own) > 1}
+        rows = [row for i, own in enumerate(stages) for row in (own if i in chosen else [_pushed(own[-1], pushes.get(i))])]
+        kept = [(row, len(stages[i]) - 1 - k, push) for i, push in pushes.items() for k, row in enumerate(stages[i][:-1])]
         incidence = [[index[level] for level in row.levels if level in index] for row in rows]
         owner = match(incidence, len(unknown))
         bad = underdetermined(incidence, owner)
@@ -193,18 +207,19 @@ class _Reduction:
             steps.append(tuple(u.name for u in own))
         states = [(root, k) for root in roots if root not in self.chains.outer for k in range(first[root])]
         rates = solution.resolved([self.names.rate(level) for level in states])
+        top = {root: offsets.unknowns[j] for j, root in enumerate(roots)}
+        tops = solution.resolved([self.names[level].factor * self.names.bare((level[0], top[level[0]])) for level in states])
         return ReducedEquations(
-            tuple(self.names[level].unknown for level in states), tuple(rates), tuple(solution.algebraic),
-            tuple(self._invariant(row, solution) for row in kept), self._values(solution), tuple(steps),
+            tuple(self.names[level].unknown for level in states), tuple(rates), tuple(tops), tuple(top[root] - k for root, k in states),
+            tuple(solution.algebraic), tuple(self._invariant(*found, solution) for found in kept), self._values(solution), tuple(steps), tuple(solution.blocks),
         )  # fmt: skip
 
-    def _invariant(self, row: _Row, solution: Solution) -> Invariant:
+    def _invariant(self, row: _Row, depth: int, push: ca.SX, solution: Solution) -> Invariant:
         residual = solution.resolved([row.residual])[0]
         self._check_timed(residual, row.source)
         found = [(s, self.names.levels.get(s.element_hash())) for s in ca.symvar(residual)]
-        levels = [(s, level) for s, level in found if level is not None]
-        inner = tuple(s for s, level in levels if level[0] not in self.chains.outer)
-        return Invariant(residual, inner, not inner, row.source)
+        inner = tuple(s for s, level in found if level is not None and level[0] not in self.chains.outer)
+        return Invariant(residual, inner, row.source, depth, push)
 
     def _check_timed(self, residual: ca.SX, source: ScalarEquation) -> None:
         """An invariant holds at all times, so everything in it has a rate."""

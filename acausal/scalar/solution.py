@@ -14,6 +14,9 @@ from acausal.scalar.linear import SingularMatrixError, solve_linear
 from acausal.scalar.structure import forms
 from acausal.scalar.tearing import tear
 
+_OTHERS = 2
+"""Sample points with other values of the parameters."""
+
 
 @dataclass(frozen=True)
 class AlgebraicBlock:
@@ -22,6 +25,17 @@ class AlgebraicBlock:
     unknowns: tuple[Unknown, ...]
     residual: ca.SX
     sources: tuple[ScalarEquation, ...]
+
+
+@dataclass(frozen=True)
+class LinearBlock:
+    """matrix (n, n) found (n, 1) = right (n, 1), by states and known symbols; `found` is right where the pivots that were chosen do not vanish."""
+
+    matrix: ca.SX
+    right: ca.SX
+    found: ca.SX
+    sources: tuple[ScalarEquation, ...]
+    unknowns: tuple[Unknown, ...]
 
 
 @dataclass
@@ -33,13 +47,17 @@ class Solution:
     """Whether an unknown of a block of its own stays as it is, because an outer block gives it."""
     values: dict[int, ca.SX] = field(default_factory=dict)
     algebraic: list[AlgebraicBlock] = field(default_factory=list)
-    _samples: dict[int, float] = field(default_factory=dict)
+    blocks: list[LinearBlock] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._samples.update({symbol.element_hash(): value for symbol, value in self.system.values})
         zero = {s.element_hash() for s, rate in self.system.known_rates if rate.is_zero()}
         self._constants = zero
         self._random = np.random.default_rng(0)
+        present = np.array([value for _, value in self.system.values])
+        others = np.where(present != 0, present, 1.0) * self._random.uniform(0.5, 1.5, (_OTHERS, present.size))
+        points = np.vstack([present[None, :], others, self.system.limits.reshape(len(self.system.limits), present.size)])
+        self._points = points.shape[0]
+        self._samples = {symbol.element_hash(): points[:, k] for k, (symbol, _) in enumerate(self.system.values)}
 
     def resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """Expressions with known values put in. Costs what the expressions themselves cost."""
@@ -59,13 +77,15 @@ class Solution:
             return
         rest = ca.substitute([stacked], [u.symbol for u in unknowns], [ca.SX(0)] * len(unknowns))[0]
         matrix, rest = self.resolved([matrix, rest])
-        if len(unknowns) == 1 and matrix.numel() == 1 and matrix.is_constant() and not matrix.is_zero():
+        if len(unknowns) == 1 and matrix.is_constant() and not matrix.is_zero():
             found = [-rest if float(matrix) == 1 else rest if float(matrix) == -1 else -rest / matrix]
         else:
             try:
                 found = solve_linear(matrix, -ca.densify(rest), self._sample, self._constants)
             except SingularMatrixError as error:
                 raise singular(self.system, (sources[i] for i in error.rows), (unknowns[j] for j in error.columns)) from None
+        if not matrix.is_constant():
+            self.blocks.append(LinearBlock(matrix, -rest, ca.vertcat(*found), tuple(sources), tuple(unknowns)))
         for unknown, value in zip(unknowns, found, strict=True):
             self.values[unknown.symbol.element_hash()] = value
 
@@ -86,18 +106,16 @@ class Solution:
             AlgebraicBlock(tuple(unknowns[u] for u in plan.torn), ca.vertcat(*left), tuple(sources[e] for e in plan.residuals))
         )
 
-    def _sample(self, expressions: list[ca.SX]) -> list[float]:
-        """Values at a point: parameters as they are, anything else random."""
-        open_ones = [e for e in expressions if not e.is_constant()]
-        symbols = ca.symvar(ca.vertcat(*open_ones)) if open_ones else []
+    def _sample(self, expressions: list[ca.SX]) -> np.ndarray:
+        """Values (n, k) at the present parameters, at other ones, and at their limits; anything else random. NaN where there is none."""
+        column = ca.vertcat(ca.SX(0, 1), *expressions)
+        symbols = ca.symvar(column)
         for symbol in symbols:
-            self._samples.setdefault(symbol.element_hash(), float(self._random.uniform(0.5, 1.5)))
-        numbers = iter(())
-        if open_ones:
-            point = ca.DM([self._samples[s.element_hash()] for s in symbols])
-            found = np.array(ca.Function("sample", [ca.vertcat(*symbols)], [ca.vertcat(*open_ones)])(point)).ravel()
-            numbers = iter([float(f) if np.isfinite(f) else 1.0 for f in found])
-        return [float(e) if e.is_constant() else next(numbers) for e in expressions]
+            if symbol.element_hash() not in self._samples:
+                self._samples[symbol.element_hash()] = self._random.uniform(0.5, 1.5, self._points)
+        point = np.array([self._samples[s.element_hash()] for s in symbols]).reshape(len(symbols), self._points)
+        values = np.array(ca.Function("sample", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)])(point))
+        return np.where(np.isfinite(values), values, np.nan) if symbols else np.repeat(values, self._points, axis=1)
 
 
 def _depends(matrix: ca.SX, column: ca.SX) -> bool:

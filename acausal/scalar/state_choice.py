@@ -28,6 +28,10 @@ def choose_dummies(
         i: {j: a for j, a in row.items() if a is not None and j not in changing and j not in outer and a != 0}
         for i, row in entries.items()
     }
+    usual: dict[int, float] = {}  # coefficients of one unknown have one unit
+    for row in rows.values():
+        for j, a in row.items():
+            usual[j] = max(usual.get(j, 0.0), abs(a))
     pivots: dict[int, int] = {}
     order: list[tuple[int, dict[int, float]]] = []
     chosen: dict[int, int] = {}
@@ -35,8 +39,9 @@ def choose_dummies(
         row = _reduced(rows[i], pivots, order)
         if not row:
             continue
-        largest = max(abs(a) for a in row.values())
-        j = max((j for j, a in row.items() if abs(a) >= 0.1 * largest), key=preference)
+        sizes = {j: abs(a) / usual.get(j, abs(a)) for j, a in row.items()}
+        largest = max(sizes.values())
+        j = max((j for j in row if sizes[j] >= 0.1 * largest), key=preference)
         pivots[j] = len(order)
         order.append((j, row))
         chosen[i] = j

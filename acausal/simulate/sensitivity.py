@@ -15,6 +15,7 @@ from acausal.collocation.problem import Directions, Problem, Tolerances
 from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.start.initial import Start, initial_derivatives, near
 from acausal.start.start_problem import start_problem
@@ -61,7 +62,7 @@ class Sensitivities:
         y = ca.vec(ca.densify(space.put(self.functions.outputs.resolve(wanted))))
         _, x, u, p = space.arguments
         at = ca.vertcat(x, u, p)
-        both = ca.Function("output", space.arguments, [y, ca.densify(ca.jacobian(y, at))], {"cse": True})
+        both = folded_function("output", space.arguments, [y, ca.densify(ca.jacobian(y, at))])
         size, m = y.numel(), self.t.size
         parameters = np.repeat(self.problem.parameters[:, None], m, axis=1)
         values, slopes = both(self.t[None, :], self.x, self.problem.inputs(self.t), parameters)

@@ -5,29 +5,32 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary, finite, listed, shown, truth, whole_number
+from acausal.arguments import dictionary, finite, listed, truth, whole_number
 from acausal.collocation.problem import Guards, Problem, StatusKind, Tolerances
-from acausal.errors import OptionError, ParameterError, SimulationError, UnknownVariableError
+from acausal.errors import OptionError, SimulationError, UnknownVariableError
 from acausal.integrators.integrate import integrate
-from acausal.language.component import Component
 from acausal.language.expression import Input, Parameter, number
-from acausal.language.origin import origin
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
 from acausal.simulate.events import when
+from acausal.simulate.inputs import INPUTS, InputValue, input_signal, unknown_symbol
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
-from acausal.simulate.trouble import failure, raise_if_interrupted, warn_if_outside, warn_if_pulled, warn_if_singular
+from acausal.simulate.trouble import (
+    failure,
+    raise_if_interrupted,
+    warn_if_not_followed,
+    warn_if_outside,
+    warn_if_pulled,
+    warn_if_singular,
+)
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
-_INPUTS = "{scene.torque: lambda t: np.sin(t)}"
-InputValue = float | Callable[[float], float]
 Progress = Callable[[float], None]
 
 
@@ -110,6 +113,7 @@ def simulate(
     warn_if_singular(functions, run)
     warn_if_outside(functions, run)
     warn_if_pulled(functions, run)
+    warn_if_not_followed(functions, run)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise_if_interrupted(run.status, run)
         raise SimulationError(failure(functions, run.status, t1, run), run)
@@ -128,7 +132,7 @@ def sensitivity_run(
 ) -> Sensitivities:
     """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
     wrt = listed(wrt, "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
-    start, inputs = start_mapping(start), dictionary(inputs, "inputs", _INPUTS)
+    start, inputs = start_mapping(start), dictionary(inputs, "inputs", INPUTS)
     tolerances = replace(
         tolerances,
         rtol=finite(tolerances.rtol, "sensitivities: rtol"),
@@ -138,7 +142,7 @@ def sensitivity_run(
     if not (0 < tolerances.rtol < 1 and tolerances.atol >= 0):
         raise OptionError(f"sensitivities: need 0 < rtol < 1 and atol >= 0, not rtol={tolerances.rtol}, atol={tolerances.atol}.")
     for entry in wrt:
-        if isinstance(entry, Input) and callable(inputs.get(entry)):
+        if isinstance(entry, Input) and not np.isscalar(inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
     problem = _problem(functions, inputs, parameters, compiled)
     found = sensitivities(functions, problem, times, wrt, start, tolerances)
@@ -153,7 +157,7 @@ def _problem(
     functions: Functions, inputs: Mapping[Input, InputValue], parameters: Mapping[Parameter, float], compiled: bool
 ) -> Problem:
     signal = input_signal(functions, inputs)
-    held = None if any(callable(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
+    held = None if any(not np.isscalar(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
     native = functions.compiled if compiled else None
     p = parameter_values(functions, parameters)
     return Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native)
@@ -180,74 +184,12 @@ def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]
     values = functions.outputs.system.p_values.copy()
     for parameter, value in dictionary(parameters, "parameters", "{scene.mass: 2.0}").items():
         if parameter not in known:
-            raise UnknownVariableError(_unknown(parameter, "parameter", [functions.outputs.name(k) for k in known]))
+            raise UnknownVariableError(unknown_symbol(parameter, "parameter", [functions.outputs.name(k) for k in known]))
         values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
     if parameters:
         functions.outputs.system.flat.conditions.check(values[: len(known)])
+        functions.decisions.check(values)
     return values
-
-
-def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Callable[[np.ndarray], np.ndarray]:
-    """times (n,) -> inputs (nu, n). A callable is asked for one time at a time."""
-    known = functions.outputs.system.flat.inputs
-    given: list[InputValue] = [entry.default for entry in known]
-    for entry, value in dictionary(inputs, "inputs", _INPUTS).items():
-        if entry not in known:
-            raise UnknownVariableError(_unknown(entry, "input", [functions.outputs.name(k) for k in known]))
-        name = functions.outputs.name(entry)
-        if not callable(value) and not np.isscalar(value):
-            raise ParameterError(
-                f"The input {name} is given as {shown(value)} ({origin()}). Give a number, or a function of time that gives numbers: "
-                "lambda t: np.sin(t), or lambda t: np.interp(t, times, samples)."
-            )
-        given[known.index(entry)] = number(value, name) if not callable(value) else _Watched(value, name)
-    return _Signal(tuple(given))
-
-
-@dataclass(frozen=True)
-class _Signal:
-    """times (n,) -> inputs (nu, n), each a number or a function of time."""
-
-    given: tuple[InputValue, ...]
-
-    def __call__(self, times: np.ndarray) -> np.ndarray:
-        result = np.empty((len(self.given), times.size))
-        for i, value in enumerate(self.given):
-            result[i] = [value(float(t)) for t in times] if callable(value) else value
-        return result
-
-
-@dataclass(frozen=True)
-class _Watched:
-    """The function, whose errors and results that are no numbers raise `ParameterError` with the input's name."""
-
-    function: Callable[[float], Any]
-    name: str
-
-    def __call__(self, t: float) -> float:
-        try:
-            found = float(self.function(t))
-        except (TypeError, ValueError) as error:
-            raise ParameterError(
-                f"The input {self.name} fails as a function of time at t = {t:.6g} s: {type(error).__name__}: {str(error).rstrip('.')}. It is "
-                "called with one number, the time [s], and must return one number."
-            ) from error
-        except Exception as error:  # the user's own, in the user's own function
-            error.add_note(f"In the function of time of the input {self.name}, called with t = {t:.6g} s.")
-            raise
-        return found
-
-
-def _unknown(symbol: Any, kind: str, known: list[str]) -> str:
-    article = "an" if kind == "input" else "a"
-    held = vars(symbol).values() if isinstance(symbol, Component) else ()
-    own = [value.name for value in held if isinstance(value, Input if kind == "input" else Parameter)]
-    hint = (
-        f" Name the {kind} itself: {', '.join(f'scene.{name}' for name in own or known[:1])}."
-        if own or (known and isinstance(symbol, str))
-        else ""
-    )
-    return f"{symbol!r} is not {article} {kind} of this scene. It has: {', '.join(known) or 'none'}.{hint}"
 
 
 def _progress(wanted: bool | Progress) -> Progress | None:

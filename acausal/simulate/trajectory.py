@@ -16,6 +16,7 @@ from acausal.collocation.problem import Problem, Solution, Statistics, Status
 from acausal.errors import OptionError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Symbol
+from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -96,7 +97,7 @@ class Trajectory:
     def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
         expression = self.outputs.resolve(wanted)
         column = ca.vec(ca.densify(self.functions.space.put(expression)))
-        values = self._evaluate(ca.Function("series", self.functions.space.arguments, [column], {"cse": True}))
+        values = self._evaluate(folded_function("series", self.functions.space.arguments, [column]))
         if isinstance(wanted, Expression) and self.outputs.is_angle(wanted):
             values = np.unwrap(values, axis=1)
         rows, columns = expression.shape

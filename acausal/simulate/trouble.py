@@ -9,14 +9,16 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Status, StatusKind
-from acausal.errors import AcausalError, AssemblyError, ContactWarning, SingularWarning
+from acausal.errors import AcausalError, AssemblyError, ContactWarning, JumpWarning, SingularWarning
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
-from acausal.wording import callers_level
+from acausal.wording import callers_level, compact
 
 _SINGULAR = 1e-9
 _MASSLESS = 1e-12
+_MISSED = 1e-4
 _SHOWN = 4
 
 
@@ -88,6 +90,28 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> None:
                 "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
+
+
+def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
+    """Say so when a joint did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in."""
+    system, space = functions.outputs.system, functions.space
+    rows = system.scalar.given
+    if not rows.numel():
+        return
+    terms = ca.fabs(ca.jacobian(rows, system.x)) @ ca.fabs(system.x) + ca.fabs(ca.jacobian(rows, system.u)) @ ca.fabs(system.u)
+    both = folded_function("given", space.arguments, [ca.densify(space.put(part)) for part in (rows, terms)])
+    t = run.solution.t
+    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
+    gap, size = (np.abs(np.array(part)) for part in both(t[None, :], run.solution.x, run.problem.inputs(t), p))
+    missed = gap > _MISSED * np.max(size, axis=1, keepdims=True, initial=0.0)
+    if missed.any():
+        k = int(np.flatnonzero(missed.any(axis=0))[0])
+        names = compact(h.name for h in system.scalar.held if h.of_inputs)
+        warnings.warn(
+            f"By t = {t[k]:.6g} s what an input prescribes is missed by {np.max(gap[:, k]):.3g}: {names}. The motion follows the input's rate; a jump is not "
+            "in it, and a rate of its own must belong to the value. Give a smooth course.",
+            JumpWarning, stacklevel=callers_level(),
+        )  # fmt: skip
 
 
 _LOOKS = 16

@@ -24,6 +24,7 @@ from acausal.arguments import function_name, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.numerics.assembly import range_and_null_space
+from acausal.numerics.folding import folded_function
 from acausal.outputs.outputs import Outputs
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_search import Found, Search
@@ -64,7 +65,7 @@ def assembly_function(
     if result is None:
         return ca.Function(name, [values], [x], ["values"], ["x"])
     r = outputs.system
-    seen = ca.Function("seen", [r.t, r.x, r.u, r.p], [ca.vec(ca.densify(outputs.resolve(result)))], {"cse": True})
+    seen = folded_function("seen", [r.t, r.x, r.u, r.p], [ca.vec(ca.densify(outputs.resolve(result)))])
     n = data.size - 1 - u.size - p.size
     return ca.Function(
         name, [values], [seen(asked[n], x, asked[n + 1 : n + 1 + u.size], asked[n + 1 + u.size :])], ["values"], ["outputs"]
@@ -133,7 +134,8 @@ def start_units(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
     tree, scale = s.mechanics.tree, a.problem.scale()
     N = ca.Function("N", [s.t, tree.q, s.p], [ca.densify(ca.jacobian(tree.rates, tree.v))])
     first = a.data.size - s.p_values.size - s.u_defaults.size - 1
-    change = np.abs(np.array(N(a.data[first], a.positions.y, a.data[a.data.size - s.p_values.size :]))) / scale[:, None]
+    n = tree.q.numel()
+    change = np.abs(np.array(N(a.data[first], a.positions.y[:n], a.data[a.data.size - s.p_values.size :]))) / scale[:n, None]
     fastest = np.max(change, axis=0, initial=0.0)
     fastest[fastest == 0.0] = 1.0
     return scale, np.concatenate([1 / fastest, np.ones(a.velocities.y.size - fastest.size)])
@@ -200,7 +202,7 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
     rows.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
     solve = _solver(ca.vertcat(*rows), y, d, ca.DM(scale))
     much = ca.sumsqr(y / ca.DM(scale)) if search.what == "velocity" else 1
-    gap = ca.Function("open", [y, d], [ca.sumsqr(c) - _OPEN**2 * much], {"cse": True})
+    gap = folded_function("open", [y, d], [ca.sumsqr(c) - _OPEN**2 * much])
     return _Stage(plain, solve, gap, search.side)
 
 

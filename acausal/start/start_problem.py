@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -13,10 +13,11 @@ import numpy as np
 
 from acausal.errors import StartValueError
 from acausal.language.expression import Expression, Symbol
+from acausal.numerics.folding import folded_function
 from acausal.numerics.kernel import Kernel
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
-from acausal.start.coordinates import Coordinates, coordinates
+from acausal.start.coordinates import Coordinate, Coordinates, coordinates
 from acausal.start.start_search import Closing, Search, Target, start_search
 from acausal.start.start_values import Start, check_settable, near
 
@@ -42,7 +43,11 @@ class StartProblem:
     def coordinates(self) -> Coordinates:
         """Kinds and names of the entries of q."""
         r = self.outputs.system
-        return coordinates(r.mechanics, r.p, r.p_values, r.q_start, r.scalar.position)
+        joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
+        scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
+        return replace(
+            joints, all=(*joints.all, *(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars))
+        )
 
     def scale(self) -> np.ndarray:
         """What is much for each entry of q."""
@@ -72,7 +77,7 @@ def _identity(key: Expression) -> Hashable:
     if isinstance(key, Symbol):
         return key
     symbols = ca.symvar(key.sx)
-    f = ca.Function("key", [ca.vertcat(ca.SX(0, 1), *symbols)], [key.sx], {"cse": True})
+    f = folded_function("key", [ca.vertcat(ca.SX(0, 1), *symbols)], [key.sx])
     steps = tuple(
         (
             f.instruction_id(k),
@@ -104,7 +109,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
-        got = Kernel.of(ca.Function("got", [ca.vertcat(r.x, data)], [results], {"cse": True}))
+        got = Kernel.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
     return StartProblem(outputs, tuple(targets), positions, velocities, got)
 
 
@@ -137,7 +142,7 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
-        ("the equations of scalar parts", r.scalar.velocity.numel()),
+        ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
     )
     none = ca.SX(0, 1)
     return Closing(r.closing, position, ca.vertcat(none, *signs)), Closing(r.velocity_closing, velocity, none)

@@ -57,7 +57,9 @@ def _moved(a: Account) -> list[str]:
     system = a.problem.outputs.system
     if not a.problem.coordinates.all:
         return []
-    sketch = sketch_configuration(system.mechanics)
+    sketch = system.q_start.copy()
+    joints = sketch_configuration(system.mechanics)
+    sketch[: joints.size] = joints
     q = a.problem.coordinates.canonical(a.positions.y, sketch)
     far = a.problem.coordinates.differences(sketch, q)
     order = [int(i) for i in np.argsort(-far, kind="stable") if far[i] > _MET]

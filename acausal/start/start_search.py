@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.assembly import Assembled, Residual, assemble
+from acausal.numerics.folding import folded_function
 from acausal.numerics.kernel import Kernel
 
 _EDGE = 1e-9
@@ -239,7 +240,7 @@ def _difference(t: Target, wanted: ca.SX) -> ca.SX:
 def _with_jacobian(y: ca.SX, data: ca.SX, residual: ca.SX) -> Kernel:
     """(y, data) -> residual, and its Jacobian column by column, in one column."""
     both = ca.vertcat(ca.densify(residual), ca.vec(ca.densify(ca.jacobian(residual, y))))
-    return Kernel.of(ca.Function("residual", [ca.vertcat(y, data)], [both], {"cse": True}))
+    return Kernel.of(folded_function("residual", [ca.vertcat(y, data)], [both]))
 
 
 def _residual(

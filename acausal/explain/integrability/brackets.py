@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.explain.integrability.pfaffian import PfaffianSystem
+from acausal.numerics.folding import folded
 
 _ZERO = 1e-9
 _CLEAR = 1e-6
@@ -152,7 +153,7 @@ def involutive_closure(system: PfaffianSystem, points: Sequence[np.ndarray], siz
         if not taken:
             break
         dimensions.append(max(basis.shape[1] for basis in bases))
-        newest = ca.cse((first - second)[:, taken])
+        newest = folded((first - second)[:, taken])
         sizes = [np.linalg.norm(values[:, taken], axis=0) for values in brackets]
     return Closure(tuple(dimensions), True)
 

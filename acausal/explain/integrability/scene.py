@@ -49,7 +49,7 @@ def _sizes(system: ReducedSystem, forms: PfaffianSystem) -> np.ndarray:
     """
     if not system.nq:
         return np.zeros(0)
-    known = coordinates(system.mechanics, system.p, system.p_values, system.q_start, system.scalar.position)
+    known = coordinates(system.mechanics, system.p, system.p_values, system.constraints.q_start, system.scalar.position)
     turns = np.concatenate([np.full(c.place.stop - c.place.start, c.unit == "rad" or c.is_rotation) for c in known.all])
     rows = ca.Function("rows", [forms.y], [ca.densify(forms.forms)])
     W = np.abs(np.array(rows(forms.start + 0.25)).reshape(-1, forms.start.size))[:, : system.nq]
@@ -100,7 +100,7 @@ def _for_all(system: ReducedSystem, integral: Integral, other: PfaffianSystem, r
     own = [row for row in rows if row.name in integral.names]
     if len(own) == 1 and integral.coefficients is not None:
         # coefficients that do not change with q are those of any q
-        y, at = ca.vertcat(system.mechanics.tree.q, system.t), np.append(system.q_start, 0.0)
+        y, at = ca.vertcat(system.mechanics.tree.q, system.t), np.append(system.constraints.q_start, 0.0)
         slopes = ca.substitute(ca.horzcat(own[0].form, own[0].drift), y, ca.SX(ca.DM(at)))
         scale = slopes[int(np.argmax(np.abs(integral.coefficients)))]
         expression = ca.mtimes(slopes, y) / scale

@@ -24,6 +24,7 @@ from acausal.wording import entry_names
 
 if TYPE_CHECKING:
     from acausal.reduce.reduce import ReducedSystem
+    from acausal.scalar.coupling import Held
 
 
 @dataclass(frozen=True)
@@ -95,38 +96,24 @@ def scalar_rows(system: ReducedSystem) -> tuple[VelocityRow, ...]:
     tree = system.mechanics.tree
     q_dot, t_dot = ca.SX.sym("q_dot", tree.q.numel()), ca.SX.sym("t_dot")
     found: list[VelocityRow] = []
-    for held in held_rows(system):
-        if held.position is None and held.linear:
+    for held in rates_only(system):
+        if held.of_joints and not held.of_inputs and is_linear(held.residual, tree.v):
             v = ca.vertcat(*(_velocity(item, tree.q[item.q], q_dot[item.q], tree.t, t_dot) for item in tree.joints))
-            (row,) = _linear(held.name, ca.substitute(held.velocity, tree.v, v), q_dot, t_dot)
+            (row,) = _linear(held.name, ca.substitute(held.residual, tree.v, v), q_dot, t_dot)
             found.append(VelocityRow(held.name, row.form, row.drift))
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Held:
-    """One scalar equation that holds joints: its residual in v, q, t; which of `scalar.position` it is the rate of, if any; whether it is linear
-    in v.
-    """
-
-    name: str
-    velocity: ca.SX
-    position: int | None
-    linear: bool
+def rates_only(system: ReducedSystem) -> tuple[Held, ...]:
+    """Scalar equations between velocities of joints, perhaps with scalar states, that are not rates of equations between positions."""
+    tree, held = system.mechanics.tree, system.scalar.held
+    positions = {h.number for h in held if h.depth > 1}
+    return tuple(h for h in held if h.number not in positions and ca.depends_on(h.residual, tree.v))
 
 
-def held_rows(system: ReducedSystem) -> tuple[Held, ...]:
-    """The scalar invariants in velocities of joints only, without scalar states."""
-    tree, scalar = system.mechanics.tree, system.scalar
-    states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
-    slopes = ca.jacobian(scalar.position, tree.q) @ tree.rates + ca.jtimes(scalar.position, tree.t, ca.SX(1))
-    rows = [scalar.velocity[k] for k in range(scalar.velocity.numel())]
-    rows = [row for row in rows if not (states.numel() and ca.depends_on(row, states))]
-    found: list[Held] = []
-    for row, name in zip(rows, scalar.holding, strict=True):
-        same = (i for i in range(slopes.numel()) if _same(row, slopes[i], tree.q, tree.v, tree.t))
-        found.append(Held(name, row, next(same, None), not ca.depends_on(ca.jacobian(row, tree.v), tree.v)))
-    return tuple(found)
+def is_linear(row: ca.SX, v: ca.SX) -> bool:
+    """Whether a row is linear in v (n, 1)."""
+    return not ca.depends_on(ca.jacobian(row, v), v)
 
 
 def _velocity(item: JointSymbols, q: ca.SX, q_dot: ca.SX, t: ca.SX, t_dot: ca.SX) -> ca.SX:
@@ -140,17 +127,6 @@ def _velocity(item: JointSymbols, q: ca.SX, q_dot: ca.SX, t: ca.SX, t_dot: ca.SX
     return ca.solve(N.T @ N, N.T @ (q_dot - drift * t_dot)) if joint.v.size else ca.SX(0, 1)
 
 
-def _same(a: ca.SX, b: ca.SX, *symbols: ca.SX) -> bool:
-    """Whether two expressions are equal up to a factor, at random values of their symbols."""
-    known = ca.vertcat(*symbols)
-    free = ca.vertcat(*ca.symvar(ca.vertcat(a, b, known)))
-    function = ca.Function("both", [free], [a, b])
-    rng = np.random.default_rng(0)
-    values = np.array([[float(f) for f in function(rng.uniform(0.5, 1.5, free.numel()))] for _ in range(3)])
-    cross = values[0, 0] * values[:, 1] - values[0, 1] * values[:, 0]
-    return bool(np.max(np.abs(cross)) < 1e-9 * (1e-300 + np.max(np.abs(values)) ** 2))
-
-
 def velocity_system(system: ReducedSystem, values: np.ndarray | None = None) -> PfaffianSystem:
     """All velocity constraints of a scene on the manifold of its holonomic ones, for these `values` of parameters (the present ones).
 
@@ -158,9 +134,10 @@ def velocity_system(system: ReducedSystem, values: np.ndarray | None = None) -> 
     """
     rows = (*contact_rows(system.mechanics, system.constraints.loops), *scalar_rows(system))
     position = [loop.position for loop in system.constraints.loops]
-    holonomic = ca.vertcat(system.constraints.joint_invariants, *position, system.scalar.position)
+    coupled = [h.residual for h in system.scalar.held if h.depth > 1 and h.of_joints]
+    holonomic = ca.vertcat(system.constraints.joint_invariants, *position, *coupled)
     values = system.p_values if values is None else values
-    return scene_forms(system.mechanics, rows, holonomic, system.p, values, system.q_start)
+    return scene_forms(system.mechanics, rows, holonomic, system.p, values, system.constraints.q_start)
 
 
 def scene_forms(

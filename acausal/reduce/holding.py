@@ -1,0 +1,122 @@
+"""How much freedom scalar equations take from a mechanism: gears, sources, cams, in any mixture of joints and scalar states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.system import MechanicalSystem
+from acausal.loops.constraints import Constraints
+from acausal.numerics.assembly import assemble
+from acausal.numerics.vanishing import equilibrated_rank
+from acausal.scalar.coupling import ScalarPart
+
+_POINTS = 4
+_SPREAD = 0.3
+
+
+class Reduced(Protocol):
+    """What is asked of a reduced system."""
+
+    @property
+    def mechanics(self) -> MechanicalSystem: ...
+    @property
+    def constraints(self) -> Constraints: ...
+    @property
+    def scalar(self) -> ScalarPart: ...
+    @property
+    def t(self) -> ca.SX: ...
+    @property
+    def x(self) -> ca.SX: ...
+    @property
+    def u(self) -> ca.SX: ...
+    @property
+    def p(self) -> ca.SX: ...
+    @property
+    def nq(self) -> int: ...
+    @property
+    def p_values(self) -> np.ndarray: ...
+    @property
+    def u_defaults(self) -> np.ndarray: ...
+    @property
+    def rate_start(self) -> np.ndarray: ...
+    @property
+    def closing(self) -> ca.SX: ...
+    @property
+    def samples(self) -> list[np.ndarray]: ...
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Freedoms of the joints that scalar equations take, after scalar states have given way: in `velocities`, and in `positions`.
+
+    `again`: how many of the velocity equations say what loops say already.
+    """
+
+    velocities: int
+    positions: int
+    again: int = 0
+
+
+def holding(system: Reduced, positions: list[np.ndarray]) -> Holding:
+    """Ranks at some `positions` (nq,) where everything is closed, velocities and other scalar states at random.
+
+    Equations that only say what scalar states are take nothing: with rows R, and L of the loops, that is
+    rank (L, R by joints and scalar states) - rank L - rank (R by scalar states).
+    """
+    scalar, tree = system.scalar, system.mechanics.tree
+    if not scalar.held:
+        return Holding(0, 0)
+    n = scalar.positions
+    states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
+    velocity = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.depth == 1))
+    loops = ca.vertcat(ca.SX(0, 1), *(rows.position for rows in system.constraints.loops))
+    parts = [
+        ca.jacobian(system.constraints.velocity, tree.v), ca.jacobian(velocity, tree.v), ca.jacobian(velocity, states[n:]),
+        ca.jacobian(loops, tree.q), ca.jacobian(scalar.position, tree.q), ca.jacobian(scalar.position, states[:n]),
+    ]  # fmt: skip
+    function = ca.Function("rows", [system.t, system.x, system.u, system.p], [ca.densify(part) for part in parts])
+    rng = np.random.default_rng(6)
+    found: list[list[int]] = []
+    for q in positions:
+        rates = system.rate_start + rng.uniform(-1, 1, system.rate_start.size)
+        x = np.concatenate([q, rates])
+        blocks = [np.array(part) for part in function(0.0, x, system.u_defaults + rng.uniform(), system.p_values)]
+        if all(np.isfinite(block).all() for block in blocks):
+            found.append(_ranks(*blocks[:3]) + _ranks(*blocks[3:]))
+    if not found:
+        return Holding(velocity.numel(), scalar.position.numel())
+    both, loop, states_alone, alone, both_q, loop_q, states_q, _ = np.max(found, axis=0)
+    return Holding(int(both - loop - states_alone), int(both_q - loop_q - states_q), int(loop + alone - both))
+
+
+def closed_positions(system: Reduced) -> list[np.ndarray]:
+    """Configurations (nq,) at which loops and scalar equations are closed, from here and there; if there is none, where the search began."""
+    rng = np.random.default_rng(7)
+    q = system.x[: system.nq, :]
+    closing = system.closing
+    rows = ca.Function("closing", [q, system.t, system.p], [ca.densify(closing), ca.densify(ca.jacobian(closing, q))])
+
+    def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c, J = rows(y, 0.0, system.p_values)
+        return np.array(c).ravel(), np.array(J).reshape(-1, y.size)
+
+    guesses = [
+        system.samples[k % len(system.samples)] + _SPREAD * (k > 0) * rng.uniform(-1, 1, q.numel()) for k in range(_POINTS)
+    ]
+    found = [assemble(residual, guess, limit=40) for guess in guesses] if closing.numel() else []
+    return [a.y for a in found if a.converged] or guesses
+
+
+def _ranks(loops: np.ndarray, by_joints: np.ndarray, by_states: np.ndarray) -> list[int]:
+    """Of (L, R by joints and scalar states), of L, of R by scalar states, and of R by both."""
+    both = np.block([[loops, np.zeros((loops.shape[0], by_states.shape[1]))], [by_joints, by_states]])
+    return [
+        equilibrated_rank(both),
+        equilibrated_rank(loops),
+        equilibrated_rank(by_states),
+        equilibrated_rank(both[loops.shape[0] :]),
+    ]
