@@ -46,6 +46,8 @@ class ReducedSystem:
     projection: ca.SX | None
     delassus: ca.SX
     """A M^-1 A' of the kept rows: loses rank where a loop is singular."""
+    clearance: ca.SX | None
+    """Zero where branches of the motion cross, see `LoopForces.clearance`; None where they never do."""
     scalar: ScalarPart
 
     def __str__(self) -> str:
@@ -135,13 +137,13 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
     states = stacked([s.sx for s in scalar.states])
     x, second = ca.vertcat(tree.q, tree.v, states), ca.vertcat(v_dot, scalar.rates)
-    if constraints.singular:
+    if constraints.dependent:
         second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
     return ReducedSystem(
         dataclasses.replace(flat, names={**flat.names, **scalar.names}), mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), ca.vertcat(tree.rates, second), v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(projection(forces, states), x, scalar), forces.delassus, scalar,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(projection(forces, states), x, scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar,
     )  # fmt: skip
 
 
