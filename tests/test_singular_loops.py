@@ -208,7 +208,7 @@ def test_a_bar_on_many_cranks_turns_evenly(count, rtol):
     run = ac.build(scene).simulate(100.0, start, rtol=rtol)
     assert np.max(np.abs(run[scene.feet[0].q] - 0.9 - 5.0 * run.t)) < max(0.1 * rtol, 5e-9)
     assert max(np.max(np.abs(run[foot.q] - run[scene.feet[0].q])) for foot in scene.feet) < 1e-11
-    assert drift(run) < 3e-11
+    assert drift(run) < max(1e-3 * rtol, 3e-11)
     assert run.statistics.steps < 1500
 
 
