@@ -40,7 +40,8 @@ class Problem:
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
     functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located. `met`:
-    (nx,) largest magnitudes of states before the start.
+    (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;
+    None where they never do. `positions`: how many states are, the first ones.
     """
 
     rhs: ca.Function
@@ -52,6 +53,8 @@ class Problem:
     compiled: Any = None
     guards: Guards | None = None
     met: np.ndarray | None = None
+    clearance: ca.Function | None = None
+    positions: int = 0
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: without the compiled code, which belongs to this process."""

@@ -231,7 +231,7 @@ def solve_positive(A: ca.SX, B: ca.SX) -> ca.SX:
     return positive_solver(A)(B)
 
 
-def damped_solver(A: ca.SX, damping: ca.SX, refinements: int) -> Callable[[ca.SX], ca.SX]:
+def damped_solver(A: ca.SX, damping: ca.SX, refinements: int = 0) -> Callable[[ca.SX], ca.SX]:
     """B -> A \\ B for a symmetric semidefinite A, its components along small eigenvalues left out; straight-line code.
 
     A + diag(damping) is solved, and refined against A: along an eigenvector with eigenvalue s, in units where the damping d is the
@@ -248,11 +248,7 @@ def damped_solver(A: ca.SX, damping: ca.SX, refinements: int) -> Callable[[ca.SX
     return refined
 
 
-def semidefinite_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
-    """B -> the smallest X with A X = B for a symmetric A that may have dependent rows, and B in its range; straight-line code.
-
-    Damping by 1e-9 of the mean diagonal makes A definite; three steps of refinement take the damping's error out again along
-    the range of A (factor 1e-9 / eigenvalue each), while nothing grows along its null space.
-    """
-    n = A.shape[0]
-    return damped_solver(A, 1e-9 / n * ca.trace(A) * ca.SX.ones(n), 3)
+def pivots(A: ca.SX) -> ca.SX:
+    """(n, 1) pivots of a symmetric positive definite A, in the order of its factors: one is small where A is nearly singular."""
+    A = ca.sparsify(A)
+    return ca.densify(ca.ldl(A, A.nnz() < A.numel() and A.shape[0] > _REORDERED)[0])

@@ -132,6 +132,8 @@ def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
     if f.invariants is not None and f.projection is not None:
         invariants = f.invariants.size1_out(0)
         sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
+    if f.clearance is not None:
+        sources.append(emit(f.clearance, "model_clearance", parameters=(2,)))
     kernels = {source.name: source for source in sources}
     copies = copied_states(rhs)
     names = {"state": facts.states, "input": facts.inputs, "parameter": facts.parameters, "condition": facts.conditions}
@@ -145,13 +147,13 @@ def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
     fields = [
         *(
             f".{word} = {_kernel(kernels[f'model_{word}'])}"
-            for word in ("rhs", "jvp", "projection")
+            for word in ("rhs", "jvp", "projection", "clearance")
             if f"model_{word}" in kernels
         ),
         *(f".{name} = {size}" for name, size in sizes.items()),
         f".constants = {start.assembly.numel_out(1)}, .depends = depends, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
-        f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}",
+        f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}, .positions = {f.space.nq}",
         *(f".{name} = {name}" for name in ("state_names", *values, *own)),
     ]
     lines = [

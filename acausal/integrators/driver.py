@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -137,7 +137,7 @@ class Run:
         x = self.x + increment
         self._carry = increment - (x - self.x)
         self.t = self.end if abs(self.end - (self.t + h)) <= 4 * _EPS * abs(self.end) else self.t + h
-        self.x = self._projection(self.t, x)
+        self.x = self._projection(self.t, x, self.scale.size)
         if self.x is not x:
             self._carry = np.zeros_like(x)
         self.scale.met(self.x)
@@ -226,7 +226,8 @@ def _advance(run: Run) -> Status | None:
             run.h, run.rejected, failed, tries = shrink * h, run.rejected + 1, True, tries + 1
             continue
         K, contraction = solved
-        step = Step(run.t, h, run.x, K, run.scheme.tableau.to_legendre @ K, scale.values)
+        to_legendre, along = run.scheme.tableau.to_legendre, run.solver.along
+        step = Step(run.t, h, run.x, K, to_legendre @ (K if along is None else along), scale.values)
         error = run.scheme.error(run.solver, step)
         if not error <= 1:
             growth = 0.65 * error ** (-1 / (order + 1)) if error < np.inf else 0.1
@@ -237,7 +238,7 @@ def _advance(run: Run) -> Status | None:
             continue
         wanted = _next_size(run, h, max(error, 1e-30))
         run.error, run.contraction = max(error, 1e-30), contraction
-        run.accept(step)
+        run.accept(step if along is None else replace(step, a=to_legendre @ K))
         _limit_by_contraction(run, h, wanted, contraction, failed)
         if refused == 1:
             scale.doubts = scale.doubts + 2 if run.h < 0.5 * h else max(0, scale.doubts - 1)
@@ -253,8 +254,8 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
     tableau, solver, unit = run.scheme.tableau, run.solver, step.h / step.scale
     end = step.x + ((step.h * tableau.b)[:, None] * step.K).sum(axis=0)
     signs = (-1.0) ** np.arange(tableau.stages)
-    first = np.abs((signs @ step.a - solver.rate(step.t, step.x)) * unit).max()
-    last = np.abs((step.a.sum(axis=0) - solver.rate(step.t + step.h, end)) * unit).max()
+    first = np.abs((signs @ step.a - solver.rate_along(step.t, step.x, step.h)) * unit).max()
+    last = np.abs((step.a.sum(axis=0) - solver.rate_along(step.t + step.h, end, step.h)) * unit).max()
     worst = max(float(first), float(last))
     if not np.isfinite(last):
         return True

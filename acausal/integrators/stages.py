@@ -10,6 +10,7 @@ import numpy as np
 from acausal.collocation.problem import Problem
 from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.integrators.convergence import Convergence, Verdict
+from acausal.integrators.passage import passage_of
 from acausal.integrators.rates import Jacobian, Rates
 from acausal.integrators.scale import Scale
 from acausal.numerics.kernel import copied_states
@@ -32,7 +33,8 @@ class StageSolver:
         self._row, self._mean = np.empty(nx), 1 / s
         pairs = copied_states(self.problem.rhs)
         self._copies = (_index([i for i, _ in pairs]), _index([j for _, j in pairs])) if pairs else None
-        self._factored = 0.0
+        self._passage = passage_of(self.problem)
+        self.along: np.ndarray | None = None
 
     @property
     def evaluations(self) -> int:
@@ -50,6 +52,19 @@ class StageSolver:
     def copies(self) -> bool:
         """Whether some states are the rates of others, so that one iteration contracts like h^2."""
         return self._copies is not None
+
+    def rate_along(self, t: float, x: np.ndarray, h: float) -> np.ndarray:
+        """f(t, x); next to a singular position its part along the branch, as that of the last step's stages."""
+        rate = self.rate(t, x).copy()
+        if self._passage is None or self.along is None:
+            return rate
+        times, states = np.array([t]), x[None, :]
+        zone = self._passage.zone(times, states, h, None)
+        return (
+            self._passage.along(times, states, rate[None, :])[0]
+            if zone is None
+            else zone.correct(times, states, rate[None, :])[0]
+        )
 
     def rate(self, t: float, x: np.ndarray) -> np.ndarray:
         """f(t, x), (nx,); used again by the next call."""
@@ -78,6 +93,7 @@ class StageSolver:
         judge = Convergence(tolerance, scale.floor(h, x, K), 50)
         self._K[:] = K
         K = self._K
+        self.along, zone, count, before = None, None, 0, np.inf
         while True:
             np.dot(mu, hb * K, out=X)
             np.add(X, x, out=X)
@@ -85,18 +101,30 @@ class StageSolver:
                 X[:, copies[0]] = mu.dot(hb * X[:, copies[1]])
                 X[:, copies[0]] += x[copies[0]]
             run()
+            if self._passage is not None and count < 2:  # the first guess may be poor
+                zone, count = self._passage.zone(rates.t, X, h, judge), count + 1
+                self.along = None if zone is None else zone.along(rates.t, X, K)
+            old = self.along
+            if zone is not None:
+                self.along = zone.correct(rates.t, X, new)
+                zone.settle(t, h, x, new, self.tableau)
             if scale.widen(h, new):
                 factor = self._factor(h, scale)
             np.subtract(new, K, out=difference)
             np.multiply(difference, factor, out=difference)
             K[:] = new
             self.iterations += 1
-            verdict = judge.judge(float(flat.dot(flat) * self._mean) ** 0.5)
-            if (
-                verdict is Verdict.DONE and copies is not None
-            ):  # the newest velocities, not those that the last rates were found with
+            change = whole = flat.dot(flat)
+            if old is not None and self.along is not None:
+                change = float(np.sum(((self.along - old) * factor) ** 2))
+            verdict = judge.judge(float(change * self._mean) ** 0.5)
+            # across the branch it may converge still, and not yet to rounding errors
+            still = zone is not None and verdict is Verdict.DONE and whole < 0.25 * before
+            before = whole
+            if verdict is Verdict.DONE and not still and copies is not None:
+                # the newest velocities, not those that the last rates were found with
                 K[:, copies[0]] = x[copies[1]] + mu.dot(hb * K[:, copies[1]])
-            if verdict is not Verdict.GO_ON:
+            if verdict is not Verdict.GO_ON and not still:
                 return (K.copy(), judge.contraction) if verdict is Verdict.DONE else None
 
     def newton(
@@ -110,15 +138,22 @@ class StageSolver:
             return None
         vectors, vectors_inverse = eigenvectors(self.tableau)[1:]
         judge = Convergence(tolerance, scale.floor(h, x, K), 15)
+        self.along, zone, count = None, None, 0
         while True:
             np.dot(mu, hb * K, out=rates.X)
             rates.X += x
-            residual = rates.evaluate() - K
+            new = rates.evaluate()
+            if self._passage is not None and count < 2:
+                zone, count = self._passage.zone(rates.t, rates.X, h, judge), count + 1
+            if zone is not None:
+                self.along = zone.correct(rates.t, rates.X, new)
+                zone.settle(t, h, x, new, self.tableau)
+            residual = new - K
             transformed = np.matmul(inverse, (vectors_inverse @ residual)[:, :, None])[:, :, 0]
             step = np.ascontiguousarray((vectors @ transformed).real)
             K = K + step
             scale.widen(h, K)
-            step *= scale.unit_of_rates(h)
+            step = (step if zone is None else zone.along(rates.t, rates.X, step)) * scale.unit_of_rates(h)
             self.iterations += 1
             verdict = judge.judge(float(np.vdot(step, step) * self._mean) ** 0.5)
             if verdict is not Verdict.GO_ON:

@@ -49,6 +49,11 @@ class Constraints:
     samples: tuple[np.ndarray, ...]
 
     @property
+    def dependent(self) -> bool:
+        """Whether the rows used depend on one another, everywhere or at some positions."""
+        return self.damped or self.singular
+
+    @property
     def slips(self) -> tuple[int, ...]:
         """Places in `velocity` of rows that are not rates of position rows: rolling without slip."""
         slip = [k >= rows.position.numel() for rows in self.loops for k in range(rows.velocity.numel())]
@@ -147,11 +152,11 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX) -> _Exa
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(q)[2] for q in samples]
-    chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(q)[2] for q in _opened(samples))])
+    chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(q)[2] for q in opened(samples))])
     return _Examined(group, samples, rank, chosen, len(chosen) > rank.rank, singular, jacobians[0], timed)
 
 
-def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
+def opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Configurations beside assembled ones, where loops are open."""
     rng = np.random.default_rng(2)
     return [q + _OPENING * rng.uniform(-1, 1, q.size) for q in samples[:_OPENED]]

@@ -1,20 +1,23 @@
-"""Forces that keep loops closed, and the way back to closed loops; through singular positions too.
+"""Forces that keep loops closed, and the way back to closed loops; with rows that depend on one another too.
 
-At a singular position branches of the motion cross, like the lines of x y = 0, whose gradient (y, x) vanishes there. A motion
-along y = 0 stays on its branch, the one that its momentum selects, by three means:
+Everywhere: rows of a linkage such as Bennett's depend on one another where its loop is closed, but not beside it, where a step's stages
+are. Rates are taken at the nearest point with closed loops; there damping along the eigenvectors of A M^-1 A' with eigenvalue zero
+changes nothing.
 
-- On the branch the acceleration has no singularity. Beside it it is wrong by about 2 y (x'/x)^2, and no step across x = 0 would
-  converge. So rates are taken at the nearest point with closed loops: they are smooth where y < x, and constant across the branch.
-- Such a point is found to rounding errors of 1e-16 / x, and not at all where x < y. So corrections fade out, nearer than 5e-3 to x = 0
-  in the rates, 5e-4 after a step. There the constraint forces alone keep the branch, in smaller steps if a step must end there.
-- Nearer than 3e-5 the constraint forces fade out too. A part of about 1e-9 of the energy may be lost or won on the way.
+At a singular position: branches of the motion cross, like the lines of x y = 0, whose gradient (y, x) vanishes there. A motion along y = 0
+stays on its branch, the one that its momentum selects. On the branch the acceleration has no singularity. Beside it it is wrong by about
+2 y (x'/x)^2, and no step across x = 0 would converge; at the nearest point with closed loops it is smooth where y < x. That point is
+found to rounding errors of 1e-16 / x, and accelerations to 1e-16 / x^3, across the branch; `clearance`, about x^2, tells the integrators
+where this matters, and what they do there is in acausal/integrators/passage.py. Nearer than 3e-5 the forces fade out.
 
-These x are roots of the eigenvalues of A M^-1 A', against their usual size. Damping is Bayo's penalty, and refinement his augmented
-Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and Kovecses, Multibody System Dynamics 29, 2013).
+Damping is Bayo's penalty, and refinement his augmented Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and
+Kovecses, Multibody System Dynamics 29, 2013). It is in each row's own unit. Refinement of accelerations takes out what rounding of the
+matrix has done, by the ratio of masses times as much.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,24 +26,23 @@ import casadi as ca
 import numpy as np
 
 from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
-from acausal.dynamics.kernels import damped_solver, positive_solver, semidefinite_solver, solve_positive
+from acausal.dynamics.kernels import damped_solver, pivots, positive_solver, solve_positive
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.virtual_inertia import check_tree_inertia, massless_motions
-from acausal.loops.constraints import Constraints
+from acausal.loops.constraints import Constraints, opened
 
-_FORCE_DAMPING = 1e-9
-_FORCE_REFINEMENTS = 3
-_CORRECTION_DAMPING = 3e-5
-_PROJECTION_DAMPING = 3e-7
+_DAMPING = 1e-9
+_CLOSED = 1e-4
 _CORRECTIONS = 2
 _MASSLESS = 1e-9
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, repr=False)
 class LoopForces:
     """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
 
-    `sizes` (m,): of the diagonal of `delassus` at some configurations. `rotors`: on links whose motion meets no inertia in the tree;
+    `sizes` (m,): of the diagonal of `delassus`, a row's own unit; of its pivots `pivot_sizes`. `rotors`: on links whose motion meets no inertia in the tree;
     M, whose factors are `inertias`, includes them (see `virtual_inertia`).
     """
 
@@ -49,6 +51,7 @@ class LoopForces:
     flexibility: ca.SX
     delassus: ca.SX
     sizes: np.ndarray
+    pivot_sizes: np.ndarray
     rotors: Mapping[int, float]
     inertias: ArticulatedInertias
 
@@ -59,13 +62,13 @@ class LoopForces:
         c = self.constraints
         if not c.jacobian.shape[0]:
             return free, ca.SX(0, 1)
-        gap = -c.bias - c.jacobian @ free
-        if not self.rotors:
-            multipliers = self._force_solver(gap)
-            return free + self.flexibility @ multipliers, multipliers
         # v' = free + W A' lambda + W E' mu with mu = d E v': the rows of the loops eliminated first, then the few of the rotors
-        multipliers = self._force_solver(gap)
-        free = free + self.flexibility @ multipliers
+        multipliers = ca.SX.zeros(c.jacobian.shape[0])
+        for _ in range(2 if c.dependent else 1):  # what rounding of the matrix has left is divided by a small eigenvalue
+            change = self._solver(-c.bias - c.jacobian @ free)
+            multipliers, free = multipliers + change, free + self.flexibility @ change
+        if not self.rotors:
+            return free, multipliers
         W, held = self._rotor_response
         mu = solve_positive(self._rotor_inertia, free[self._rotor_places])
         return free + W @ mu, multipliers - held @ mu
@@ -83,16 +86,24 @@ class LoopForces:
                 raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
 
     @functools.cached_property
-    def _force_solver(self) -> Callable[[ca.SX], ca.SX]:
+    def _solver(self) -> Callable[[ca.SX], ca.SX]:
         """(m, k) -> multipliers (m, k) that make these changes of the rows' rates."""
-        if self.constraints.singular:
-            return damped_solver(self.delassus, _FORCE_DAMPING * self._scale, _FORCE_REFINEMENTS)
-        return self._solver
+        # where loops are closed, rows that depend on one another everywhere do so to rounding
+        damping = 1.0 if self.constraints.singular else _CLOSED
+        return self._solver_of(list(range(self.delassus.shape[0])), damping)
+
+    def _solver_of(self, rows: list[int], damping: float, refinements: int = 1) -> Callable[[ca.SX], ca.SX]:
+        """The same for some rows."""
+        D = self.delassus[rows, rows]
+        if not self.constraints.dependent:
+            return positive_solver(D)
+        return damped_solver(D, damping * self._damping[rows], refinements)
 
     @functools.cached_property
-    def _solver(self) -> Callable[[ca.SX], ca.SX]:
-        """The same where no position is singular."""
-        return (semidefinite_solver if self.constraints.damped else positive_solver)(self.delassus)
+    def clearance(self) -> ca.SX:
+        """0 at a singular position, about the square of the distance from it near by, of the size of 1 elsewhere; without unit."""
+        ratios = pivots(self.delassus + ca.diag(self._damping)) / self.pivot_sizes
+        return functools.reduce(ca.fmin, ca.vertsplit(ratios)) / self._level
 
     @property
     def _rotor_places(self) -> list[int]:
@@ -105,7 +116,7 @@ class LoopForces:
         """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then fall."""
         n = self.mechanics.tree.v.numel()
         W = ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
-        held = self._force_solver(self.constraints.jacobian @ W)
+        held = self._solver(self.constraints.jacobian @ W)
         return W - self.flexibility @ held, held
 
     @functools.cached_property
@@ -115,34 +126,36 @@ class LoopForces:
         lightness = ca.diag(ca.SX(ca.DM([1 / d for i, d in self.rotors.items() for _ in range(links[i].motion.nv)])))
         return ca.densify(lightness - self._rotor_response[0][self._rotor_places, :])
 
-    def position_correction(self, gap: ca.SX, damping: float) -> ca.SX:
+    def position_correction(self, gap: ca.SX) -> ca.SX:
         """Change of q (nq, 1) that closes position residuals `gap`, to first order and in the mass metric."""
         tree, slips = self.mechanics.tree, set(self.constraints.slips)
         rows = [k for k in range(self.delassus.shape[0]) if k not in slips]
         if not rows:
             return ca.SX.zeros(tree.q.numel())
-        return -(ca.jacobian(tree.rates, tree.v) @ (self.flexibility[:, rows] @ self._corrected(gap, rows, damping)))
+        return -(ca.jacobian(tree.rates, tree.v) @ (self.flexibility[:, rows] @ self._corrected(gap, rows)))
 
-    def velocity_correction(self, damping: float) -> ca.SX:
+    def velocity_correction(self) -> ca.SX:
         """Change of v (nv, 1) that closes the velocity residuals, in the mass metric."""
         c = self.constraints
         if not c.jacobian.shape[0]:
             return ca.SX.zeros(self.mechanics.tree.v.numel())
-        return -(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel())), damping))
+        return -(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel()))))
 
-    def _corrected(self, gap: ca.SX, rows: list[int], damping: float) -> ca.SX:
+    def _corrected(self, gap: ca.SX, rows: list[int]) -> ca.SX:
         """Multipliers of some rows that close `gap`."""
-        if self.constraints.singular:
-            return damped_solver(self.delassus[rows, rows], damping * self._scale[rows], 0)(gap)
-        if len(rows) == self.delassus.shape[0]:
+        if len(rows) == self.delassus.shape[0] and not self.constraints.dependent:
             return self._solver(gap)
-        return (semidefinite_solver if self.constraints.damped else positive_solver)(self.delassus[rows, rows])(gap)
+        return self._solver_of(rows, 1.0, 0 if self.constraints.singular else 1)(gap)
 
     @property
-    def _scale(self) -> ca.SX:
-        """The diagonal on average, in the ratios of `sizes`: no entry vanishes where a row does."""
-        ratios = ca.diag(self.delassus) / self.sizes
-        return ca.sum1(ratios) / ratios.numel() * ca.SX(self.sizes)
+    def _damping(self) -> ca.SX:
+        """(m, 1), each in its row's own unit: no entry vanishes where a row does."""
+        return _DAMPING * self._level * ca.SX(self.sizes)
+
+    @property
+    def _level(self) -> ca.SX:
+        """The diagonal on average, in units of `sizes`."""
+        return ca.sum1(ca.diag(self.delassus) / self.sizes) / self.sizes.size
 
 
 def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray) -> LoopForces:
@@ -152,20 +165,33 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
     if m == 0:
         check_tree_inertia(tree, parameters, constraints.q_start, values)
         none = ca.SX(tree.v.numel(), 0)
-        return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), {}, articulated_inertias(tree))
+        return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
     rotors = massless_motions(tree, parameters, samples, values)
     inertias = articulated_inertias(tree, rotors)
     flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
-    sizes = np.ones(m)
+    forces = LoopForces(mechanics, constraints, flexibility, delassus, np.ones(m), np.ones(m), rotors, inertias)
+    if constraints.dependent:
+        forces = dataclasses.replace(forces, sizes=_sizes(forces, ca.diag(delassus), parameters, values))
     if constraints.singular:
-        diagonal = ca.Function("diagonal", [tree.q, tree.t, parameters], [ca.densify(ca.diag(delassus))])
-        sizes = np.max([np.array(diagonal(q, 0.0, values)).ravel() for q in constraints.samples], axis=0)
-        sizes = np.maximum(sizes, 1e-12 * np.max(sizes))
-    forces = LoopForces(mechanics, constraints, flexibility, delassus, sizes, rotors, inertias)
+        usual = pivots(delassus + ca.diag(forces._damping))  # pyright: ignore[reportPrivateUsage]
+        forces = dataclasses.replace(forces, pivot_sizes=_sizes(forces, usual, parameters, values))
     forces.check_inertia(parameters, values)
     return forces
+
+
+def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndarray) -> np.ndarray:
+    """The largest values (m,) of a positive `column` in q where loops are closed; where they are open, if there is only rounding.
+
+    Rounded to powers of four: which configurations have been seen makes little difference then, and other units make none.
+    """
+    tree, samples = forces.mechanics.tree, forces.constraints.samples
+    function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
+    closed, beside = (
+        np.max([np.array(function(q, 0.0, values)).ravel() for q in places], axis=0) for places in (samples, opened(samples))
+    )
+    return 4.0 ** np.round(0.5 * np.log2(np.where(closed > _ROUNDING * beside, closed, beside)))
 
 
 def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
@@ -181,8 +207,8 @@ def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
             G = ca.jacobian(own, q[joint.q])
             dq[joint.q] -= G.T @ solve_positive(ca.densify(G @ G.T), own)
     return ca.vertcat(
-        q + dq + forces.position_correction(constraints.position, _PROJECTION_DAMPING),
-        v + forces.velocity_correction(_PROJECTION_DAMPING),
+        q + dq + forces.position_correction(constraints.position),
+        v + forces.velocity_correction(),
         states,
     )
 
@@ -195,8 +221,8 @@ def on_branch(rates: ca.SX, forces: LoopForces, arguments: list[ca.SX]) -> ca.SX
     t, q, v, states, u, p = arguments
     position = ca.Function("position", [t, q, p], [ca.densify(forces.constraints.position)])
     gap = ca.SX.sym("gap", forces.constraints.position.numel())
-    correction = ca.Function("correction", [t, q, p, gap], [ca.densify(forces.position_correction(gap, _CORRECTION_DAMPING))])
-    velocity = ca.Function("velocity", [t, q, v, p], [ca.densify(v + forces.velocity_correction(_CORRECTION_DAMPING))])
+    correction = ca.Function("correction", [t, q, p, gap], [ca.densify(forces.position_correction(gap))])
+    velocity = ca.Function("velocity", [t, q, v, p], [ca.densify(v + forces.velocity_correction())])
     q_on = q
     for _ in range(_CORRECTIONS):
         q_on = q_on + correction(t, q, p, position(t, q_on, p))

@@ -170,12 +170,21 @@ class Functions:
         return folded_function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"])
 
     @functools.cached_property
+    def clearance(self) -> ca.Function | None:
+        """(t, x, p) -> about the square of the distance from the next singular position of a loop, 1 far away; None if there is none."""
+        s = self.outputs.system
+        if s.clearance is None:
+            return None
+        found = ca.densify(self.space.put(s.clearance))
+        return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
+
+    @functools.cached_property
     def compiled(self) -> CompiledProblem | None:
         """Dynamics, invariants and projection as C in the memory of this process; None, said once, where that is not possible."""
         from acausal.runtime.compiled import compile_problem
 
         try:
-            found = compile_problem(self.explicit_dynamics, self.invariants, self.projection)
+            found = compile_problem(self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.space.nq)
         except ExportError as error:
             warn_no_compiler(f"{error}\n")
             return None

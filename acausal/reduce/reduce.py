@@ -51,6 +51,8 @@ class ReducedSystem:
     projection: ca.SX | None
     delassus: ca.SX
     """A M^-1 A' of the kept rows: loses rank where a loop is singular."""
+    clearance: ca.SX | None
+    """Zero where branches of the motion cross, see `LoopForces.clearance`; None where they never do."""
     scalar: ScalarPart
 
     def __str__(self) -> str:
@@ -177,7 +179,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
     n = scalar.positions
     first, last = _split(states, n)
     x, second = ca.vertcat(tree.q, first, tree.v, last), ca.vertcat(v_dot, scalar.rates)
-    if constraints.singular:
+    if constraints.dependent:
         second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
     accelerations, positions, others = _split(second, nv, n)
     x_dot = ca.vertcat(tree.rates, positions, accelerations, others)
@@ -185,7 +187,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> Re
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, scalar,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar,
     )  # fmt: skip
     _check_free(system)
     return system

@@ -14,6 +14,11 @@ int begin(Integrator *I) {
         if (!w) return 0;
         if (I->projection.work > longest) T->work = (V *)w, longest = I->projection.work;
     }
+    if (I->clearance.run) {
+        w = arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n);
+        if (!w || !make_passage(I)) return 0;
+        if (I->clearance.work > longest) T->work = (V *)w, longest = I->clearance.work;
+    }
     if (I->guards) {
         w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
         T->guard_values = reserve_doubles(I, POINTS * I->guards);

@@ -63,8 +63,8 @@ class Integrator(ctypes.Structure):
     """`Integrator` of runtime.h."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards")),
-        *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard", "variation", "projected")),
+        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions")),
+        *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance")),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
         ("input", InputFunction),

@@ -95,14 +95,17 @@ class CompiledProblem:
     """rhs, invariants and projection of a problem as kernels. Integrations with it may run side by side in threads."""
 
     def __init__(
-        self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, command: tuple[str, ...]
-    ) -> None:
+        self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, clearance: ca.Function | None,
+        positions: int, command: tuple[str, ...],
+    ) -> None:  # fmt: skip
         self.rhs = rhs
         self._project = project
         self.command = command
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
             wanted.append(Wanted("projection", projection_with_invariants(invariants, project), (2,)))
+        if clearance is not None:
+            wanted.append(Wanted("clearance", clearance, (2,)))
         with ThreadPoolExecutor(1) as pool:
             library = pool.submit(runtime, command)
             found = compiled_kernels(wanted, command)
@@ -111,6 +114,7 @@ class CompiledProblem:
         self._library, self.kernels = found
         self.lanes: int = self.library.lanes()
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
+        self.positions, self.crosses = positions, clearance is not None
         self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
         pairs = copied_states(rhs)
         self._copies = [(ctypes.c_long * max(1, len(pairs)))(*(pair[k] for pair in pairs)) for k in (0, 1)]
@@ -139,11 +143,13 @@ class CompiledProblem:
         table = method_table(choice.tableaus)
         core = Integrator(
             nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
-            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, rhs=self.kernels[0],
+            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, rhs=self.kernels[0],
             method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
         )  # fmt: skip
         if self.ng:
             core.projection = self.kernels[1]
+        if self.crosses:
+            core.clearance = self.kernels[2]
         if choice.tableaus[0].name == "gauss":
             s = choice.tableaus[0].stages
             fine = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
@@ -386,7 +392,11 @@ def projection_with_invariants(invariants: ca.Function, project: ca.Function) ->
 
 
 def compile_problem(
-    rhs: ca.Function, invariants: ca.Function | None = None, project: ca.Function | None = None
+    rhs: ca.Function,
+    invariants: ca.Function | None = None,
+    project: ca.Function | None = None,
+    clearance: ca.Function | None = None,
+    positions: int = 0,
 ) -> CompiledProblem | None:
     """Kernels for `Problem`s with these functions; None without a C compiler.
 
@@ -395,4 +405,4 @@ def compile_problem(
     command = compiler()
     if command is None:
         return None
-    return CompiledProblem(rhs, invariants, project, command)
+    return CompiledProblem(rhs, invariants, project, clearance, positions, command)

@@ -131,8 +131,13 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     double first = 0, last = 0, tail = 0, largest = 0;
     for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->start_known && !rate_at(I, I->t, I->x, T->start_rate)) return -1;
+    if (S->around) {
+        if (!rate_at(I, I->t, I->x, T->start_rate)) return -1;
+        along_at(I, h, T->start_rate);
+    }
     if (!rate_at(I, I->t + h, T->before, T->end_rate)) return -1;
-    T->start_known = 1;
+    if (S->around) along_at(I, h, T->end_rate);
+    T->start_known = !S->around;
     for (long i = 0; i < I->nx; i++) {
         const double *a = S->a + i * n;
         double even = 0, odd = 0, unit = h / T->scale[i];
@@ -176,6 +181,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     T->start_rate = T->end_rate;
     T->end_rate = rate;
     T->start_known &= S->method->kind == GAUSS && S->s > 2;
+    if (S->around) legendre_coefficients(I, S, S->K);
     T->last_h = h;
     T->last_s = S->s;
     for (long i = 0; i < n; i++) memcpy(T->last_a + i * S->s, S->a + i * width, sizeof(double) * (size_t)S->s);
@@ -264,6 +270,7 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
     set_scale(I, h);
     set_factor(I, h);
     if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
+    S->around = 0;
     Judge J = new_judge(tolerance, rounding_floor(I, S, h), T->newton_now ? 15 : 50);
     int done = T->newton_now ? newton(I, S, h, I->x, &J) : fixed_point(I, S, h, I->x, &J);
     *contraction = J.contraction;
@@ -340,7 +347,7 @@ static enum Code one_adaptive(Integrator *I) {
             choose_order(I, 1, 1);
             continue;
         }
-        legendre_coefficients(I, S);
+        legendre_coefficients(I, S, S->around ? S->G : S->K);
         step_increments(I, S);
         double error = S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
         if (!(error <= 1)) {
@@ -413,7 +420,7 @@ static enum Code one_fixed(Integrator *I) {
         return code == STEP_UNDERFLOW ? NOT_CONVERGED : code;
     }
     if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;
-    legendre_coefficients(I, S);
+    legendre_coefficients(I, S, S->K);
     step_increments(I, S);
     return accept_step(I, S, h);
 }

@@ -178,6 +178,11 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, i, v_all(x[i]));
         stage_rates(I, S);
+        if (I->clearance.run && J->count < 2) find_zone(I, S, J);
+        if (S->around) {
+            correct_stages(I, S);
+            settle(I, S, S->N, x);
+        }
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) residual[j * n + i] = S->N[j / LANES][i][j % LANES] - S->K[j / LANES][i][j % LANES];
         newton_direction(I, m, residual, T->dK);
@@ -190,6 +195,7 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         widen(I, S, S->K, h);
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) sum += T->dK[j * n + i] * factor[i] * T->dK[j * n + i] * factor[i];
+        if (S->around) sum = change_along(I, S, T->dK, factor);
         enum Verdict v = judge(J, sqrt(sum / (double)s));
         if (v != GO_ON) return v == DONE;
     }
@@ -208,9 +214,10 @@ static double radau_error(Integrator *I, Stages *S, double t, double h, const do
         if (again)
             for (long i = 0; i < n; i++) T->before[i] = x[i] + re[i];
         if (!rate_at(I, t, again ? T->before : x, T->rate)) return NAN;
+        if (S->around) along_at(I, h, T->rate);
         for (long i = 0; i < n; i++) {
             double inner = m->gamma * T->rate[i];
-            for (long j = 0; j < S->s; j++) inner += m->weights[j] * S->K[j / LANES][i][j % LANES];
+            for (long j = 0; j < S->s; j++) inner += m->weights[j] * (S->around ? S->G : S->K)[j / LANES][i][j % LANES];
             re[i] = h * inner;
             im[i] = 0;
         }

@@ -5,6 +5,7 @@
 #include "runtime.h"
 #include "memory.h"
 #include "stages.h"
+#include "passage.h"
 #include "newton.h"
 #include "projection.h"
 #include "sensitivity.h"

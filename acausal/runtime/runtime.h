@@ -38,13 +38,14 @@ enum Code {
 
 /* One integration. The caller fills the first part; `begin` makes the rest. */
 typedef struct Integrator {
-    long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards;
+    long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards, positions;
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
     Kernel projection;  /* t, x, p -> x nearer to the invariants, invariants (ng) at the given x */
     Kernel guard;       /* t, x, u, p -> values whose zeros are wanted */
     Kernel variation;   /* t, x, u, p, dx, du, dp -> dx' */
     Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
+    Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
     const Method *method_list;
     const double *parameters;
     int (*input)(double t, double *u); /* null: `u` does not change */

@@ -7,10 +7,15 @@
 typedef struct {
     const Method *method;
     long s, blocks;
+    double t, h; /* of the step */
     V *mu, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
     V *c, *b, *hb, *counted;
     V **in, **K, **N, **L, **saved; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
     double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
+    int around;      /* whether some stages are around a singular position; then: */
+    V **G, **H;      /* the rates' parts along the branch, now and after the next iteration */
+    double *clear;   /* clearances */
+    double *tau;     /* how far to either side rates are continued from; 0: not needed */
 } Stages;
 
 typedef struct {
@@ -110,6 +115,8 @@ struct State {
     /* Newton */
     double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual;
     long *pivots;
+    V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
+    double *across;
     double factored_h, jacobian_time;
     long factored_method, padded;
     int jacobian_fresh;
@@ -132,6 +139,11 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->N = reserve(I, sizeof(V *) * (size_t)B);
     S->L = reserve(I, sizeof(V *) * (size_t)B);
     S->saved = reserve(I, sizeof(V *) * (size_t)B);
+    S->G = reserve(I, sizeof(V *) * (size_t)B);
+    S->H = reserve(I, sizeof(V *) * (size_t)B);
+    S->tau = (double *)reserve_lanes(I, B);
+    S->clear = (double *)reserve_lanes(I, B);
+    if (!S->G || !S->H || !S->tau || !S->clear) return 0;
     S->a = (double *)reserve_lanes(I, B * I->nx);
     if (!S->in || !S->K || !S->N || !S->L || !S->saved || !S->mu || !S->to_legendre || !S->a) return 0;
     columns_of(S->mu, m->mu, s, B);
@@ -143,6 +155,7 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
         S->L[b] = reserve_lanes(I, I->nx);
         S->saved[b] = reserve_lanes(I, I->nx);
         if (!S->in[b] || !S->K[b] || !S->N[b] || !S->L[b] || !S->saved[b]) return 0;
+        if (I->clearance.run && (!(S->G[b] = reserve_lanes(I, I->nx + 1)) || !(S->H[b] = reserve_lanes(I, I->nx + 1)))) return 0;
         for (long l = 0; l < LANES; l++) {
             long j = b * LANES + l;
             S->c[b][l] = m->c[j < s ? j : s - 1];
@@ -157,6 +170,8 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
 
 /* Times and inputs of the stages. Returns 0 when the input function failed. */
 static int stage_times(Integrator *I, Stages *S, double t, double h) {
+    S->t = t;
+    S->h = h;
     for (long b = 0; b < S->blocks; b++) {
         S->in[b][0] = v_fma(v_all(h), S->c[b], v_all(t));
         if (!I->input) continue;
@@ -263,10 +278,11 @@ static void widen(Integrator *I, Stages *S, V **K, double h) {
     T->widened = 1;
 }
 
-/* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. */
-static double replace_rates(Integrator *I, Stages *S, double h) {
+/* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. Around a singular position the same of
+   (H - G), and `whole` of (N - K). */
+static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
     const double *factor = I->state->factor;
-    double sum = 0;
+    double sum = 0, all = 0;
     widen(I, S, S->N, h);
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
@@ -276,9 +292,21 @@ static double replace_rates(Integrator *I, Stages *S, double h) {
         }
         S->K[b] = N;
         S->N[b] = K;
+        if (S->around) {
+            V *G = S->G[b], *H = S->H[b];
+            all += v_sum(part * S->counted[b]);
+            part = v_all(0.0);
+            for (long i = 0; i < I->nx; i++) {
+                V d = (H[i] - G[i]) * v_all(factor[i]);
+                part = v_fma(d, d, part);
+            }
+            S->G[b] = H;
+            S->H[b] = G;
+        }
         part = part * S->counted[b];
         sum += v_sum(part);
     }
+    *whole = all;
     return sqrt(sum / (double)S->s);
 }
 
@@ -310,9 +338,14 @@ static void renew_copies(Integrator *I, Stages *S, const double *x) {
         }
 }
 
+static void find_zone(Integrator *I, Stages *S, Judge *J);
+static void correct_stages(Integrator *I, Stages *S);
+static void settle(Integrator *I, Stages *S, V *const *K, const double *x);
+
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
 static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     const struct State *T = I->state;
+    double whole = 0, before = INFINITY;
     for (;;) {
         scale_rates(I, S);
         combine_states(S, T->own, I->nx - I->copies, x);
@@ -320,7 +353,15 @@ static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judg
             for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
         combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
-        enum Verdict v = judge(J, replace_rates(I, S, h));
+        if (I->clearance.run && J->count < 2) find_zone(I, S, J); /* the first guess may be poor */
+        if (S->around) {
+            correct_stages(I, S);
+            settle(I, S, S->N, x);
+        }
+        enum Verdict v = judge(J, replace_rates(I, S, h, &whole));
+        int still = v == DONE && whole < 0.25 * before; /* across the branch it converges still, and not yet to rounding errors */
+        before = S->around ? whole : 0;
+        if (still) continue;
         if (v == DONE) renew_copies(I, S, x);
         if (v != GO_ON) return v == DONE;
     }
@@ -336,12 +377,12 @@ static void step_increments(Integrator *I, Stages *S) {
     }
 }
 
-/* Legendre coefficients a = L K of the rates. */
-static void legendre_coefficients(Integrator *I, Stages *S) {
+/* Legendre coefficients a = L K of rates. */
+static void legendre_coefficients(Integrator *I, Stages *S, V *const *K) {
     long n = S->blocks * LANES;
     for (long i = 0; i < I->nx; i++)
         for (long b = 0; b < S->blocks; b++) {
-            V v = combined(S->to_legendre + b * n, S->K, S->blocks, i, v_all(0.0));
+            V v = combined(S->to_legendre + b * n, K, S->blocks, i, v_all(0.0));
             memcpy(S->a + i * n + b * LANES, &v, sizeof v);
         }
 }

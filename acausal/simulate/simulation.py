@@ -16,6 +16,7 @@ from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input, Parameter, number
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
+from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
 from acausal.simulate.inputs import INPUTS, InputValue, input_signal, unknown_symbol
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
@@ -93,6 +94,7 @@ def simulate(
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
+    check_branch(functions, problem, t0, t1, initial.x)
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
     solution = integrate(
@@ -160,7 +162,10 @@ def _problem(
     held = None if any(not np.isscalar(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
     native = functions.compiled if compiled else None
     p = parameter_values(functions, parameters)
-    return Problem(functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native)
+    return Problem(
+        functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native,
+        clearance=functions.clearance, positions=functions.space.nq,
+    )  # fmt: skip
 
 
 def _guards(functions: Functions, events: Sequence[when]) -> Guards:

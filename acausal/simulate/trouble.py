@@ -19,6 +19,7 @@ from acausal.wording import callers_level, compact
 _SINGULAR = 1e-9
 _MASSLESS = 1e-12
 _MISSED = 1e-4
+_CUT = 0.2
 _SHOWN = 4
 
 
@@ -36,31 +37,56 @@ def combination(weights: np.ndarray, names: Sequence[str]) -> str:
 def warn_if_singular(functions: Functions, run: Trajectory) -> None:
     """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
 
-    Rows of the loop's matrix are scaled to the largest diagonal that they meet. Where the reduction knows of singular positions,
+    Rows of the loop's matrix are scaled to the largest diagonal that they meet, and looked at where `_suspicious`. Where the reduction knows of singular positions,
     momentum leads through them; the motion is only in doubt where there is none.
     """
     system = functions.outputs.system
     if not system.constraints.jacobian.shape[0] or system.constraints.damped:
         return
-    n, t, x = len(run.solution.t), run.solution.t, run.solution.x
+    suspicious = _suspicious(functions, run)
+    if not suspicious.any():
+        return
+    suspicious[[0, suspicious.size // 2, -1]] = True  # what is usual is seen there
+    steps = np.flatnonzero(suspicious)
+    n, t, x = steps.size, run.solution.t[steps], run.solution.x[:, steps]
     u, p = run.problem.inputs(t), np.repeat(run.problem.parameters[:, None], n, axis=1)
     m = system.constraints.jacobian.shape[0]
     values = np.nan_to_num(np.array(functions.loop_matrix(t[None, :], x, u, p))).reshape(m, n, m).transpose(1, 0, 2)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
     spectrum = np.linalg.eigvalsh(values / scale[:, None] / scale)
     smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
-    if system.constraints.singular and np.min(smallest) < _SINGULAR:
-        kinetic = np.array(functions.kinetic_energy(t[None, :], x, u, p)).ravel()
-        smallest = np.where(kinetic <= _SINGULAR * np.max(kinetic), smallest, np.inf)
+    if system.constraints.singular:
+        smallest[~_at_rest(functions, run)[steps]] = np.inf
     worst = int(np.argmin(smallest))
     if smallest[worst] < _SINGULAR:
         joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)
         warnings.warn(
             f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
-            f"({_dependent_rows(functions, run, worst, scale)}), and more than one "
+            f"({_dependent_rows(functions, run, int(steps[worst]), scale)}), and more than one "
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
             SingularWarning, stacklevel=callers_level(),
         )  # fmt: skip
+
+
+def _suspicious(functions: Functions, run: Trajectory) -> np.ndarray:
+    """Ends of steps (n,) that are worth a look at the loops' matrix, which costs as much as the steps: where nothing moves, or, where no
+    singular position is known, steps were cut.
+    """
+    if functions.outputs.system.constraints.singular:
+        return _at_rest(functions, run)
+    h = np.diff(run.solution.t)
+    if not h.size:
+        return np.ones(run.solution.t.size, dtype=bool)
+    usual = np.minimum(np.append(h, np.inf), np.insert(h, 0, np.inf)) >= _CUT * np.median(h)
+    return ~usual
+
+
+def _at_rest(functions: Functions, run: Trajectory) -> np.ndarray:
+    """At the ends of which steps (n,) nothing moves."""
+    t, x = run.solution.t, run.solution.x
+    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
+    kinetic = np.array(functions.kinetic_energy(t[None, :], x, run.problem.inputs(t), p)).ravel()
+    return kinetic <= _SINGULAR * np.max(kinetic)
 
 
 def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.ndarray) -> str:

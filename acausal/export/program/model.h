@@ -13,8 +13,9 @@ typedef struct {
     Kernel rhs;        /* t, x, u, p -> x' */
     Kernel jvp;        /* t, x, u, p, dx -> df/dx dx */
     Kernel projection; /* t, x, p -> x nearer to the invariants, invariants */
+    Kernel clearance;  /* t, x, p -> 0 where branches of the motion cross, about 1 far away */
     long width;        /* LANES of model.c */
-    long states, inputs, parameters, invariants, copies;
+    long states, inputs, parameters, invariants, copies, positions;
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     const char *const *state_names;
     const double *start, *input_values, *parameter_values;

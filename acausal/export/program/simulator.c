@@ -194,8 +194,8 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
     const char *wrong = mistake(options, t0, n, times, states);
     if (wrong) return finished(report, SIMULATOR_BAD_ARGUMENT, wrong);
 
-    Integrator I = {.nx = model.states, .nu = model.inputs, .np = model.parameters, .ng = model.invariants,
-                    .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection,
+    Integrator I = {.nx = model.states, .nu = model.inputs, .np = model.parameters, .ng = model.invariants, .positions = model.positions,
+                    .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection, .clearance = model.clearance,
                     .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from, .slice = INFINITY,
                     .t = t0, .end = times[n - 1], .step = options->step, .max_steps = options->max_steps};
     I.rtol = fmax(options->rtol, FINEST);

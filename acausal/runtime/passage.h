@@ -1,0 +1,237 @@
+/* Through singular positions of loops, where branches of the motion cross; see acausal/integrators/passage.py. */
+
+#define NEARBY 0.1
+#define CROSSING 5e-5
+#define AHEAD 0.016
+#define NODES 8
+#define CORRECTIONS 4
+#define SETTLING 10
+#define SEARCH 30
+#define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
+
+static const double node_places[NODES] = {-4, -3, -2, -1, 1, 2, 3, 4};
+static const double node_weights[NODES] = {-1.0 / 70, 4.0 / 35, -2.0 / 5, 4.0 / 5, 4.0 / 5, -2.0 / 5, 4.0 / 35, -1.0 / 70};
+
+static int make_passage(Integrator *I) {
+    struct State *T = I->state;
+    long B = NODES / LANES, count = I->rhs.inputs + 1;
+    for (long b = 0; b < B; b++) {
+        T->nodes[b] = reserve_lanes(I, count);
+        T->node_rates[b] = reserve_lanes(I, I->nx + 1);
+        T->node_along[b] = reserve_lanes(I, I->nx + 1);
+        if (!T->nodes[b] || !T->node_rates[b] || !T->node_along[b]) return 0;
+        memcpy(T->nodes[b], T->point_in, sizeof(V) * (size_t)count); /* parameters and inputs */
+    }
+    T->one_along = reserve_lanes(I, I->nx + 1);
+    T->ahead = reserve_lanes(I, count);
+    T->across = reserve_doubles(I, I->nx + 1);
+    return T->one_along && T->ahead && T->across;
+}
+
+/* Clearances of the states in the arguments of a rhs. */
+static V clearances(Integrator *I, const V *in) {
+    struct State *T = I->state;
+    memcpy(T->clearance_in, in, sizeof(V) * (size_t)(1 + I->nx));
+    I->clearance.run(T->clearance_in, T->clearance_c, T->clearance_out, T->work);
+    return T->clearance_out[0];
+}
+
+/* One correction of the states in the arguments of a rhs. */
+static const V *corrected(Integrator *I, const V *in) {
+    struct State *T = I->state;
+    memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + I->nx));
+    I->projection.run(T->projection_in, T->projection_c, T->projection_out, T->work);
+    return T->projection_out;
+}
+
+/* What of the rates `K` of velocities at the states in `in` lies along the branch; those of positions are left out. */
+static void along_branch(Integrator *I, const V *in, const V *K, V *out) {
+    struct State *T = I->state;
+    long m = I->positions;
+    memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + m));
+    memcpy(T->projection_in + 1 + m, K + m, sizeof(V) * (size_t)(I->nx - m));
+    I->projection.run(T->projection_in, T->projection_c, T->projection_out, T->work);
+    for (long i = 0; i < m; i++) out[i] = v_all(0.0);
+    memcpy(out + m, T->projection_out + m, sizeof(V) * (size_t)(I->nx - m));
+}
+
+/* The nodes: states of one lane moved by tau times `places`, in positions along their rates K, time too. */
+static void set_nodes(Integrator *I, const V *in, const V *K, long lane, double tau, const double *places) {
+    struct State *T = I->state;
+    for (long k = 0; k < NODES; k++) {
+        V *node = T->nodes[k / LANES];
+        long l = k % LANES;
+        double ahead = tau * places[k];
+        node[0][l] = in[0][lane] + ahead;
+        for (long i = 0; i < I->nx; i++) node[1 + i][l] = in[1 + i][lane] + (i < I->positions ? ahead * K[i][lane] : 0.0);
+        for (long i = 0; i < I->nu; i++) node[1 + I->nx + i][l] = in[1 + I->nx + i][lane];
+    }
+}
+
+/* Distance that the state in one lane has tau [s] ahead and back on average; distances grow in proportion to |tau|. */
+static double distance_aside(Integrator *I, const V *in, const V *K, long lane, double tau) {
+    static const double both[NODES] = {-1, 1, -1, 1, -1, 1, -1, 1};
+    struct State *T = I->state;
+    set_nodes(I, in, K, lane, tau, both);
+    double one = clearances(I, T->nodes[0])[0];
+    double other = LANES > 1 ? T->clearance_out[0][1 % LANES] : clearances(I, T->nodes[1 % (NODES / LANES)])[0];
+    return 0.5 * (sqrt(fmax(one, 0)) + sqrt(fmax(other, 0)));
+}
+
+/* How far to go ahead and back from the state in one lane, in a step of size h, to have clearance; 0 where that leads nowhere. */
+static double crossing(Integrator *I, const V *in, const V *K, long lane, double h) {
+    double tau = h, distance = INFINITY;
+    for (int k = 0; k < SEARCH && distance > 2 * AHEAD; k++) distance = distance_aside(I, in, K, lane, tau *= 0.25);
+    for (int k = 0; k < SEARCH && distance < 0.5 * AHEAD; k++) distance = distance_aside(I, in, K, lane, tau *= 4);
+    for (int k = 0; k < 2; k++) distance = distance_aside(I, in, K, lane, tau *= AHEAD / distance);
+    return distance > 0.5 * AHEAD && distance < 2 * AHEAD ? tau : 0;
+}
+
+/* The nodes to either side of a state, with closed loops. */
+static void close_nodes(Integrator *I, const V *in, const V *K, long lane, double tau) {
+    struct State *T = I->state;
+    set_nodes(I, in, K, lane, tau, node_places);
+    for (long b = 0; b < NODES / LANES; b++)
+        for (int k = 0; k < CORRECTIONS; k++) memcpy(T->nodes[b] + 1, corrected(I, T->nodes[b]), sizeof(V) * (size_t)I->nx);
+}
+
+/* Row i of values at the nodes, continued to the state between them. */
+static double continued(V *const *values, long i) {
+    double sum = 0;
+    for (long k = 0; k < NODES; k++) sum += node_weights[k] * values[k / LANES][i][k % LANES];
+    return sum;
+}
+
+/* The rates of one lane, continued from the nodes to either side; their part along the branch. */
+static void correct_lane(Integrator *I, const V *in, V *K, V *along, long lane, double tau) {
+    struct State *T = I->state;
+    close_nodes(I, in, K, lane, tau);
+    for (long b = 0; b < NODES / LANES; b++) I->rhs.run(T->nodes[b], T->rhs_c, T->node_rates[b], T->work);
+    for (long i = I->positions; i < I->nx; i++) K[i][lane] = continued(T->node_rates, i);
+    for (long b = 0; b < NODES / LANES; b++) {
+        for (long i = 0; i < I->nx; i++) T->node_rates[b][i] = v_all(K[i][lane]);
+        along_branch(I, T->nodes[b], T->node_rates[b], T->node_along[b]);
+    }
+    for (long i = 0; i < I->nx; i++) along[i][lane] = continued(T->node_along, i);
+}
+
+/* Which stages are next to a singular position, and whether some are around one. */
+static void find_zone(Integrator *I, Stages *S, Judge *J) {
+    int around = 0;
+    for (long b = 0; b < S->blocks; b++) {
+        V clear = clearances(I, S->in[b]);
+        memcpy(S->clear + b * LANES, &clear, sizeof clear);
+        for (long l = 0; l < LANES; l++) {
+            double *tau = S->tau + b * LANES + l;
+            *tau = b * LANES + l < S->s && clear[l] < CROSSING ? crossing(I, S->in[b], S->N[b], l, S->h) : 0;
+            around |= !(clear[l] >= NEARBY);
+        }
+        along_branch(I, S->in[b], S->K[b], S->G[b]);
+    }
+    if (around && !S->around) J->floor *= ROUNDING;
+    S->around = around;
+}
+
+/* Rates N next to a singular position corrected; H: the part of all of them along the branch. */
+static void correct_stages(Integrator *I, Stages *S) {
+    for (long b = 0; b < S->blocks; b++) {
+        along_branch(I, S->in[b], S->N[b], S->H[b]);
+        for (long l = 0; l < LANES; l++)
+            if (S->tau[b * LANES + l] > 0) correct_lane(I, S->in[b], S->N[b], S->H[b], l, S->tau[b * LANES + l]);
+    }
+}
+
+/* A state with closed loops in the arguments `in` of a rhs, in all lanes: x + h sum of row[j] K_j, at a fraction `c` of the step. */
+static void close_state(Integrator *I, const Stages *S, V *const *K, double c, const double *x, const double *row, V *in) {
+    in[0] = v_all(S->t + S->h * c);
+    for (long i = 0; i < I->nx; i++) {
+        double sum = 0;
+        for (long j = 0; j < S->s; j++) sum += row[j] * K[j / LANES][i][j % LANES];
+        in[1 + i] = v_all(x[i] + S->h * sum);
+    }
+    for (int k = 0; k < 2; k++) memcpy(in + 1, corrected(I, in), sizeof(V) * (size_t)I->nx);
+}
+
+/* The part along the branch of the velocities T->across times `factor`, at a state that lies between the nodes, or is at them. */
+static double moving(Integrator *I, int between, double factor, long i) {
+    struct State *T = I->state;
+    if (i == I->positions)
+        for (long b = 0; b < (between ? NODES / LANES : 1); b++) {
+            for (long k = 0; k < I->nx; k++) T->node_rates[b][k] = v_all(factor * T->across[k]);
+            along_branch(I, T->nodes[b], T->node_rates[b], T->node_along[b]);
+        }
+    return between ? continued(T->node_along, i) : T->node_along[0][i][0];
+}
+
+/* Takes what rounding errors have done to the rates of the stage nearest to the position out of them, such that the end of the step moves
+   along the branch. The stages in between need not: they are less accurate. */
+static void settle(Integrator *I, Stages *S, V *const *K, const double *x) {
+    struct State *T = I->state;
+    double h = S->h;
+    const double *b = S->method->b;
+    long s = S->s, n = I->nx, k = 0;
+    for (long j = 1; j < s; j++)
+        if (S->clear[j] < S->clear[k]) k = j;
+    close_state(I, S, K, 1.0, x, b, T->ahead);
+    if (!(S->clear[k] < NEARBY) || clearances(I, T->ahead)[0] < NEARBY) return;
+    int between = S->tau[k] > 0;
+    if (between) close_nodes(I, S->in[k / LANES], K[k / LANES], k % LANES, S->tau[k]);
+    else close_state(I, S, K, S->method->c[k], x, S->method->A + k * s, T->nodes[0]);
+    double least = INFINITY;
+    for (int round = 0; round < SETTLING; round++) {
+        for (long i = I->positions; i < n; i++) {
+            double sum = 0;
+            for (long j = 0; j < s; j++) sum += b[j] * K[j / LANES][i][j % LANES];
+            T->ahead[1 + i] = v_all(x[i] + h * sum);
+        }
+        const V *along = corrected(I, T->ahead);
+        double size = 0;
+        for (long i = I->positions; i < n; i++) {
+            T->across[i] = (T->ahead[1 + i][0] - along[i][0]) / (h * b[k]);
+            size = fmax(size, fabs(T->across[i]));
+        }
+        if (!(size < 0.7 * least)) break;
+        least = size;
+        V *mine = K[k / LANES];
+        for (long i = I->positions; i < n; i++) mine[i][k % LANES] -= T->across[i] - moving(I, between, 1.0, i);
+        for (long i = I->positions; i < n; i++) mine[i][k % LANES] -= moving(I, between, 0.0, i);
+    }
+}
+
+/* The part of a change dK (stages, nx) of the rates along the branch: squares of its entries times `factor`, summed. */
+static double change_along(Integrator *I, Stages *S, const double *dK, const double *factor) {
+    double sum = 0;
+    for (long b = 0; b < S->blocks; b++) {
+        V *D = S->L[b], *G = S->G[b];
+        S->G[b] = S->H[b];
+        S->H[b] = G;
+        for (long l = 0; l < LANES; l++)
+            for (long i = 0; i < I->nx; i++) D[i][l] = b * LANES + l < S->s ? dK[(b * LANES + l) * I->nx + i] : 0.0;
+        along_branch(I, S->in[b], D, G);
+        for (long i = 0; i < I->nx; i++)
+            for (long l = 0; l < LANES; l++) {
+                double d = G[i][l] * factor[i];
+                sum += b * LANES + l < S->s ? d * d : 0.0;
+            }
+    }
+    return sum;
+}
+
+/* Of a state that `rate_at` has just been asked for: the rates' part along the branch, into `rate`. */
+static void along_at(Integrator *I, double h, double *rate) {
+    struct State *T = I->state;
+    V *in = T->point_in, *K = T->point_out;
+    double tau = clearances(I, in)[0] < CROSSING ? crossing(I, in, K, 0, h) : 0;
+    along_branch(I, in, K, T->one_along);
+    if (tau > 0) correct_lane(I, in, K, T->one_along, 0, tau);
+    for (long i = 0; i < I->nx; i++) rate[i] = T->one_along[i][0];
+}
+
+/* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
+static int is_crossing(Integrator *I, double t, const double *x) {
+    struct State *T = I->state;
+    if (!I->clearance.run) return 0;
+    T->nodes[0][0] = v_all(t);
+    for (long i = 0; i < I->nx; i++) T->nodes[0][1 + i] = v_all(x[i]);
+    return clearances(I, T->nodes[0])[0] < CROSSING;
+}
