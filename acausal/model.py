@@ -15,10 +15,11 @@ import numpy as np
 from acausal.arguments import ascending, finite, listed
 from acausal.collocation.problem import Tolerances
 from acausal.dynamics.system import mechanical_system
-from acausal.errors import LockedError, ModelError
+from acausal.errors import AssemblyError, LockedError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import FlatSystem, flatten
+from acausal.loops.constraints import analyse_constraints
 from acausal.outputs.functions import Functions, operations
 from acausal.outputs.outputs import Outputs
 from acausal.parts.part_check import check_parts
@@ -28,7 +29,7 @@ from acausal.simulate.events import when
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.topology.build_mechanism import build_mechanism
-from acausal.wording import counted
+from acausal.wording import compact, counted
 
 if TYPE_CHECKING:
     from acausal.analysis.actuation import Unknown
@@ -43,6 +44,10 @@ if TYPE_CHECKING:
     from acausal.simulate.simulation import InputValue, Progress
     from acausal.simulate.trajectory import Trajectory
     from acausal.start.branches import Branches
+
+
+_KEPT = 32
+"""Values of parameters for which loops stay examined."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,8 +101,45 @@ class Model:
         parameters: Mapping[Parameter, float] | None = None,
     ) -> InitialState:
         """Consistent states x, and the p that belongs to them, from start values; see `simulate` for the arguments and errors."""
-        found, space = self._whole_start(start, t0, inputs, parameters), self.functions.space
+        here = self._at(parameters)
+        found, space = here._whole_start(start, t0, inputs, parameters), here.functions.space
         return replace(found, x=space.restricted(found.x), p=space.extended(t0, found.x, found.p))
+
+    def _at(self, parameters: Mapping[Parameter, float] | None) -> Model:
+        """The model for these values of the parameters: this one, unless its loops then have other independent rows or singular positions.
+
+        Raises `LockedError` where nothing can move with them. Costs a search for singular positions where the loops depend on
+        parameters with values that are new.
+        """
+        from acausal.simulate.simulation import parameter_values
+
+        if not parameters or not self.system.constraints.parameters:
+            return self
+        values = parameter_values(self.functions, parameters)
+        if self.system.constraints.holds(values):
+            return self
+        places = list(self.system.constraints.parameters)
+        key = values[places].tobytes()
+        if key not in self._others:
+            if len(self._others) >= _KEPT:
+                self._others.clear()
+            self._others[key] = self._examined(values, [self.parameter_names[i] for i in places])
+        return self._others[key]
+
+    def _examined(self, values: np.ndarray, names: Sequence[str]) -> Model:
+        s = self.system
+        try:
+            found = analyse_constraints(s.mechanics, s.p, values)
+        except AssemblyError:
+            return self  # the search for a start says what does not close
+        except LockedError as error:
+            raise LockedError(f"With other values of {compact(names)}: {error}") from None
+        return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values))
+
+    @functools.cached_property
+    def _others(self) -> dict[bytes, Model]:
+        """Models for other values of parameters."""
+        return {}
 
     def _whole_start(
         self,
@@ -142,7 +184,7 @@ class Model:
         from acausal.start.branch_search import branches
 
         p, u = self._given(t0, inputs, parameters)
-        return branches(self.functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
+        return branches(self._at(parameters).functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
 
     def assembly_function(
         self,
@@ -205,7 +247,7 @@ class Model:
         from acausal.simulate.simulation import Options, simulate
 
         options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, events)
-        return simulate(self.functions, t0, end, start, inputs, parameters, options)
+        return simulate(self._at(parameters).functions, t0, end, start, inputs, parameters, options)
 
     def sensitivities(
         self,
@@ -228,7 +270,9 @@ class Model:
         from acausal.simulate.simulation import sensitivity_run
 
         tolerances = Tolerances(rtol, atol or 0.0, None, max_steps)
-        return sensitivity_run(self.functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled)
+        return sensitivity_run(
+            self._at(parameters).functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled
+        )
 
     def trajectory_function(
         self,

@@ -325,7 +325,12 @@ def rods_in_space(of: Units) -> Similar:
     s: Any = ac.System()
     s.world, s.plate = (
         of.world(0, 0, -9.81),
-        RigidBody.box(of.mass, of.vector(1, 1, 0.05), position=of.vector(0, 0, -1) if of.place is HELD else None),
+        RigidBody.box(
+            of.mass,
+            of.vector(1, 1, 0.05),
+            position=tuple(of.length * (of.place[0] @ (0, 0, -1) + of.place[1])),
+            rotation=of.place[0],
+        ),
     )
     s.rods = [Rod(1.1 * of.length) for _ in range(3)]
     for k, rod in enumerate(s.rods):

@@ -99,8 +99,8 @@ def test_every_sketch_wrong_by_half_a_radian_or_half_a_length_is_assembled(make)
     search = account.problem.positions
     rng = np.random.default_rng(5)
     for size in (0.5,) * 10 + (1.5,) * 10:
-        guess = search.guess + size * rng.normal(size=search.guess.size) * account.problem.scale()
-        found = dataclasses.replace(search, guess=guess).solve(account.data, account.weights, account.problem.scale)
+        guess = search.guess + size * rng.normal(size=search.guess.size) * account.problem.measured(account.data).scale
+        found = dataclasses.replace(search, guess=guess).solve(account.data, account.weights)
         assert found.converged
         assert np.max(np.abs(np.array(search.residual(found.y, account.data)))) < 1e-12 * (1 + np.max(np.abs(found.y)))
         assert search.is_meant(found.y, account.data)

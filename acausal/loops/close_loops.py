@@ -11,7 +11,10 @@ from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.loops import LoopRows
 from acausal.loops.walk import Walk
 from acausal.numerics.assembly import assemble
+from acausal.numerics.thresholds import EDGE
 from acausal.parts.pose import Pose
+
+_ATTEMPTS = 12
 
 
 def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
@@ -36,34 +39,40 @@ def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
 
 
 def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np.ndarray:
-    """A configuration of the group's coordinates near `guess` with all its loops closed on the branch meant.
+    """A configuration z of the group's coordinates near the `guess` q with all its loops closed on the branch meant.
 
+    Loops that are driven may close at another time only: the walk is then at that time.
     Raises `AssemblyError` with the smallest gap.
     """
 
-    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c, J = walk.at(q)[:2]
-        return c[:, 0], J
-
     meant = ca.Function("meant", [group.q, t], [ca.vertcat(group.domain, *_signs(group, t))])
     rng = np.random.default_rng(0)
-    smallest, where = np.inf, guess
-    for attempt in range(12):
-        first = guess if attempt == 0 else guess + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+    sketch = guess / walk.unit
+    smallest, where = np.inf, sketch
+    for attempt in range(_ATTEMPTS):
+        first = sketch if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
         if not all(np.isfinite(part).all() for part in walk.at(first)):  # a wheel that lies flat, the tip of a cone: beside it
             continue
-        found = assemble(residual, first)
-        right_branch = bool(np.all(np.array(meant(found.y, 0.0)) > 0))
+        found = assemble(walk.closing, first, sizes=walk.sizes)
+        right_branch = bool(np.all(np.array(meant(found.y * walk.unit, walk.time)) > EDGE))
         if found.converged and right_branch:
             return found.y
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
     if not np.isfinite(smallest) and not all(np.isfinite(part).all() for part in walk.at(where)):
         raise _without_slope(group, walk.at(where))
-    worst, gaps = _worst_loop(group.loops, np.abs(residual(where)[0]))
-    told = _in_words(worst, gaps)
+    if ca.depends_on(group.closing, t):
+        for attempt in range(_ATTEMPTS):
+            first = where if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+            z = walk.later(first)
+            if z is not None and np.all(np.array(meant(z * walk.unit, walk.time)) > EDGE):
+                return z
+        walk.time = 0.0
+    gaps = np.abs(walk.gaps(where))
+    worst, own = _worst_loop(group.loops, gaps)
     raise AssemblyError(
-        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is {smallest:.3g} (m, or sine of an angle){told}. "
+        f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is "
+        f"{float(np.max(gaps)):.3g} (m, or sine of an angle){_in_words(worst, own)}. "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
     )
 

@@ -47,6 +47,23 @@ class Constraints:
     damped: bool
     singular: bool
     samples: tuple[np.ndarray, ...]
+    opened: tuple[np.ndarray, ...]
+    """Some configurations beside assembled ones, where loops are open by a share of their own size."""
+    parameters: tuple[int, ...]
+    """Places of the parameters on which the loops depend."""
+    values: np.ndarray
+    """All parameters where the above was found."""
+
+    def holds(self, values: np.ndarray) -> bool:
+        """Whether the loops are the same for these values of the parameters (np,)."""
+        places = list(self.parameters)
+        return np.array_equal(self.values[places], values[places])
+
+    def decides_as(self, other: Constraints) -> bool:
+        """Whether the same rows are kept, and singular positions are met or not."""
+        return (self.kept_index, self.rank.rank, self.damped, self.singular) == (
+            other.kept_index, other.rank.rank, other.damped, other.singular
+        )  # fmt: skip
 
     @property
     def dependent(self) -> bool:
@@ -86,12 +103,15 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         if not (group.names or group.invariants.numel() or group.domain.numel()):
             found.append(_unbound(group, guess))
             continue
-        walk = Walk(group, tree.t, parameters, values)
+        walk = Walk(group, tree.t, parameters, values, guess)
         start = close_loops(group, walk, tree.t, guess)
-        found.append(_examined(group, walk, start, tree.t) if group.names else _unbound(group, start))
+        found.append(_examined(group, walk, start, tree.t, parameters) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
+    empty = {name for part in found for name in part.empty}
+    loops = tuple(rows.without(empty) for rows in loops)
     rank = sum(part.rank.rank for part in found)
-    samples = tuple(_together(found, k, tree.q.numel()) for k in range(max((len(part.samples) for part in found), default=1)))
+    samples = _together([(part.group, part.samples) for part in found], tree.q.numel())
+    beside = _together([(part.group, part.opened) for part in found], tree.q.numel())
     kept = {part.group.names[i] for part in found for i in part.rank.kept}
     chosen_names = {part.group.names[i] for part in found for i in part.chosen}
     names = [name for rows in loops for name in rows.names]
@@ -109,7 +129,7 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         loops, position, velocity, ca.densify(ca.jacobian(velocity, tree.v)), system.kinematics.rate(velocity), joint_invariants(system),
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
-        any(part.singular for part in found), samples,
+        any(part.singular for part in found), samples, beside, _influences(loops, parameters), np.array(values, dtype=float),
     )  # fmt: skip
 
 
@@ -119,6 +139,8 @@ class _Examined:
 
     group: LoopGroup
     samples: list[np.ndarray]
+    opened: list[np.ndarray]
+    """Configurations beside these."""
     rank: RankReport
     chosen: tuple[int, ...]
     damped: bool
@@ -127,22 +149,24 @@ class _Examined:
     """Rows in the velocities at the start."""
     timed: bool
     """Whether the time enters."""
+    empty: tuple[str, ...] = ()
+    """Rows that only hold rounding errors, whatever the parameters."""
 
 
 def _unbound(group: LoopGroup, start: np.ndarray) -> _Examined:
     """Joints without rows of loops."""
-    return _Examined(group, [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
+    return _Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
 
 
-def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX) -> _Examined:
+def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, parameters: ca.SX) -> _Examined:
     samples: list[np.ndarray] = []
     jacobians: list[np.ndarray] = []
     rank = RankReport((), 0, 0)
     # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
     for reach in (1, _SAMPLES):
         samples = walk.samples(start, reach)
-        jacobians = [walk.at(q)[2] for q in samples]
-        rank = independent_rows(jacobians)
+        jacobians = [walk.at(z)[2] for z in samples]
+        rank = independent_rows(jacobians, walk.rank, walk.dependent)
         if rank.rank == len(group.names):
             break
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
@@ -151,15 +175,43 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX) -> _Exa
     singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank))
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
-        jacobians = [walk.at(q)[2] for q in samples]
-    chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(q)[2] for q in opened(samples))])
-    return _Examined(group, samples, rank, chosen, len(chosen) > rank.rank, singular, jacobians[0], timed)
+        jacobians = [walk.at(z)[2] for z in samples]
+    beside = _opened(samples)
+    chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(z)[2] for z in beside)], walk.rank)
+    return _Examined(
+        group,
+        [z * walk.unit for z in samples],
+        [z * walk.unit for z in beside],
+        rank,
+        chosen,
+        len(chosen) > rank.rank,
+        singular,
+        walk.rows(start),
+        timed,
+        _empty(group, walk, parameters),
+    )
 
 
-def opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Configurations beside assembled ones, where loops are open."""
+def _influences(loops: Sequence[LoopRows], parameters: ca.SX) -> tuple[int, ...]:
+    rows = ca.vertcat(ca.SX(0, 1), *(ca.vertcat(rows.position, rows.velocity) for rows in loops))
+    used = {s.element_hash() for s in ca.symvar(rows)}
+    return tuple(i for i in range(parameters.numel()) if parameters[i].element_hash() in used)
+
+
+def _empty(group: LoopGroup, walk: Walk, parameters: ca.SX) -> tuple[str, ...]:
+    rows = [rows.velocity[k] for rows in group.loops for k in range(len(rows.names))]
+    places = [rows.position[k] if k < rows.position.numel() else ca.SX(0) for rows in group.loops for k in range(len(rows.names))]
+    return tuple(
+        name
+        for name, row, place, empty in zip(group.names, rows, places, walk.empty, strict=True)
+        if empty and not ca.depends_on(ca.vertcat(row, place), parameters)
+    )
+
+
+def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Configurations z beside assembled ones, where loops are open."""
     rng = np.random.default_rng(2)
-    return [q + _OPENING * rng.uniform(-1, 1, q.size) for q in samples[:_OPENED]]
+    return [z + _OPENING * rng.uniform(-1, 1, z.size) for z in samples[:_OPENED]]
 
 
 def _check_locked(found: Sequence[_Examined], freedoms: int) -> None:
@@ -169,9 +221,10 @@ def _check_locked(found: Sequence[_Examined], freedoms: int) -> None:
         raise locked(stuck[0].group.loops, stuck[0].group.v.numel(), stuck[0].A)
 
 
-def _together(found: Sequence[_Examined], k: int, size: int) -> np.ndarray:
-    """One assembled configuration (size,) from the k-th of each group, or its last."""
-    q = np.zeros(size)
-    for part in found:
-        q[list(part.group.q_places)] = part.samples[min(k, len(part.samples) - 1)]
-    return q
+def _together(found: Sequence[tuple[LoopGroup, list[np.ndarray]]], size: int) -> tuple[np.ndarray, ...]:
+    """Configurations (size,) from the first, second, ... one of each group, or its last."""
+    result = [np.zeros(size) for _ in range(max((len(own) for _, own in found), default=1))]
+    for group, own in found:
+        for k, q in enumerate(result):
+            q[list(group.q_places)] = own[min(k, len(own) - 1)]
+    return tuple(result)

@@ -29,7 +29,7 @@ from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_i
 from acausal.dynamics.kernels import damped_solver, pivots, positive_solver, solve_positive
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.virtual_inertia import check_tree_inertia, massless_motions
-from acausal.loops.constraints import Constraints, opened
+from acausal.loops.constraints import Constraints
 
 _DAMPING = 1e-9
 _CLOSED = 1e-4
@@ -186,10 +186,11 @@ def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndar
 
     Rounded to powers of four: which configurations have been seen makes little difference then, and other units make none.
     """
-    tree, samples = forces.mechanics.tree, forces.constraints.samples
+    tree, constraints = forces.mechanics.tree, forces.constraints
     function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
     closed, beside = (
-        np.max([np.array(function(q, 0.0, values)).ravel() for q in places], axis=0) for places in (samples, opened(samples))
+        np.max([np.array(function(q, 0.0, values)).ravel() for q in places], axis=0)
+        for places in (constraints.samples, constraints.opened)
     )
     return 4.0 ** np.round(0.5 * np.log2(np.where(closed > _ROUNDING * beside, closed, beside)))
 

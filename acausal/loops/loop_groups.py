@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.loops.loops import LoopRows
+from acausal.numerics.sizes import Drawn
+from acausal.parts.turning import turning
 
 
 @dataclass(frozen=True)
@@ -27,11 +30,18 @@ class LoopGroup:
     v_places: tuple[int, ...]
     invariants: ca.SX
     domain: ca.SX
+    turning: np.ndarray
+    """(nq,), True for angles and quaternions."""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the rows that do not vanish by structure."""
         return tuple(name for rows in self.loops for name in rows.names)
+
+    @property
+    def drawn(self) -> Drawn:
+        """How well the rows of `closing` are known."""
+        return drawn(self.invariants.numel(), self.loops)
 
     @property
     def closing(self) -> ca.SX:
@@ -42,6 +52,12 @@ class LoopGroup:
     def velocity(self) -> ca.SX:
         """Rows of the loops in the velocities (m, 1)."""
         return ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in self.loops))
+
+
+def drawn(before: int, loops: Sequence[LoopRows], after: int = 0) -> Drawn:
+    """How well position rows of loops are known, with some rows `before` and `after` that are known exactly."""
+    own = [rows.drawn.of(range(rows.position.numel())) for rows in loops]
+    return Drawn.joined([Drawn.exact(before), *own, Drawn.exact(after)])
 
 
 def loop_groups(system: MechanicalSystem, loops: Sequence[LoopRows]) -> tuple[LoopGroup, ...]:
@@ -80,4 +96,5 @@ def _group(system: MechanicalSystem, loops: tuple[LoopRows, ...], joints: Sequen
         loops, tree.q[q_places], tree.v[v_places], tree.rates[q_places], tuple(q_places), tuple(v_places),
         ca.vertcat(none, *(j.edge.joint.invariants(tree.q[j.q], tree.t) for j in joints)),
         ca.vertcat(none, *(j.edge.joint.domain(tree.q[j.q]) for j in joints)),
+        np.concatenate([np.zeros(0, dtype=bool), *(turning(j.edge.joint) for j in joints)]),
     )  # fmt: skip

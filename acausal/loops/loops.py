@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Set
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from acausal.dynamics.placement import Place, TreePlacement
 from acausal.errors import ModelError
+from acausal.numerics.sizes import Drawn
+from acausal.numerics.thresholds import ROUNDING
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, cleaned, product, symbolic
 from acausal.topology.mechanism import Edge
@@ -21,6 +24,7 @@ class LoopRows:
     `position` (n, 1): residuals in q and t. `wrench_basis` (6, n + m): unit constraint wrenches on frame_b, in
     frame_b turned by the joint's mounting, torque first. `velocity` (n + m, 1): their rates, then the rolling rows; linear in v. `sign`: positive on the
     branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure, with their `dropped_basis` (6, k).
+    `far`: sum of the constant distances [m] along the loop: what was drawn far from the origin is known only to 1e-16 of this.
     """
 
     edge: Edge[AbstractConstraint]
@@ -32,6 +36,31 @@ class LoopRows:
     names: tuple[str, ...]
     dropped: tuple[str, ...]
     dropped_basis: ca.SX
+    far: float = 0.0
+
+    def without(self, names: Set[str]) -> LoopRows:
+        """The same without these rows, which turned out to hold only rounding errors."""
+        gone = [k for k, name in enumerate(self.names) if name in names]
+        if not gone:
+            return self
+        left = [k for k in range(len(self.names)) if k not in gone]
+        order = sorted([(name, self.dropped_basis[:, k]) for k, name in enumerate(self.dropped)]
+                       + [(self.names[k], self.wrench_basis[:, k]) for k in gone], key=lambda pair: pair[0])  # fmt: skip
+        return replace(
+            self,
+            position=self.position[[k for k in left if k < self.position.numel()]],
+            velocity=self.velocity[left],
+            wrench_basis=self.wrench_basis[:, left],
+            names=tuple(self.names[k] for k in left),
+            dropped=tuple(name for name, _ in order),
+            dropped_basis=ca.densify(ca.horzcat(ca.SX(6, 0), *(basis for _, basis in order))),
+        )
+
+    @property
+    def drawn(self) -> Drawn:
+        """How well the rows of `velocity` are known. Those on which a force acts forbid shifts, in lengths, and the others turns."""
+        shifts = np.array([not self.wrench_basis[3:, k].is_zero() for k in range(len(self.names))], dtype=bool)
+        return Drawn(np.full(len(self.names), self.far), shifts, ~shifts)
 
 
 def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopRows:
@@ -53,11 +82,12 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
     basis = ca.substitute(ca.jacobian(moved, ca.vertcat(turn, shift)), ca.vertcat(turn, shift), at_rest)
     explicit = _explicit_rate(joint, X, t)
     rows, names, dropped, dropped_basis = [], [], [], [ca.SX(6, 0)]
+    far = _far(edge, placement)
     twist = ca.vertcat(w, v)
     for i in range(closure.numel()):
         name = f"{edge.name}[{i}]"
         residual = closure[i]
-        if residual.is_constant() and abs(float(residual)) < 1e-14:
+        if residual.is_constant() and abs(float(residual)) <= ROUNDING * (1.0 if basis[i, 3:].is_zero() else far):
             dropped.append(name)
             dropped_basis.append(basis[i, :].T)
             continue
@@ -73,8 +103,24 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
     names += [f"{edge.name}.rolling[{i}]" for i in range(rolling.numel())]
     return LoopRows(
         edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped),
-        ca.densify(ca.horzcat(*dropped_basis)),
+        ca.densify(ca.horzcat(*dropped_basis)), far,
     )  # fmt: skip
+
+
+def _far(edge: Edge[AbstractConstraint], placement: TreePlacement) -> float:
+    """Sum of the constant distances [m] along the loop that a joint closes."""
+    links = placement.kinematics.tree.links
+    ways: list[list[int]] = []
+    poses: list[Pose] = []
+    for link, pose in placement.ends(edge):
+        poses.append(pose)
+        way: list[int] = []
+        while link >= 0:
+            way.append(link)
+            link = links[link].parent
+        ways.append(way)
+    poses += [links[k].offset for k in set(ways[0]) ^ set(ways[1])]
+    return float(sum(np.linalg.norm(pose.position) for pose in poses if isinstance(pose.position, np.ndarray)))
 
 
 def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:

@@ -8,9 +8,8 @@ import numpy as np
 
 from acausal.errors import LockedError
 from acausal.loops.loops import LoopRows
+from acausal.numerics.thresholds import DEPENDENT, NEARLY
 from acausal.wording import compact, counted
-
-_NEARLY = 3e-2
 
 
 def locked(loops: Sequence[LoopRows], freedoms: int, A: np.ndarray) -> LockedError:
@@ -38,9 +37,8 @@ def nearly_redundant(loops: Sequence[LoopRows], A: np.ndarray) -> str:
     torques = np.array([rows.wrench_basis[3:, k].is_zero() for rows in loops for k in range(len(rows.names))])
     size[torques] = 1.0  # sines of angles, beside shifts against the largest shift
     size[~torques] = np.max(size[~torques], initial=0.0) or 1.0
-    scaled = A / size[:, None]
-    U, s, _ = np.linalg.svd(scaled)
-    few = [k for k in range(min(A.shape)) if 1e-9 * s[0] < s[k] < _NEARLY * s[0]]
+    U, s, _ = np.linalg.svd(A / size[:, None])
+    few = [k for k in range(min(A.shape)) if DEPENDENT * s[0] < s[k] < NEARLY * s[0]]
     if not few:
         return ""
     weight = np.max(np.abs(U[:, few]), axis=1)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_TOLERANCE = 1e-7
+from acausal.numerics.thresholds import RANK
+
 _MOST_CHOICES = 300
 
 
@@ -30,23 +31,26 @@ class RankReport:
         return self.rank_at_start < self.rank
 
 
-def independent_rows(jacobians: list[np.ndarray]) -> RankReport:
-    """Independent rows of velocity constraints from their Jacobians (m, n) at several configurations."""
+def independent_rows(jacobians: list[np.ndarray], tolerance: float = RANK, empty: float = 1e-12) -> RankReport:
+    """Independent rows of velocity constraints from their Jacobians (m, n) at several configurations.
+
+    Rows below `empty` of the largest only hold rounding errors, singular values below `tolerance` count as zero.
+    """
     m = jacobians[0].shape[0]
     if m == 0:
         return RankReport((), 0, 0)
     scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
-    scale[scale < 1e-12 * np.max(scale, initial=1.0)] = np.inf  # only rounding errors: no constraint
+    scale[scale < empty * np.max(scale, initial=1.0)] = np.inf
     scale[scale == 0] = 1.0
     scaled = [J / scale[:, None] for J in jacobians]
-    ranks = [_rank(J) for J in scaled]
+    ranks = [_rank(J, tolerance) for J in scaled]
     rank = max(ranks)
     generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
     kept = _best_rows(generic, rank) if 0 < rank < m else tuple(range(rank))
     return RankReport(tuple(sorted(kept)), rank, ranks[0])
 
 
-def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray]) -> tuple[int, ...]:
+def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray], tolerance: float = RANK) -> tuple[int, ...]:
     """The rows `kept` where they say all that the others do, also at these configurations, in which loops may be open.
 
     Otherwise all rows, but for those that only hold rounding errors or are sums of others with the same coefficients everywhere.
@@ -54,14 +58,14 @@ def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray]) -> tuple[int
     scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
     rows = np.flatnonzero(scale > 1e-12 * np.max(scale, initial=1.0))
     scaled = [J[rows] / scale[rows, None] for J in jacobians]
-    if max(_rank(J) for J in scaled) <= len(kept):
+    if max(_rank(J, tolerance) for J in scaled) <= len(kept):
         return kept
     together = np.hstack(scaled)
-    return tuple(int(rows[k]) for k in sorted(_pivots(together, _rank(together))))
+    return tuple(int(rows[k]) for k in sorted(_pivots(together, _rank(together, tolerance))))
 
 
-def _rank(J: np.ndarray) -> int:
-    return int(np.sum(np.linalg.svd(J, compute_uv=False) > _TOLERANCE)) if J.size else 0
+def _rank(J: np.ndarray, tolerance: float) -> int:
+    return int(np.sum(np.linalg.svd(J, compute_uv=False) > tolerance)) if J.size else 0
 
 
 def _best_rows(jacobians: list[np.ndarray], rank: int) -> tuple[int, ...]:

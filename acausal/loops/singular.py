@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from acausal.loops.walk import Walk
+from acausal.numerics.thresholds import SINGULAR
 
 _STRIDE = 0.35
 _LENGTH = 5.0
 _MOST_STEPS = 60
-_SINGULAR = 1e-5
 
 
 def _steps(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, ahead: np.ndarray) -> Iterator[float]:
@@ -51,4 +51,4 @@ def has_singular_position(walk: Walk, start: np.ndarray, jacobians: list[np.ndar
     scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
     scale = np.maximum(scale, 1e-6 * np.max(scale))
     ahead = np.random.default_rng(1).normal(size=jacobians[0].shape[1])
-    return any(smallest < _SINGULAR for sense in (1.0, -1.0) for smallest in _steps(walk, start, scale, rank, sense * ahead))
+    return any(smallest < SINGULAR for sense in (1.0, -1.0) for smallest in _steps(walk, start, scale, rank, sense * ahead))

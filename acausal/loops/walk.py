@@ -1,4 +1,4 @@
-"""A walk over assembled configurations, along the freedom that the loops leave."""
+"""A walk over assembled configurations, along the freedom that the loops leave, in numbers without unit."""
 
 from __future__ import annotations
 
@@ -6,60 +6,126 @@ import casadi as ca
 import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
+from acausal.numerics.assembly import assemble
 from acausal.numerics.kernel import Kernel
+from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
+from acausal.numerics.terms import finite, rounded
+from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
 
 _CLOSED = 1e-8
 _CLOSE_ENOUGH = 1e-11
-_RANK = 1e-7
 _STRIDES = (0.35, 0.1, 0.03)
 _DIRECTIONS = 4
 _MOVED = 0.1
+_PROBES = 3
 
 
 class Walk:
-    """Assembled configurations of a group of loops one after the other, for parameters of these `values`, at t = 0.
+    """Assembled configurations z of a group of loops one after the other, for parameters of these `values`, at the time `time`.
 
-    A: the rows of the loops in the velocities.
+    z = q / `unit` (nq,): lengths are measured by the group's own lever arms. A: the rows of the loops in the velocities, these and
+    the rows divided by what is much for them.
     """
 
-    def __init__(self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray) -> None:
+    def __init__(self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray, guess: np.ndarray) -> None:
         A, closing = ca.jacobian(group.velocity, group.v), group.closing
-        parts = [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v)]
-        self._shapes = [part.shape for part in parts]
-        self._q = np.empty(group.q.numel())
-        column = ca.densify(ca.vertcat(*(ca.vec(part) for part in parts)))
-        self._kernel = Kernel(
-            ca.Function("walk", [group.q, t, parameters], [column]),
-            (self._q, np.zeros(1), np.array(values, dtype=float)),
-            np.empty(column.numel()),
+        self._parts = _Parts(
+            [group.q, t, parameters],
+            [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v), ca.jacobian(closing, t)],
+            values,
         )
+        self._noise = Kernel.of(
+            ca.Function("noise", [ca.vertcat(group.q, t)], [ca.densify(_at(rounded(closing), parameters, values))])
+        )
+        self.time = 0.0
+        self._drawn = np.zeros(closing.numel())
+        drawn = group.drawn
+        at_guess = self._parts(guess, 0.0)
+        silent = ~group.turning & ~np.any(np.nan_to_num(at_guess[1]), axis=0)
+        reach = np.where(group.turning, 1.0, 0.0)
+        if silent.any():
+            curved = _at(curvature(closing, group.q, silent), parameters, values)
+            bends = ca.Function("bends", [group.q, t], [ca.densify(curved)])
+            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), np.array(bends(guess, 0.0)).ravel())
+        rng = np.random.default_rng(3)
+        probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
+        found = [self._parts(q, 0.0) for q in probes]
+        c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
+        self.unit = unknown_sizes(J, group.turning, c[:, 0] + self._rounding(guess), drawn)
+        self._rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
+        self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
+        self._drawn = drawn.terms(self._rows) * self._rows
+        self.dependent, self.rank = drawn.dependent(self._rows), drawn.dependent(self._rows, RANK)
+        self._velocity = _without_noise(A @ self._rate, self._rate, group, t, parameters, values, probes)
 
-    def at(self, q: np.ndarray) -> list[np.ndarray]:
-        """Closing residuals (n, 1), their Jacobian in q, A, and N with q' = N v."""
-        self._q[:] = q
-        ends = np.cumsum([m * n for m, n in self._shapes])
-        return [
-            part.reshape(shape, order="F")
-            for part, shape in zip(np.split(self._kernel().copy(), ends[:-1]), self._shapes, strict=True)
-        ]
+    def _rounding(self, q: np.ndarray) -> np.ndarray:
+        return self._drawn + finite(self._noise.at(np.append(q, self.time)))
 
-    def closed(self, q: np.ndarray, tolerance: float = _CLOSED, rank: int | None = None) -> np.ndarray | None:
-        """A configuration next to q with closed loops, by Newton's method with each Jacobian used twice; None if that fails.
+    @property
+    def sizes(self) -> Sizes:
+        """For `assemble`, of z and of residuals as `at` gives them."""
+        ones = np.ones(self.unit.size), np.ones(self._rows.size)
+        return Sizes(*ones, lambda z: self._rounding(z * self.unit) / self._rows, self.dependent)
+
+    @property
+    def empty(self) -> np.ndarray:
+        """(m,), rows in the velocities that only hold rounding errors."""
+        return np.isinf(self._velocity)
+
+    def gaps(self, z: np.ndarray) -> np.ndarray:
+        """Closing residuals (n,) with their units."""
+        return self._parts(z * self.unit, self.time)[0][:, 0]
+
+    def at(self, z: np.ndarray) -> list[np.ndarray]:
+        """Closing residuals (n, 1), their Jacobian in z, A, and N with z' = N v."""
+        c, J, A, N, _ = self._parts(z * self.unit, self.time)
+        rows = self._rows[:, None]
+        return [c / rows, J * self.unit / rows, A * self._rate / self._velocity[:, None], N * self._rate / self.unit[:, None]]
+
+    def rows(self, z: np.ndarray) -> np.ndarray:
+        """A (m, nv) with the rows' own units."""
+        return self._parts(z * self.unit, self.time)[2] * self._rate
+
+    def closing(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Closing residuals (n,) and their Jacobian, for `assemble`."""
+        c, J = self.at(z)[:2]
+        return c[:, 0], J
+
+    def later(self, z: np.ndarray) -> np.ndarray | None:
+        """A configuration near z with closed loops at any time, which then is the walk's own; None where none is found."""
+        self.time = 0.0
+        slope = np.abs(self._parts(z * self.unit, 0.0)[4][:, 0]) / self._rows
+        span = 1 / float(positive(np.array([np.max(slope, initial=0.0)]))[0])
+
+        def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            self.time = span * float(y[-1])
+            c, J = self.closing(y[:-1])
+            by_time = self._parts(y[:-1] * self.unit, self.time)[4] * span / self._rows[:, None]
+            return c, np.hstack([J, by_time])
+
+        found = assemble(residual, np.append(z, 0.0), tolerance=_CLOSE_ENOUGH)
+        self.time = span * float(found.y[-1])
+        exact = assemble(self.closing, found.y[:-1], sizes=self.sizes) if found.converged else found
+        return exact.y if exact.converged else None
+
+    def closed(self, z: np.ndarray, tolerance: float = _CLOSED, rank: int | None = None) -> np.ndarray | None:
+        """A configuration next to z with closed loops, by Newton's method with each Jacobian used twice; None if that fails.
 
         `rank` of the Jacobian where loops are closed, if known: beside it, rows that are redundant there look independent, with
         singular values of the size of the gap, and steps along them go far astray.
         """
         for _ in range(5):
-            c, J = self.at(q)[:2]
-            if not np.all(np.isfinite(J)):
+            c, J = self.at(z)[:2]
+            if not (np.isfinite(J).all() and np.isfinite(c).all()):
                 return None
             U, s, Vt = np.linalg.svd(J, full_matrices=False)
-            kept = int(np.sum(s > 1e-9 * np.max(s, initial=0.0))) if rank is None else rank
+            kept = int(np.sum(s > self.dependent * np.max(s, initial=0.0))) if rank is None else rank
             inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
-            q = q - inverse @ c[:, 0]
-            q = q - inverse @ self.at(q)[0][:, 0]
-            if np.max(np.abs(self.at(q)[0]), initial=0.0) < tolerance:  # none where only velocities are constrained
-                return q
+            z = z - inverse @ c[:, 0]
+            z = z - inverse @ self.at(z)[0][:, 0]
+            left = np.abs(self.at(z)[0][:, 0])
+            if np.all(left < np.maximum(tolerance, ROUNDING * self._rounding(z * self.unit) / self._rows)):
+                return z  # also without rows, where only velocities are constrained
         return None
 
     def samples(self, start: np.ndarray, count: int) -> list[np.ndarray]:
@@ -68,7 +134,7 @@ class Walk:
         """
         rng = np.random.default_rng(1)
         found = [start]
-        ahead = rng.normal(size=self._shapes[2][1])
+        ahead = rng.normal(size=self._rate.size)
         for sense in (1.0, -1.0):
             here, along = start, sense * ahead
             for _ in range(count):
@@ -82,11 +148,13 @@ class Walk:
     def _step(self, here: np.ndarray, ahead: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
         """The next configuration and the direction that led there, first tried along `ahead`; None where nothing moves."""
         _, J, A, N = self.at(here)
+        if not (np.isfinite(J).all() and np.isfinite(A).all()):
+            return None
         _, s, Vt = np.linalg.svd(A)
-        free = Vt[_rank(s) :].T
+        free = Vt[self._rank(s) :].T
         if free.shape[1] == 0:
             return None
-        rank = _rank(np.linalg.svd(J, compute_uv=False))
+        rank = self._rank(np.linalg.svd(J, compute_uv=False))
         for stride in _STRIDES:
             for attempt in range(_DIRECTIONS):
                 along = free @ (free.T @ (ahead if attempt == 0 else rng.normal(size=free.shape[0])))
@@ -100,6 +168,41 @@ class Walk:
                     return found, along
         return None
 
+    def _rank(self, singular_values: np.ndarray) -> int:
+        return int(np.sum(singular_values > self.rank * np.max(singular_values, initial=1.0)))
 
-def _rank(singular_values: np.ndarray) -> int:
-    return int(np.sum(singular_values > _RANK * np.max(singular_values, initial=1.0)))
+
+class _Parts:
+    """Several matrices of q and t from one kernel."""
+
+    def __init__(self, arguments: list[ca.SX], parts: list[ca.SX], values: np.ndarray) -> None:
+        self._shapes = [part.shape for part in parts]
+        self._ends = np.cumsum([m * n for m, n in self._shapes])
+        self._q, self._t = np.empty(arguments[0].numel()), np.zeros(1)
+        column = ca.densify(ca.vertcat(*(ca.vec(part) for part in parts)))
+        given = (self._q, self._t, np.array(values, dtype=float))
+        self._kernel = Kernel(ca.Function("walk", arguments, [column]), given, np.empty(column.numel()))
+
+    def __call__(self, q: np.ndarray, t: float) -> list[np.ndarray]:
+        self._q[:], self._t[0] = q, t
+        parts = np.split(self._kernel().copy(), self._ends[:-1])
+        return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
+
+
+def _at(expression: ca.SX, parameters: ca.SX, values: np.ndarray) -> ca.SX:
+    return ca.substitute(expression, parameters, ca.DM(values)) if parameters.numel() else expression
+
+
+def _without_noise(
+    sizes: np.ndarray,
+    rate: np.ndarray,
+    group: LoopGroup,
+    t: ca.SX,
+    parameters: ca.SX,
+    values: np.ndarray,
+    probes: list[np.ndarray],
+) -> np.ndarray:
+    """Sizes (m,) of rows in the velocities; infinite where a row only holds rounding errors and so is no constraint."""
+    terms = ca.Function("terms", [group.q, group.v, t, parameters], [ca.densify(rounded(group.velocity))])
+    noise = np.nan_to_num(np.max([np.array(terms(q, rate, 0.0, values)).ravel() for q in probes], axis=0))
+    return np.where(sizes > CLOSED * (noise + Drawn.joined([rows.drawn for rows in group.loops]).sizes), positive(sizes), np.inf)

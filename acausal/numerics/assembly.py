@@ -3,6 +3,9 @@
 Levenberg's damped Gauss-Newton steps within a trust region (More 1978), by singular values, so that redundant rows and singular
 configurations do no harm. Wishes take part three times: as a penalty on the way from the guess, which chooses the branch;
 not at all while the constraints are closed; and then along the freedom that is left, with the constraints kept closed.
+
+All is done in numbers without unit: unknowns and rows are divided by their `Sizes`. So a mechanism drawn in other units, if by a power of
+two, goes through the same numbers.
 """
 
 from __future__ import annotations
@@ -12,23 +15,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.numerics.sizes import Sizes
+from acausal.numerics.thresholds import CLOSED, DEPENDENT, ROUNDING, STRIDE
+
 Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """y (n,) -> residual (m,) and Jacobian (m, n)."""
 
-_RANK = 1e-9
 _PENALTY = 0.3
 """Weight of wishes against constraints on the way from the guess."""
 _PATIENCE = 2
 """Gauss-Newton steps before Newton's method is tried."""
 _DAMPING = 10.0 ** np.arange(-14.0, 4.0, 0.5)
+_COARSE = 1e-3
+"""Residuals, as parts of their sizes, that no rounding explains."""
+_LIMITED = 0.25
+"""A step of this part of the longest one was cut short: dampings are half a decade apart."""
+_STRAIGHT = 1e-3
+"""Where a step gains what was promised but for this part, the rows are linear on its way, and the next may be longer than a stride."""
 
 
 @dataclass(frozen=True)
 class Assembled:
-    """Result of a search: `y`, the largest residual `gap` that is left, whether it is zero to rounding, and the steps it took."""
+    """Result of a search: `y`, the largest residual `gap` that is left, the same as part of its row's size, whether all are zero to
+    rounding, and the steps it took.
+    """
 
     y: np.ndarray
     gap: float
+    part: float
     converged: bool
     iterations: int
 
@@ -38,30 +52,93 @@ def assemble(
     guess: np.ndarray,
     wishes: Residual | None = None,
     *,
-    tolerance: float = 1e-12,
+    sizes: Sizes | None = None,
+    tolerance: float = CLOSED,
     limit: int = 100,
-    stride: float = 0.7,
+    stride: float = STRIDE,
     nearest: np.ndarray | None = None,
     approach: bool = True,
 ) -> Assembled:
     """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
-    `stride`: largest change of an entry in one iteration (coordinates: 0.7 rad or m; velocities: any). Converges
-    quadratically near a solution. `nearest` (n,): without wishes, go on to the y nearest to it, to about 1e-6.
-    `approach`: wishes choose the branch too. Not converged when the residual stops shrinking above `tolerance` (times the largest entry
-    of y where that is above 1); y is then a point of locally least squares. Cost of an iteration: one singular value
-    decomposition (m, n).
+    `sizes`: of unknowns and rows, ones unless given. `stride`: largest change of an unknown in one iteration, as part of its size.
+    Converges quadratically near a solution. `nearest` (n,): without wishes, go on to the y nearest to it, to about 1e-6.
+    `approach`: wishes choose the branch too. Converged when every row is within `tolerance` of its size or within rounding; else y
+    is a point of locally least squares. Cost of an iteration: one singular value decomposition (m, n).
     """
-    y, spent = np.array(guess, dtype=float), 0
-    if wishes is not None and approach:
-        y, spent = _approached(constraints, wishes, y, stride)
-    found = _closed(constraints, y, tolerance, limit, stride, spent)
-    if not found.converged or (wishes is None and (nearest is None or not found.iterations)):
-        return found
-    if wishes is not None:
-        return _settled(constraints, wishes, found, _Effort(tolerance, limit, stride, 1e-10, 40))
-    unit = np.eye(y.size)
-    return _settled(constraints, lambda y: (y - nearest, unit), found, _Effort(tolerance, 20, stride, 1e-6, 8))
+    unit = np.ones(guess.size) if sizes is None else sizes.unknowns
+    rows = _Rows(constraints, unit, sizes, tolerance)
+    soft = None if wishes is None else _in_units(wishes, unit)
+    z, spent = guess / unit, 0
+    if soft is not None and approach:
+        z, spent = _approached(rows, soft, z, stride)
+    found = _closed(rows, z, limit, stride, spent)
+    if found.converged and soft is not None:
+        found = _settled(rows, soft, found, _Effort(limit, stride, 1e-10, 40))
+    elif found.converged and nearest is not None and found.iterations:
+        at, identity = nearest / unit, np.eye(z.size)
+        found = _settled(rows, lambda z: (z - at, identity), found, _Effort(20, stride, 1e-6, 8))
+    return rows.result(found)
+
+
+def _in_units(residual: Residual, unit: np.ndarray) -> Residual:
+    """The same residual of unknowns divided by `unit`."""
+
+    def scaled(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c, J = residual(z * unit)
+        return c, J * unit
+
+    return scaled
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Constraints without units: z (n,) -> residuals and Jacobian."""
+
+    constraints: Residual
+    unit: np.ndarray
+    sizes: Sizes | None
+    tolerance: float
+
+    def __call__(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c, J = self.constraints(z * self.unit)
+        if self.sizes is None:
+            return c, J
+        return c / self.sizes.rows, self.sizes.scaled(J)
+
+    @property
+    def dependent(self) -> float:
+        return DEPENDENT if self.sizes is None else self.sizes.dependent
+
+    def enough(self, c: np.ndarray, z: np.ndarray) -> bool:
+        """Whether residuals c are zero but for rounding; False for what is no number."""
+        if _largest(c) <= self.tolerance:
+            return True
+        if self.sizes is None:
+            return _largest(c) <= self.tolerance * max(1.0, _largest(z))
+        if self.sizes.rounding is None or not _largest(c) < _COARSE:
+            return False
+        noise = self.sizes.rounding(z * self.unit) / self.sizes.rows
+        return bool(np.all(np.abs(c) <= np.maximum(self.tolerance, ROUNDING * noise)))
+
+    def result(self, found: _Closed) -> Assembled:
+        """With units."""
+        y = found.z * self.unit
+        part = _largest(found.c)
+        gap = part if self.sizes is None else _largest(found.c * self.sizes.rows)
+        if not part < np.inf:
+            part = gap = np.inf
+        return Assembled(y, gap, part, found.converged, found.iterations)
+
+
+@dataclass(frozen=True)
+class _Closed:
+    """Unknowns and residuals without units."""
+
+    z: np.ndarray
+    c: np.ndarray
+    converged: bool
+    iterations: int
 
 
 def _largest(values: np.ndarray) -> float:
@@ -69,13 +146,13 @@ def _largest(values: np.ndarray) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
-def _step(c: np.ndarray, J: np.ndarray, radius: float) -> np.ndarray:
-    """The least dy that minimises |c + J dy|, damped as little as keeps all its entries within `radius`."""
+def _step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float = DEPENDENT) -> np.ndarray:
+    """The least dz that minimises |c + J dz|, damped as little as keeps all its entries within `radius`."""
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     if s.size == 0 or s[0] == 0.0:
         return np.zeros(J.shape[1])
     a = U.T @ c
-    kept = s > _RANK * max(1.0, s[0])
+    kept = s > dependent * max(1.0, s[0])
     step = -(a[kept] / s[kept]) @ Vt[kept]
     if _largest(step) <= radius:
         return step
@@ -86,96 +163,107 @@ def _step(c: np.ndarray, J: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _descend(
-    residual: Residual, y: np.ndarray, tolerance: float, limit: int, stride: float, slowest: float
+    residual: Residual,
+    z: np.ndarray,
+    enough: Callable[[np.ndarray, np.ndarray], bool],
+    limit: int,
+    stride: float,
+    slowest: float,
+    dependent: float = DEPENDENT,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Towards least squares of `residual`, until it is within `tolerance` or its square shrinks by less than `slowest` in one step.
+    """Towards least squares of `residual`, until it is small `enough` or its square shrinks by less than `slowest` in one step.
 
-    Returns y, residual, Jacobian, iterations.
+    Returns z, residual, Jacobian, iterations. Ends where there is no derivative.
     """
-    c, J = residual(y)
-    square, radius = float(c @ c), stride
+    c, J = residual(z)
+    square, radius, reach = float(c @ c), stride, stride
     for iteration in range(limit):
-        if not square < np.inf or _largest(c) <= tolerance * max(1.0, _largest(y)):
-            return y, c, J, iteration
-        step = _step(c, J, radius)
+        if not square < np.inf or enough(c, z) or not np.isfinite(J).all():
+            return z, c, J, iteration
+        step = _step(c, J, radius, dependent)
         left = c + J @ step
         promised = square - float(left @ left)
         length = _largest(step)
-        if promised <= slowest * square or length <= 1e-15 * (1 + _largest(y)):
-            return y, c, J, iteration
-        next_c, next_J = residual(y + step)
+        slow = slowest if length < _LIMITED * reach else 0.0  # from far away every stride is a small part of the way
+        if promised <= slow * square or length <= 1e-15 * (1 + _largest(z)):
+            return z, c, J, iteration
+        next_c, next_J = residual(z + step)
         next_square = float(next_c @ next_c)
-        gained = (square - next_square) / promised if next_square < np.inf else -1.0
+        gained = (square - next_square) / promised if next_square < np.inf and np.isfinite(next_J).all() else -1.0
         if gained < 0.25:
             radius = 0.25 * length
         elif gained > 0.75:
-            radius = min(stride, max(radius, 2 * length))
+            if abs(gained - 1) < _STRAIGHT and length > _LIMITED * reach:
+                reach *= 8.0
+                radius = reach
+            radius = min(reach, max(radius, 2 * length))
         if gained > 1e-4:
-            y, c, J, square = y + step, next_c, next_J, next_square
-    return y, c, J, limit
+            z, c, J, square = z + step, next_c, next_J, next_square
+    return z, c, J, limit
 
 
-def _approached(constraints: Residual, wishes: Residual, y: np.ndarray, stride: float) -> tuple[np.ndarray, int]:
+def _approached(rows: _Rows, wishes: Residual, z: np.ndarray, stride: float) -> tuple[np.ndarray, int]:
     """From the guess to where constraints and wishes compromise, roughly."""
 
-    def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c, J = constraints(y)
-        r, Jw = wishes(y)
+    def both(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        c, J = rows(z)
+        r, Jw = wishes(z)
         return np.concatenate([c, _PENALTY * r]), np.vstack([J, _PENALTY * Jw])
 
-    y, _, _, iterations = _descend(both, y, 1e-12, 30, stride, 0.02)
-    return y, iterations
+    z, _, _, iterations = _descend(both, z, lambda c, _: _largest(c) <= CLOSED, 30, stride, 0.02)
+    return z, iterations
 
 
-def _closed(constraints: Residual, y: np.ndarray, tolerance: float, limit: int, stride: float, spent: int = 0) -> Assembled:
-    y, c, J, iterations = _descend(constraints, y, tolerance, limit, stride, 1e-4)
-    gap, enough = _largest(c), tolerance * max(1.0, _largest(y))
-    if not gap <= enough:
-        return Assembled(y, gap if gap < np.inf else np.inf, False, spent + iterations)
+def _closed(rows: _Rows, z: np.ndarray, limit: int, stride: float, spent: int = 0) -> _Closed:
+    z, c, J, iterations = _descend(rows, z, rows.enough, limit, stride, 1e-4, rows.dependent)
+    if not rows.enough(c, z):
+        return _Closed(z, c, False, spent + iterations)
     # quadratic convergence: after one more step nothing is left
-    last = y + _step(c, J, np.inf)
-    last_gap = _largest(constraints(last)[0])
-    if last_gap <= gap and _largest(last - y) <= 1e-6 * (1 + _largest(y)):
-        y, gap = last, last_gap
-    return Assembled(y, gap, True, spent + iterations)
+    if np.isfinite(J).all():
+        last = z + _step(c, J, np.inf, rows.dependent)
+        last_c = rows(last)[0]
+        if _largest(last_c) <= _largest(c) and _largest(last - z) <= 1e-6 * (1 + _largest(z)):
+            z, c = last, last_c
+    return _Closed(z, c, True, spent + iterations)
 
 
 @dataclass(frozen=True)
 class _Effort:
-    """How far to go: gap that counts as closed, most steps, longest step, one that is short enough, freedoms for Newton's method."""
+    """How far to go: most steps, longest step, one that is short enough, freedoms for Newton's method."""
 
-    tolerance: float
     limit: int
     stride: float
     last: float
     freedoms: int
 
 
-def _settled(constraints: Residual, wishes: Residual, found: Assembled, effort: _Effort) -> Assembled:
+def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> _Closed:
     """Least squares of the wishes along the freedom that the constraints leave.
 
     Gauss-Newton, and Newton's method where that is slow since wishes stay unmet; after each step the constraints are closed again.
     """
-    r, Jw = wishes(found.y)
+    r, Jw = wishes(found.z)
     square, radius = float(r @ r), effort.stride
     spent = found.iterations
-    J = constraints(found.y)[1]
-    Z = freedom(J)
+    J = rows(found.z)[1]
+    if not (np.isfinite(J).all() and np.isfinite(Jw).all()):
+        return found
+    Z = freedom(J, rows.dependent)
     for iteration in range(effort.limit):
         step, promised = _along_freedom(r, Jw, Z, radius)
         if promised <= 1e-15 * square or square < 1e-28:
             break
         if iteration >= _PATIENCE and Z.shape[1] <= effort.freedoms:
-            better = _newton_step(constraints, wishes, found.y, r, Jw, J, Z)
+            better = _newton_step(rows, wishes, found.z, r, Jw, J, Z)
             if better is not None:
                 part = min(1.0, radius / max(_largest(better[0]), 1e-300))
                 step, promised = part * better[0], (2 - part) * part * better[1]
         length = _largest(step)
-        if length <= effort.last * (1 + _largest(found.y)):
+        if length <= effort.last * (1 + _largest(found.z)):
             break
-        trial = _closed(constraints, found.y + step, effort.tolerance, 12, max(length, 1e-3))
+        trial = _closed(rows, found.z + step, 12, max(length, 1e-3))
         spent += 1 + trial.iterations
-        next_r, next_Jw = wishes(trial.y)
+        next_r, next_Jw = wishes(trial.z)
         next_square = float(next_r @ next_r)
         gained = (square - next_square) / promised if trial.converged and next_square < np.inf else -1.0
         if gained < 0.25:
@@ -184,9 +272,9 @@ def _settled(constraints: Residual, wishes: Residual, found: Assembled, effort: 
             radius = min(effort.stride, max(radius, 2 * length))
         if gained > 1e-4:
             found, r, Jw, square = trial, next_r, next_Jw, next_square
-            J = constraints(found.y)[1]
-            Z = freedom(J)
-    return Assembled(found.y, found.gap, True, spent)
+            J = rows(found.z)[1]
+            Z = freedom(J, rows.dependent)
+    return _Closed(found.z, found.c, True, spent)
 
 
 def _along_freedom(r: np.ndarray, Jw: np.ndarray, Z: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
@@ -200,20 +288,22 @@ def _along_freedom(r: np.ndarray, Jw: np.ndarray, Z: np.ndarray, radius: float) 
 
 
 def _newton_step(
-    constraints: Residual, wishes: Residual, y: np.ndarray, r: np.ndarray, Jw: np.ndarray, J: np.ndarray, Z: np.ndarray
+    rows: _Rows, wishes: Residual, z: np.ndarray, r: np.ndarray, Jw: np.ndarray, J: np.ndarray, Z: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
     """Newton step in the columns of Z for |wishes|^2 / 2 with the constraints' curvature, and by how much the square should shrink.
 
     The Hessian of Lagrange's function by differences of its gradient. None where it is not positive definite.
     """
-    multipliers = np.linalg.lstsq(J.T, Jw.T @ r, rcond=_RANK)[0] if J.shape[0] else np.zeros(0)
+    multipliers = np.linalg.lstsq(J.T, Jw.T @ r, rcond=rows.dependent)[0] if J.shape[0] else np.zeros(0)
     gradient = Jw.T @ r - J.T @ multipliers
     H = np.empty((Z.shape[1], Z.shape[1]))
-    h = 1e-6 * (1 + _largest(y))
+    h = 1e-6 * (1 + _largest(z))
     for k in range(Z.shape[1]):
-        beside = y + h * Z[:, k]
+        beside = z + h * Z[:, k]
         s, Js = wishes(beside)
-        H[:, k] = Z.T @ (Js.T @ s - constraints(beside)[1].T @ multipliers - gradient) / h
+        H[:, k] = Z.T @ (Js.T @ s - rows(beside)[1].T @ multipliers - gradient) / h
+    if not np.isfinite(H).all():
+        return None
     levels, axes = np.linalg.eigh((H + H.T) / 2)
     if not levels.size or not levels[0] > 1e-6 * levels[-1]:
         return None
@@ -221,10 +311,11 @@ def _newton_step(
     return -Z @ (axes @ (slope / levels)), float(np.sum(slope**2 / levels))
 
 
-def range_and_null_space(J: np.ndarray, tolerance: float = _RANK) -> tuple[np.ndarray, np.ndarray]:
+def range_and_null_space(J: np.ndarray, tolerance: float = DEPENDENT) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal columns (m, r) that span the range of J (m, n), and those (n, n - r) that span its null space.
 
-    Singular values below `tolerance` times the largest, or times 1 where that is less, count as zero.
+    Singular values below `tolerance` times the largest, or times 1 where that is less, count as zero: J is of rows and unknowns
+    without units.
     """
     if not J.size:
         return np.zeros((J.shape[0], 0)), np.eye(J.shape[1])
@@ -233,6 +324,6 @@ def range_and_null_space(J: np.ndarray, tolerance: float = _RANK) -> tuple[np.nd
     return U[:, :rank], Vt[rank:].T
 
 
-def freedom(J: np.ndarray, tolerance: float = _RANK) -> np.ndarray:
+def freedom(J: np.ndarray, tolerance: float = DEPENDENT) -> np.ndarray:
     """Null space of J, (n, freedoms), orthonormal; see `range_and_null_space`."""
     return range_and_null_space(J, tolerance)[1]

@@ -149,17 +149,19 @@ class ReducedSystem:
         return holding(self, self.closed_positions)
 
 
-def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None) -> ReducedSystem:
+def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: np.ndarray | None = None) -> ReducedSystem:
     """Accelerations, multipliers, scalar states and invariants of a scene. `extra`: more joint forces (nv, 1), by q, t and inputs.
+    `at`: values of the parameters for which loops are examined, those of the scene unless given.
 
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
     flat, tree = mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
     values = np.array([parameter.value for parameter in flat.parameters])
-    constraints = analyse_constraints(mechanics, p, values)
+    examined = values if at is None else at
+    constraints = analyse_constraints(mechanics, p, examined)
     tau = ca.SX.sym("tau", tree.v.numel())
-    forces = loop_forces(mechanics, constraints, p, values)
+    forces = loop_forces(mechanics, constraints, p, examined)
     v_dot, multipliers = forces.closed(
         forward_dynamics(
             mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias

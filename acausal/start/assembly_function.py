@@ -131,7 +131,7 @@ def start_units(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
     """What is much for each entry of q, and the velocities that change q by as much in a second; scalar states as they are."""
     a = reference.account
     s = a.problem.outputs.system
-    tree, scale = s.mechanics.tree, a.problem.scale()
+    tree, scale = s.mechanics.tree, a.problem.measured(a.data).scale
     N = ca.Function("N", [s.t, tree.q, s.p], [ca.densify(ca.jacobian(tree.rates, tree.v))])
     first = a.data.size - s.p_values.size - s.u_defaults.size - 1
     n = tree.q.numel()
@@ -193,7 +193,7 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
     U, Z = range_and_null_space(J / size[:, None])
     rows = [ca.mtimes(ca.DM(U.T), c)]
     if search.wish is not None:
-        r, factors = search.wish(y, d, first), search.wish_factors(weights)[:, None]
+        r, factors = search.wish(y, d, first), search.wish_weights(data, found.first, weights)[:, None]
         slopes = factors * search.wish_jacobian(found.y, data, found.first) * scale
         most = float(np.max(np.linalg.norm(slopes, axis=1), initial=0.0)) or 1.0
         B, still = range_and_null_space(slopes / most @ Z)

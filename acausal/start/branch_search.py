@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -12,8 +13,11 @@ from acausal.arguments import expressions, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
 from acausal.numerics.assembly import Residual, assemble, freedom
+from acausal.numerics.sizes import Sizes
+from acausal.numerics.thresholds import RANK
 from acausal.outputs.outputs import Outputs
 from acausal.start.branches import Branch, Branches
+from acausal.start.coordinates import Coordinates
 from acausal.start.initial import InitialState, finished, initial_state, start_data
 from acausal.start.same_branch import Walks
 from acausal.start.start_problem import StartProblem
@@ -26,7 +30,8 @@ _LEAST = 60
 """... and after so many beginnings."""
 _SAME, _SAME_FREE = 1e-4, 1e-2
 """Largest distance of two that count as one: with no freedom left, and at the nearest points of a continuum."""
-_RANK = 1e-7
+_TURNED = 1e-9
+"""Gap, as part of a size, of a configuration whose angles lost full turns."""
 _MET = 1e-5
 _SKETCH = 1e-3
 """Weight of nearness to the sketch against near values."""
@@ -49,23 +54,41 @@ def branches(
     problem = first.account.problem
     wanted, weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
-        clusters = _Clusters(problem, data, _seen(outputs, told, t0, p, u) if told else None)
-        hunt = _Hunt(problem, data, weights, np.random.default_rng(seed))
-        found = hunt.put_down(first.account.positions.y)
-        if found is not None:
-            clusters.add(*found)
-        used = closed = 0
-        for k in range(0 if problem.positions.settled else searches):
-            used = k + 1
-            found = hunt.search([c.y for c in clusters.all])
-            if found is not None:
-                closed += 1
-                clusters.add(*found)
-            if used >= _LEAST and min((c.count for c in clusters.all), default=0) >= _ENOUGH:
-                break
-        clusters.merge(hunt)
+        seen = _seen(outputs, told, t0, p, u) if told else None
+        clusters, used, closed = _searched(first, seen, searches, seed)
         made, stopped = _branches(problem, wanted, data, weights, clusters, first)
     return Branches(tuple(made), used, closed, stopped)
+
+
+def other_branches(state: InitialState, searches: int = 60) -> int:
+    """How many other branches some searches find under the same start values."""
+    problem = state.account.problem
+    if problem.positions.settled or not problem.positions.closing_rows:
+        return 0
+    with problem.lock:
+        return max(0, len(_searched(state, None, searches, 0)[0].all) - 1)
+
+
+def _searched(first: InitialState, seen: ca.Function | None, searches: int, seed: int) -> tuple[_Clusters, int, int]:
+    """Branches under the start values of `first`, how many searches there were, and how many of them closed."""
+    problem, data = first.account.problem, first.account.data
+    here = problem.measured(data)
+    clusters = _Clusters(problem, here, data, seen)
+    hunt = _Hunt(problem, here, data, first.account.weights, np.random.default_rng(seed))
+    found = hunt.put_down(first.account.positions.y)
+    if found is not None:
+        clusters.add(*found)
+    used = closed = 0
+    for k in range(0 if problem.positions.settled else searches):
+        used = k + 1
+        found = hunt.search([c.y for c in clusters.all])
+        if found is not None:
+            closed += 1
+            clusters.add(*found)
+        if used >= _LEAST and min((c.count for c in clusters.all), default=0) >= _ENOUGH:
+            break
+    clusters.merge(hunt)
+    return clusters, used, closed
 
 
 @dataclass
@@ -81,6 +104,7 @@ class _Clusters:
     """Configurations that are the same up to full turns and signs of quaternions, or where `seen` is the same."""
 
     problem: StartProblem
+    coordinates: Coordinates
     data: np.ndarray
     seen: ca.Function | None
     all: list[_Cluster] = field(default_factory=list[_Cluster])
@@ -90,7 +114,7 @@ class _Clusters:
         same = _SAME_FREE if freedoms else _SAME
         for c in self.all:
             if self.seen is None:
-                apart = float(np.max(self.problem.coordinates.differences(c.y, y), initial=0.0))
+                apart = float(np.max(self.coordinates.differences(c.y, y), initial=0.0))
             else:
                 apart = float(np.max(np.abs(c.seen - seen))) / max(1.0, float(np.max(np.abs(seen))))
             if apart < same:
@@ -105,7 +129,7 @@ class _Clusters:
         """
         if self.seen is not None or not any(c.freedoms for c in self.all):
             return
-        walks = Walks(hunt.rows, self.problem.coordinates)
+        walks = Walks(hunt.rows, self.coordinates, hunt.sizes)
         missed = {id(c): hunt.missed(c.y) for c in self.all}
         sketch = self.problem.positions.first(self.data)
         self.all.sort(key=lambda c: (round(missed[id(c)], 6), float(np.sum(walks.coordinates.differences(sketch, c.y) ** 2))))
@@ -125,9 +149,15 @@ class _Hunt:
     """Single searches, from anywhere or from where earlier ones ended."""
 
     problem: StartProblem
+    coordinates: Coordinates
     data: np.ndarray
     weights: np.ndarray
     rng: np.random.Generator
+
+    @functools.cached_property
+    def sizes(self) -> Sizes:
+        """What is much for coordinates and constraints."""
+        return self._positions.sizes(self.data, self._positions.first(self.data))
 
     @property
     def _positions(self) -> Search:
@@ -154,17 +184,17 @@ class _Hunt:
         guess = self._beginning(first, known)
         for i, k in self._positions.plain:
             guess[i] = self.data[k]
-        found = assemble(self._positions.rows(self.data, first), guess, limit=60)
+        found = assemble(self._positions.rows(self.data, first), guess, sizes=self.sizes, limit=60)
         return self.put_down(found.y) if found.converged else None
 
     def _beginning(self, first: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
         """Anywhere; or a known configuration with some of its entries turned round about the sketch's or about zero."""
         if not known or self.rng.random() < 0.6:
-            return self.problem.coordinates.scattered(self.rng, first)
+            return self.coordinates.scattered(self.rng, first)
         y = known[int(self.rng.integers(len(known)))]
         about = first if self.rng.random() < 0.5 else np.zeros_like(y)
         turned = self.rng.random(y.size) < 0.5
-        return np.where(turned, 2 * about - y, y) + 0.1 * self.rng.normal(size=y.size) * self.problem.scale()
+        return np.where(turned, 2 * about - y, y) + 0.1 * self.rng.normal(size=y.size) * self.coordinates.scale
 
     def put_down(self, y: np.ndarray) -> tuple[np.ndarray, int] | None:
         """The same branch near the sketch in what is free: full turns taken off, then least near values and distance."""
@@ -174,22 +204,22 @@ class _Hunt:
             return y, 0
         hard = search.rows(self.data, first)
         y = self._with_angles_near(y, first, hard)
-        freedoms = freedom(hard(y)[1], _RANK).shape[1]
+        freedoms = freedom(self.sizes.scaled(hard(y)[1]), max(RANK, self.sizes.dependent)).shape[1]
         if freedoms:
             soft = search.wish_rows(self.data, first, self.weights)
-            scale = _SKETCH / self.problem.scale()
+            scale = _SKETCH / self.coordinates.scale
             # begun at a closed configuration; wishes then only lead along what is free
-            found = assemble(hard, y, _nearest(soft, first, scale, y), limit=60, approach=False)
+            found = assemble(hard, y, _nearest(soft, first, scale, y), sizes=self.sizes, limit=60, approach=False)
             if soft is not None:
-                found = assemble(hard, found.y, soft, limit=60, approach=False)
+                found = assemble(hard, found.y, soft, sizes=self.sizes, limit=60, approach=False)
             y = self._with_angles_near(found.y, first, hard)
         return (y, freedoms) if search.is_meant(y, self.data) else None
 
     def _with_angles_near(self, y: np.ndarray, first: np.ndarray, hard: Residual) -> np.ndarray:
         """Full turns taken off, unless start values count them."""
-        turned = self.problem.coordinates.canonical(y, first)
-        gap = float(np.max(np.abs(hard(turned)[0]), initial=0.0))
-        return turned if gap <= 1e-9 * (1 + float(np.max(np.abs(turned)))) else y
+        turned = self.coordinates.canonical(y, first)
+        gap = float(np.max(np.abs(hard(turned)[0]) / self.sizes.rows, initial=0.0))
+        return turned if gap <= _TURNED * (1 + float(np.max(np.abs(turned / self.sizes.unknowns)))) else y
 
 
 def _nearest(soft: Residual | None, first: np.ndarray, scale: np.ndarray, y: np.ndarray) -> Residual:
@@ -224,7 +254,7 @@ def _branches(
     first: InitialState,
 ) -> tuple[list[Branch], int]:
     sketch = problem.positions.first(data)
-    here = problem.coordinates
+    here = clusters.coordinates
     ordered: list[tuple[float, _Cluster, Found]] = []
     for c in clusters.all:
         moving = problem.velocities.solve(np.concatenate([data, c.y]), weights)
@@ -234,15 +264,15 @@ def _branches(
     ordered.sort(key=lambda item: item[0])
     result: list[Branch] = []
     for distance, c, moving in ordered:
-        position = Found(c.y, sketch, first.account.positions.gap, True)
+        position = Found(c.y, sketch, first.account.positions.gap, first.account.positions.part, True)
         state = finished(problem, wanted, weights, data, position, moving)
-        words = _words(problem, ordered[0][1].y, c.y) if result else "(nearest to the sketch)"
+        words = _words(here, ordered[0][1].y, c.y) if result else "(nearest to the sketch)"
         result.append(Branch(state, distance, c.count, c.freedoms, words))
     return result, len(clusters.all) - len(ordered)
 
 
-def _words(problem: StartProblem, one: np.ndarray, other: np.ndarray) -> str:
-    far = problem.coordinates.differences(one, other)
+def _words(coordinates: Coordinates, one: np.ndarray, other: np.ndarray) -> str:
+    far = coordinates.differences(one, other)
     order = [int(i) for i in np.argsort(-far, kind="stable")[:3] if far[i] > _SAME]
-    all = problem.coordinates.all
+    all = coordinates.all
     return ", ".join(f"{all[i].name} {all[i].value(other)} for {all[i].value(one)}" for i in order)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -48,22 +48,20 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Coordinates:
-    """All of them, in the order of q (nq,), and the mechanism's size `length` [m]: the greatest reach of any link at the start."""
+    """All of them, in the order of q (nq,), and what is much for each entry of q: 1 for angles and quaternions, a length for lengths."""
 
     all: tuple[Coordinate, ...]
-    length: float
+    scale: np.ndarray
 
-    @functools.cached_property
-    def scale(self) -> np.ndarray:
-        """What is much for each entry of q (nq,): 1 for angles and quaternions, the mechanism's size for lengths."""
-        return np.concatenate([np.full(c.place.stop - c.place.start, self._scale(c)) for c in self.all])
-
-    def _scale(self, c: Coordinate) -> float:
-        return 1.0 if c.unit == "rad" or c.is_rotation else self.length
+    def measured(self, sizes: np.ndarray, places: Sequence[int]) -> Coordinates:
+        """The same where these entries (nq,) at `places` are much."""
+        scale = self.scale.copy()
+        scale[places] = sizes[places]
+        return replace(self, scale=scale)
 
     def differences(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Distance of two configurations in each coordinate, lengths divided by the mechanism's size."""
-        return np.array([c.distance(a, b) / self._scale(c) for c in self.all])
+        """Distance of two configurations in each coordinate, as part of what is much for it."""
+        return np.array([c.distance(a, b) / self.scale[c.place.start] for c in self.all])
 
     def canonical(self, q: np.ndarray, near: np.ndarray) -> np.ndarray:
         """The same configuration with angles within half a turn of `near`, quaternions of the nearer sign."""
@@ -97,7 +95,9 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
         for c in _of_joint(item, tree):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
     size = reach(system, p, values, q, tuple(found))
-    return Coordinates(tuple(found), size if 0 < size < np.inf else 1.0)
+    length = size if 0 < size < np.inf else 1.0
+    kinds = [(c.place.stop - c.place.start, 1.0 if c.unit == "rad" or c.is_rotation else length) for c in found]
+    return Coordinates(tuple(found), np.concatenate([np.zeros(0), *(np.full(size, scale) for size, scale in kinds)]))
 
 
 def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NoReturn
 
@@ -74,20 +74,20 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     problem = start_problem(outputs, start)
     wanted, weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
-        found = problem.positions.solve(data, weights, problem.scale)
+        found = problem.positions.solve(data, weights)
         if not found.converged:
-            _complain(problem.positions, found, data, problem.scale)
+            _complain(problem.positions, found, data)
         data_v = np.concatenate([data, found.y])
         moving = problem.velocities.solve(data_v, weights)
         if not moving.converged:
-            _complain(problem.velocities, moving, data_v, None)
+            _complain(problem.velocities, moving, data_v)
         return finished(problem, wanted, weights, data, found, moving)
 
 
-def _complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[], np.ndarray] | None) -> NoReturn:
+def _complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:
     from acausal.start.start_failure import complain
 
-    complain(search, found, data, scale)
+    complain(search, found, data)
 
 
 def finished(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.numerics.assembly import Residual, assemble, freedom
+from acausal.numerics.sizes import Sizes
 from acausal.start.coordinates import Coordinates
 
 _STEP = 0.15
@@ -22,11 +23,12 @@ class Walks:
 
     constraints: Residual
     coordinates: Coordinates
+    sizes: Sizes
 
     def reachable(self, y: np.ndarray) -> list[np.ndarray]:
         """Where one freedom leads, both ways, in steps; with more freedoms only `y` itself."""
         points = [y]
-        if freedom(self.constraints(y)[1]).shape[1] != 1:
+        if self._free(y).shape[1] != 1:
             return points
         for sense in (1.0, -1.0):
             for k, point in enumerate(self._along(y, sense)):
@@ -43,21 +45,29 @@ class Walks:
             if left < 0.02:
                 return True
             wanted = self.coordinates.canonical(goal, y) - y
-            Z = freedom(self.constraints(y)[1])
-            step = self._moved(y, Z @ (Z.T @ wanted), min(_STEP, left))
+            Z = self._free(y)
+            step = self._moved(y, self._back(Z, wanted), min(_STEP, left))
             if step is None or self._apart(step, goal) >= left * (1 - 1e-3):
                 return False
             y, left = step, self._apart(step, goal)
         return False
 
+    def _free(self, y: np.ndarray) -> np.ndarray:
+        """Directions (n, freedoms) in which the constraints hold, orthonormal in unknowns without unit."""
+        return self.sizes.unknowns[:, None] * freedom(self.sizes.scaled(self.constraints(y)[1]), self.sizes.dependent)
+
+    def _back(self, Z: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """The part of a direction that is in the columns of Z."""
+        return Z @ (Z.T @ (direction / self.sizes.unknowns**2))
+
     def _apart(self, a: np.ndarray, b: np.ndarray) -> float:
         return float(np.max(self.coordinates.differences(a, b), initial=0.0))
 
     def _along(self, y: np.ndarray, sense: float) -> Iterator[np.ndarray]:
-        ahead = sense * freedom(self.constraints(y)[1])[:, 0]
+        ahead = sense * self._free(y)[:, 0]
         for _ in range(_CURVE):
-            Z = freedom(self.constraints(y)[1])
-            ahead = Z @ (Z.T @ ahead)
+            Z = self._free(y)
+            ahead = self._back(Z, ahead)
             step = self._moved(y, ahead, _STEP)
             if step is None:
                 return
@@ -69,5 +79,5 @@ class Walks:
         size = float(np.max(np.abs(direction) / self.coordinates.scale, initial=0.0))
         if size < 1e-9:
             return None
-        found = assemble(self.constraints, y + direction * (length / size), limit=20, stride=length)
+        found = assemble(self.constraints, y + direction * (length / size), sizes=self.sizes, limit=20, stride=length)
         return found.y if found.converged and self._apart(found.y, y) < 4 * length else None

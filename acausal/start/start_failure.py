@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
 
 from acausal.errors import AssemblyError, StartValueError
 from acausal.numerics.assembly import Assembled
+from acausal.numerics.sizes import Sizes
 from acausal.start.start_search import Found, Search, Target
 from acausal.wording import numbers
 
 _TRIED = 6
 """Start values of the largest influence that are left out in turn."""
 _TRIES = 6
+_SHUT = 1e-9
+"""Gap, as part of its row's size, that does not deserve words."""
 _NUMBERS = 9
 """Entries of a start value that are shown."""
 
@@ -34,29 +36,31 @@ class _Fighter:
     instead: np.ndarray | None
 
 
-def complain(search: Search, found: Found, data: np.ndarray, scale: Callable[[], np.ndarray] | None) -> NoReturn:
+def complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:
     """Raise `AssemblyError` when loops cannot close whatever the start values are, else `StartValueError` with those that fight."""
-    size = np.ones(found.y.size) if scale is None else scale()
+    sizes = search.sizes(data, search.first(data))
     n = search.closing_rows
-    loops = _closed(search, found, data, list(range(n)), size) if n else None
+    loops = _closed(search, found, data, list(range(n)), sizes) if n else None
     if loops is not None and not loops.converged:
         raise AssemblyError(_open_loop(search, loops, data))
-    if found.gap <= 1e-9:
+    if found.part <= _SHUT and not search.is_meant(found.y, data):
         values = "; ".join(f"{t.name} = {numbers(data[t.place], _NUMBERS)}" for t in search.exact)
         raise StartValueError(
             f"The {search.what} start values can be met only with hinge axes that point against one another, or wheels that lean by "
             f"a right angle or more: {values or 'none was given'}. Change them, or soften some with ac.near(...)."
         )
     everything, J = search.rows(data, found.y)(found.y)
-    gap = float(np.max(np.abs(everything[:n]), initial=0.0))
-    words = _culprits(search, everything, n)
-    fighters = _fighters(search, found, data, size, everything, J)
+    left = np.abs(everything[:n]) / sizes.rows[:n]
+    words = _culprits(search, left, n)
+    fighters = _fighters(search, found, data, sizes, everything, J)
     told = "; ".join(_told(f, data) for f in fighters[:_TRIED])
     if len(fighters) > _TRIED:
         told += f"; … and {len(fighters) - _TRIED} more"
     helpful = [f.target.name for f in fighters if f.instead is not None]
     advice = f"Leave out {' or '.join(helpful[:3])}" if helpful else "Give fewer exact values"
-    closed = f"; a gap of {gap:.3g} is then left in {words}" if gap > 1e-9 else ""
+    closed = (
+        f"; a gap of {np.max(np.abs(everything[:n])):.3g} is then left in {words}" if np.max(left, initial=0.0) > _SHUT else ""
+    )
     raise StartValueError(
         f"The {search.what} start values contradict each other or the constraints. Nearest to all of them, with the largest "
         f"influence first: {told or 'none was given'}{closed}. {advice}, or soften some with ac.near(...)."
@@ -71,7 +75,7 @@ def _told(f: _Fighter, data: np.ndarray) -> str:
 
 
 def _open_loop(search: Search, loops: Assembled, data: np.ndarray) -> str:
-    residual = search.rows(data, loops.y)(loops.y)[0]
+    residual = search.rows(data, loops.y)(loops.y)[0] / search.sizes(data, search.first(data)).rows
     rates = "the rates of " if search.what == "velocity" else ""
     return (
         f"With these parameters, inputs and this time, {rates}{_culprits(search, residual, search.closing_rows)} cannot close, whatever the "
@@ -92,39 +96,40 @@ def _culprits(search: Search, residual: np.ndarray, n: int) -> str:
     raise AssertionError("owners do not cover the rows")
 
 
-def _closed(search: Search, found: Found, data: np.ndarray, kept: list[int], scale: np.ndarray) -> Assembled:
+def _closed(search: Search, found: Found, data: np.ndarray, kept: list[int], sizes: Sizes) -> Assembled:
     """The best of several searches that meet the rows `kept`, from where the search ended and from its beginning."""
     rng = np.random.default_rng(0)
     best: Assembled | None = None
     for k in range(2 + 2 * _TRIES):
         guess = found.y if k % 2 == 0 else found.first
-        kick = rng.normal(size=guess.size) * scale * (0.0 if k < 2 else 0.1 * 1.5**k)
-        trial = search.close(guess + kick, data, kept)
+        kick = rng.normal(size=guess.size) * sizes.unknowns * (0.0 if k < 2 else 0.1 * 1.5**k)
+        trial = search.close(guess + kick, data, kept, sizes)
         if trial.converged and search.is_meant(trial.y, data):
             return trial
-        if best is None or trial.gap < best.gap:
+        if best is None or trial.part < best.part:
             best = trial
     assert best is not None
-    return Assembled(best.y, best.gap, False, best.iterations)
+    return replace(best, converged=False)
 
 
 def _fighters(
-    search: Search, found: Found, data: np.ndarray, scale: np.ndarray, residual: np.ndarray, J: np.ndarray
+    search: Search, found: Found, data: np.ndarray, sizes: Sizes, residual: np.ndarray, J: np.ndarray
 ) -> list[_Fighter]:
     """Exact start values by influence, at the point where the search ended."""
+    scaled, parts = sizes.scaled(J), residual / sizes.rows
     place, fighters = search.closing_rows, list[tuple[_Fighter, list[int]]]()
     for target in search.exact:
         own = list(range(place, place + target.size))
         place += target.size
         off = float(np.max(np.abs(residual[own])))
-        fighters.append((_Fighter(target, off, float(np.linalg.norm(J[own].T @ residual[own])), None), own))
+        fighters.append((_Fighter(target, off, float(np.linalg.norm(scaled[own].T @ parts[own])), None), own))
     fighters.sort(key=lambda pair: -pair[0].pull)
     result: list[_Fighter] = []
     for k, (f, own) in enumerate(fighters):
         instead = None
         if k < _TRIED:
             others = [i for i in range(residual.size) if i not in own]
-            trial = _closed(search, found, data, others, scale) if others else Assembled(found.y, 0.0, True, 0)
+            trial = _closed(search, found, data, others, sizes) if others else Assembled(found.y, 0.0, 0.0, True, 0)
             if trial.converged:
                 instead = data[f.target.place] + search.rows(data, trial.y)(trial.y)[0][own]
         result.append(_Fighter(f.target, f.off, f.pull, instead))

@@ -13,12 +13,15 @@ import numpy as np
 
 from acausal.errors import StartValueError
 from acausal.language.expression import Expression, Symbol
+from acausal.loops.loop_groups import drawn
 from acausal.numerics.folding import folded_function
 from acausal.numerics.kernel import Kernel
+from acausal.numerics.sizes import Drawn
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
+from acausal.parts.turning import turning
 from acausal.start.coordinates import Coordinate, Coordinates, coordinates
-from acausal.start.start_search import Closing, Search, Target, start_search
+from acausal.start.start_search import Closing, Search, Target, Unknowns, start_search
 from acausal.start.start_values import Start, check_settable, near
 
 if TYPE_CHECKING:
@@ -41,7 +44,7 @@ class StartProblem:
 
     @functools.cached_property
     def coordinates(self) -> Coordinates:
-        """Kinds and names of the entries of q."""
+        """Kinds and names of the entries of q, lengths measured by the whole mechanism as built."""
         r = self.outputs.system
         joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
         scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
@@ -49,9 +52,12 @@ class StartProblem:
             joints, all=(*joints.all, *(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars))
         )
 
-    def scale(self) -> np.ndarray:
-        """What is much for each entry of q."""
-        return self.coordinates.scale
+    def measured(self, data: np.ndarray) -> Coordinates:
+        """The same, measured by what each has to do with at the values `data`."""
+        search = self.positions
+        if search.whole is None:
+            return self.coordinates
+        return self.coordinates.measured(search.sizes(data, search.first(data)).unknowns, search.places)
 
 
 def start_problem(outputs: Outputs, start: Start) -> StartProblem:
@@ -104,8 +110,11 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     free_q, free_v = _free_orientations(outputs)
     at_q, at_v = ([t for t, m in zip(targets, moving, strict=True) if m is kind] for kind in (False, True))
     position, velocity = _closing(outputs)
-    positions = start_search("position", q, data, wanted, position, at_q, r.q_start, free_q)
-    velocities = start_search("velocity", v, ca.vertcat(data, q), wanted, velocity, at_v, r.rate_start, free_v)
+    turns, rates = _turning(outputs)
+    at = range(data.numel(), data.numel() + q.numel())
+    positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q)
+    moving_q = Unknowns(v, ca.vertcat(data, q), rates, True, at, turns)
+    velocities = start_search("velocity", moving_q, wanted, velocity, at_v, r.rate_start, free_v)
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
@@ -145,7 +154,25 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
         ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
     )
     none = ca.SX(0, 1)
-    return Closing(r.closing, position, ca.vertcat(none, *signs)), Closing(r.velocity_closing, velocity, none)
+    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.position.numel())
+    known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel())])
+    return (
+        Closing(r.closing, position, ca.vertcat(none, *signs), known),
+        Closing(r.velocity_closing, velocity, none, known_rates),
+    )
+
+
+def _turning(outputs: Outputs) -> tuple[np.ndarray, np.ndarray]:
+    """Which entries of q are angles and quaternions, and which of the velocities and scalar states are rates of these."""
+    r = outputs.system
+    tree = r.mechanics.tree
+    turns = np.concatenate([np.zeros(0, dtype=bool), *(turning(item.edge.joint) for item in tree.joints)])
+    rates = np.zeros(r.rate_start.size, dtype=bool)
+    if turns.any():
+        N = ca.jacobian(tree.rates[[int(i) for i in np.flatnonzero(turns)]], tree.v)
+        rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
+    scalars = [s.unit == "rad" for s in r.scalar_states[: r.scalar.positions]]
+    return np.concatenate([turns, np.array(scalars, dtype=bool)]), rates
 
 
 def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:

@@ -9,6 +9,8 @@ import numpy as np
 
 from acausal.loops.close_loops import sketch_configuration
 from acausal.numerics.assembly import freedom
+from acausal.numerics.sizes import positive
+from acausal.numerics.thresholds import DEPENDENT
 from acausal.start.start_search import Found, Search, Target
 from acausal.wording import compact, numbers, shortened
 
@@ -17,14 +19,24 @@ if TYPE_CHECKING:
 
 _SHOWN = 10
 _MET = 1e-9
-_RANK = 1e-9
 
 
 def start_report(state: InitialState) -> str:
     """About as many lines as there are start values, and at most ten each for what moved and for the loops."""
     account = state.account
-    lines = [_headline(state), *_asked(state.met), *_moved(account), *_loops(account), *_needless(account)]
+    lines = [_headline(state), *_asked(state.met), *_moved(account), *_loops(account), *_needless(account), *_others(state)]
     return "\n".join(lines)
+
+
+def _others(state: InitialState) -> list[str]:
+    """That other branches meet the same values, where there are some."""
+    from acausal.start.branch_search import other_branches
+
+    count = other_branches(state)
+    if not count:
+        return []
+    words = "1 other branch meets" if count == 1 else f"{count} other branches meet"
+    return [f"{words} the same values; this one is reached from the sketch: see model.branches(...)"]
 
 
 def _headline(state: InitialState) -> str:
@@ -55,19 +67,20 @@ def _asked(met: Sequence[Met]) -> list[str]:
 def _moved(a: Account) -> list[str]:
     """Coordinates by how far they are from the sketch, largest first; lengths are compared with the mechanism's size."""
     system = a.problem.outputs.system
-    if not a.problem.coordinates.all:
+    coordinates = a.problem.measured(a.data)
+    if not coordinates.all:
         return []
     sketch = system.q_start.copy()
     joints = sketch_configuration(system.mechanics)
     sketch[: joints.size] = joints
-    q = a.problem.coordinates.canonical(a.positions.y, sketch)
-    far = a.problem.coordinates.differences(sketch, q)
+    q = coordinates.canonical(a.positions.y, sketch)
+    far = coordinates.differences(sketch, q)
     order = [int(i) for i in np.argsort(-far, kind="stable") if far[i] > _MET]
     if not order:
         return ["nothing moved from the sketch"]
     lines = ["moved from the sketch, farthest first:"]
     for i in order:
-        c = a.problem.coordinates.all[i]
+        c = coordinates.all[i]
         lines.append(f"  {c.name:<24} by {c.distance(sketch, q):.4g} {c.unit}, from {c.value(sketch)} to {c.value(q)}")
     return shortened(lines, 1 + _SHOWN)
 
@@ -106,27 +119,28 @@ def _unneeded(search: Search, found: Found, data: np.ndarray) -> tuple[list[str]
     """Exact values whose rows depend on the others', and near values that nothing free can change."""
     if search.residual is None:
         return [], []
-    J = search.jacobian(found.y, data)
-    free = freedom(J)
-    size = max(1.0, float(np.linalg.norm(J, 2)) if J.size else 1.0)
+    sizes = search.sizes(data, found.first)
+    J = sizes.scaled(search.jacobian(found.y, data))
+    free = freedom(J, sizes.dependent)
     follows: list[str] = []
     place = search.closing_rows
     for target in search.exact:
         others = np.delete(J, range(place, place + target.size), axis=0)
         place += target.size
-        if others.size and int(np.linalg.matrix_rank(others, tol=_RANK * size)) == J.shape[1] - free.shape[1]:
+        if others.size and int(np.linalg.matrix_rank(others, tol=sizes.dependent)) == J.shape[1] - free.shape[1]:
             follows.append(target.name)
     if search.wish is None or not search.wished:
         return follows, []
-    Jw = search.wish_jacobian(found.y, data, found.first)
-    return follows, _powerless(search.wished, Jw, Jw @ free, size)
+    Jw = search.wish_jacobian(found.y, data, found.first) * sizes.unknowns
+    Jw = Jw / positive(np.linalg.norm(Jw, axis=1))[:, None]
+    return follows, _powerless(search.wished, Jw, Jw @ free)
 
 
-def _powerless(wished: Sequence[Target], Jw: np.ndarray, along: np.ndarray, size: float) -> list[str]:
+def _powerless(wished: Sequence[Target], Jw: np.ndarray, along: np.ndarray) -> list[str]:
     names: list[str] = []
     row = Jw.shape[0] - sum(t.size for t in wished)
     for target in wished:
-        if float(np.max(np.abs(along[row : row + target.size]), initial=0.0)) <= _RANK * size:
+        if float(np.max(np.abs(along[row : row + target.size]), initial=0.0)) <= DEPENDENT:
             names.append(target.name)
         row += target.size
     return names

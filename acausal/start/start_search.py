@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -11,10 +12,16 @@ import numpy as np
 from acausal.numerics.assembly import Assembled, Residual, assemble
 from acausal.numerics.folding import folded_function
 from acausal.numerics.kernel import Kernel
+from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
+from acausal.numerics.terms import finite, rounded
+from acausal.numerics.thresholds import EDGE, STRIDE
 
-_EDGE = 1e-9
-"""Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding."""
 _ATTEMPTS = 24
+_PROBES = 3
+_SLOW = 1e-4
+_KEPT = 8
+_RIVALS = 3
+"""Branches of which the nearest to the sketch is taken, where the search had to begin anew."""
 _STAY = 1e-3
 """Weight of the orientation of free bodies, which rather stays, against values wished for."""
 
@@ -46,18 +53,218 @@ class Closing:
     residual: ca.SX
     owners: tuple[tuple[str, int], ...]
     signs: ca.SX
+    drawn: Drawn
+    """How well the rows are known."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search came to: `y` (n,), where it began, the largest residual left, whether it is zero, steps and restarts."""
+    """What a search came to: `y` (n,), where it began, the largest residual left, and as part of its row's size, whether it is zero to
+    rounding, steps and restarts.
+    """
 
     y: np.ndarray
     first: np.ndarray
     gap: float
+    part: float
     converged: bool
     iterations: int = 0
     restarts: int = 0
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Symbols of a search: `y` (n,), whose first entries are `turning` angles and quaternions or rates of these, and the `data`.
+
+    `q`: places in the data of configurations on which rows that are linear in y depend; `scattered` (nq,): which of them turn.
+    """
+
+    y: ca.SX
+    data: ca.SX
+    turning: np.ndarray
+    linear: bool = False
+    """Whether y are velocities."""
+    q: range = range(0)
+    scattered: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def only(self, places: list[int]) -> Unknowns:
+        """Some of y."""
+        return replace(self, y=self.y[places], turning=self.turning[places])
+
+
+@dataclass(frozen=True)
+class Block:
+    """Unknowns that constraints or wishes connect, and these rows: no other block has to do with them, so it is searched alone.
+
+    Kernels take y and the data with `first`. `places` in y; `rows` and `wished` among all rows. `alike` (rows of wishes,): those with
+    the same number are weighed by the same size.
+    """
+
+    unknowns: Unknowns
+    places: list[int]
+    rows: list[int]
+    wished: list[int]
+    whole: ca.SX
+    hard: ca.SX
+    soft: ca.SX
+    signs: ca.SX
+    alike: np.ndarray
+    drawn: Drawn
+    known: dict[bytes, tuple[Sizes, np.ndarray]] = field(default_factory=dict[bytes, tuple[Sizes, np.ndarray]], compare=False)
+    """Sizes of some calls before."""
+
+    @functools.cached_property
+    def constraints(self) -> Kernel:
+        """Rows and their Jacobian, column by column."""
+        return _with_jacobian(self.unknowns.y, self.whole, self.hard)
+
+    @functools.cached_property
+    def wishes(self) -> Kernel | None:
+        """The same of wishes."""
+        return _with_jacobian(self.unknowns.y, self.whole, self.soft) if self.wished else None
+
+    @functools.cached_property
+    def _rounded(self) -> Kernel:
+        return Kernel.of(ca.Function("rounded", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(rounded(self.hard))]))
+
+    @functools.cached_property
+    def _signs(self) -> Kernel:
+        return Kernel.of(ca.Function("signs", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(self.signs)]))
+
+    def is_meant(self, y: np.ndarray, data: np.ndarray) -> bool:
+        """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
+        return not self.signs.numel() or bool((self._signs.at(np.concatenate([y, data])) > EDGE).all())
+
+    def sizes(self, data: np.ndarray, first: np.ndarray, factors: np.ndarray) -> tuple[Sizes, np.ndarray]:
+        """What is much for unknowns and constraints, and what wishes are divided by; `data` with `first` of all unknowns."""
+        key = data.tobytes() + factors.tobytes()
+        found = self.known.get(key)
+        if found is None:
+            if len(self.known) >= _KEPT:
+                self.known.clear()
+            found = self.known[key] = self._sizes(data, first, factors)
+        return found
+
+    def _sizes(self, data: np.ndarray, first: np.ndarray, factors: np.ndarray) -> tuple[Sizes, np.ndarray]:
+        of, y = self.unknowns, first[self.places]
+        rows, wishes = _residual(self.constraints, y.size), None if self.wishes is None else _residual(self.wishes, y.size)
+        points = [(y, data), *self._probes(y, data)]
+        found = [rows(*point) for point in points]
+        hard = _most([J for _, J in found], (len(self.rows), y.size))
+        soft = np.zeros((len(self.wished), y.size))
+        seen: list[tuple[np.ndarray, np.ndarray]] = []
+        if wishes is not None:
+            seen = [wishes(*point) for point in points]
+            soft = _most([J for _, J in seen], soft.shape)
+
+        together = np.vstack([hard, soft])
+        unknowns = np.ones(y.size)
+        if not of.turning.all():
+            off = [np.nan_to_num(np.abs(found[0][0])) + self._rounding(y, data), np.abs(seen[0][0]) if seen else np.zeros(0)]
+            unknowns = unknown_sizes(
+                together, of.turning, np.concatenate(off), Drawn.joined([self.drawn, Drawn.exact(len(self.wished))])
+            )
+        terms = self._rounding(unknowns if of.linear else y, data) + self.drawn.sizes
+        sizes, wanted = row_sizes(hard, unknowns, terms, self.drawn), row_sizes(soft, unknowns, np.zeros(len(self.wished)))
+        drawn, dependent = self.drawn.terms(sizes), self.drawn.dependent(sizes)
+        for k in set(self.alike.tolist()):
+            wanted[self.alike == k] = np.max(wanted[self.alike == k])
+        rate = 1.0
+        if of.linear:  # the unit of time drops out: rates are measured by the largest that is asked for
+            asked = [
+                np.abs(y) / unknowns,
+                np.abs(found[0][0]) / sizes,
+                np.abs(seen[0][0]) * factors / wanted if seen else np.zeros(0),
+            ]
+            rate = float(positive(np.array([np.max(np.concatenate(asked), initial=0.0)]))[0])
+            unknowns, sizes, wanted = unknowns * rate, sizes * rate, wanted * rate
+        return Sizes(unknowns, sizes, lambda y: drawn * sizes + self._rounding(y, data), dependent, rate), wanted
+
+    def _rounding(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
+        return finite(self._rounded.at(np.concatenate([y, data])))
+
+    def _probes(self, y: np.ndarray, data: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Places about y that differ in what turns, and in what has no influence at first order."""
+        of = self.unknowns
+        if of.linear:
+            places = np.array(of.q)[of.scattered]
+            return [(y, _moved(data, places, change)) for change in _scatter(places.size)]
+        reach = np.where(of.turning, 1.0, 0.0)
+        if not of.turning.all() and self.rows:
+            c, J = _residual(self.constraints, y.size)(y, data)
+            silent = ~of.turning & ~np.any(np.nan_to_num(J), axis=0)
+            if silent.any():
+                bent = curvature(self.hard, of.y, silent)
+                bends = np.array(ca.Function("bends", [ca.vertcat(of.y, self.whole)], [bent])(np.concatenate([y, data]))).ravel()
+                terms = np.abs(c) + self._rounding(y, data)
+                reach[silent] = bent_size(terms, bends)
+        return [(y + reach * change, data) for change in _scatter(y.size)]
+
+    def solve(self, data: np.ndarray, first: np.ndarray, factors: np.ndarray, fastest: float) -> Found:
+        """y of the block near `first`; begins anew from up to 24 other places where that fails. `factors`: of the wishes.
+
+        `fastest`: rate of all blocks, beside which much smaller ones are rounding errors.
+        """
+        whole = np.concatenate([data, first])
+        sizes, wanted = self.sizes(whole, first, factors)
+        sizes = sizes.faster(_SLOW * fastest)
+        begun, unit = first[self.places], sizes.unknowns
+        stride = np.inf if self.unknowns.linear else STRIDE
+        rows = _residual(self.constraints, begun.size)
+        wishes = None if self.wishes is None else _residual(self.wishes, begun.size)
+
+        def hard(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return rows(y, whole)
+
+        def soft(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            assert wishes is not None
+            r, J = wishes(y, whole)
+            return factors / wanted * r, (factors / wanted)[:, None] * J
+
+        def search(guess: np.ndarray) -> tuple[Assembled, bool]:
+            found = assemble(hard, guess, soft if wishes else None, sizes=sizes, stride=stride, nearest=begun)
+            return found, found.converged and self.is_meant(found.y, whole)
+
+        found, right = search(begun)
+        if right:
+            return Found(found.y, begun, found.gap, found.part, True, found.iterations)
+        rng = np.random.default_rng(0)
+        best, spent = found, found.iterations
+        rivals: list[Assembled] = []
+        begun_anew = 0
+        for attempt in range(_ATTEMPTS):
+            # a push out of the place where the search ended, then another beginning, farther and farther from the sketch
+            from_best = attempt % 2 == 0 and not best.converged and best.part < np.inf
+            size = 0.2 if from_best else min(0.1 * 1.25**attempt, 3.0)
+            found, right = search((best.y if from_best else begun) + rng.normal(scale=size, size=begun.size) * unit)
+            spent += found.iterations
+            rivals += [found] if right else []
+            begun_anew = attempt + 1
+            if len(rivals) == _RIVALS or (rivals and self.unknowns.linear):
+                break
+            if found.part < best.part:
+                best = found
+        if rivals:
+            near = min(rivals, key=lambda a: float(np.linalg.norm((a.y - begun) / unit)))
+            return Found(near.y, begun, near.gap, near.part, True, spent, begun_anew)
+        return Found(best.y, begun, best.gap, best.part, False, spent, _ATTEMPTS)
+
+
+@functools.cache
+def _scatter(size: int) -> tuple[np.ndarray, ...]:
+    """The same random changes (size,) whenever they are needed."""
+    return tuple(np.random.default_rng(3).uniform(-1, 1, (_PROBES, size)))
+
+
+def _most(matrices: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    """Largest magnitudes, entry by entry."""
+    return np.nan_to_num(np.max(np.abs(matrices), axis=0), posinf=0.0) if matrices else np.zeros(shape)
+
+
+def _moved(data: np.ndarray, places: np.ndarray, change: np.ndarray) -> np.ndarray:
+    result = data.copy()
+    result[places] += change
+    return result
 
 
 @dataclass(frozen=True)
@@ -74,9 +281,9 @@ class Search:
     exact: tuple[Target, ...] = ()
     wished: tuple[Target, ...] = ()
     closing: tuple[tuple[str, int], ...] = ()
-    constraints: Kernel | None = None
-    wishes: Kernel | None = None
-    signs: Kernel | None = None
+    blocks: tuple[Block, ...] = ()
+    whole: Block | None = None
+    """All blocks as one."""
     residual: ca.Function | None = None
     """(y, data) -> all rows of the constraints: closing, then exact values."""
     wish: ca.Function | None = None
@@ -89,12 +296,17 @@ class Search:
     @property
     def settled(self) -> bool:
         """Whether the values leave nothing to search."""
-        return self.constraints is None
+        return self.whole is None
+
+    @property
+    def places(self) -> list[int]:
+        """Unknowns that constraints or wishes hold."""
+        return [i for block in self.blocks for i in block.places]
 
     @property
     def stride(self) -> float:
         """Velocities enter linearly, so the search may go anywhere at once."""
-        return np.inf if self.what == "velocity" else 0.7
+        return np.inf if self.what == "velocity" else STRIDE
 
     @property
     def closing_rows(self) -> int:
@@ -108,54 +320,76 @@ class Search:
             first[i] = data[k]
         return first
 
-    def solve(self, data: np.ndarray, weights: np.ndarray, scale: Callable[[], np.ndarray] | None = None) -> Found:
-        """y (n,) for the data and the weights of all start values; begins anew from up to 24 other places where that fails.
-
-        `scale`: gives what is much for each entry of y (n,); 1 unless given.
-        """
+    def solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
+        """y (n,) for the data and the weights of all start values, block by block."""
         first = self.first(data)
-        if self.constraints is None or (self.said and self.is_meant(first, data)):
-            return Found(first, first, 0.0, True)
-        hard, soft = self.rows(data, first), self.wish_rows(data, first, weights)
-        found = assemble(hard, first, soft, stride=self.stride, nearest=first)
-        if found.converged and self.is_meant(found.y, data):
-            return Found(found.y, first, found.gap, True, found.iterations)
-        rng = np.random.default_rng(0)
-        best, spent = found, found.iterations
-        for attempt in range(_ATTEMPTS):
-            # a push out of the place where the search ended, then another beginning, farther and farther from the sketch
-            from_best = attempt % 2 == 0 and not best.converged
-            size = 0.2 if from_best else min(0.1 * 1.25**attempt, 3.0)
-            kick = rng.normal(scale=size, size=first.size) * (1.0 if scale is None else scale())
-            found = assemble(hard, (best.y if from_best else first) + kick, soft, stride=self.stride, nearest=first)
-            spent += found.iterations
-            if found.converged and self.is_meant(found.y, data):
-                return Found(found.y, first, found.gap, True, spent, attempt + 1)
-            if found.gap < best.gap:
-                best = found
-        return Found(best.y, first, best.gap, False, spent, _ATTEMPTS)
+        if self.whole is None or (self.said and self.is_meant(first, data)):
+            return Found(first, first, 0.0, 0.0, True)
+        factors = self.wish_factors(weights)
+        y = first.copy()
+        parts: list[Found] = []
+        whole = np.concatenate([data, first])
+        rates = [block.sizes(whole, first, factors[block.wished])[0].rate for block in self.blocks if block.unknowns.linear]
+        for block in self.blocks:
+            found = block.solve(data, first, factors[block.wished], max(rates, default=0.0))
+            y[block.places] = found.y
+            parts.append(found)
+        worst = max(parts, key=lambda f: (not f.converged, f.part))
+        return Found(
+            y, first, worst.gap, worst.part, worst.converged, sum(f.iterations for f in parts), sum(f.restarts for f in parts)
+        )  # fmt: skip
+
+    def sizes(self, data: np.ndarray, first: np.ndarray) -> Sizes:
+        """What is much for all unknowns and constraints: for unknowns in no constraint 1."""
+        assert self.whole is not None
+        unknowns, rows = np.ones(first.size), np.ones(len(self.whole.rows))
+        whole = np.concatenate([data, first])
+        for block in self.blocks:
+            found, _ = block.sizes(whole, first, np.ones(len(block.wished)))
+            unknowns[block.places], rows[block.rows] = found.unknowns, found.rows
+        found, _ = self.whole.sizes(whole, first, np.ones(len(self.whole.wished)))
+        return replace(found, unknowns=unknowns, rows=rows)
 
     def rows(self, data: np.ndarray, first: np.ndarray, kept: Sequence[int] | None = None) -> Residual:
         """The constraints at `data`; only the rows `kept`, if given."""
-        assert self.constraints is not None
-        return _residual(self.constraints, first.size, np.concatenate([data, first]), None, kept)
+        assert self.whole is not None
+        residual, whole = _residual(self.whole.constraints, first.size), np.concatenate([data, first])
+
+        def rows(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            c, J = residual(y, whole)
+            return (c, J) if kept is None else (c[kept], J[kept])
+
+        return rows
 
     def wish_rows(self, data: np.ndarray, first: np.ndarray, weights: np.ndarray) -> Residual | None:
-        """The wishes at `data`, near values weighted; None without any."""
-        if self.wishes is None:
+        """The wishes at `data`, near values weighted, as parts of their sizes; None without any."""
+        if self.whole is None or self.whole.wishes is None:
             return None
-        factors = self.wish_factors(weights)
-        return _residual(self.wishes, first.size, np.concatenate([data, first]), factors)
+        residual, whole = _residual(self.whole.wishes, first.size), np.concatenate([data, first])
+        factors = self.wish_weights(data, first, weights)
+
+        def rows(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            r, J = residual(y, whole)
+            return factors * r, factors[:, None] * J
+
+        return rows
 
     def wish_factors(self, weights: np.ndarray) -> np.ndarray:
         """What each row of the wishes is multiplied by: roots of the weights."""
         near = np.concatenate([np.zeros(0), *(weights[t.place] for t in self.wished)])
-        rows = 0 if self.wishes is None else self.wishes.result.size // (self.guess.size + 1)
+        rows = 0 if self.whole is None else len(self.whole.wished)
         return np.concatenate([np.full(rows - near.size, _STAY), np.sqrt(near)])
+
+    def wish_weights(self, data: np.ndarray, first: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """The same, divided by what is much in the row."""
+        factors = self.wish_factors(weights)
+        if self.whole is None:
+            return factors
+        return factors / self.whole.sizes(np.concatenate([data, first]), first, factors)[1]
 
     def is_meant(self, y: np.ndarray, data: np.ndarray) -> bool:
         """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
-        return self.signs is None or bool((self.signs.at(np.concatenate([y, data])) > _EDGE).all())
+        return self.whole is None or self.whole.is_meant(y, np.concatenate([data, y]))
 
     def jacobian(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
         """d residual / dy, (m, n), for searches with constraints. Unlike `rows` for many threads at once."""
@@ -167,9 +401,9 @@ class Search:
         assert self.wish is not None
         return np.array(self.wish.factory("J", ["y", "data", "first"], ["jac:r:y"])(y, data, first)).reshape(-1, y.size)
 
-    def close(self, guess: np.ndarray, data: np.ndarray, kept: Sequence[int]) -> Assembled:
+    def close(self, guess: np.ndarray, data: np.ndarray, kept: Sequence[int], sizes: Sizes) -> Assembled:
         """One search from `guess` that meets the rows `kept` of the constraints only."""
-        return assemble(self.rows(data, guess, kept), guess, stride=self.stride)
+        return assemble(self.rows(data, guess, kept), guess, sizes=sizes.of(kept), stride=self.stride)
 
     def derivative(self, y: np.ndarray, data: np.ndarray, change: np.ndarray) -> np.ndarray:
         """dy (n, k) when the data change by the columns of `change` (size of data, k): the start values that y repeats, and then the
@@ -183,13 +417,17 @@ class Search:
         J, by_data = (
             np.array(part) for part in self.residual.factory("slopes", ["y", "data"], ["jac:c:y", "jac:c:data"])(y, data)
         )
-        return first - np.linalg.pinv(J, rcond=1e-9) @ (J @ first + by_data @ change)
+        sizes = self.sizes(data, self.first(data))
+        scaled = sizes.scaled(J)
+        off = (J @ first + by_data @ change) / sizes.rows[:, None]
+        return first - sizes.unknowns[:, None] * (np.linalg.pinv(scaled, rcond=sizes.dependent) @ off)
 
 
 def start_search(
-    what: str, y: ca.SX, data: ca.SX, wanted: ca.SX, closing: Closing, targets: list[Target], guess: np.ndarray, kept: list[int]
+    what: str, unknowns: Unknowns, wanted: ca.SX, closing: Closing, targets: list[Target], guess: np.ndarray, kept: list[int]
 ) -> Search:
     """`kept`: entries of y that rather stay as they are than make up for others."""
+    y, data = unknowns.y, unknowns.data
     exact = tuple(t for t in targets if t.exact)
     wished = tuple(t for t in targets if not t.exact)
     plain = tuple(_plain(y, wished + exact))
@@ -202,6 +440,13 @@ def start_search(
     hard = ca.vertcat(closing.residual, *(_difference(t, wanted) for t in exact))
     stay = y[kept] - first[kept] if kept and targets else ca.SX(0, 1)
     soft = ca.vertcat(stay, *(_difference(t, wanted) for t in wished))
+    units = [t.unit or t.name for t in wished for _ in range(t.size)]
+    names = ["", *dict.fromkeys(units)]
+    alike = np.array([0] * stay.numel() + [names.index(unit) for unit in units], dtype=int)
+    rest = hard.numel() - closing.residual.numel()
+    drawn = Drawn.joined([closing.drawn, Drawn.exact(rest)])
+    n, m, k = y.numel(), hard.numel(), soft.numel()
+    everything = Block(unknowns, list(range(n)), list(range(m)), list(range(k)), whole, hard, soft, closing.signs, alike, drawn)
     side = ca.Function("side", [y, data], [ca.densify(closing.signs)]) if closing.signs.numel() else None
     return Search(
         what,
@@ -210,14 +455,41 @@ def start_search(
         exact,
         wished,
         closing.owners,
-        _with_jacobian(y, whole, hard),
-        _with_jacobian(y, whole, soft) if soft.numel() else None,
-        Kernel.of(ca.Function("signs", [ca.vertcat(y, data)], [side(y, data)])) if side is not None else None,
+        _blocks(everything),
+        everything,
         ca.Function("residual", [y, data], [hard], ["y", "data"], ["c"]),
         ca.Function("wishes", [y, data, first], [soft], ["y", "data", "first"], ["r"]) if soft.numel() else None,
         side,
         settled,
     )
+
+
+def _blocks(whole: Block) -> tuple[Block, ...]:
+    """Parts of y that no row connects, in the order of their first unknown; unknowns in no row are in none."""
+    import networkx as nx
+
+    y, graph = whole.unknowns.y, nx.Graph()
+    for kind, rows in (("hard", whole.hard), ("soft", whole.soft), ("sign", whole.signs)):
+        graph.add_nodes_from((kind, i) for i in range(rows.numel()))
+        i, j = ca.jacobian_sparsity(rows, y).get_triplet() if rows.numel() else ([], [])
+        graph.add_edges_from(((kind, a), ("y", b)) for a, b in zip(i, j, strict=True))
+    lost = [node for node in graph if node[0] != "y" and not graph[node]]
+    graph.remove_nodes_from(lost)
+    parts = [sorted(part) for part in nx.connected_components(graph)]
+    parts.sort(key=lambda part: min(k for kind, k in part if kind == "y"))
+    if len(parts) <= 1:
+        return (whole,)
+    parts[0] = sorted([*parts[0], *lost])  # they hold or not, whatever y is
+    found: list[Block] = []
+    for part in parts:
+        places, hard, soft, signs = ([k for kind, k in part if kind == wanted] for wanted in ("y", "hard", "soft", "sign"))
+        found.append(
+            Block(
+                whole.unknowns.only(places), places, hard, soft, whole.whole, whole.hard[hard], whole.soft[soft],
+                whole.signs[signs] if signs else ca.SX(0, 1), whole.alike[soft], whole.drawn.of(hard),
+            )
+        )  # fmt: skip
+    return tuple(found)
 
 
 def _plain(y: ca.SX, targets: Sequence[Target]) -> list[tuple[int, int]]:
@@ -243,16 +515,12 @@ def _with_jacobian(y: ca.SX, data: ca.SX, residual: ca.SX) -> Kernel:
     return Kernel.of(folded_function("residual", [ca.vertcat(y, data)], [both]))
 
 
-def _residual(
-    kernel: Kernel, n: int, data: np.ndarray, factors: np.ndarray | None = None, kept: Sequence[int] | None = None
-) -> Residual:
+def _residual(kernel: Kernel, n: int) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """(y (n,), data) -> residual (m,) and Jacobian (m, n)."""
     m = kernel.result.size // (n + 1)
 
-    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        both = kernel.at(np.concatenate([point, data])).copy()
-        c, J = both[:m], both[m:].reshape(n, m).T
-        if factors is not None:
-            return factors * c, factors[:, None] * J
-        return (c, J) if kept is None else (c[kept], J[kept])
+    def evaluate(y: np.ndarray, data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        both = kernel.at(np.concatenate([y, data])).copy()
+        return both[:m], both[m:].reshape(n, m).T
 
     return evaluate

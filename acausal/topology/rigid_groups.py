@@ -103,9 +103,15 @@ def _pose_along(graph: nx.MultiGraph[str | int], near: str | int, far: str | int
     return Pose(snapped(pose.rotation), pose.position) if isinstance(pose.rotation, np.ndarray) else pose
 
 
+def _extent(pose: Pose) -> float:
+    """Distance of its origin, 0 where that depends on parameters."""
+    return float(np.linalg.norm(pose.position)) if isinstance(pose.position, np.ndarray) else 0.0
+
+
 def _check_loops(
     graph: nx.MultiGraph[str | int], nodes: set[str | int], placed: dict[str | int, Pose], parts: dict[str, Part]
 ) -> None:
+    extent = max((_extent(placed[node]) for node in nodes), default=0.0)
     for near, far, key in graph.edges(nodes, keys=True):
         gap = (placed[near] @ _pose_along(graph, near, far, key)).inverse() @ placed[far]
         if not (isinstance(gap.rotation, np.ndarray) and isinstance(gap.position, np.ndarray)):
@@ -116,9 +122,8 @@ def _check_loops(
             and near in parts
             and not any(isinstance(a.connector, Frame) for a in _attachments(parts[str(near)]))
         )
-        if distance > _TOLERANCE * (1 + float(np.linalg.norm(np.asarray(placed[far].position)))) or (
-            turn > _TOLERANCE and not is_point
-        ):
+        lengths = extent + _extent(_pose_along(graph, near, far, key))
+        if distance > _TOLERANCE * lengths or (turn > _TOLERANCE and not is_point):
             who = ", ".join(parts[str(n)].where for n in nodes if n in parts)
             message = (
                 f"Rigid parts are connected in a loop that does not fit: a gap of {distance:.3g} m and a turn of {turn:.3g} rad "

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.weld import Weld
+from acausal.topology.canonical_order import in_order
 from acausal.topology.mechanism import Edge, Group, TreeEdge
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ def spanning_tree(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[A
 
     `driven`: joints on whose coordinates something acts: an angle known only up to full turns would not do for them.
     """
-    chosen = _least_freedom(len(groups), edges, driven)
+    edges = in_order(groups, edges)
+    chosen = _least_freedom(groups, edges, driven)
     split = _Split(list(groups), list(edges), [])
     for i in [i for i in range(len(edges)) if i not in chosen and _keeps_coordinates(edges[i].joint, driven)]:
         ends = sorted((edges[i].b, edges[i].a), key=lambda end: ("body", "massless", "ground", "point").index(groups[end].kind))
@@ -50,17 +52,18 @@ def spanning_tree(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[A
     )
 
 
-def _least_freedom(count: int, edges: Sequence[Joint], driven: Set[AbstractJoint]) -> set[int]:
-    """Among equals the edges that lie nearest to the ground (Kruskal)."""
+def _least_freedom(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[AbstractJoint]) -> set[int]:
+    """Among equals the edges that lie nearest to the ground (Kruskal); points, which hand on no orientation, at its ends;
+    rather hinges than slides."""
     import networkx as nx
 
-    graph = _graph(count, edges, range(len(edges)))
+    graph = _graph(len(groups), edges, range(len(edges)))
     depth = nx.single_source_shortest_path_length(graph, 0)
 
-    def order(i: int) -> tuple[bool, int, int, int]:
+    def order(i: int) -> tuple[bool, int, bool, int, bool, int]:
         edge = edges[i]
         return (
-            not _keeps_coordinates(edge.joint, driven), edge.joint.v.size, max(depth[edge.a], depth[edge.b]), i
+            not _keeps_coordinates(edge.joint, driven), edge.joint.v.size, "point" in (groups[edge.a].kind, groups[edge.b].kind), max(depth[edge.a], depth[edge.b]), edge.joint.q.unit != "rad", i
         )  # fmt: skip
 
     weighted: nx.MultiGraph[int] = nx.MultiGraph()

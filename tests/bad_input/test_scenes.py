@@ -234,7 +234,7 @@ CASES = [
     Wrong("rod that locks", lambda: rod_from((1, 0, 0), 1.0), errors.LockedError, ("locked", "'stay'")),
     Wrong("rod of length zero", lambda: Rod(0), errors.ParameterError, ("length is 0", "positive")),
     Wrong("rod given as a vector", lambda: Rod((0, 0, 1)), errors.ParameterError, ("(0, 0, 1)", "number")),
-    Wrong("second hinge across the first", lambda: second_hinge("x"), errors.LockedError, ("'again'", "Remove a joint")),
+    Wrong("second hinge across the first", lambda: second_hinge("x"), errors.LockedError, ("closing 'hinge'", "Remove a joint")),
     Wrong("carried to two places", lambda: carried_on((1, 0, 0), (0, 0, 1)), errors.AssemblyError, ("tables[1]", "gap reached is 1")),
     Wrong("nothing but a given motion", lambda: carried_on((1, 0, 0)), errors.LockedError, ("Nothing", "Add a joint")),
     Wrong("given position from an input", lambda: PrescribedMotion((ac.Input("m"), 0, 0)), errors.ParameterError, ("position", "input", HERE, "source")),

@@ -1,0 +1,142 @@
+"""Sizes: what is much for each unknown and for each row of equations, found from the equations themselves.
+
+An angle is as it is. A length is measured by the lever arms of angles in the rows that it shares with them, any other unknown by the
+terms of its rows; a row by what its unknowns can change in it. All of these scale exactly with the units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.thresholds import CLOSED, DEPENDENT
+
+_SAFETY = 1e3
+_FAINT = 1e-6
+"""A derivative by an unknown counts beside others by the same unknown where it is above this part of them."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """`unknowns` (n,) and `rows` (m,), all positive. `rounding`: y (n,) -> (m,), sums of the sizes of the rows' terms.
+
+    `dependent`: singular values of J * unknowns / rows below this count as zero.
+    """
+
+    unknowns: np.ndarray
+    rows: np.ndarray
+    rounding: Callable[[np.ndarray], np.ndarray] | None = None
+    dependent: float = DEPENDENT
+    rate: float = 1.0
+    """Of rates: the factor in `unknowns` and `rows` that makes them much."""
+
+    def faster(self, rate: float) -> Sizes:
+        """Of rates that are measured by a larger one."""
+        more = max(1.0, rate / self.rate)
+        return replace(self, unknowns=self.unknowns * more, rows=self.rows * more, rate=self.rate * more)
+
+    def of(self, rows: Sequence[int]) -> Sizes:
+        """Only some of the rows."""
+        kept, rounding = list(rows), self.rounding
+        return replace(self, rows=self.rows[kept], rounding=None if rounding is None else lambda y: rounding(y)[kept])
+
+    def scaled(self, J: np.ndarray) -> np.ndarray:
+        """A Jacobian (m, n) without units."""
+        return J * self.unknowns / self.rows[:, None]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """How well rows (m,) of closed loops are known: `far` [m], the distances in their constants; which are `shifts`, which `turns`."""
+
+    far: np.ndarray
+    shifts: np.ndarray
+    turns: np.ndarray
+
+    @staticmethod
+    def joined(parts: Sequence[Drawn]) -> Drawn:
+        """One after the other."""
+        none = Drawn.exact(0)
+        return Drawn(*(np.concatenate([getattr(part, f.name) for part in (none, *parts)]) for f in fields(Drawn)))
+
+    @staticmethod
+    def exact(count: int) -> Drawn:
+        """Rows of other things."""
+        return Drawn(np.zeros(count), np.zeros(count, dtype=bool), np.zeros(count, dtype=bool))
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Sizes of terms that may have met in constants: the distances for shifts, 1 for turns."""
+        return np.where(self.shifts, self.far, np.where(self.turns, 1.0, 0.0))
+
+    def of(self, rows: Sequence[int]) -> Drawn:
+        """Only some of the rows."""
+        kept = list(rows)
+        return Drawn(self.far[kept], self.shifts[kept], self.turns[kept])
+
+    def terms(self, sizes: np.ndarray) -> np.ndarray:
+        """What the constants add to the terms of rows of these `sizes` (m,), as part of these: distances beside the loop's own length."""
+        own = np.min(sizes[self.shifts & (sizes <= self.far)], initial=np.inf)  # rows of rounding errors have larger sizes
+        return np.where(self.shifts, self.far / sizes, self.far / own)
+
+    def dependent(self, sizes: np.ndarray, least: float = DEPENDENT) -> float:
+        """Singular values below this count as zero: constants are not known better."""
+        return max(least, _SAFETY * float(np.finfo(float).eps) * float(np.max(self.terms(sizes), initial=0.0)))
+
+
+def positive(sizes: np.ndarray) -> np.ndarray:
+    """1 where a size is zero or no number."""
+    return np.where((sizes > 0) & (sizes < np.inf), sizes, 1.0)
+
+
+def unknown_sizes(largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, drawn: Drawn) -> np.ndarray:
+    """What is much for each unknown (n,): 1 where `turning` (n,), which are angles and quaternions.
+
+    `largest` (m, n): magnitudes of the derivatives of the rows, the largest at several places; `terms` (m,): sizes of the rows' terms,
+    which count where rows have no lever arms. Unknowns without any of these have the distances in the loops as sizes.
+    """
+    n = turning.size
+    sizes = np.where(turning, 1.0, 0.0)
+    if turning.all() or not largest.shape[0]:
+        return np.ones(n)
+    faint = drawn.shifts[:, None] & ~turning & (largest < CLOSED)  # shifts by shifts: sines of angles
+    largest = np.where(faint, 0.0, largest)
+    heard = (largest > _FAINT * np.max(largest, axis=0)) & ~turning
+    arms = np.max(largest[:, turning], axis=1, initial=0.0)
+    for sources in (arms, terms):
+        ratio = np.where(heard, sources[:, None] / np.where(heard, largest, 1.0), 0.0).max(axis=0)
+        ratio = np.where(np.isfinite(ratio), ratio, 0.0)
+        unknown = (sizes == 0) & ~turning
+        sizes[unknown] = ratio[unknown]
+    known = sizes[~turning & (sizes > 0)]
+    return positive(np.where(sizes > 0, sizes, known.max() if known.size else np.max(drawn.far, initial=0.0)))
+
+
+def curvature(rows: ca.SX, y: ca.SX, places: np.ndarray) -> ca.SX:
+    """Second derivatives of rows (m, 1) along a direction in which all unknowns at `places` (n,) change, each differently."""
+    along = ca.DM(np.where(places, np.random.default_rng(4).uniform(0.5, 1.0, places.size), 0.0))
+    return ca.jtimes(ca.jtimes(rows, y, along), y, along)
+
+
+def bent_size(terms: np.ndarray, bends: np.ndarray) -> float:
+    """How far unknowns go that no row changes with to first order, until rows with these `terms` (m,) and second derivatives `bends`
+    (m,) change as much as their terms; 0 where nothing is bent.
+    """
+    ratio = np.sqrt(2 * np.divide(terms, np.abs(bends), out=np.zeros_like(terms), where=(bends != 0) & np.isfinite(bends)))
+    return float(np.max(ratio, initial=0.0))
+
+
+def row_sizes(largest: np.ndarray, unknowns: np.ndarray, terms: np.ndarray, drawn: Drawn | None = None) -> np.ndarray:
+    """What is much in each row (m,): what an unknown of its size changes in it at most, and where that is only rounding its `terms`.
+
+    All shifts and turns of loops are measured alike, so that what is least of their gaps has a meaning.
+    """
+    changes = np.max(largest * unknowns, axis=1, initial=0.0)
+    real = changes > CLOSED * terms
+    sizes = np.where(real, changes, terms)
+    for kind in () if drawn is None else (drawn.shifts & real, drawn.turns & real):
+        sizes[kind] = np.max(sizes[kind], initial=0.0)
+    return positive(sizes)

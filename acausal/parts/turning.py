@@ -1,0 +1,20 @@
+"""Which coordinates of a joint are turns: angles and quaternions, that have no length as a unit."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from acausal.parts.elastic_body import AbstractElasticBody
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import symbolic
+
+
+def turning(joint: AbstractJoint) -> np.ndarray:
+    """(nq,), True where an entry of q turns frame_b against frame_a; where q has a unit, that says it."""
+    size = joint.q.size
+    if joint.q.unit or isinstance(joint, AbstractElasticBody):
+        return np.full(size, joint.q.unit == "rad")
+    q = ca.SX.sym("q", size)
+    R = ca.densify(symbolic(joint.pose(q, ca.SX.sym("t")).rotation))
+    return np.array([ca.depends_on(R, q[i]) for i in range(size)], dtype=bool)
