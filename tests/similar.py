@@ -337,8 +337,12 @@ def rods_in_space(of: Units) -> Similar:
         x, y = math.cos(2.1 * k), math.sin(2.1 * k)
         s.connect(of.base(s.world, 0.6 * x, 0.6 * y, 0), rod.frame_a)
         s.connect(rod.frame_b, s.plate.at(of.vector(0.5 * x, 0.5 * y, 0)))
+    R, p = of.place
+    position, along = s.plate.frame.position, s.plate.frame.rotation[:, 0]
+    start = {position.T @ R[:, k]: of.length * (offset + float(R[:, k] @ p)) for k, offset in ((0, 0.15), (1, -0.05))}
+    start |= {along.T @ R[:, 1]: 0.1}
     w = s.plate.frame.angular_velocity
-    return Similar(s, {}, of.time, ((w, of.rate),))
+    return Similar(s, start, of.time, ((w.T @ w, of.rate**2), (along.T @ R[:, 1], 1.0)))
 
 
 def scaled(sketch: Sketch, of: Units) -> Sketch:
