@@ -455,7 +455,7 @@ def _product(function: ca.Function, arguments: Sequence[int]) -> ca.Function:
 def _kernels(model: ac.Model) -> Iterator[tuple[str, Kernel, ca.Function, int]]:
     """(name, kernel, the same function for the virtual machine, lanes) of all kernels of a model."""
     f = model.functions
-    problem = CompiledProblem(f.explicit_dynamics, f.invariants, f.projection, COMMAND)
+    problem = CompiledProblem(f.explicit_dynamics, f.invariants, f.projection, None, f.space.nq, COMMAND)
     yield "rhs", problem.kernels[0], f.explicit_dynamics, problem.lanes
     yield "jvp", problem.jvp[1][0], _product(f.explicit_dynamics, [1]), problem.lanes
     yield "variation", problem.variation[1][0], _product(f.explicit_dynamics, [1, 2, 3]), problem.lanes

@@ -48,9 +48,8 @@ class StartProblem:
         r = self.outputs.system
         joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
         scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
-        return replace(
-            joints, all=(*joints.all, *(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars))
-        )
+        others = tuple(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars)
+        return replace(joints, all=(*joints.all, *others), scale=np.concatenate([joints.scale, np.ones(len(others))]))
 
     def measured(self, data: np.ndarray) -> Coordinates:
         """The same, measured by what each has to do with at the values `data`."""

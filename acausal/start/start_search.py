@@ -187,7 +187,7 @@ class Block:
         """Places about y that differ in what turns, and in what has no influence at first order."""
         of = self.unknowns
         if of.linear:
-            places = np.array(of.q)[of.scattered]
+            places = np.arange(of.q.start, of.q.stop)[of.scattered]
             return [(y, _moved(data, places, change)) for change in _scatter(places.size)]
         reach = np.where(of.turning, 1.0, 0.0)
         if not of.turning.all() and self.rows:
