@@ -111,10 +111,12 @@ def test_two_particles_on_a_spring_in_space():
     scene.world, scene.one, scene.two, scene.spring = World(), Particle(1.2), Particle(0.8), Spring(40.0, 0.7)
     scene.connect(scene.spring.point_a, scene.one.point)
     scene.connect(scene.spring.point_b, scene.two.point)
+    if not ac.build(scene).state_names[0].startswith("one"):  # their masses decide which comes first
+        q = q[3:] + q[:3]
     r1, r2 = sp.Matrix(q[:3]), sp.Matrix(q[3:])
     length = sp.sqrt((r2 - r1).dot(r2 - r1))
     T = 0.6 * r1.diff(t).dot(r1.diff(t)) + 0.4 * r2.diff(t).dot(r2.diff(t))
-    check(scene, T - 9.81 * (1.2 * q[2] + 0.8 * q[5]) - 20 * (length - 0.7) ** 2, q)
+    check(scene, T - 9.81 * (1.2 * r1[2] + 0.8 * r2[2]) - 20 * (length - 0.7) ** 2, sorted(q, key=str))
 
 
 @pytest.mark.parametrize("pitch", [0.5, -0.2])

@@ -153,7 +153,7 @@ def equilibrium(
         found = _from_several_starts(search, given.z, s.nq, found)
     if not found.converged:
         raise EquilibriumError(_complaint(functions, wanted.names, found, bool(steady)))
-    point = given.at(found.z)
+    point = given.at(_settled(found.z, search.scale, s.nq, s.x.numel()))
     balance = Differentiable(s, wanted.balance)
     residual = float(np.max(np.abs(balance.value(point)), initial=0.0))
     lasting = _goes_on(x_dot, balance, point, sizes_at(s, x_dot, point))
@@ -161,6 +161,13 @@ def equilibrium(
     return Equilibrium(
         functions, point, began, _all_sizes(given, search.scale), residual, names, found.free.shape[1], lasting, wanted.invariants
     )
+
+
+def _settled(z: np.ndarray, scale: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Unknowns in which velocities, from `first` to before `last`, that are rounding errors are zero."""
+    rates = np.arange(z.size)
+    noise = (first <= rates) & (rates < last) & (np.abs(z) < np.finfo(float).eps * scale)
+    return np.where(noise, 0.0, z)
 
 
 def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, sizes: Sizes, nq: int) -> NearestRoot:

@@ -26,8 +26,11 @@ from acausal.start.start_values import Start, check_settable, near
 
 if TYPE_CHECKING:
     from acausal.outputs.outputs import Outputs
+    from acausal.reduce.reduce import ReducedSystem
 
 _KEPT = 64
+_FULL_TURN = 1e-9
+"""Change of a row by a full turn, as part of its size, that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,9 @@ class StartProblem:
         r = self.outputs.system
         joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
         scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
-        others = tuple(Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, False) for k, s in scalars)
+        others = tuple(
+            Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, s.unit == "rad" and _turns_fully(r, k)) for k, s in scalars
+        )
         return replace(joints, all=(*joints.all, *others), scale=np.concatenate([joints.scale, np.ones(len(others))]))
 
     def measured(self, data: np.ndarray) -> Coordinates:
@@ -57,6 +62,18 @@ class StartProblem:
         if search.whole is None:
             return self.coordinates
         return self.coordinates.measured(search.sizes(data, search.first(data)).unknowns, search.places)
+
+
+def _turns_fully(r: ReducedSystem, k: int) -> bool:
+    """Whether a full turn of entry k of x leaves all equations between positions as they are, at some places."""
+    function = ca.Function("rows", [r.t, r.x, r.u, r.p], [ca.densify(r.scalar.position)])
+    x = np.random.default_rng(5).uniform(-1, 1, (3, r.x.numel()))
+    turned = x + 2 * np.pi * np.eye(r.x.numel())[k]
+    rows, after = (
+        np.array([np.array(function(0.0, at, np.zeros(r.u.numel()), r.p_values)).ravel() for at in places])
+        for places in (x, turned)
+    )
+    return bool((np.abs(after - rows) <= _FULL_TURN * np.max(np.abs(rows), axis=0)).all())
 
 
 def start_problem(outputs: Outputs, start: Start) -> StartProblem:

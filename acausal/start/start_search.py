@@ -89,7 +89,7 @@ class Unknowns:
 
     def only(self, places: list[int]) -> Unknowns:
         """Some of y."""
-        return replace(self, y=self.y[places], turning=self.turning[places])
+        return replace(self, y=self.y[places, :], turning=self.turning[places])
 
 
 @dataclass(frozen=True)
@@ -485,8 +485,8 @@ def _blocks(whole: Block) -> tuple[Block, ...]:
         places, hard, soft, signs = ([k for kind, k in part if kind == wanted] for wanted in ("y", "hard", "soft", "sign"))
         found.append(
             Block(
-                whole.unknowns.only(places), places, hard, soft, whole.whole, whole.hard[hard], whole.soft[soft],
-                whole.signs[signs] if signs else ca.SX(0, 1), whole.alike[soft], whole.drawn.of(hard),
+                whole.unknowns.only(places), places, hard, soft, whole.whole, whole.hard[hard, :], whole.soft[soft, :],
+                whole.signs[signs, :] if signs else ca.SX(0, 1), whole.alike[soft], whole.drawn.of(hard),
             )
         )  # fmt: skip
     return tuple(found)
