@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
 
 WATCHED = 16
-"""Points at which `Functions.watched_at_once` is evaluated."""
+"""Points at which `watched_at_once` and `power_loss_at_once` are evaluated together."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,6 +156,11 @@ class Functions:
         return self.watched.map(WATCHED)
 
     @functools.cached_property
+    def power_loss_at_once(self) -> ca.Function:
+        """`power_loss` at `WATCHED` points, one a column."""
+        return self.power_loss.map(WATCHED)
+
+    @functools.cached_property
     def quaternion_states(self) -> list[int]:
         """Numbers in x of the entries of unit quaternions."""
         s = self.outputs.system
@@ -168,9 +173,9 @@ class Functions:
         return not any(energy_unknown(part.component) for part in self.outputs.system.flat.parts)
 
     @functools.cached_property
-    def power_is_cheap(self) -> bool:
-        """Whether `power_loss` takes much less arithmetic than the dynamics."""
-        return 4 * operations(self.power_loss) < operations(self.explicit_dynamics)
+    def operations_of_power_and_rates(self) -> tuple[int, int]:
+        """Of `power_loss` and of `explicit_dynamics`, once."""
+        return operations(self.power_loss), operations(self.explicit_dynamics)
 
     @functools.cached_property
     def constraint_position(self) -> ca.Function:
