@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Iterable
 from typing import final
 
 import casadi as ca
@@ -15,6 +16,7 @@ from acausal.errors import AccuracyWarning
 from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
+from acausal.simulate import watch
 from acausal.simulate.trajectory import Trajectory
 from components import (
     Damper,
@@ -217,3 +219,34 @@ class TestRightMotionsAreLeftAlone:
         scene.connect(scene.joint.frame_b, scene.body.frame)
         start = {scene.body.frame.angular_velocity: (0.01, 5.0, 0.0), scene.body.frame.velocity: (size, 0, 3 * size)}
         silent(ac.build(scene), 20.0, start, rtol=rtol)
+
+
+@final
+class Brake(ac.Component):
+    """A torque against the speed of a shaft, of which nothing is said about energy."""
+
+    flange = ac.Rotational.port()
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.tau, 0.3 * ac.der(self.flange.phi))
+
+
+def test_parts_that_say_nothing_of_energy_are_not_judged():
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod, scene.brake = World((0, 0, -G)), Revolute("y"), RigidBody.rod(1.0, (1, 0, 0)), Brake()
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.hinge.flange, scene.brake.flange)
+    model = ac.build(scene)
+    assert not model.functions.energy_told
+    silent(model, 5.0)
+
+
+def test_what_is_right_is_looked_at_closely_nowhere(monkeypatch: pytest.MonkeyPatch):
+    """The cheap look is enough: nothing is evaluated at all steps, and no rounding is measured."""
+    scene, start = four_bar(1.0)
+    model = ac.build(scene)
+    for name in ("_balance", "_rounding"):
+        monkeypatch.setattr(watch, name, None)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        silent(model, 10.0, start, rtol=rtol)
