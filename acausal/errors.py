@@ -121,6 +121,10 @@ class SingularWarning(UserWarning):
     """A motion came to a singular position, of a loop or of a wheel that falls flat; what follows is not reliable."""
 
 
+class AccuracyWarning(UserWarning):
+    """The invariants or the energy balance of a motion are off by far more than the tolerance explains; the motion is not reliable."""
+
+
 class ContactWarning(UserWarning):
     """A contact pulled at what it touches, which only something glued can do; the motion is that of a contact that never ends."""
 

@@ -240,6 +240,9 @@ class Model:
         `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
         method has them. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
         `events`: zeros of expressions, `ac.when(...)`, found in `run.events`.
+        A run that has ended is looked at: where its constraints or its energy balance are off by far more than the tolerance explains, an
+        `AccuracyWarning` says by how much, since when and why. Energy is left out where parts of one's own do not say what they store and
+        lose, and all of it with a fixed `step`.
         Raises `StartValueError`, `UnknownVariableError`, `ParameterError`, and `SimulationError` (with what was computed) unless
         `raise_on_failure` is off. `compiled`: as C, made once and kept in a cache folder; off, or without a C compiler, on CasADi's
         virtual machine (slower). Ctrl-C raises `KeyboardInterrupt`, whose `run` is what was computed.

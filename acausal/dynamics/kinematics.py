@@ -94,11 +94,11 @@ class Kinematics:
 
     def _from_ancestor(self, ancestor: int, link: int) -> Pose:
         chain: list[int] = []
-        while link != ancestor:
+        while link != ancestor and (ancestor, link) not in self._relative:
             chain.append(link)
             link = self.tree.links[link].parent
-        X = Pose.identity()
+        X = Pose.identity() if link == ancestor else self._relative[ancestor, link]
         for i in reversed(chain):
             item = self.tree.links[i]
-            X = X @ item.offset @ item.motion.pose
+            X = self._relative[ancestor, i] = X @ item.offset @ item.motion.pose
         return X

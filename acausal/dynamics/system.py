@@ -78,12 +78,12 @@ class MechanicalSystem:
                 unsteady = ca.vertcat(self.tree.v, *(entry.sx for entry in self.flat.inputs), *self.readings.foreign(stored))
                 if unsteady.numel() and ca.depends_on(stored, unsteady):
                     stored = ca.SX(0)
-                found.append((stored, -self._power(actions) - self.kinematics.rate(stored)))
+                found.append((stored, -self.power(actions) - self.kinematics.rate(stored)))
             else:
                 found.append((stored, ca.SX(part.component.power_loss(given))))
         return found
 
-    def _power(self, actions: tuple[Action, ...]) -> ca.SX:
+    def power(self, actions: tuple[Action, ...]) -> ca.SX:
         """Of a component's forces and torques on what they act on [W]."""
         power = ca.SX(0)
         for action in actions:

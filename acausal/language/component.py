@@ -58,7 +58,7 @@ class Component:
 
         By default 0; but of a part of one's own that says nothing of its energies everything that flows in through scalar connectors.
         """
-        return _inflow(self) if _says_nothing_of_energy(type(self)) else 0.0
+        return inflow(self) if _says_nothing_of_energy(type(self)) else 0.0
 
     def supplied_power(self) -> Expression | float:
         """Power brought in from outside by the part [W], from its variables; 0 by default."""
@@ -122,13 +122,22 @@ class Component:
         return f"{type(self).__name__} (made at {self.created_at})" if self.created_at else type(self).__name__
 
 
+def is_own(cls: type[Component]) -> bool:
+    """Whether it is a user's class, and not one of the library's."""
+    return cls.__module__.split(".")[0] not in ("acausal", "components")
+
+
 def _says_nothing_of_energy(cls: type[Component]) -> bool:
-    own = cls.__module__.split(".")[0] not in ("acausal", "components")
     said = (cls.stored_energy, cls.dissipated_power, cls.supplied_power)
-    return own and said == (Component.stored_energy, Component.dissipated_power, Component.supplied_power)
+    return is_own(cls) and said == (Component.stored_energy, Component.dissipated_power, Component.supplied_power)
 
 
-def _inflow(part: Component) -> Expression | float:
+def energy_unknown(part: Component) -> bool:
+    """Whether a part has equations of its own, and does not say what energy it stores, loses or brings in."""
+    return type(part).equations is not Component.equations and _says_nothing_of_energy(type(part))
+
+
+def inflow(part: Component) -> Expression | float:
     """Power that flows into a part through its scalar connectors [W]; joints and bodies pass it on."""
     ends = part.connectors()
     if any(is_mechanical(end) for end in ends):

@@ -12,6 +12,7 @@ import casadi as ca
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError, NoCompilerWarning
+from acausal.language.component import energy_unknown
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
@@ -21,10 +22,14 @@ from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.state_space import StateSpace
+from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import callers_level
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
+
+WATCHED = 16
+"""Points at which `watched_at_once` and `power_loss_at_once` are evaluated together."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,6 +140,42 @@ class Functions:
     def power_loss(self) -> ca.Function:
         """(t, x, u, p) -> power that leaves the mechanical energy: dissipated less supplied [W]."""
         return self._function("power_loss", [self.outputs.power_loss], ["P"])
+
+    @functools.cached_property
+    def watched(self) -> ca.Function:
+        """(t, x, u, p) -> kinetic energy, potential energy [J], and all invariants."""
+        space = self.space
+        t, x, _, p = space.arguments
+        energies = space.put(ca.vertcat(self.outputs.kinetic_energy, self.outputs.potential_energy))
+        rows = ca.SX(0, 1) if self.invariants is None else self.invariants(t, x, p)
+        return folded_function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows))])
+
+    @functools.cached_property
+    def watched_at_once(self) -> ca.Function:
+        """`watched` at `WATCHED` points, one a column."""
+        return self.watched.map(WATCHED)
+
+    @functools.cached_property
+    def power_loss_at_once(self) -> ca.Function:
+        """`power_loss` at `WATCHED` points, one a column."""
+        return self.power_loss.map(WATCHED)
+
+    @functools.cached_property
+    def quaternion_states(self) -> list[int]:
+        """Numbers in x of the entries of unit quaternions."""
+        s = self.outputs.system
+        first = unit_quaternions(s.position_invariants, s.x[: s.nq, :]).values()
+        return [k for k, place in enumerate(self.space.places) if any(0 <= place - i < 4 for i in first)]
+
+    @functools.cached_property
+    def energy_told(self) -> bool:
+        """Whether every part says what energy it stores, loses and brings in, or it follows from mechanics."""
+        return not any(energy_unknown(part.component) for part in self.outputs.system.flat.parts)
+
+    @functools.cached_property
+    def operations_of_power_and_rates(self) -> tuple[int, int]:
+        """Of `power_loss` and of `explicit_dynamics`, once."""
+        return operations(self.power_loss), operations(self.explicit_dynamics)
 
     @functools.cached_property
     def constraint_position(self) -> ca.Function:

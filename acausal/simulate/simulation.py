@@ -29,6 +29,7 @@ from acausal.simulate.trouble import (
     warn_if_pulled,
     warn_if_singular,
 )
+from acausal.simulate.watch import warn_if_inaccurate
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
@@ -112,10 +113,11 @@ def simulate(
     )
     times = np.linspace(t0, solution.t[-1], options.samples)
     run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
-    warn_if_singular(functions, run)
-    warn_if_outside(functions, run)
+    lost = [warn_if_singular(functions, run), warn_if_outside(functions, run)]
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
+    if solution.status.kind is StatusKind.SUCCESS and options.step is None and not any(lost):
+        warn_if_inaccurate(functions, run, options.rtol, options.atol or 0.0)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise_if_interrupted(run.status, run)
         raise SimulationError(failure(functions, run.status, t1, run), run)

@@ -34,18 +34,18 @@ def combination(weights: np.ndarray, names: Sequence[str]) -> str:
     return text.strip() + (" ..." if len(order) > _SHOWN else "")
 
 
-def warn_if_singular(functions: Functions, run: Trajectory) -> None:
-    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon.
+def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
+    """Say so when a step came so near to a singular position of a loop that the motion after it cannot be relied upon; whether it did.
 
     Rows of the loop's matrix are scaled to the largest diagonal that they meet, and looked at where `_suspicious`. Where the reduction knows of singular positions,
     momentum leads through them; the motion is only in doubt where there is none.
     """
     system = functions.outputs.system
     if not system.constraints.jacobian.shape[0] or system.constraints.damped:
-        return
+        return False
     suspicious = _suspicious(functions, run)
     if not suspicious.any():
-        return
+        return False
     suspicious[[0, suspicious.size // 2, -1]] = True  # what is usual is seen there
     steps = np.flatnonzero(suspicious)
     n, t, x = steps.size, run.solution.t[steps], run.solution.x[:, steps]
@@ -66,6 +66,7 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> None:
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
             SingularWarning, stacklevel=callers_level(),
         )  # fmt: skip
+    return bool(smallest[worst] < _SINGULAR)
 
 
 def _suspicious(functions: Functions, run: Trajectory) -> np.ndarray:
@@ -103,8 +104,9 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
     return f"rows {rows}; free besides: {combination(opened, velocities)}"
 
 
-def warn_if_outside(functions: Functions, run: Trajectory) -> None:
-    """Say so when a joint in the tree left the domain of its coordinates."""
+def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
+    """Say so when a joint in the tree left the domain of its coordinates; whether one did."""
+    left = False
     for item, inside in functions.domains:
         joint = item.edge.joint
         t, x = run.solution.t[None, :], run.solution.x
@@ -116,6 +118,8 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> None:
                 "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
+            left = True
+    return left
 
 
 def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:

@@ -1,0 +1,94 @@
+"""Why a motion is off: the part whose energies do not match its forces, a singular position, a jump."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.readings import ReadingPlacement
+from acausal.language.component import Component, inflow, is_own
+from acausal.language.expression import Expression
+from acausal.language.flatten import Part
+from acausal.outputs.functions import Functions
+from acausal.parts.force import AbstractForce
+from acausal.parts.force_check import symbols_read
+from acausal.simulate.trajectory import Trajectory
+from acausal.wording import compact
+
+_CONTRADICTION = 1e-4
+"""Of the powers of a part, what they may be off together."""
+_NEAR = 1e-5
+"""Smallest eigenvalue of a loop's matrix against the largest, near a singular position."""
+
+
+def condition(functions: Functions, row: int) -> str:
+    """An invariant by the states that it holds together."""
+    assert functions.invariants is not None
+    rows, columns = functions.invariants.jac_sparsity(0, 1).get_triplet()
+    states = [functions.state_names[c] for r, c in zip(rows, columns, strict=True) if r == row]
+    return f"the condition between {compact(states)}"
+
+
+def energy_cause(functions: Functions, run: Trajectory, begin: int, sudden: bool) -> str:
+    """A sentence on why the energy goes off between steps `begin` - 1 and `begin`; `sudden`: most of it there."""
+    parts = _contradicting(functions, run)
+    if parts:
+        named = ", ".join(f"'{part.path}' ({part.component.created_at})" for part in parts)
+        return f"The energies that {named} tells do not match the forces: along this motion the powers do not add up to zero."
+    if functions.outputs.system.constraints.damped:
+        return "Some rows of the loops depend on one another only where they are assembled exactly."
+    near = _singular(functions, run)
+    if near is not None:
+        return f"At t = {near:.6g} s a loop comes near to a singular position."
+    if sudden:
+        return "Most of it is lost in one step: a law or an input may jump there, or more than one motion go on from there."
+    return "It grows along the motion: a law may jump again and again, or the tolerance be too coarse for this motion."
+
+
+def _contradicting(functions: Functions, run: Trajectory) -> list[Part]:
+    """Own parts whose powers do not add up to zero at the steps of the run."""
+    balances = [(part, _powers(functions, part)) for part in functions.outputs.system.flat.parts if is_own(type(part.component))]
+    known = [(part, powers) for part, powers in balances if powers is not None]
+    if not known:
+        return []
+    t, x = run.solution.t, run.solution.x
+    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
+    function = functions.output(ca.vertcat(*(powers for _, powers in known)), name="powers")
+    values = np.array(function(t[None, :], x, run.problem.inputs(t), p)).reshape(len(known), -1, t.size)
+    total, size = np.abs(values.sum(axis=1)).max(axis=1), np.abs(values).sum(axis=1).max(axis=1)
+    return [part for (part, _), gap, all_of in zip(known, total, size, strict=True) if gap > _CONTRADICTION * all_of]
+
+
+def _powers(functions: Functions, part: Part) -> ca.SX | None:
+    """Powers (4, 1) of a part [W] that add up to zero: what it gives, less what comes in, goes to its store, and is lost."""
+    outputs, component = functions.outputs, part.component
+    mechanics = outputs.system.mechanics
+    if isinstance(component, AbstractForce):
+        if symbols_read(component):
+            return None
+        given = ReadingPlacement(mechanics.placement, mechanics.readings, part)
+        actions = mechanics.actions[[p.component for p in mechanics.mechanism.forces].index(component)]
+        stored = ca.SX(component.potential_energy(given))
+        lost = ca.SX(component.power_loss(given))
+        return ca.vertcat(mechanics.power(actions), mechanics.kinematics.rate(stored), lost, 0)
+    if type(component).equations is Component.equations:
+        return None
+    values = (inflow(component), component.stored_energy(), component.dissipated_power(), component.supplied_power())
+    come, stored, lost, supplied = (outputs.resolve(v) if isinstance(v, Expression) else ca.SX(v) for v in values)
+    return ca.vertcat(-come, outputs.rate(stored), lost, -supplied)
+
+
+def _singular(functions: Functions, run: Trajectory) -> float | None:
+    """The time at which a loop is nearest to a singular position, if it is near."""
+    m = functions.outputs.system.constraints.jacobian.shape[0]
+    if not m:
+        return None
+    t, x = run.solution.t, run.solution.x
+    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
+    values = np.array(functions.loop_matrix(t[None, :], x, run.problem.inputs(t), p))
+    matrices = np.nan_to_num(values).reshape(m, t.size, m).transpose(1, 0, 2)
+    scale = np.sqrt(np.maximum(np.max(np.diagonal(matrices, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
+    spectrum = np.linalg.eigvalsh(matrices / scale[:, None] / scale)
+    smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
+    worst = int(np.argmin(smallest))
+    return float(t[worst]) if smallest[worst] < _NEAR else None

@@ -1,0 +1,225 @@
+"""A run looked at when it has ended: whether its invariants and its energy are what its tolerance promises.
+
+Small errors grow in chaotic motions, but not these: the energy and the invariants of a wrong motion are off by what the steps have
+added to them. What is forgiven is measured, not assumed: as much as a disturbance of the states by many tolerances makes of them.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.errors import AccuracyWarning
+from acausal.numerics.kernel import Kernel
+from acausal.numerics.rounding import Rounding
+from acausal.outputs.functions import WATCHED, Functions
+from acausal.simulate.blame import condition, energy_cause
+from acausal.simulate.trajectory import Trajectory
+from acausal.wording import callers_level
+
+_EPS = float(np.finfo(float).eps)
+_LOOKS = WATCHED // 2
+"""Steps at which a run is looked at; an error that stays is seen at the later ones."""
+_FORGIVEN, _A_STEP = 1e3, 10.0
+"""Tolerances of disturbance that are forgiven: at once, and for each step besides."""
+_LEAST, _MOST = 1e-6, 0.1
+"""Relative disturbances: what is forgiven at least, and beyond which nothing can be judged."""
+_LOOSE, _START = 10.0, 1e-5
+"""Invariants are forgiven more, and as much as starts may be off."""
+_NOISE = 1e3
+"""Times what rounding makes of an energy."""
+_CHEAP, _SHARE = 1e4, 1 / 40
+"""Operations for the power at all steps that never matter, and their share in those of the motion; these run as C, many times faster."""
+_SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng(1).choice([-1.0, 1.0], 509)
+"""Directions of disturbances."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Largest magnitudes `met` (nx,) of states, and disturbances `forgiven` (nx,) of them; `part`: of a whole, what is forgiven."""
+
+    met: np.ndarray
+    forgiven: np.ndarray
+    part: float
+
+
+def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol: float) -> None:
+    """Say so when invariants or the energy balance of a run are off by far more than its tolerance explains."""
+    n = run.solution.t.size
+    part = max((_FORGIVEN + _A_STEP * n) * rtol, _LEAST)
+    if n < 2 or part > _MOST or not functions.space.x.numel():
+        return
+    x = run.solution.x
+    met = np.maximum.reduce(np.abs(x), axis=1)
+    if functions.quaternion_states:
+        met[functions.quaternion_states] = 1.0
+    sizes = Sizes(met, part * met + (_FORGIVEN + _A_STEP * n) * atol, part)
+    some = np.arange(_LOOKS) * (n - 1) // (_LOOKS - 1)
+    as_found, disturbed = _values(functions, run, some, sizes)
+    found, spread = np.maximum.reduce(np.abs(as_found), axis=0), np.maximum.reduce(np.abs(disturbed - as_found), axis=0)
+    if not math.isfinite(np.add.reduce(spread)):
+        return
+    if not (np.any(found[2:] > _LOOSE * spread[2:]) and _leaves_constraints(functions, run, sizes)) and functions.energy_told:
+        _look_at_energy(functions, run, sizes, some, as_found[:, :2], float(spread[0] + spread[1]))
+
+
+def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
+    """Energies and invariants (8, rows) at eight steps, as they are and with the states disturbed."""
+    times, states = run.solution.t[some], run.solution.x.T[some]
+    t, x = np.concatenate((times, times)), np.concatenate((states, states))
+    x[_LOOKS:] += sizes.forgiven * np.resize(_SIGNS, (_LOOKS, sizes.met.size))
+    u = np.concatenate((run.problem.inputs(times).T,) * 2)
+    p = np.empty((2 * _LOOKS, run.problem.parameters.size))
+    p[:] = run.problem.parameters
+    function = functions.watched_at_once
+    found = Kernel(function, (t, x, u, p), np.empty((2 * _LOOKS, function.size1_out(0))))()
+    return found[:_LOOKS], found[_LOOKS:]
+
+
+def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> bool:
+    """Warn if the invariants are off by more than what is forgiven of the terms that they are the sums of; whether they are."""
+    everywhere = np.arange(run.solution.t.size)
+    gaps = np.abs(_plain(functions, run, everywhere)[2:])
+    worst = int(np.argmax(np.max(gaps, axis=0)))
+    terms = _rounding(functions, run, worst, sizes)[2:] / _EPS
+    allowed = _LOOSE * max(sizes.part, _START)
+    off = gaps > allowed * terms[:, None]
+    off[~np.isfinite(terms)] = False
+    if not off.any():
+        return False
+    row = int(np.argmax(np.where(off, gaps, 0.0).max(axis=1) / np.maximum(terms, np.finfo(float).tiny)))
+    begin = int(np.argmax(off[row]))
+    t, size = run.solution.t, float(gaps[row].max())
+    if functions.outputs.system.constraints.damped:
+        cause = "Some rows of these loops depend on one another only where they are assembled exactly."
+    elif begin == 0:
+        cause = "The start itself is assembled no better than that: lengths of very different sizes may stand in one loop."
+    else:
+        cause = "The correction after each step fails: a singular position may be near, or a law or an input jumps."
+    warnings.warn(
+        f"From t = {t[begin]:.6g} s on the motion leaves its constraints: {condition(functions, row)} is off by {size:.3g}, "
+        f"{size / terms[row]:.2g} of its terms, where the tolerance allows {allowed:.2g}. {cause} "
+        "The motion from there on is not reliable; look at run.constraint_error(), start elsewhere, or try another tolerance.",
+        AccuracyWarning, stacklevel=callers_level(),
+    )  # fmt: skip
+    return True
+
+
+def _plain(functions: Functions, run: Trajectory, some: np.ndarray) -> np.ndarray:
+    """Energies and invariants at some steps."""
+    t, x = run.solution.t[some], run.solution.x[:, some]
+    p = np.repeat(run.problem.parameters[:, None], some.size, axis=1)
+    return np.array(functions.watched(t[None, :], x, run.problem.inputs(t), p)).reshape(-1, some.size)
+
+
+def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np.ndarray:
+    """What rounding makes of energies and invariants at step k.
+
+    A state at rest has the size of what the terms of its rate would make of it in a step: the terms of a balance are there though
+    their sum is nothing.
+    """
+    t, x, p = float(run.solution.t[k]), run.solution.x[:, k], run.problem.parameters
+    u = run.problem.inputs(np.array([t]))[:, 0]
+    rates, h, spread = Rounding(functions.explicit_dynamics), float(np.diff(run.solution.t).max()), _EPS * sizes.met
+    for _ in range(2):  # of velocities, then of positions
+        spread = np.maximum(spread, h * np.nan_to_num(rates(t, x, u, p, spread=spread)))
+    return Rounding(functions.watched)(t, x, u, p, spread=spread)
+
+
+def _look_at_energy(
+    functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, energies: np.ndarray, spread: float
+) -> None:
+    """Warn if the energy balance is off by more than what is forgiven, and by more than rounding makes of it."""
+    T, V = energies.T
+    balance = T + V - T[0] - V[0]
+    scale = max(float(T.max()), float(V.max() - V.min()))
+    if functions.outputs.power_loss.is_zero():
+        doubtful = float(np.abs(balance).max()) > max(sizes.part * scale, spread)
+    else:
+        doubtful = _loss_doubtful(functions, run, some, balance, max(sizes.part * scale, spread))
+    if not doubtful:
+        return
+    every = _balance(functions, run)
+    worst = int(np.argmax(np.abs(every.gap)))
+    noise = sum(float(np.sum(_rounding(functions, run, k, sizes)[:2])) for k in (0, worst))
+    allowed = max(sizes.part * every.scale, spread, _NOISE * noise)
+    size = float(np.abs(every.gap[worst]))
+    if not size > allowed:
+        return
+    t = run.solution.t
+    begin = int(np.argmax(np.abs(every.gap) > 0.1 * size))
+    sudden = bool(np.max(np.abs(np.diff(every.gap))) > 0.5 * size)
+    off = f"{size / every.scale:.2g} of the largest energy that moves" if every.scale > 0 else "and nothing moves"
+    warnings.warn(
+        f"The energy balance of the motion is off by {size:.3g} J, {off}, where the tolerance allows {sizes.part:.2g}; it goes off at "
+        f"t = {t[begin]:.6g} s. {energy_cause(functions, run, begin, sudden)} The motion is not reliable unless the energies are told "
+        "wrongly; look at run.energy_error() and run.energy.",
+        AccuracyWarning, stacklevel=callers_level(),
+    )  # fmt: skip
+
+
+def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, balance: np.ndarray, allowed: float) -> bool:
+    """Whether the balance, with what is lost by quadrature over the steps' ends, is off by more than such a quadrature can be.
+
+    Trapezoidal rule with slopes at the ends (Hermite's cubic); what the slopes bring in is taken for its error. Not judged where the
+    power takes much arithmetic against the motion itself.
+    """
+    steps, (of_power, of_rates) = run.solution.t.size, functions.operations_of_power_and_rates
+    if steps < 4 or of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
+        return False
+    h, power = np.diff(run.solution.t), _power(functions, run)
+    secant = (power[1:] - power[:-1]) / h
+    inside = (secant[:-1] * h[1:] + secant[1:] * h[:-1]) / (h[1:] + h[:-1])
+    slope = np.concatenate((secant[:1], inside, secant[-1:]))
+    bend = h * h * (slope[:-1] - slope[1:]) / 12
+    lost, unsure = np.zeros(power.size), np.zeros(power.size)
+    np.cumsum(h * (power[1:] + power[:-1]) / 2 + bend, out=lost[1:])
+    np.cumsum(np.abs(bend), out=unsure[1:])
+    return bool((np.abs(balance + lost[some]) > allowed + unsure[some]).any())
+
+
+def _passed(power: np.ndarray, h: np.ndarray) -> float:
+    """Energy that passes, in either direction."""
+    return float(np.sum(h * (np.abs(power[1:]) + np.abs(power[:-1])) / 2))
+
+
+def _power(functions: Functions, run: Trajectory) -> np.ndarray:
+    """Power that is lost at each step (n,)."""
+    n = run.solution.t.size
+    whole = np.minimum(np.arange(-(-n // WATCHED) * WATCHED), n - 1)
+    t, x = run.solution.t[whole], run.solution.x.T[whole]
+    u = np.ascontiguousarray(run.problem.inputs(t).T)
+    p = np.empty((WATCHED, run.problem.parameters.size))
+    p[:] = run.problem.parameters
+    here = t[:WATCHED].copy(), x[:WATCHED].copy(), u[:WATCHED].copy()
+    kernel = Kernel(functions.power_loss_at_once, (*here, p), np.empty(WATCHED))
+    found = np.empty(t.size)
+    for k in range(0, t.size, WATCHED):
+        part = slice(k, k + WATCHED)
+        for place, values in zip(here, (t, x, u), strict=True):
+            place[:] = values[part]
+        found[part] = kernel()
+    return found[:n]
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Energy that is missing at each step, and the largest energy that moves [J]."""
+
+    gap: np.ndarray
+    scale: float
+
+
+def _balance(functions: Functions, run: Trajectory) -> Balance:
+    """With what is lost by Gauss quadrature."""
+    T, V = _plain(functions, run, np.arange(run.solution.t.size))[:2]
+    at_steps = run.at(run.solution.t)
+    lost = at_steps.energy_loss
+    gap = T + V - T[0] - V[0] + lost
+    passed = 0.0
+    if not functions.outputs.power_loss.is_zero():
+        passed = _passed(_power(functions, run), np.diff(run.solution.t))
+    return Balance(gap, max(float(np.max(T)), float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost))), passed))

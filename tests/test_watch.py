@@ -1,0 +1,252 @@
+"""A run is looked at when it has ended: what is wrong is told, and what is right is left alone, in any unit and at any tolerance."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable
+from typing import final
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import AccuracyWarning
+from acausal.parts.force import AbstractForce, AbstractLineForce, Action
+from acausal.parts.placement import Placement
+from acausal.parts.pose import symbolic
+from acausal.simulate import watch
+from acausal.simulate.trajectory import Trajectory
+from components import (
+    Damper,
+    Free,
+    Particle,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    Spring,
+    TorqueSource,
+    World,
+)
+
+G = 9.81
+
+
+@final
+class Stiffer(AbstractLineForce):
+    """A spring that is harder beyond a length, and whose potential energy does not know; right while `factor` is 0, as at build."""
+
+    def __init__(self, rest: float) -> None:
+        self.rest, self.factor = rest, ac.Parameter(0.0, "1")
+
+    def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
+        more = ca.fmax(length - 2 * self.rest, 0)
+        return 40 * (length - self.rest) + self.factor.sx * 40 * more
+
+    def potential(self, length: ca.SX) -> ca.SX:
+        return 20 * (length - self.rest) ** 2
+
+
+@final
+class Shifted(AbstractForce):
+    """A constant force until a time, and none afterwards; the potential energy jumps with it."""
+
+    point = ac.Point.port()
+
+    def __init__(self, force: float, until: float) -> None:
+        self.force, self.until = force, until
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        push = ca.if_else(placement.t < self.until, self.force, 0.0)
+        return (Action(self.point, symbolic(placement.pose(self.point).rotation).T @ ca.vertcat(push, 0, 0), ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return -ca.if_else(placement.t < self.until, self.force, 0.0) * symbolic(placement.pose(self.point).position)[0]
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+
+def on_a_spring(size: float, *, damped: bool = False) -> tuple[ac.System, dict[ac.Expression, object]]:
+    """A particle drawn out to three times the length of a `Stiffer` spring of length `size`, and pushed off to the side."""
+    scene = ac.System()
+    scene.world, scene.ball = World((0, 0, -G * size)), Particle(0.5)
+    scene.spring = Stiffer(size)
+    scene.connect(scene.world.frame, scene.spring.point_a)
+    scene.connect(scene.spring.point_b, scene.ball.point)
+    if damped:
+        scene.damper = Damper(0.05)
+        scene.connect(scene.world.at((0, size, 5 * size)), scene.damper.point_a)
+        scene.connect(scene.damper.point_b, scene.ball.point)
+    return scene, {scene.ball.point.position: (3 * size, 0, 0), scene.ball.point.velocity: (0, 2 * size, 0)}
+
+
+def silent(model: ac.Model, *arguments: object, **options: object) -> Trajectory:
+    """A run without any warning but those of tolerances that rounding forbids."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", ac.errors.RoundingWarning)
+        return model.simulate(*arguments, **options)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_own_force_with_a_wrong_potential_is_told_by_its_name(size):
+    scene, start = on_a_spring(size)
+    model = ac.build(scene)
+    silent(model, 3.0, start)
+    with pytest.warns(AccuracyWarning, match=r"energy balance .* 'spring' \(") as told:
+        model.simulate(3.0, start, parameters={scene.spring.factor: 0.2})
+    assert told[0].filename == __file__
+
+
+def test_own_force_with_a_wrong_potential_is_told_where_energy_is_lost_besides():
+    scene, start = on_a_spring(1.0, damped=True)
+    model = ac.build(scene)
+    silent(model, 3.0, start)
+    with pytest.warns(AccuracyWarning, match="'spring'"):
+        model.simulate(3.0, start, parameters={scene.spring.factor: 0.2})
+
+
+def test_the_same_is_off_by_the_same_in_every_unit():
+    parts: list[str] = []
+    for size in (1.0, 1e-3, 1e3):
+        scene, start = on_a_spring(size)
+        with pytest.warns(AccuracyWarning) as told:
+            ac.build(scene).simulate(3.0, start, parameters={scene.spring.factor: 1.0})
+        parts += re.findall(r"J, (\S+) of", str(told[0].message))
+    assert len(parts) == 3
+    assert len(set(parts)) == 1
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_energy_that_jumps_is_told_with_its_time(size):
+    scene = ac.System()
+    scene.world, scene.ball, scene.push = World(None), Particle(1.0), Shifted(size, 0.7)
+    scene.connect(scene.push.point, scene.ball.point)
+    with pytest.warns(AccuracyWarning, match="in one step: a law or an input may jump") as told:
+        ac.build(scene).simulate(2.0, {scene.ball.point.velocity: (size, 0, 0)})
+    assert abs(float(re.search(r"t = (\S+) s", str(told[0].message))[1]) - 0.7) < 0.3  # type: ignore[index]
+
+
+def four_bar(size: float) -> tuple[ac.System, dict[ac.Expression, object]]:
+    """Crank, coupler and rocker of lengths 1, 3 and 2 times `size` under similar gravity."""
+    scene = ac.System()
+    scene.world = World((0, 0, -G * size))
+    scene.crank, scene.coupler, scene.rocker = (RigidBody.rod(1.0, (x * size, 0, 0)) for x in (1, 3, 2))
+    scene.hinges = [Revolute("y") for _ in range(4)]
+    ends = [
+        (scene.world.frame, scene.crank.frame), (scene.crank.tip, scene.coupler.frame), (scene.coupler.tip, scene.rocker.tip),
+        (scene.world.at((2.8 * size, 0, 0)), scene.rocker.frame),
+    ]  # fmt: skip
+    for hinge, (one, two) in zip(scene.hinges, ends, strict=True):
+        scene.connect(one, hinge.frame_a)
+        scene.connect(hinge.frame_b, two)
+    return scene, {scene.hinges[0].q: ac.near(-1.0), scene.hinges[0].v: 3.0}
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_loop_that_opens_is_told(size):
+    """Nothing brings the motion back to its loop, and the rates lead away from it by one part in a hundred."""
+    scene, start = four_bar(size)
+    model = ac.build(scene)
+    functions = model.functions
+    symbols = [functions.space.arguments[i] for i in range(4)]
+    wrong = functions.explicit_dynamics(*symbols) * ca.DM([1.01, *[1.0] * (len(model.state_names) - 1)])
+    functions.__dict__["explicit_dynamics"] = ca.Function("wrong", symbols, [wrong])
+    functions.__dict__["projection"] = None
+    with pytest.warns(AccuracyWarning, match=r"leaves its constraints: the condition between hinges\[0"):
+        model.simulate(2.0, start, compiled=False)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+class TestRightMotionsAreLeftAlone:
+    def test_chaotic(self, size, rtol):
+        scene = ac.System()
+        scene.world = World((0, 0, -G * size))
+        scene.upper, scene.lower = (RigidBody.rod(1.0, (0, 0, -size)) for _ in range(2))
+        scene.shoulder, scene.elbow = Revolute("y"), Revolute("y")
+        scene.connect(scene.world.frame, scene.shoulder.frame_a)
+        scene.connect(scene.shoulder.frame_b, scene.upper.frame)
+        scene.connect(scene.upper.tip, scene.elbow.frame_a)
+        scene.connect(scene.elbow.frame_b, scene.lower.frame)
+        model = ac.build(scene)
+        silent(model, 30.0, {scene.shoulder.q: 2.5, scene.elbow.q: 1.0}, rtol=rtol)
+        silent(model, 5.0, {scene.shoulder.q: 1e-7, scene.elbow.q: 0.0}, rtol=rtol)
+        silent(model, 5.0, {scene.shoulder.q: 0.0, scene.elbow.q: 0.0}, rtol=rtol)
+        silent(model, 5.0, {scene.shoulder.q: np.pi, scene.elbow.q: 0.0}, rtol=rtol)
+        silent(model, 5.0, {scene.shoulder.q: 2.5}, rtol=rtol, events=[ac.when(scene.elbow.q - 0.5, stop=True)])
+
+    def test_loop(self, size, rtol):
+        scene, start = four_bar(size)
+        model = ac.build(scene)
+        silent(model, 10.0, start, rtol=rtol)
+        for rest in (0.0, 1e-9):
+            silent(model, 10.0, {scene.hinges[0].q: ac.near(-1.0), scene.hinges[0].v: rest}, rtol=rtol)
+
+    def test_dissipative_and_stiff(self, size, rtol):
+        scene = ac.System()
+        scene.world, scene.ball = World((0, 0, -G * size)), Particle(0.5)
+        scene.soft, scene.hard, scene.damper = Spring(50.0, size), Spring(1e7, 2 * size), Damper(30.0)
+        for force, x in ((scene.soft, 1.0), (scene.hard, -2.0), (scene.damper, 1.0)):
+            scene.connect(scene.world.at((x * size, 0, 0)), force.point_a)
+            scene.connect(force.point_b, scene.ball.point)
+        model = ac.build(scene)
+        start = {scene.ball.point.position: (0, 0, 1e-2 * size), scene.ball.point.velocity: (0, 2 * size, 0)}
+        silent(model, 2.0, start, rtol=rtol)
+
+    def test_driven(self, size, rtol):
+        scene = ac.System()
+        scene.world, scene.hinge, scene.rod = World((0, 0, -G * size)), Revolute("y"), RigidBody.rod(1.0, (size, 0, 0))
+        scene.torque = ac.Input("N*m")
+        scene.drive, scene.friction = TorqueSource(scene.torque), RotationalDamper(0.05 * size**2)
+        scene.ground = RotationalGround()
+        scene.connect(scene.ground.flange, scene.friction.flange_a)
+        scene.connect(scene.world.frame, scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.rod.frame)
+        scene.connect(scene.hinge.flange, scene.drive.flange, scene.friction.flange_b)
+        model = ac.build(scene)
+        for signal in (lambda t: 5 * size**2 * np.sin(3 * t), lambda t: 8 * size**2 * (t > 0.7)):
+            silent(model, 5.0, {scene.hinge.q: 0.1}, rtol=rtol, inputs={scene.torque: signal})
+
+    def test_tumbling(self, size, rtol):
+        scene = ac.System()
+        scene.world, scene.joint = World((0, 0, -G * size)), Free()
+        scene.body = RigidBody(1.0, (0.02 * size**2, 0.04 * size**2, 0.025 * size**2))
+        scene.connect(scene.world.frame, scene.joint.frame_a)
+        scene.connect(scene.joint.frame_b, scene.body.frame)
+        start = {scene.body.frame.angular_velocity: (0.01, 5.0, 0.0), scene.body.frame.velocity: (size, 0, 3 * size)}
+        silent(ac.build(scene), 20.0, start, rtol=rtol)
+
+
+@final
+class Brake(ac.Component):
+    """A torque against the speed of a shaft, of which nothing is said about energy."""
+
+    flange = ac.Rotational.port()
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.tau, 0.3 * ac.der(self.flange.phi))
+
+
+def test_parts_that_say_nothing_of_energy_are_not_judged():
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod, scene.brake = World((0, 0, -G)), Revolute("y"), RigidBody.rod(1.0, (1, 0, 0)), Brake()
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.hinge.flange, scene.brake.flange)
+    model = ac.build(scene)
+    assert not model.functions.energy_told
+    silent(model, 5.0)
+
+
+def test_what_is_right_is_looked_at_closely_nowhere(monkeypatch: pytest.MonkeyPatch):
+    """The cheap look is enough: nothing is evaluated at all steps, and no rounding is measured."""
+    scene, start = four_bar(1.0)
+    model = ac.build(scene)
+    for name in ("_balance", "_rounding"):
+        monkeypatch.setattr(watch, name, None)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        silent(model, 10.0, start, rtol=rtol)
