@@ -219,6 +219,23 @@ def test_sensitivities_through_a_nonlinear_loop():
             assert abs(found[variable][k, 0] - difference) < 1e-6 * (1e-3 + abs(difference))
 
 
+@pytest.mark.parametrize("volt", [1.0, 1e-6, 1e3])
+def test_a_start_meets_the_law_of_a_diode_whatever_the_voltages(volt):
+    """Also where the law is immense at what is much, and where a search begins; against a root-finder, in any unit."""
+    scene = series(VoltageSource(0.5 * volt), Resistor(50.0), diode=Diode(1e-9 * volt, 0.025 * volt), capacitor=Capacitor(0.1))
+    model = ac.build(scene)
+    for charge in (0.1, -10.0, -100.0, 5.0, 40.0):
+        exact = brentq(lambda v, c=charge: 0.5 - c - v - 50e-9 * np.expm1(v / 0.025), -60, 3, xtol=1e-15)
+        for sketch in (None, -3.0, 1.0, 20.0):
+            start = {scene.capacitor.v: charge * volt} | ({} if sketch is None else {scene.diode.v: ac.near(sketch * volt)})
+            try:
+                found = model.initial_state(start)
+            except (ac.errors.StartValueError, ac.errors.AssemblyError):
+                assert sketch is not None and sketch > 0  # currents of e^40 and more: said, not answered wrongly
+                continue
+            assert abs(found.x[1] / volt - exact) < 1e-9 * max(1.0, abs(exact))
+
+
 def motor_arm() -> Pendulum:
     """A pendulum arm on a motor with gear: circuit of source, winding and electromotive force."""
     scene = Pendulum()

@@ -236,8 +236,9 @@ def _advance(run: Run) -> Status | None:
         if run.scheme.superconvergent and step.K.shape[0] > 2 and _hides_kink(run, step, strict=misses > 0):
             run.h, run.rejected, misses = 0.3 * h, run.rejected + 1, misses + 1
             continue
-        wanted = _next_size(run, h, max(error, 1e-30))
-        run.error, run.contraction = max(error, 1e-30), contraction
+        error = error if error > scale.noise_in(h) else 0.0  # no step size makes smaller what is nothing but rounding
+        wanted = _next_size(run, h, error)
+        run.error, run.contraction = error, contraction
         run.accept(step if along is None else replace(step, a=to_legendre @ K))
         _limit_by_contraction(run, h, wanted, contraction, failed)
         if refused == 1:
@@ -268,6 +269,8 @@ def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
 
 def _next_size(run: Run, h: float, error: float) -> float:
     """Step size for an error of one, by the smaller of the plain and the predictive controller (Gustafsson 1994)."""
+    if error == 0:
+        return 4.0 * h
     power = 1 / (run.scheme.error_order + 1)
     growth = 0.55 * error**-power
     if run.last is not None and run.error > 0:

@@ -59,8 +59,11 @@ class Scale:
         size = np.maximum(np.abs(x), np.abs(h * K).max(axis=0))
         known = self.values > _NOTHING
         rounding = 2 * _EPS * float((size / self.values).max(initial=0.0, where=known))
-        noise = 0.25 * h * float((self.noise / self.values).max(initial=0.0, where=known))
-        return max(noise, min(rounding, 2 * _EPS / self.unit))
+        return max(0.25 * self.noise_in(h), min(rounding, 2 * _EPS / self.unit))
+
+    def noise_in(self, h: float) -> float:
+        """What the rounding of rates moves states by in a step of size h, in units of the values."""
+        return h * float((self.noise / self.values).max(initial=0.0, where=self.values > _NOTHING))
 
     def met(self, x: np.ndarray) -> None:
         """Remember the magnitudes of x."""

@@ -47,6 +47,7 @@ class Assembled:
     iterations: int
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is seen and answered
 def assemble(
     constraints: Residual,
     guess: np.ndarray,

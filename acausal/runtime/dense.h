@@ -32,7 +32,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     set_factor(I, h);
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
     F->around = 0;
-    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, fmax(noise_floor(I, h), 4 * EPS / T->unit), 30);
+    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, fmax(0.25 * noise_in(I, h), 4 * EPS / T->unit), 30);
     if (!fixed_point(I, F, h, x, &J))
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
     T->newton_now = before;

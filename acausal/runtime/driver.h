@@ -94,7 +94,7 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
         for (long b = 0; b < S->blocks; b++)
             worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
     }
-    return fmax(noise_floor(I, h), fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit));
+    return fmax(0.25 * noise_in(I, h), fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit));
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
@@ -230,6 +230,7 @@ static int first_step(Integrator *I) {
 /* Step size for an error of one, by the smaller of the plain and the predictive controller (Gustafsson 1994). */
 static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
+    if (error == 0) return 4 * h;
     double power = 1 / (double)(I->method_list[I->method].error_order + 1);
     double growth = 0.55 * pow(error, -power);
     if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
@@ -373,7 +374,7 @@ static enum Code one_adaptive(Integrator *I) {
             failed = 1;
             continue;
         }
-        error = fmax(error, 1e-30);
+        if (error <= noise_in(I, h)) error = 0; /* no step size makes it smaller */
         double wanted = next_size(I, h, error);
         I->error = error;
         I->contraction = contraction;

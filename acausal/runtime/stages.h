@@ -237,11 +237,11 @@ static void set_scale(Integrator *I, double h) {
     T->widened = 0;
 }
 
-/* The change that noisy rates can make, in units of the scale. */
-static double noise_floor(const Integrator *I, double h) {
+/* What the rounding of rates moves states by in a step of size h, in units of the scale. */
+static double noise_in(const Integrator *I, double h) {
     const struct State *T = I->state;
     double most = 0;
-    for (long i = 0; i < I->nx; i++) most = fmax(most, 0.25 * fabs(h) * T->noise[i] / T->scale[i]);
+    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(h) * T->noise[i] / T->scale[i]);
     return most;
 }
 

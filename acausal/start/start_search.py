@@ -20,6 +20,8 @@ _ATTEMPTS = 24
 _PROBES = 3
 _SLOW = 1e-4
 _KEPT = 8
+_SIZED = 8
+"""Times that curved rows are measured anew where a search came to."""
 _RIVALS = 3
 """Branches of which the nearest to the sketch is taken, where the search had to begin anew."""
 _STAY = 1e-3
@@ -124,6 +126,11 @@ class Block:
         return _with_jacobian(self.unknowns.y, self.whole, self.soft) if self.wished else None
 
     @functools.cached_property
+    def _curved(self) -> bool:
+        """Whether some rows are not linear in y: among velocities, circuits may bring such."""
+        return any(ca.which_depends(self.hard, self.unknowns.y, 2, False))
+
+    @functools.cached_property
     def _rounded(self) -> Kernel:
         return Kernel.of(ca.Function("rounded", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(rounded(self.hard))]))
 
@@ -145,6 +152,7 @@ class Block:
             found = self.known[key] = self._sizes(data, first, factors)
         return found
 
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite counts as without size
     def _sizes(self, data: np.ndarray, first: np.ndarray, factors: np.ndarray) -> tuple[Sizes, np.ndarray]:
         of, y = self.unknowns, first[self.places]
         rows, wishes = _residual(self.constraints, y.size), None if self.wishes is None else _residual(self.wishes, y.size)
@@ -164,7 +172,8 @@ class Block:
             unknowns = unknown_sizes(
                 together, of.turning, np.concatenate(off), Drawn.joined([self.drawn, Drawn.exact(len(self.wished))])
             )
-        terms = self._rounding(unknowns if of.linear else y, data) + self.drawn.sizes
+        # curved rows may be immense where unknowns are much, so that nothing met them any more
+        terms = self._rounding(unknowns if of.linear and not self._curved else y, data) + self.drawn.sizes
         sizes, wanted = row_sizes(hard, unknowns, terms, self.drawn), row_sizes(soft, unknowns, np.zeros(len(self.wished)))
         drawn, dependent = self.drawn.terms(sizes), self.drawn.dependent(sizes)
         for k in set(self.alike.tolist()):
@@ -179,6 +188,12 @@ class Block:
             rate = float(positive(np.array([np.max(np.concatenate(asked), initial=0.0)]))[0])
             unknowns, sizes, wanted = unknowns * rate, sizes * rate, wanted * rate
         return Sizes(unknowns, sizes, lambda y: drawn * sizes + self._rounding(y, data), dependent, rate), wanted
+
+    def _sizes_at(self, y: np.ndarray, data: np.ndarray, first: np.ndarray, factors: np.ndarray) -> Sizes:
+        """What is much where a search came to: what is nothing beside the rows at its beginning may be much there."""
+        first = first.copy()
+        first[self.places] = y
+        return self._sizes(np.concatenate([data, first]), first, factors)[0]
 
     def _rounding(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
         return finite(self._rounded.at(np.concatenate([y, data])))
@@ -222,8 +237,13 @@ class Block:
             return factors / wanted * r, (factors / wanted)[:, None] * J
 
         def search(guess: np.ndarray) -> tuple[Assembled, bool]:
-            found = assemble(hard, guess, soft if wishes else None, sizes=sizes, stride=stride, nearest=begun)
-            return found, found.converged and self.is_meant(found.y, whole)
+            found, used = assemble(hard, guess, soft if wishes else None, sizes=sizes, stride=stride, nearest=begun), sizes
+            for _ in range(_SIZED):
+                there = self._sizes_at(found.y, data, first, factors).faster(_SLOW * fastest) if self._curved else used
+                if not found.converged or not (there.rows < 0.5 * used.rows).any():
+                    return found, found.converged and self.is_meant(found.y, whole)
+                found, used = assemble(hard, found.y, sizes=there, stride=stride), there
+            return replace(found, converged=False), False
 
         found, right = search(begun)
         if right:
