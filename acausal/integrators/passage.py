@@ -179,7 +179,8 @@ class Zone:
         for _ in range(_SETTLING):
             there[0, n:] = x[n:] + h * tableau.b @ K[:, n:]
             across = (there - passage.projected(end, there))[0, n:] / (h * tableau.b[k])
-            size = float(np.max(np.abs(across)))
+            much = np.max(np.abs(K[:, n:]), axis=0)
+            size = float(np.max(np.abs(across) / np.where(much > 0, much, 1.0)))
             if not size < 0.7 * least:
                 return
             least = size

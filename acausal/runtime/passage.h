@@ -188,7 +188,7 @@ static void settle(Integrator *I, Stages *S, V *const *K, const double *x) {
         double size = 0;
         for (long i = I->positions; i < n; i++) {
             T->across[i] = (T->ahead[1 + i][0] - along[i][0]) / (h * b[k]);
-            size = fmax(size, fabs(T->across[i]));
+            size = fmax(size, fabs(T->across[i]) / T->scale[i]);
         }
         if (!(size < 0.7 * least)) break;
         least = size;
