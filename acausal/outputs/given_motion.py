@@ -49,15 +49,17 @@ def given_motions(outputs: Outputs) -> tuple[GivenMotion, ...]:
     return tuple(found)
 
 
-def check_given_motions(motions: tuple[GivenMotion, ...], t0: float, t1: float, p: np.ndarray) -> None:
-    """Raises `ParameterError` for a given motion without a value at t0 [s]; warns (`JumpWarning`) of jumps from t0 to t1.
+def check_given_motions(motions: tuple[GivenMotion, ...], t0: float, t1: float, p: np.ndarray) -> bool:
+    """Whether a given motion jumps from t0 to t1, which is warned of (`JumpWarning`). Raises `ParameterError` for one without a value at t0 [s].
 
     Switches are sampled and bisected to neighbouring numbers: a jump is what is left there.
     """
+    jumps = False
     for motion in motions:
         _check_value(motion, np.array(motion.course(t0, p)).ravel(), t0)
         if motion.switches is not None and t1 > t0:
-            _warn_of_jump(motion, motion.switches, t0, t1, p)
+            jumps |= _warn_of_jump(motion, motion.switches, t0, t1, p)
+    return jumps
 
 
 def _check_value(motion: GivenMotion, found: np.ndarray, t0: float) -> None:
@@ -84,7 +86,7 @@ def _switches(expression: ca.SX) -> list[ca.SX]:
     return found
 
 
-def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: float, p: np.ndarray) -> None:
+def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: float, p: np.ndarray) -> bool:
     course = motion.course
     times = np.linspace(t0, t1, _SAMPLES)
     states = np.array(switches(times[None, :], np.repeat(p[:, None], times.size, axis=1)))
@@ -111,4 +113,5 @@ def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: flo
                 "polynomial ramp or tanh.",
                 JumpWarning, stacklevel=callers_level(),
             )  # fmt: skip
-            return
+            return True
+    return False

@@ -71,6 +71,13 @@ class Outputs:
         return self.system.mechanics.potential_energy() + self._sum([p.component.stored_energy() for p in self.system.flat.parts])
 
     @functools.cached_property
+    def power_flows(self) -> ca.SX:
+        """What the mechanism loses, and what each scalar part dissipates and supplies [W], in a column."""
+        parts = [part.component for part in self.system.flat.parts]
+        own = [self._sum([value]) for c in parts for value in (c.dissipated_power(), c.supplied_power())]
+        return ca.vertcat(self.system.mechanics.power_loss(), *own)
+
+    @functools.cached_property
     def power_loss(self) -> ca.SX:
         """Dissipated less supplied power [W]."""
         parts = [part.component for part in self.system.flat.parts]

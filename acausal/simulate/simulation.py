@@ -91,7 +91,7 @@ def simulate(
     options = options.checked()
     problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
     p, space = problem.parameters, functions.space
-    check_given_motions(functions.given_motions, t0, t1, p)
+    jumps = check_given_motions(functions.given_motions, t0, t1, p)
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
@@ -113,7 +113,7 @@ def simulate(
     )
     times = np.linspace(t0, solution.t[-1], options.samples)
     run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
-    lost = [warn_if_singular(functions, run), warn_if_outside(functions, run)]
+    lost = [jumps, warn_if_singular(functions, run), warn_if_outside(functions, run)]
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if solution.status.kind is StatusKind.SUCCESS and options.step is None and not any(lost):

@@ -71,7 +71,7 @@ def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Size
     times, states = run.solution.t[some], run.solution.x.T[some]
     t, x = np.concatenate((times, times)), np.concatenate((states, states))
     x[_LOOKS:] += sizes.forgiven * np.resize(_SIGNS, (_LOOKS, sizes.met.size))
-    u = np.concatenate((run.problem.inputs(times).T,) * 2)
+    u = np.ascontiguousarray(np.concatenate((run.problem.inputs(times).T,) * 2))
     p = np.empty((2 * _LOOKS, run.problem.parameters.size))
     p[:] = run.problem.parameters
     function = functions.watched_at_once
@@ -181,9 +181,10 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     return bool((np.abs(balance + lost[some]) > allowed + unsure[some]).any())
 
 
-def _passed(power: np.ndarray, h: np.ndarray) -> float:
-    """Energy that passes, in either direction."""
-    return float(np.sum(h * (np.abs(power[1:]) + np.abs(power[:-1])) / 2))
+def _passed(functions: Functions, run: Trajectory) -> float:
+    """Energy that passes through parts, in either direction, though what goes in and comes out may be the same at all times."""
+    flows = np.abs(run.at(run.solution.t)[functions.outputs.power_flows])
+    return float(np.sum(np.diff(run.solution.t)[:, None] * (flows[1:] + flows[:-1])) / 2)
 
 
 def _power(functions: Functions, run: Trajectory) -> np.ndarray:
@@ -219,7 +220,5 @@ def _balance(functions: Functions, run: Trajectory) -> Balance:
     at_steps = run.at(run.solution.t)
     lost = at_steps.energy_loss
     gap = T + V - T[0] - V[0] + lost
-    passed = 0.0
-    if not functions.outputs.power_loss.is_zero():
-        passed = _passed(_power(functions, run), np.diff(run.solution.t))
+    passed = 0.0 if functions.outputs.power_loss.is_zero() else _passed(functions, run)
     return Balance(gap, max(float(np.max(T)), float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost))), passed))
