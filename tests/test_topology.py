@@ -87,10 +87,7 @@ def test_a_bar_on_two_massless_cranks_swings_as_a_simple_pendulum():
 
 def test_cranks_without_mass_are_the_limit_of_light_ones():
     light = parallelogram(RigidBody.rod(2.0, (1, 0, 0)))
-    heavy = parallelogram(RigidBody.rod(2.0, (1, 0, 0)))
-    heavy.dust = [Particle(1e-7), Particle(1e-7)]
-    heavy.connect(heavy.left.frame_b, heavy.dust[0].point)
-    heavy.connect(heavy.right.frame_b, heavy.dust[1].point)
+    heavy = dusty(1e-7)
     for scene in (light, heavy):
         scene.push = Force((0.0, 0.0, 3.0))
         scene.connect(scene.coupler.tip, scene.push.point)
@@ -98,6 +95,27 @@ def test_cranks_without_mass_are_the_limit_of_light_ones():
     assert np.max(np.abs(a[light.joints[0].q] - b[heavy.joints[0].q])) < 1e-6
     for one, two in zip(light.joints, heavy.joints, strict=True):
         assert np.max(np.abs(a[one.frame_b.force] - b[two.frame_b.force])) < 1e-4
+
+
+def dusty(dust: float) -> ac.System:
+    """A bar on two cranks of which only the ends have a mass."""
+    scene = parallelogram(RigidBody.rod(2.0, (1, 0, 0)))
+    scene.dust = [Particle(dust), Particle(dust)]
+    scene.connect(scene.left.frame_b, scene.dust[0].point)
+    scene.connect(scene.right.frame_b, scene.dust[1].point)
+    return scene
+
+
+@pytest.mark.parametrize(("dust", "rate"), [(1e-7, 0.0), (1e-5, 0.0), (1e-3, 0.0), (1e-5, 9.0), (1e-3, 9.0)])
+def test_light_cranks_swing_and_whirl_as_those_without_mass(dust, rate):
+    """At any tolerance; the whirling ones pass the position with all bars in one line."""
+    light, heavy = parallelogram(RigidBody.rod(2.0, (1, 0, 0))), dusty(dust)
+    wanted = ac.build(light).simulate(1.0, {light.joints[0].q: 0.4, light.joints[0].v: rate}, rtol=1e-11)[light.joints[0].q]
+    model = ac.build(heavy)
+    for rtol in (1e-8, 1e-9, 1e-10, 1e-11, 1e-12):
+        run = model.simulate(1.0, {heavy.joints[0].q: 0.4, heavy.joints[0].v: rate}, rtol=rtol)
+        assert np.max(np.abs(run[heavy.joints[0].q] - wanted)) < 1e-7
+        assert rate > 0 or run.statistics.rejected < 5  # no singular position is near those that swing
 
 
 def rocker_pair(link: bool) -> ac.System:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -42,8 +43,8 @@ _ROUNDING = 1e-12
 class LoopForces:
     """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
 
-    `sizes` (m,): of the diagonal of `delassus`, a row's own unit; of its pivots `pivot_sizes`. `rotors`: on links whose motion meets no inertia in the tree;
-    M, whose factors are `inertias`, includes them (see `virtual_inertia`).
+    `sizes` (m,): of the diagonal of `delassus`, a row's own unit; of its pivots `pivot_sizes`, of the product of these parts `pivot_product_size`.
+    `rotors`: on links whose motion meets no inertia in the tree; M, whose factors are `inertias`, includes them (see `virtual_inertia`).
     """
 
     mechanics: MechanicalSystem
@@ -54,6 +55,7 @@ class LoopForces:
     pivot_sizes: np.ndarray
     rotors: Mapping[int, float]
     inertias: ArticulatedInertias
+    pivot_product_size: float = 1.0
 
     def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
@@ -101,9 +103,21 @@ class LoopForces:
 
     @functools.cached_property
     def clearance(self) -> ca.SX:
-        """0 at a singular position, about the square of the distance from it near by, of the size of 1 elsewhere; without unit."""
-        ratios = pivots(self.delassus + ca.diag(self._damping)) / self.pivot_sizes
-        return functools.reduce(ca.fmin, ca.vertsplit(ratios)) / self._level
+        """0 at a singular position, about the square of the distance from it near by, of the size of 1 elsewhere; without unit.
+
+        Beside light bodies a pivot is small too where another row has the large one of their directions: the product of all is not.
+        """
+        least = functools.reduce(ca.fmin, ca.vertsplit(self._pivots))
+        return ca.fmax(least, self._pivot_product / self.pivot_product_size)
+
+    @functools.cached_property
+    def _pivots(self) -> ca.SX:
+        """Of `delassus` (m, 1), as part of their sizes and at most 1: beside closed loops those of redundant rows grow."""
+        return ca.fmin(pivots(self.delassus + ca.diag(self._damping)) / self.pivot_sizes / self._level, 1.0)
+
+    @property
+    def _pivot_product(self) -> ca.SX:
+        return functools.reduce(operator.mul, ca.vertsplit(self._pivots))
 
     @property
     def _rotor_places(self) -> list[int]:
@@ -177,6 +191,8 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
     if constraints.singular:
         usual = pivots(delassus + ca.diag(forces._damping))  # pyright: ignore[reportPrivateUsage]
         forces = dataclasses.replace(forces, pivot_sizes=_sizes(forces, usual, parameters, values))
+        product = forces._pivot_product  # pyright: ignore[reportPrivateUsage]
+        forces = dataclasses.replace(forces, pivot_product_size=float(_sizes(forces, product, parameters, values)[0]))
     forces.check_inertia(parameters, values)
     return forces
 

@@ -106,9 +106,7 @@ def unknown_sizes(largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, d
     largest = np.where(faint, 0.0, largest)
     heard = (largest > _FAINT * np.max(largest, axis=0)) & ~turning
     arms = np.max(largest[:, turning], axis=1, initial=0.0)
-    arms = np.where(
-        arms > CLOSED * terms, arms, 0.0
-    )  # where a row does not change with angles, its derivatives are rounding errors
+    arms = np.where(arms > CLOSED * terms, arms, 0.0)  # others are rounding errors of rows that do not change with angles
     for sources in (arms, terms):
         ratio = np.where(heard, sources[:, None] / np.where(heard, largest, 1.0), 0.0).max(axis=0)
         ratio = np.where(np.isfinite(ratio), ratio, 0.0)
