@@ -20,6 +20,8 @@ from acausal.runtime.compiled import Pace, Slow
 _EPS = float(np.finfo(float).eps)
 _LEFT = 1e-3
 """What the iteration may leave of the error of a step."""
+_LONGER = 1.25
+"""The next step where the error is nothing but rounding, as part of the last."""
 
 
 @dataclass(frozen=True)
@@ -236,11 +238,13 @@ def _advance(run: Run) -> Status | None:
         if run.scheme.superconvergent and step.K.shape[0] > 2 and _hides_kink(run, step, strict=misses > 0):
             run.h, run.rejected, misses = 0.3 * h, run.rejected + 1, misses + 1
             continue
-        error = error if error > scale.noise_in(h) else 0.0  # no step size makes smaller what is nothing but rounding
+        noisy = error <= scale.noise_in(h) > 0
+        error = 0.0 if noisy else error  # no step size makes it smaller: a little longer steps show what else there is
         wanted = _next_size(run, h, error)
         run.error, run.contraction = error, contraction
         run.accept(step if along is None else replace(step, a=to_legendre @ K))
         _limit_by_contraction(run, h, wanted, contraction, failed)
+        run.h = min(run.h, _LONGER * h) if noisy else run.h
         if refused == 1:
             scale.doubts = scale.doubts + 2 if run.h < 0.5 * h else max(0, scale.doubts - 1)
         return None

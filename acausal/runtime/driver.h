@@ -314,6 +314,8 @@ static int blame_rounding(Integrator *I, const Stages *S, double h) {
     return explains;
 }
 
+#define LONGER 1.25
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int failed = 0, misses = 0, tries = 0, refused = -1;
@@ -374,13 +376,15 @@ static enum Code one_adaptive(Integrator *I) {
             failed = 1;
             continue;
         }
-        if (error <= noise_in(I, h)) error = 0; /* no step size makes it smaller */
+        int noisy = error <= noise_in(I, h) && noise_in(I, h) > 0;
+        if (noisy) error = 0; /* no step size makes it smaller: a little longer steps show what else there is */
         double wanted = next_size(I, h, error);
         I->error = error;
         I->contraction = contraction;
         enum Code accepted = accept_step(I, S, h);
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
+        if (noisy) I->h = fmin(I->h, LONGER * h);
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (!refused) T->doubts = I->h < 0.5 * h ? T->doubts + 2 : T->doubts > 0 ? T->doubts - 1 : 0;
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
