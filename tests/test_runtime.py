@@ -136,6 +136,7 @@ def test_inputs_of_time_reach_every_stage():
 
 _INTERRUPTED = """
 import sys, threading, time, os, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background begins without
 sys.path.insert(0, {root!r})
 import acausal as ac
 from tests.scenes import DoublePendulum
