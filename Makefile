@@ -15,7 +15,7 @@ lint: .venv/.ready
 	$(BIN)/pyright
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 benchmark: .venv/.ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,benchmark]'

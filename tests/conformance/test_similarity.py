@@ -78,9 +78,9 @@ def test_turned_scenes_move_alike(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_far_away_move_alike(name: str) -> None:
-    """At a million times their size from the origin places are rounded to 1e-10 of the size; what only fits by exact lengths, at a thousand."""
+    """At a million times their size from the origin places are rounded to 1e-10 of the size; what only fits, or has change points, by exact lengths, at a thousand."""
     similar, model, numbers = original(name)
-    distance = 1e3 if model.system.constraints.damped else 1e6
+    distance = 1e3 if model.system.constraints.dependent else 1e6
     _, moved, found = _moved(name, Units(place=(np.eye(3), distance * np.array([1.0, 0.2, -0.3]))))
     _same_decisions(model, moved)
     assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * (RTOL + distance * np.finfo(float).eps)
