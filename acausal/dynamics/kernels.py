@@ -69,12 +69,6 @@ def bias_wrench(inertia: ca.SX, moment: ca.SX, w: ca.SX) -> tuple[ca.SX, ...]:
     return ca.cross(w, inertia @ w), ca.cross(w, ca.cross(w, moment))
 
 
-@inlined(M33, M33, M33, M33)
-def rotate_inertia(R: ca.SX, inertia: ca.SX, H: ca.SX, M: ca.SX) -> tuple[ca.SX, ...]:
-    """Blocks of a spatial inertia turned by R."""
-    return symmetric(R @ inertia @ R.T), R @ H @ R.T, symmetric(R @ M @ R.T)
-
-
 @inlined(M33, M33)
 def rotate_symmetric(R: ca.SX, inertia: ca.SX) -> tuple[ca.SX, ...]:
     """R I R' for a symmetric block."""

@@ -23,5 +23,3 @@ STRIDE = 0.7
 """Longest step of a search: rad, or fractions of the length that belongs to the coordinate."""
 EDGE = 1e-9
 """Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding."""
-MIRRORED = 1e-6
-"""Two branches are equally near where their distances from the sketch differ by less than this part of them."""
