@@ -12,7 +12,7 @@ from acausal.explain.integrability.classification import Block, Integrability
 from acausal.explain.integrability.integral import Integral
 from acausal.explain.integrability.pfaffian import row_space
 from acausal.explain.integrability.scene import scene_integrability
-from acausal.explain.integrability.velocity_forms import is_linear, rates_only, velocity_system
+from acausal.explain.integrability.velocity_forms import contact_rows, is_linear, rates_only
 from acausal.explain.row_meaning import row_meanings
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.unit_quaternions import unit_quaternions
@@ -185,11 +185,9 @@ def _loops(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
 
 def _in_tree(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
     """Rolling contacts that cost no multiplier: their velocities do not slip."""
-    trees = {item.edge.name for item in system.tree_joints}
-    whole = velocity_system(system)
-    for i, name in enumerate(whole.names):
-        if ".rolling[" in name and name.rsplit(".rolling[", 1)[0] in trees:
-            yield judge.entry(name, "slip", whole.timed and not whole.forms[i, -1].is_zero())
+    for row in contact_rows(system.mechanics, ()):
+        drift = ca.substitute(row.drift, system.p, ca.SX(ca.DM(system.p_values)))
+        yield judge.entry(row.name, "slip", not drift.is_zero())
 
 
 def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:

@@ -55,7 +55,8 @@ def _freedoms(model: Functions) -> list[str]:
     configuration = int(
         system.nq - sum(item.edge.joint.invariants(system.x[item.q], system.t).numel() for item in system.tree_joints)
     )
-    holonomic = sum(".rolling[" not in name for name in system.constraints.kept)
+    rolling = {row.name for rows in system.constraints.loops for row in rows.rows if row.rolls}
+    holonomic = sum(name not in rolling for name in system.constraints.kept)
     configuration -= system.scalar.positions + system.holding.positions
     if configuration - holonomic != model.outputs.system.degrees_of_freedom:
         rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")

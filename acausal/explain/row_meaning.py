@@ -22,9 +22,9 @@ def row_meanings(system: ReducedSystem, rows: LoopRows) -> dict[str, str]:
     length = reach(system.mechanics, system.p, system.p_values, system.constraints.q_start, place.all) or 1.0
     has_axis = type(rows.edge.joint).mounting is not AbstractConstraint.mounting
     found: dict[str, str] = {}
-    for k, name in enumerate((*rows.names, *rows.dropped)):
+    for k, row in enumerate((*rows.rows, *rows.dropped_rows)):
         steady = has_axis or both[:, k].is_constant()
-        found[name] = "slip" if ".rolling[" in name else _meaning(wrenches[k, :3] / length, wrenches[k, 3:], has_axis, steady)
+        found[row.name] = "slip" if row.rolls else _meaning(wrenches[k, :3] / length, wrenches[k, 3:], has_axis, steady)
     return found
 
 

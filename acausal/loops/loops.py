@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Set
 from dataclasses import dataclass, replace
 
@@ -18,12 +19,20 @@ from acausal.topology.mechanism import Edge
 
 
 @dataclass(frozen=True)
+class Row:
+    """One row of a cut joint: `name` says what it forbids; `rolls`: it forbids to slip, in velocities only."""
+
+    name: str
+    rolls: bool = False
+
+
+@dataclass(frozen=True)
 class LoopRows:
     """Rows of one cut joint that do not vanish by structure.
 
     `position` (n, 1): residuals in q and t. `wrench_basis` (6, n + m): unit constraint wrenches on frame_b, in
     frame_b turned by the joint's mounting, torque first. `velocity` (n + m, 1): their rates, then the rolling rows; linear in v. `sign`: positive on the
-    branch that is meant. `names` say what each row forbids. `dropped`: rows that vanish by structure, with their `dropped_basis` (6, k).
+    branch that is meant. `rows`: what each is. `dropped_rows`: those that vanish by structure, with their `dropped_basis` (6, k).
     `far`: sum of the constant distances [m] along the loop: what was drawn far from the origin is known only to 1e-16 of this.
     """
 
@@ -33,10 +42,20 @@ class LoopRows:
     velocity: ca.SX
     wrench_basis: ca.SX
     sign: ca.SX | None
-    names: tuple[str, ...]
-    dropped: tuple[str, ...]
+    rows: tuple[Row, ...]
+    dropped_rows: tuple[Row, ...]
     dropped_basis: ca.SX
     far: float = 0.0
+
+    @functools.cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of `rows`."""
+        return tuple(row.name for row in self.rows)
+
+    @functools.cached_property
+    def dropped(self) -> tuple[str, ...]:
+        """Names of `dropped_rows`."""
+        return tuple(row.name for row in self.dropped_rows)
 
     def without(self, names: Set[str]) -> LoopRows:
         """The same without these rows, which turned out to hold only rounding errors."""
@@ -44,15 +63,15 @@ class LoopRows:
         if not gone:
             return self
         left = [k for k in range(len(self.names)) if k not in gone]
-        order = sorted([(name, self.dropped_basis[:, k]) for k, name in enumerate(self.dropped)]
-                       + [(self.names[k], self.wrench_basis[:, k]) for k in gone], key=lambda pair: pair[0])  # fmt: skip
+        order = sorted([(row, self.dropped_basis[:, k]) for k, row in enumerate(self.dropped_rows)]
+                       + [(self.rows[k], self.wrench_basis[:, k]) for k in gone], key=lambda pair: pair[0].name)  # fmt: skip
         return replace(
             self,
             position=self.position[[k for k in left if k < self.position.numel()]],
             velocity=self.velocity[left],
             wrench_basis=self.wrench_basis[:, left],
-            names=tuple(self.names[k] for k in left),
-            dropped=tuple(name for name, _ in order),
+            rows=tuple(self.rows[k] for k in left),
+            dropped_rows=tuple(row for row, _ in order),
             dropped_basis=ca.densify(ca.horzcat(ca.SX(6, 0), *(basis for _, basis in order))),
         )
 
@@ -61,6 +80,11 @@ class LoopRows:
         """How well the rows of `velocity` are known. Those on which a force acts forbid shifts, in lengths, and the others turns."""
         shifts = np.array([not self.wrench_basis[3:, k].is_zero() for k in range(len(self.names))], dtype=bool)
         return Drawn(np.full(len(self.names), self.far), shifts, ~shifts)
+
+
+def slip_name(path: str, i: int) -> str:
+    """Name of the constraint that a rolling contact does not slip in its `i`-th direction."""
+    return f"{path}.rolling[{i}]"
 
 
 def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopRows:
@@ -81,18 +105,17 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
     at_rest = ca.SX.zeros(6)
     basis = ca.substitute(ca.jacobian(moved, ca.vertcat(turn, shift)), ca.vertcat(turn, shift), at_rest)
     explicit = _explicit_rate(joint, X, t)
-    rows, names, dropped, dropped_basis = [], [], [], [ca.SX(6, 0)]
+    rows, kinds, dropped, dropped_basis = [], [], [], [ca.SX(6, 0)]
     far = _far(edge, placement)
     twist = ca.vertcat(w, v)
     for i in range(closure.numel()):
-        name = f"{edge.name}[{i}]"
-        residual = closure[i]
+        kind, residual = Row(f"{edge.name}[{i}]"), closure[i]
         if residual.is_constant() and abs(float(residual)) <= ROUNDING * (1.0 if basis[i, 3:].is_zero() else far):
-            dropped.append(name)
+            dropped.append(kind)
             dropped_basis.append(basis[i, :].T)
             continue
         rows.append((residual, basis[i, :] @ twist + explicit[i], basis[i, :].T))
-        names.append(name)
+        kinds.append(kind)
     w_s, v_s = ca.SX.sym("w", 3), ca.SX.sym("v", 3)
     rolling = joint.closure_rates(X, w_s, v_s, t)
     rolling_basis = ca.jacobian(rolling, ca.vertcat(w_s, v_s))
@@ -100,9 +123,9 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
     position = ca.vertcat(*(row[0] for row in rows)) if rows else ca.SX(0, 1)
     velocity = ca.vertcat(*(row[1] for row in rows), rolling_value)
     wrench_basis = ca.horzcat(*(row[2] for row in rows), rolling_basis.T)
-    names += [f"{edge.name}.rolling[{i}]" for i in range(rolling.numel())]
+    kinds += [Row(slip_name(edge.name, i), rolls=True) for i in range(rolling.numel())]
     return LoopRows(
-        edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(names), tuple(dropped),
+        edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(kinds), tuple(dropped),
         ca.densify(ca.horzcat(*dropped_basis)), far,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.explain.integrability.brackets import admissible_fields
 from acausal.explain.integrability.pfaffian import PfaffianSystem
-from acausal.loops.loops import LoopRows
+from acausal.loops.loops import LoopRows, slip_name
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, symbolic, vee
 from acausal.wording import entry_names
@@ -45,7 +45,7 @@ def contact_rows(mechanics: MechanicalSystem, loops: Sequence[LoopRows]) -> tupl
         rows = _slip_in_tree(item, tree.q[item.q], q_dot[item.q], tree.t, t_dot)
         found += _linear(item.edge.name, rows, q_dot, t_dot)
     for loop in loops:
-        if any(".rolling[" in name for name in loop.names):
+        if any(row.rolls for row in loop.rows):
             rows = _slip(loop.edge.joint, loop.pose, tree.q, q_dot, tree.t, t_dot)
             found += _linear(loop.edge.name, rows, q_dot, t_dot)
     return tuple(found)
@@ -85,7 +85,7 @@ def _linear(path: str, rows: ca.SX, q_dot: ca.SX, t_dot: ca.SX) -> list[Velocity
     nothing = ca.vertcat(q_dot, t_dot), ca.SX.zeros(q_dot.numel() + 1)
     form = ca.substitute(ca.jacobian(rows, q_dot), *nothing)
     drift = ca.substitute(ca.jacobian(rows, t_dot) + rows, *nothing)
-    return [VelocityRow(f"{path}.rolling[{i}]", ca.densify(form[i, :]), ca.densify(drift[i])) for i in range(rows.numel())]
+    return [VelocityRow(slip_name(path, i), ca.densify(form[i, :]), ca.densify(drift[i])) for i in range(rows.numel())]
 
 
 def scalar_rows(system: ReducedSystem) -> tuple[VelocityRow, ...]:
