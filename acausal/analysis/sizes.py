@@ -93,8 +93,7 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
     if not 0 < length < np.inf:
         stiffness = J[nq:last, :nq]
         length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
-    joints = [np.full(c.place.stop - c.place.start, c.unit == "rad" or c.is_rotation) for c in found.all]
-    turns = np.concatenate([*joints, [state.unit == "rad" for state in s.scalar_states[: s.scalar.positions]]]).astype(bool)
+    turns = np.append(found.turning, [state.is_angle for state in s.scalar_states[: s.scalar.positions]]).astype(bool)
     return np.where(turns, 1.0, length if 0 < length < np.inf else 1.0)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from acausal.explain.row_meaning import row_meanings
 from acausal.outputs.functions import Functions, operations
 from acausal.outputs.self_stress import undetermined_reactions
+from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.wording import compact, grouped
 
@@ -132,7 +133,7 @@ def planar_normal(model: Functions) -> np.ndarray | None:
     if not system.constraints.loops:
         return None
     joints = [item.edge.joint for item in system.tree_joints] + [rows.edge.joint for rows in system.constraints.loops]
-    if any(type(joint).__name__ != "Revolute" for joint in joints):
+    if not all(isinstance(joint, AbstractStepJoint) and joint.is_hinge for joint in joints):
         return None
     axes: list[ca.SX] = []
     for joint in joints:

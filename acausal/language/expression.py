@@ -240,6 +240,11 @@ class Symbol(Expression):
                 setattr(self, name, value)
         self._declare()
 
+    @property
+    def is_angle(self) -> bool:
+        """Whether it turns something, so that no length is needed to say how much of it is much: its unit says so."""
+        return self.unit == "rad"
+
     def __hash__(self) -> int:
         return id(self)
 

@@ -103,7 +103,7 @@ class Outputs:
         """Whether it is the angle of a cut joint, which a relative pose gives only up to full turns."""
         if not isinstance(value, Symbol) or value not in self._joint_symbols:
             return False
-        return self._joint_symbols[value][1] == "q" and value.unit == "rad" and self.symbol(value) is not value.sx
+        return self._joint_symbols[value][1] == "q" and value.is_angle and self.symbol(value) is not value.sx
 
     def _resolve_raw(self, value: ca.SX) -> ca.SX:
         """For plain `SX`: look its symbols up among those of the scene."""

@@ -11,7 +11,7 @@ from acausal.language.expression import Expression, Variable
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.motion import Motion, motion_from_pose
 from acausal.parts.pose import Pose, symbolic
-from acausal.parts.steps import AbstractStep, chained_pose
+from acausal.parts.steps import AbstractStep, Turn, chained_pose
 
 
 class AbstractJoint(AbstractConstraint, ABC):
@@ -94,6 +94,12 @@ class AbstractStepJoint(AbstractJoint, ABC):
     @abstractmethod
     def steps(self) -> tuple[AbstractStep, ...]:
         """The steps from frame_a to frame_b; each takes its share of q and v in turn."""
+
+    @property
+    def is_hinge(self) -> bool:
+        """Whether it only turns about one axis, z of its mounting."""
+        steps = self.steps()
+        return len(steps) == 1 and isinstance(steps[0], Turn)
 
     @final
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:

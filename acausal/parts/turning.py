@@ -14,7 +14,7 @@ def turning(joint: AbstractJoint) -> np.ndarray:
     """(nq,), True where an entry of q turns frame_b against frame_a; where q has a unit, that says it."""
     size = joint.q.size
     if joint.q.unit or isinstance(joint, AbstractElasticBody):
-        return np.full(size, joint.q.unit == "rad")
+        return np.full(size, joint.q.is_angle)
     q = ca.SX.sym("q", size)
     R = ca.densify(symbolic(joint.pose(q, ca.SX.sym("t")).rotation))
     return np.array([ca.depends_on(R, q[i]) for i in range(size)], dtype=bool)

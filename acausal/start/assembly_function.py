@@ -85,7 +85,7 @@ def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:
     velocities = _stage(a.problem.velocities, a.velocities, moving, a.weights, scale_v)
     turns = np.zeros(a.positions.y.size)
     for c in a.problem.coordinates.all:
-        turns[c.place] = float(c.unit == "rad")
+        turns[c.place] = float(c.turns)
     way = _Way(positions, ca.DM(turns))
     if steps > 1 and positions.solve is not None:
         began = way.travelled(began, here, asked, steps)

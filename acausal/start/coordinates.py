@@ -10,9 +10,10 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols, Tree
-from acausal.parts.joint import AbstractJoint, AbstractStepJoint
+from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.parts.steps import Turn
+from acausal.parts.turning import turning
 from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import entry_names
 
@@ -24,6 +25,8 @@ class Coordinate:
     name: str
     place: slice
     unit: str
+    turns: bool
+    """Whether it turns something: an angle or a unit quaternion, measured without a length."""
     periodic: bool
     """The same up to full turns."""
 
@@ -52,6 +55,11 @@ class Coordinates:
 
     all: tuple[Coordinate, ...]
     scale: np.ndarray
+
+    @property
+    def turning(self) -> np.ndarray:
+        """(nq,), True for entries of angles and quaternions."""
+        return np.concatenate([np.zeros(0, dtype=bool), *(np.full(c.place.stop - c.place.start, c.turns) for c in self.all)])
 
     def measured(self, sizes: np.ndarray, places: Sequence[int]) -> Coordinates:
         """The same where these entries (nq,) at `places` are much."""
@@ -94,10 +102,10 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     for item in tree.joints:
         for c in _of_joint(item, tree):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
-    size = reach(system, p, values, q, tuple(found))
+    all = tuple(found)
+    size = reach(system, p, values, q, all)
     length = size if 0 < size < np.inf else 1.0
-    kinds = [(c.place.stop - c.place.start, 1.0 if c.unit == "rad" or c.is_rotation else length) for c in found]
-    return Coordinates(tuple(found), np.concatenate([np.zeros(0), *(np.full(size, scale) for size, scale in kinds)]))
+    return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, length))
 
 
 def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
@@ -110,23 +118,20 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
         if stepped
         else set[int]()
     )
+    turns = turning(joint)
     result: list[Coordinate] = []
     i = 0
     while i < size:
         if i in units:
-            result.append(Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", False))
+            result.append(
+                Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", True, False)
+            )
             i += 4
             continue
-        turning = i in angles or joint.q.unit == "rad" or (not joint.q.unit and not stepped and _turns(joint, q, i, tree.t))
-        unit = "rad" if turning else joint.q.unit or ("m" if units or stepped else "")
-        result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, i in angles))
+        unit = "rad" if turns[i] else joint.q.unit or ("m" if units or stepped else "")
+        result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, bool(turns[i]), i in angles))
         i += 1
     return result
-
-
-def _turns(joint: AbstractJoint, q: ca.SX, i: int, t: ca.SX) -> bool:
-    """Whether an entry of q has a share in the rotation."""
-    return ca.depends_on(ca.vec(symbolic(joint.pose(q, t).rotation)), q[i])
 
 
 def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:
@@ -136,5 +141,5 @@ def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray,
     offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
     offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
     size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
-    lengths = [float(abs(q[c.place.start])) for c in all if not c.is_rotation and c.unit != "rad"]
+    lengths = [float(abs(q[c.place.start])) for c in all if not c.turns]
     return float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))

@@ -52,7 +52,8 @@ class StartProblem:
         joints = coordinates(r.mechanics, r.p, r.p_values, r.constraints.q_start, r.scalar.position)
         scalars = zip(r.scalar_places[: r.scalar.positions], r.scalar_states, strict=False)
         others = tuple(
-            Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, s.unit == "rad" and _turns_fully(r, k)) for k, s in scalars
+            Coordinate(self.outputs.name(s), slice(k, k + 1), s.unit, s.is_angle, s.is_angle and _turns_fully(r, k))
+            for k, s in scalars
         )
         return replace(joints, all=(*joints.all, *others), scale=np.concatenate([joints.scale, np.ones(len(others))]))
 
@@ -187,7 +188,7 @@ def _turning(outputs: Outputs) -> tuple[np.ndarray, np.ndarray]:
     if turns.any():
         N = ca.jacobian(tree.rates[[int(i) for i in np.flatnonzero(turns)]], tree.v)
         rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
-    scalars = [s.unit == "rad" for s in r.scalar_states[: r.scalar.positions]]
+    scalars = [s.is_angle for s in r.scalar_states[: r.scalar.positions]]
     return np.concatenate([turns, np.array(scalars, dtype=bool)]), rates
 
 

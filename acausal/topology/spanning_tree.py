@@ -63,7 +63,7 @@ def _least_freedom(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[
     def order(i: int) -> tuple[bool, int, bool, int, bool, int]:
         edge = edges[i]
         return (
-            not _keeps_coordinates(edge.joint, driven), edge.joint.v.size, "point" in (groups[edge.a].kind, groups[edge.b].kind), max(depth[edge.a], depth[edge.b]), edge.joint.q.unit != "rad", i
+            not _keeps_coordinates(edge.joint, driven), edge.joint.v.size, "point" in (groups[edge.a].kind, groups[edge.b].kind), max(depth[edge.a], depth[edge.b]), not edge.joint.q.is_angle, i
         )  # fmt: skip
 
     weighted: nx.MultiGraph[int] = nx.MultiGraph()

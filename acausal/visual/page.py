@@ -75,7 +75,7 @@ def _shape(shape: Shape, body: MovingBody, animation: Animation) -> dict[str, An
     drawn: dict[str, Any] = {}
     if isinstance(shape, Plane):
         drawn = {"size": animation.drawn_size(shape), "squares": not _is_floor(shape, body, animation)}
-    return {"kind": type(shape).__name__, **vars(shape), **drawn}
+    return {"kind": shape.kind, **vars(shape), **drawn}
 
 
 def _is_floor(plane: Plane, body: MovingBody, animation: Animation) -> bool:

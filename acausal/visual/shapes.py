@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -17,6 +18,8 @@ class AbstractShape:
     `position` [m] and `rotation` (rows of R_BodyShape) place the shape; `colour` is a CSS name or '#rrggbb', None: the body's.
     """
 
+    kind: ClassVar[str]
+    """What drawers call it."""
     colour: str | None = None
     position: Vector = (0.0, 0.0, 0.0)
     rotation: Matrix = IDENTITY
@@ -26,6 +29,7 @@ class AbstractShape:
 class Box(AbstractShape):
     """Edges `size` [m] along the axes, centred."""
 
+    kind = "Box"
     size: Vector
 
 
@@ -33,6 +37,7 @@ class Box(AbstractShape):
 class Sphere(AbstractShape):
     """Ball of `radius` [m]; bands show its rotation."""
 
+    kind = "Sphere"
     radius: float
 
 
@@ -40,6 +45,7 @@ class Sphere(AbstractShape):
 class Cylinder(AbstractShape):
     """Solid cylinder of `radius` and `length` [m] about `axis`, centred."""
 
+    kind = "Cylinder"
     radius: float
     length: float
     axis: Vector = (0.0, 0.0, 1.0)
@@ -49,6 +55,7 @@ class Cylinder(AbstractShape):
 class Disk(AbstractShape):
     """Flat disk of `radius` and `thickness` [m] about `axis`, centred; a spoke shows its rotation."""
 
+    kind = "Disk"
     radius: float
     thickness: float
     axis: Vector = (0.0, 0.0, 1.0)
@@ -58,6 +65,7 @@ class Disk(AbstractShape):
 class Torus(AbstractShape):
     """Ring about `axis`: a tube of radius `tube` [m] around a circle of `radius` [m], centred."""
 
+    kind = "Torus"
     radius: float
     tube: float
     axis: Vector = (0.0, 0.0, 1.0)
@@ -67,6 +75,7 @@ class Torus(AbstractShape):
 class Ellipsoid(AbstractShape):
     """`semi_axes` [m] along the axes, centred; bands show its rotation."""
 
+    kind = "Ellipsoid"
     semi_axes: Vector
 
 
@@ -74,6 +83,7 @@ class Ellipsoid(AbstractShape):
 class Rod(AbstractShape):
     """Round bar from `start` to `end` [m]; `radius` [m], None: chosen by the drawer from the scene's size."""
 
+    kind = "Rod"
     start: Vector
     end: Vector
     radius: float | None = None
@@ -83,6 +93,7 @@ class Rod(AbstractShape):
 class Arrow(AbstractShape):
     """Arrow from `start` to `end` [m], the head included; `radius` [m] of its shaft, None: chosen by the drawer."""
 
+    kind = "Arrow"
     start: Vector
     end: Vector
     radius: float | None = None
@@ -92,6 +103,7 @@ class Arrow(AbstractShape):
 class PointMass(AbstractShape):
     """Small ball of `radius` [m], None: chosen by the drawer from the scene's size."""
 
+    kind = "PointMass"
     radius: float | None = None
 
 
@@ -99,6 +111,7 @@ class PointMass(AbstractShape):
 class Polygon(AbstractShape):
     """Flat plate between `points` [m], for parts known only by their connection points; two points are a bar, one is a ball."""
 
+    kind = "Polygon"
     points: tuple[Vector, ...]
 
 
@@ -106,6 +119,7 @@ class Polygon(AbstractShape):
 class Plane(AbstractShape):
     """Square of edge `size` [m] across `normal`, centred at `point` [m]: a floor or an incline, drawn with faint squares."""
 
+    kind = "Plane"
     normal: Vector
     point: Vector
     size: float

@@ -165,11 +165,12 @@ def _to_sx(expression: Any, names: Sequence[Any], y: ca.SX) -> ca.SX | None:
     """None for a function that CasADi does not have."""
     import sympy
 
-    known: dict[str, Any] = {"Abs": ca.fabs} | {
-        name: getattr(ca, name)
-        for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "atan", "asin", "acos", "sinh", "cosh", "tanh")
-    }
-    if not all(type(f).__name__ in known for f in expression.atoms(sympy.Function)):
+    known: dict[Any, Any] = {
+        sympy.Abs: ca.fabs, sympy.sin: ca.sin, sympy.cos: ca.cos, sympy.tan: ca.tan, sympy.exp: ca.exp, sympy.log: ca.log,
+        sympy.atan: ca.atan, sympy.asin: ca.asin, sympy.acos: ca.acos, sympy.sinh: ca.sinh, sympy.cosh: ca.cosh, sympy.tanh: ca.tanh,
+    }  # fmt: skip
+    if not all(f.func in known for f in expression.atoms(sympy.Function)):
         return None
-    function: Any = sympy.lambdify(list(names), expression, modules=[known])
+    modules = {"sqrt": ca.sqrt} | {function.__name__: own for function, own in known.items()}
+    function: Any = sympy.lambdify(list(names), expression, modules=[modules])
     return ca.SX(function(*(y[j] for j in range(y.numel()))))
