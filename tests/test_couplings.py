@@ -14,6 +14,8 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import JumpWarning, ParameterError
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, rotation_about_z
 from components import (
     Gear,
     Inertia,
@@ -393,3 +395,32 @@ def test_a_prescribed_speed_leaves_one_place_free_in_minimal_coordinates():
     assert len(small.state_names) == 1
     run = small.simulate(1.0, rtol=1e-10)
     np.testing.assert_allclose(run[scene.hinges[0].q][-1], 3.7, atol=1e-9)
+
+
+class Shaft(AbstractJoint):
+    """A hinge about y whose end is called otherwise."""
+
+    end = ac.Rotational.port()
+    q = ac.Variable("rad")
+    v = ac.Variable("rad/s")
+
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        return Pose(rotation_about_z(q), np.zeros(3))
+
+
+def test_a_flange_of_a_joint_of_one_s_own_may_have_any_name():
+    """A torque at it and a rotor behind it do what they do at the catalogue's hinge, and it reads what that reads."""
+    found: list[np.ndarray] = []
+    for hinge in (Shaft(), Revolute("z")):
+        scene = ac.System()
+        scene.world, scene.hinge, scene.rod = World((0, -9.81, 0)), hinge, RigidBody.rod(1.0, (0.5, 0, 0))
+        scene.rotor, scene.motor = Inertia(0.1), TorqueSource(0.7)
+        flange = hinge.connectors()[-1]
+        scene.connect(scene.world.frame, scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.rod.frame)
+        scene.connect(flange, scene.rotor.flange_a)
+        scene.connect(scene.motor.flange, scene.rotor.flange_b)
+        run = ac.build(scene).simulate(1.0, rtol=1e-11)
+        found.append(np.column_stack([run[scene.hinge.q], run[flange.phi], run[flange.tau]]))
+    assert np.max(np.abs(found[0] - found[1])) < 1e-9 and np.max(np.abs(found[0][:, 0] - found[0][:, 1])) < 1e-15
+    assert np.ptp(found[0][:, 0]) > 0.5

@@ -9,7 +9,7 @@ import casadi as ca
 from acausal.dynamics.placement import TreePlacement
 from acausal.errors import ModelError, UnknownVariableError
 from acausal.language.component import System
-from acausal.language.connector import FLOWS, Connector, Point, Quantity
+from acausal.language.connector import FLOWS, Point, Quantity
 from acausal.language.expression import Derivative, Input, Parameter, Symbol, declared
 from acausal.language.flatten import FlatSystem, Part
 from acausal.parts.joint import AbstractJoint
@@ -138,16 +138,14 @@ class Readings:
     def _flange_of_joint(self, symbol: Symbol) -> ca.SX | None:
         """Angle or position, and effort, at a joint's flange that nothing is connected to."""
         for item in self.placement.kinematics.tree.joints:
-            flange = getattr(item.edge.joint, "flange", None)
-            if not isinstance(flange, Connector):
-                continue
-            if any(flange in members and len(members) > 1 for members in self.flat.connection_sets):
-                continue
-            potential, flow = FLOWS[type(flange)]
-            if symbol is getattr(flange, potential):
-                return item.edge.joint.q.sx
-            if symbol is getattr(flange, flow):
-                return ca.SX(0)
+            for flange in item.edge.joint.flanges:
+                if any(flange in members and len(members) > 1 for members in self.flat.connection_sets):
+                    continue
+                potential, flow = FLOWS[type(flange)]
+                if symbol is getattr(flange, potential):
+                    return item.edge.joint.q.sx
+                if symbol is getattr(flange, flow):
+                    return ca.SX(0)
         return None
 
     def _foreign(self, symbol: Symbol, part: Part, hint: str) -> UnknownVariableError:

@@ -7,6 +7,7 @@ from typing import Any, final
 
 import casadi as ca
 
+from acausal.language.connector import Rotational, Translational
 from acausal.language.expression import Expression, Variable
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.motion import Motion, motion_from_pose
@@ -63,6 +64,11 @@ class AbstractJoint(AbstractConstraint, ABC):
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
         """The joint as a chain of motions, outermost last; a single one by default, by differentiation of `pose`."""
         return (motion_from_pose(self.pose, self.rates, q, v, t),)
+
+    @property
+    def flanges(self) -> tuple[Rotational | Translational, ...]:
+        """Its scalar ends, whatever they are called: at most one, and only where q is one number; other parts drive q there."""
+        return tuple(end for end in self.connectors() if isinstance(end, Rotational | Translational))
 
     @final
     def supplied_power(self) -> Expression | float:

@@ -110,6 +110,12 @@ class OwnPart:
                 raise ModelError(
                     f'{self.part.where}: a joint declares its {meaning} in the class body: {name} = ac.Variable("rad").'
                 )
+        allowed = 1 if joint.q.size == joint.v.size == 1 else 0
+        if len(joint.flanges) > allowed:
+            raise ModelError(
+                f"{self.part.where} has {joint.q.size} coordinates and the flanges {', '.join(f.name for f in joint.flanges)}. A joint of one coordinate "
+                "may have one flange, through which other parts drive q; a joint of more has none: compose it of joints that have one."
+            )
         q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), time.sx
         R, p = self._pose("pose(q, t)", lambda: joint.pose(q, t), (q,))
         rates = self._column("rates(q, v, t)", lambda: joint.rates(q, v, t), (q, v))

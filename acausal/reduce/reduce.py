@@ -210,7 +210,7 @@ def _check_free(system: ReducedSystem) -> None:
         )
     if held and (system.degrees_of_freedom < 0 or (system.degrees_of_freedom == 0 and not moved)):
         names = list(dict.fromkeys(h.name for h in scalar.held if h.depth == 1))
-        paths, flanges = system.flat.connector_paths, {getattr(item.edge.joint, "flange", None) for item in tree.joints}
+        paths, flanges = system.flat.connector_paths, {end for item in tree.joints for end in item.edge.joint.flanges}
         sets = [group for group in system.flat.connection_sets if len(group) > 1 and not flanges.isdisjoint(group)]
         places = compact((" and ".join(paths[c] for c in group[:3]) for group in sets), 3)
         raise LockedError(

@@ -338,12 +338,10 @@ def _driven(mechanics: MechanicalSystem) -> tuple[Driven, ...]:
         (item.edge.name, item.edge.joint, tree.q[item.q], tree.v[item.v]) for item in tree.joints
     ]
     for cut in mechanics.mechanism.cuts:
-        if isinstance(cut.joint, AbstractJoint) and getattr(cut.joint, "flange", None) in connected:
+        if isinstance(cut.joint, AbstractJoint) and not connected.isdisjoint(cut.joint.flanges):
             q = cut.joint.coordinates(relative_pose(cut, mechanics.placement))
             assert q is not None
             held.append((cut.name, cut.joint, q, mechanics.kinematics.rate(q)))
     for name, joint, q, v in held:
-        flange = getattr(joint, "flange", None)
-        if flange is not None and flange in connected:
-            found.append(Driven(flange, q, v, ca.jacobian(v, tree.v), name))
+        found += [Driven(flange, q, v, ca.jacobian(v, tree.v), name) for flange in joint.flanges if flange in connected]
     return tuple(found)

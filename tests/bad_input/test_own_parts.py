@@ -131,3 +131,17 @@ def test_message(case: Wrong):
 def test_a_vector_can_be_taken_apart():
     x, y, z = Pendulum().rod.tip.position
     assert [str(e.sx) for e in (x, y, z)] == ["position_0", "position_1", "position_2"]
+
+
+@pytest.mark.parametrize(("flanges", "size"), [(2, 1), (1, 2)])
+def test_a_joint_with_flanges_that_nothing_tells_apart_is_refused(flanges: int, size: int):
+    def pose(self: Any, q: ca.SX, t: ca.SX) -> Pose:
+        return Pose(np.eye(3), ca.vertcat(q, ca.SX.zeros(3 - size)))
+
+    ends = {f"end_{k}": ac.Translational.port() for k in range(flanges)}
+    members = {"q": ac.Variable("m", size=size), "v": ac.Variable("m/s", size=size), "pose": pose, "__module__": __name__, **ends}
+    scene = ac.System()
+    scene.world, scene.slide, scene.ball = World(), type("Slide", (AbstractJoint,), members)(), RigidBody.ball(1.0, 0.1)
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.ball.frame)
+    Wrong("flanges of a joint", lambda: ac.build(scene), errors.ModelError, ("slide (", HERE, "end_0", "one coordinate")).check()
