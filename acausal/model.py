@@ -249,7 +249,7 @@ class Model:
         """
         from acausal.simulate.simulation import Options, simulate
 
-        options = Options(rtol, atol, method, order, step, samples, progress, max_steps, raise_on_failure, compiled, events)
+        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure, order, step, progress, events)
         return simulate(self._at(parameters).functions, t0, end, start, inputs, parameters, options)
 
     def sensitivities(

@@ -6,7 +6,7 @@ import casadi as ca
 import pytest
 
 import acausal as ac
-from acausal.charts.coordinates import ChartCoordinates
+from acausal.charts.rodrigues import ChartCoordinates
 from acausal.reduce.unit_quaternions import unit_quaternions
 from components import RigidBody, RollingBall, Spherical, World
 

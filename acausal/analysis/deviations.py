@@ -9,8 +9,8 @@ import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.sizes import Sizes, sizes_at
-from acausal.charts.coordinates import ChartCoordinates
 from acausal.charts.independent import independent_entries
+from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import singular_loops
 from acausal.errors import OptionError
 from acausal.outputs.functions import Functions

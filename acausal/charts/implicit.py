@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from acausal.dynamics.kernels import solve_positive
+from acausal.dynamics.formulas import solve_positive
 
 POLISH = 5
 _CONVERGED = 1e-8

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.charts.coordinates import ChartCoordinates
+from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import scaled_rows
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions

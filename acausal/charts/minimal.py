@@ -14,7 +14,7 @@ from acausal.arguments import finite, listed, whole_number
 from acausal.charts.chart import Chart, Choice, choose_chart
 from acausal.charts.equations import ChartEquations
 from acausal.charts.manifold import Manifold, manifold
-from acausal.charts.motion import MinimalMotion, Options
+from acausal.charts.motion import MinimalMotion
 from acausal.errors import OptionError
 from acausal.language.expression import Input, Parameter, Variable
 from acausal.numerics.folding import folded_function
@@ -163,10 +163,11 @@ class MinimalModel:
         It begins at the reference of this chart, or at `start` values, at the chart's time and with its parameters. Other arguments and
         errors as for `Model.simulate`; `SimulationError` also where the motion becomes singular.
         """
-        from acausal.charts.minimal_motion import simulate
+        from acausal.charts.minimal_motion import through_charts
+        from acausal.simulate.simulation import Options
 
-        options = Options(rtol, 0.0 if atol is None else atol, method, samples, compiled, max_steps, raise_on_failure)
-        return simulate(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
+        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure).checked()
+        return through_charts(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
 
     @functools.cached_property
     def _equations(self) -> ChartEquations:

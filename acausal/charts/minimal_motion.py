@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acausal.arguments import finite, whole_number
 from acausal.charts.minimal import MinimalModel
-from acausal.charts.motion import MinimalMotion, Options
+from acausal.charts.motion import MinimalMotion
 from acausal.charts.singular_state import singular_loops
 from acausal.collocation.problem import Guards, Problem, Solution, Status, StatusKind
 from acausal.errors import OptionError, SimulationError, StartValueError
@@ -17,6 +16,7 @@ from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input
 from acausal.outputs.functions import Functions, warn_no_compiler
 from acausal.simulate.inputs import InputValue, input_signal
+from acausal.simulate.simulation import Options
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import raise_if_interrupted
 from acausal.start.initial import InitialState, Start, initial_state
@@ -58,7 +58,7 @@ class _Piece:
         return np.array(x).reshape(-1, n)
 
 
-def simulate(
+def through_charts(
     minimal: MinimalModel, end: float, start: Start | None, inputs: Mapping[Input, InputValue], options: Options
 ) -> MinimalMotion:
     """The motion from chart to chart. Raises `StartValueError`, `OptionError`, `SimulationError` with what was computed."""
@@ -70,8 +70,7 @@ def simulate(
         )
     signal = input_signal(functions, inputs)
     moving = any(callable(value) for value in inputs.values())
-    whole_number(options.samples, "minimal.simulate: samples", 2)
-    rtol, atol = finite(options.rtol, "minimal.simulate: rtol"), finite(options.atol, "minimal.simulate: atol")
+    rtol, atol = options.rtol, options.atol or 0.0
     if not (0 < rtol < 1 and atol >= 0):
         raise OptionError(f"minimal.simulate: need 0 < rtol < 1 and atol >= 0, not rtol={rtol}, atol={atol}.")
     initial = replace(minimal.initial, x=chart.x)
@@ -121,7 +120,7 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
     guards = Guards(equations.guards, (-1,) * limits.size, (True,) * limits.size)
     own = Problem(equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards)
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
-    rtol, atol = (max(share * wanted, min(wanted, _FINEST)) for wanted in (options.rtol, options.atol))
+    rtol, atol = (max(share * wanted, min(wanted, _FINEST)) for wanted in (options.rtol, options.atol or 0.0))
     solution = integrate(own, minimal.start, chart.t, end, rtol, atol, method=options.method, max_steps=options.max_steps)
     return _to_last_step(_Piece(minimal, solution))
 

@@ -1,4 +1,4 @@
-"""A motion through charts, as a value, and how it is asked for."""
+"""A motion through charts, as a value."""
 
 from __future__ import annotations
 
@@ -10,19 +10,6 @@ import numpy as np
 from acausal.charts.chart import Chart
 from acausal.language.expression import Expression
 from acausal.simulate.trajectory import Trajectory
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to integrate; see `MinimalModel.simulate`."""
-
-    rtol: float
-    atol: float
-    method: str
-    samples: int
-    compiled: bool
-    max_steps: int
-    raise_on_failure: bool
 
 
 @dataclass(frozen=True, repr=False)

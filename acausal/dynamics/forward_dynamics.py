@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics import kernels
+from acausal.dynamics import formulas
 from acausal.dynamics.kinematics import Kinematics
 from acausal.dynamics.tree import Link, Tree
 from acausal.errors import MasslessError
@@ -74,9 +74,9 @@ def articulated_inertias(tree: Tree, rotors: Mapping[int, float] | None = None) 
             if i not in rotors and link.modal is None:
                 _check_inertia(link, blocks[i])
             *felt, U[i], D_inverse[i] = (
-                kernels.eliminate(motion.nv)(*blocks[i], motion.subspace, *own_inertia(link, rotors.get(i, 0.0)))
+                formulas.eliminate(motion.nv)(*blocks[i], motion.subspace, *own_inertia(link, rotors.get(i, 0.0)))
                 if motion.axes is None
-                else kernels.eliminate_axes(motion.axes)(*blocks[i])
+                else formulas.eliminate_axes(motion.axes)(*blocks[i])
             )
             blocks[i] = (felt[0], felt[1], felt[2])
         if link.parent >= 0:
@@ -100,7 +100,7 @@ def forward_dynamics(
         torque, force = ca.SX.zeros(3), ca.SX.zeros(3)
         if not link.inertia.is_zero:
             second = ca.densify(symbolic(link.inertia.second_moment))
-            torque, force = kernels.bias_wrench(second, symbolic(link.inertia.moment), kinematics.angular_velocity(i))
+            torque, force = formulas.bias_wrench(second, symbolic(link.inertia.moment), kinematics.angular_velocity(i))
         bias.append((torque - wrenches[i][0], force - wrenches[i][1]))
     tau = _add_modal_bias(kinematics, bias, tau)
     u: list[ca.SX] = [ca.SX(0, 1)] * len(found.links)
@@ -147,9 +147,9 @@ def _passed(inertias: ArticulatedInertias, i: int, bias: Wrench, gamma: ca.SX, t
         full = ca.blockcat([[felt[0], felt[1]], [felt[1].T, felt[2]]])
         return ca.vertcat(*bias) + full @ gamma, ca.SX(0, 1)
     if motion.axes is not None:
-        passed = kernels.pass_axes(motion.axes)(*felt, inertias.U[i], inertias.D_inverse[i], *bias, gamma, motion.sign * own)
+        passed = formulas.pass_axes(motion.axes)(*felt, inertias.U[i], inertias.D_inverse[i], *bias, gamma, motion.sign * own)
     else:
-        passed = kernels.pass_motion(motion.nv)(*felt, inertias.U[i], inertias.D_inverse[i], *bias, gamma, motion.subspace, own)
+        passed = formulas.pass_motion(motion.nv)(*felt, inertias.U[i], inertias.D_inverse[i], *bias, gamma, motion.subspace, own)
     return passed[0], passed[1]
 
 
@@ -158,10 +158,10 @@ def _accelerated(inertias: ArticulatedInertias, i: int, u: ca.SX, before: Wrench
     link = inertias.links[i]
     w_dot, a = before
     for pose in (link.offset, link.motion.pose):
-        w_dot, a = kernels.move_acceleration(symbolic(pose.rotation), symbolic(pose.position), w_dot, a)
+        w_dot, a = formulas.move_acceleration(symbolic(pose.rotation), symbolic(pose.position), w_dot, a)
     total = ca.vertcat(w_dot, a) + gamma
     if link.motion.nv:
-        (v_dot,) = kernels.joint_acceleration(link.motion.nv)(inertias.U[i], inertias.D_inverse[i], u, total)
+        (v_dot,) = formulas.joint_acceleration(link.motion.nv)(inertias.U[i], inertias.D_inverse[i], u, total)
         if link.motion.axes is not None:
             for k, axis in enumerate(link.motion.axes):
                 total[axis] += v_dot[k]
@@ -235,7 +235,7 @@ def _add_to_parent(link: Link, felt: ca.SX, bias: list[Wrench] | dict[int, Wrenc
         return
     torque, force = felt[:3], felt[3:]
     for pose in (link.motion.pose, link.offset):
-        torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+        torque, force = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
     bias[link.parent] = (bias[link.parent][0] + torque, bias[link.parent][1] + force)
 
 
@@ -246,7 +246,7 @@ def _carried(link: Link, blocks: Blocks) -> Blocks:
         if not _is_identity(pose.rotation):
             blocks = _rotated(R, blocks)
         if not p.is_zero():
-            moved = kernels.shift_inertia(p, *blocks)
+            moved = formulas.shift_inertia(p, *blocks)
             blocks = (moved[0], moved[1], moved[2])
     return blocks
 
@@ -259,9 +259,9 @@ def _rotated(R: ca.SX, blocks: Blocks) -> Blocks:
     """Blocks turned by R; a block that is a multiple of the identity is not touched."""
     I3, H, M = blocks
     return (
-        I3 if _isotropic(I3) else kernels.rotate_symmetric(R, I3)[0],
-        H if H.is_zero() else kernels.rotate_block(R, H)[0],
-        M if _isotropic(M) else kernels.rotate_symmetric(R, M)[0],
+        I3 if _isotropic(I3) else formulas.rotate_symmetric(R, I3)[0],
+        H if H.is_zero() else formulas.rotate_block(R, H)[0],
+        M if _isotropic(M) else formulas.rotate_symmetric(R, M)[0],
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics import kernels
+from acausal.dynamics import formulas
 from acausal.dynamics.tree import Tree
 from acausal.parts.pose import Pose, symbolic
 
@@ -49,7 +49,7 @@ class Kinematics:
         """Velocity of B's origin in B (3, 1) [m/s]."""
         for i in reversed(self._missing(link, self._linear)):
             item = self.tree.links[i]
-            (self._linear[i],) = kernels.linear_velocity(
+            (self._linear[i],) = formulas.linear_velocity(
                 symbolic(item.offset.rotation), symbolic(item.offset.position),
                 symbolic(item.motion.pose.rotation), symbolic(item.motion.pose.position),
                 self.angular_velocity(item.parent), self._linear[item.parent], item.motion.twist[3:], item.motion.twist[:3],
@@ -77,7 +77,7 @@ class Kinematics:
             item = self.tree.links[i]
             w_A = ca.SX.zeros(3) if item.parent < 0 else self._velocities[item.parent][0]
             motion = item.motion
-            w, gamma_w, gamma_v = kernels.velocity(
+            w, gamma_w, gamma_v = formulas.velocity(
                 symbolic(item.offset.rotation), symbolic(item.offset.position),
                 symbolic(motion.pose.rotation), symbolic(motion.pose.position),
                 w_A, motion.twist[:3], motion.twist[3:], motion.bias[:3], motion.bias[3:],

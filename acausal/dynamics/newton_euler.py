@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from acausal.dynamics import kernels
+from acausal.dynamics import formulas
 from acausal.dynamics.kinematics import Kinematics
 from acausal.parts.inertia import skew
 from acausal.parts.pose import symbolic
@@ -38,7 +38,7 @@ def newton_euler(kinematics: Kinematics, v_dot: ca.SX, wrenches: list[Wrench]) -
     for i, link in enumerate(tree.links):
         w_dot, a = accelerations[link.parent] if link.parent >= 0 else (ca.SX.zeros(3), -tree.gravity)
         for pose in (link.offset, link.motion.pose):
-            w_dot, a = kernels.move_acceleration(symbolic(pose.rotation), symbolic(pose.position), w_dot, a)
+            w_dot, a = formulas.move_acceleration(symbolic(pose.rotation), symbolic(pose.position), w_dot, a)
         change = kinematics.bias(i) + link.motion.subspace @ v_dot[link.v] if link.motion.nv else kinematics.bias(i)
         w_dot, a = w_dot + change[:3], a + change[3:]
         accelerations.append((w_dot, a))
@@ -46,7 +46,7 @@ def newton_euler(kinematics: Kinematics, v_dot: ca.SX, wrenches: list[Wrench]) -
             torque, force = ca.SX.zeros(3), ca.SX.zeros(3)
         else:
             second, moment = symbolic(link.inertia.second_moment), symbolic(link.inertia.moment)
-            torque, force = kernels.bias_wrench(ca.densify(second), moment, kinematics.angular_velocity(i))
+            torque, force = formulas.bias_wrench(ca.densify(second), moment, kinematics.angular_velocity(i))
             H = symbolic(skew(link.inertia.moment))
             torque = torque + second @ w_dot + H @ a
             force = force + H.T @ w_dot + ca.SX(link.inertia.mass) * a
@@ -66,6 +66,6 @@ def newton_euler(kinematics: Kinematics, v_dot: ca.SX, wrenches: list[Wrench]) -
             tau[link.v] += link.motion.subspace.T @ ca.vertcat(torque, force)
         if link.parent >= 0:
             for pose in (link.motion.pose, link.offset):
-                torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+                torque, force = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
             needed[link.parent] = (needed[link.parent][0] + torque, needed[link.parent][1] + force)
     return NewtonEuler(tau, tuple(accelerations), tuple(needed))

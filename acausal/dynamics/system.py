@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from acausal.dynamics import kernels
+from acausal.dynamics import formulas
 from acausal.dynamics.energy import gravity_potential, kinetic_energy
 from acausal.dynamics.forward_dynamics import Wrench, zero_wrenches
 from acausal.dynamics.kinematics import Kinematics
@@ -115,7 +115,7 @@ def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
         for action in own:
             link, pose = placement.place(action.connector)
             if link >= 0:
-                moved = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), action.torque, action.force)
+                moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), action.torque, action.force)
                 wrenches[link] = (wrenches[link][0] + moved[0], wrenches[link][1] + moved[1])
     return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings)
 

@@ -17,7 +17,7 @@ from acausal.emit.compiler import RUNTIME
 from acausal.emit.emit import Source, emit, translation_units
 from acausal.errors import ExportError
 from acausal.export.start_functions import StartFunctions, start_c, start_functions
-from acausal.numerics.kernel import copied_states
+from acausal.numerics.bound import copied_states
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.compiled import directional_derivative, projection_with_invariants

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Problem
-from acausal.numerics.kernel import Kernel, arguments, dense
+from acausal.numerics.bound import BoundFunction, arguments, dense
 
 
 class Rates:
@@ -21,7 +21,7 @@ class Rates:
         self.u = np.zeros((count, nu))
         self.p = np.ascontiguousarray(np.tile(problem.parameters, (count, 1)))
         self.K = np.empty((count, nx))
-        self.evaluate = Kernel(f.map(count) if count > 1 else f, (self.t, self.X, self.u, self.p), self.K)
+        self.evaluate = BoundFunction(f.map(count) if count > 1 else f, (self.t, self.X, self.u, self.p), self.K)
         self.run = self.evaluate.run
 
     def at(self, times: np.ndarray | float) -> None:
@@ -42,7 +42,7 @@ class Jacobian:
         self._t, self._x, self._u = np.empty(1), np.empty(nx), np.zeros(f.size1_in(2))
         transposed = ca.Function("jacobian", symbols, [J.T], {"cse": True} if f.is_a("SXFunction") else {})
         values = (self._t, self._x, self._u, np.array(problem.parameters, dtype=float))
-        self._kernel = Kernel(transposed, values, np.empty((nx, nx)))
+        self._bound = BoundFunction(transposed, values, np.empty((nx, nx)))
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
         """At one point; the returned array is used again by the next call."""
@@ -50,4 +50,4 @@ class Jacobian:
         self._x[:] = x
         if self._u.size:
             self._u[:] = self._problem.inputs(self._t)[:, 0]
-        return self._kernel()
+        return self._bound()

@@ -13,7 +13,7 @@ from acausal.integrators.convergence import Convergence, Verdict
 from acausal.integrators.passage import passage_of
 from acausal.integrators.rates import Jacobian, Rates
 from acausal.integrators.scale import Scale
-from acausal.numerics.kernel import copied_states
+from acausal.numerics.bound import copied_states
 
 
 @dataclass

@@ -26,8 +26,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.dynamics.formulas import damped_solver, pivots, positive_solver, solve_positive
 from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
-from acausal.dynamics.kernels import damped_solver, pivots, positive_solver, solve_positive
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.virtual_inertia import check_tree_inertia, massless_motions
 from acausal.loops.constraints import Constraints

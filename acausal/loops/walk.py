@@ -7,7 +7,7 @@ import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import assemble
-from acausal.numerics.kernel import Kernel
+from acausal.numerics.bound import BoundFunction
 from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
@@ -34,7 +34,7 @@ class Walk:
             [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v), ca.jacobian(closing, t)],
             values,
         )
-        self._noise = Kernel.of(
+        self._noise = BoundFunction.of(
             ca.Function("noise", [ca.vertcat(group.q, t)], [ca.densify(_at(rounded(closing), parameters, values))])
         )
         self.time = 0.0
@@ -173,7 +173,7 @@ class Walk:
 
 
 class _Parts:
-    """Several matrices of q and t from one kernel."""
+    """Several matrices of q and t in one call."""
 
     def __init__(self, arguments: list[ca.SX], parts: list[ca.SX], values: np.ndarray) -> None:
         self._shapes = [part.shape for part in parts]
@@ -181,11 +181,11 @@ class _Parts:
         self._q, self._t = np.empty(arguments[0].numel()), np.zeros(1)
         column = ca.densify(ca.vertcat(*(ca.vec(part) for part in parts)))
         given = (self._q, self._t, np.array(values, dtype=float))
-        self._kernel = Kernel(ca.Function("walk", arguments, [column]), given, np.empty(column.numel()))
+        self._bound = BoundFunction(ca.Function("walk", arguments, [column]), given, np.empty(column.numel()))
 
     def __call__(self, q: np.ndarray, t: float) -> list[np.ndarray]:
         self._q[:], self._t[0] = q, t
-        parts = np.split(self._kernel().copy(), self._ends[:-1])
+        parts = np.split(self._bound().copy(), self._ends[:-1])
         return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from acausal.dynamics import kernels
+from acausal.dynamics import formulas
 from acausal.dynamics.newton_euler import NewtonEuler, newton_euler
 from acausal.dynamics.placement import Place
 from acausal.dynamics.system import MechanicalSystem
@@ -55,7 +55,7 @@ class Reactions:
             for place, (torque, force) in edge_wrenches:
                 link, pose = place
                 if link >= 0:
-                    moved = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+                    moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
                     wrenches[link] = (wrenches[link][0] + moved[0], wrenches[link][1] + moved[1])
         return newton_euler(self.system.kinematics, self.v_dot, wrenches)
 
@@ -95,7 +95,7 @@ class Reactions:
             first += basis.shape[1]
             a, b = mounted_places(rows.edge, self.system.placement)
             R, p = symbolic(rows.pose.rotation), symbolic(rows.pose.position)
-            torque, force = kernels.move_wrench(R, p, on_b[:3], on_b[3:])
+            torque, force = formulas.move_wrench(R, p, on_b[:3], on_b[3:])
             result[rows.edge.name] = ((a, (-torque, -force)), (b, (on_b[:3], on_b[3:])))
         return result
 
@@ -136,13 +136,13 @@ class Reactions:
                 first = next(i for i, link in enumerate(links) if link.name == item.edge.name)
                 torque, force = self.motion.transmitted[first]
                 for pose in (links[first].motion.pose, links[first].offset):
-                    torque, force = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
+                    torque, force = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), torque, force)
                 return _seen_from(own[1], torque, force)
         on_a, on_b = self.cut_wrenches[self._name(joint)]
         (_, pose), wrench = on_a if connector is joint.frame_a else on_b
         own = self.system.placement.place(connector)
         turn = own[1].inverse() @ pose
-        torque, force = kernels.move_wrench(symbolic(turn.rotation), symbolic(turn.position), *wrench)
+        torque, force = formulas.move_wrench(symbolic(turn.rotation), symbolic(turn.position), *wrench)
         return -torque, -force
 
     def _name(self, joint: AbstractConstraint) -> str:
@@ -210,7 +210,7 @@ class Reactions:
                     if not isinstance(part.component, AbstractRigidPart):
                         flow = self._into(part, other)
                         pose = self.system.placement.place(other)[1]
-                        moved = kernels.move_wrench(symbolic(pose.rotation), symbolic(pose.position), *flow)
+                        moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), *flow)
                         torque, force = torque + moved[0], force + moved[1]
         return _seen_from(place, torque, force)
 
@@ -218,7 +218,7 @@ class Reactions:
         """What an inertia given in a link's frame needs to move with the link, gravity included."""
         w_dot, a = self.motion.accelerations[link]
         second, moment = ca.densify(symbolic(inertia.second_moment)), symbolic(inertia.moment)
-        torque, force = kernels.bias_wrench(second, moment, self.system.kinematics.angular_velocity(link))
+        torque, force = formulas.bias_wrench(second, moment, self.system.kinematics.angular_velocity(link))
         H = symbolic(skew(inertia.moment))
         return torque + second @ w_dot + H @ a, force + H.T @ w_dot + ca.SX(inertia.mass) * a
 
@@ -230,5 +230,5 @@ def _negated(wrench: Wrench) -> Wrench:
 def _seen_from(place: Pose, torque: ca.SX, force: ca.SX) -> Wrench:
     """A wrench in and about a link's frame, in and about a place in it."""
     back = place.inverse()
-    moved = kernels.move_wrench(symbolic(back.rotation), symbolic(back.position), torque, force)
+    moved = formulas.move_wrench(symbolic(back.rotation), symbolic(back.position), torque, force)
     return moved[0], moved[1]

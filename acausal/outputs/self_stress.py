@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.kernels import solve_positive
+from acausal.dynamics.formulas import solve_positive
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.loops.constraints import Constraints

@@ -28,7 +28,7 @@ from acausal.collocation.problem import (
 )
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.emit.compiler import compiler
-from acausal.numerics.kernel import copied_states
+from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
 from acausal.runtime.binding import (
     Code,

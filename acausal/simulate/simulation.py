@@ -43,14 +43,14 @@ class Options:
     rtol: float
     atol: float | None
     method: str
-    order: int | None
-    step: float | None
     samples: int
-    progress: bool | Progress
+    compiled: bool
     max_steps: int
     raise_on_failure: bool
-    compiled: bool
-    events: Sequence[when]
+    order: int | None = None
+    step: float | None = None
+    progress: bool | Progress = False
+    events: Sequence[when] = ()
 
     def checked(self) -> Options:
         """The same with plain numbers. Raises `OptionError` for what makes no sense."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.errors import AccuracyWarning
-from acausal.numerics.kernel import Kernel
+from acausal.numerics.bound import BoundFunction
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import WATCHED, Functions
 from acausal.simulate.blame import condition, energy_cause
@@ -75,7 +75,7 @@ def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Size
     p = np.empty((2 * _LOOKS, run.problem.parameters.size))
     p[:] = run.problem.parameters
     function = functions.watched_at_once
-    found = Kernel(function, (t, x, u, p), np.empty((2 * _LOOKS, function.size1_out(0))))()
+    found = BoundFunction(function, (t, x, u, p), np.empty((2 * _LOOKS, function.size1_out(0))))()
     return found[:_LOOKS], found[_LOOKS:]
 
 
@@ -196,7 +196,7 @@ def _power(functions: Functions, run: Trajectory) -> np.ndarray:
     p = np.empty((WATCHED, run.problem.parameters.size))
     p[:] = run.problem.parameters
     here = t[:WATCHED].copy(), x[:WATCHED].copy(), u[:WATCHED].copy()
-    kernel = Kernel(functions.power_loss_at_once, (*here, p), np.empty(WATCHED))
+    kernel = BoundFunction(functions.power_loss_at_once, (*here, p), np.empty(WATCHED))
     found = np.empty(t.size)
     for k in range(0, t.size, WATCHED):
         part = slice(k, k + WATCHED)

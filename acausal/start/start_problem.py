@@ -14,8 +14,8 @@ import numpy as np
 from acausal.errors import StartValueError
 from acausal.language.expression import Expression, Symbol
 from acausal.loops.loop_groups import drawn
+from acausal.numerics.bound import BoundFunction
 from acausal.numerics.folding import folded_function
-from acausal.numerics.kernel import Kernel
 from acausal.numerics.sizes import Drawn
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
@@ -41,9 +41,9 @@ class StartProblem:
     targets: tuple[Target, ...]
     positions: Search
     velocities: Search
-    got: Kernel | None
+    got: BoundFunction | None
     lock: threading.Lock = field(default_factory=threading.Lock)
-    """Kernels serve one thread at a time."""
+    """Bound functions serve one thread at a time."""
 
     @functools.cached_property
     def coordinates(self) -> Coordinates:
@@ -135,7 +135,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
-        got = Kernel.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
+        got = BoundFunction.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
     return StartProblem(outputs, tuple(targets), positions, velocities, got)
 
 

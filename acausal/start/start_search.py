@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.assembly import Assembled, Residual, assemble
+from acausal.numerics.bound import BoundFunction
 from acausal.numerics.folding import folded_function
-from acausal.numerics.kernel import Kernel
 from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import EDGE, STRIDE
@@ -98,7 +98,7 @@ class Unknowns:
 class Block:
     """Unknowns that constraints or wishes connect, and these rows: no other block has to do with them, so it is searched alone.
 
-    Kernels take y and the data with `first`. `places` in y; `rows` and `wished` among all rows. `alike` (rows of wishes,): those with
+    Bound functions take y and the data with `first`. `places` in y; `rows` and `wished` among all rows. `alike` (rows of wishes,): those with
     the same number are weighed by the same size.
     """
 
@@ -116,12 +116,12 @@ class Block:
     """Sizes of some calls before."""
 
     @functools.cached_property
-    def constraints(self) -> Kernel:
+    def constraints(self) -> BoundFunction:
         """Rows and their Jacobian, column by column."""
         return _with_jacobian(self.unknowns.y, self.whole, self.hard)
 
     @functools.cached_property
-    def wishes(self) -> Kernel | None:
+    def wishes(self) -> BoundFunction | None:
         """The same of wishes."""
         return _with_jacobian(self.unknowns.y, self.whole, self.soft) if self.wished else None
 
@@ -131,12 +131,14 @@ class Block:
         return any(ca.which_depends(self.hard, self.unknowns.y, 2, False))
 
     @functools.cached_property
-    def _rounded(self) -> Kernel:
-        return Kernel.of(ca.Function("rounded", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(rounded(self.hard))]))
+    def _rounded(self) -> BoundFunction:
+        return BoundFunction.of(
+            ca.Function("rounded", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(rounded(self.hard))])
+        )
 
     @functools.cached_property
-    def _signs(self) -> Kernel:
-        return Kernel.of(ca.Function("signs", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(self.signs)]))
+    def _signs(self) -> BoundFunction:
+        return BoundFunction.of(ca.Function("signs", [ca.vertcat(self.unknowns.y, self.whole)], [ca.densify(self.signs)]))
 
     def is_meant(self, y: np.ndarray, data: np.ndarray) -> bool:
         """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
@@ -529,13 +531,13 @@ def _difference(t: Target, wanted: ca.SX) -> ca.SX:
     return ca.atan2(ca.sin(difference), ca.cos(difference)) if t.periodic else difference
 
 
-def _with_jacobian(y: ca.SX, data: ca.SX, residual: ca.SX) -> Kernel:
+def _with_jacobian(y: ca.SX, data: ca.SX, residual: ca.SX) -> BoundFunction:
     """(y, data) -> residual, and its Jacobian column by column, in one column."""
     both = ca.vertcat(ca.densify(residual), ca.vec(ca.densify(ca.jacobian(residual, y))))
-    return Kernel.of(folded_function("residual", [ca.vertcat(y, data)], [both]))
+    return BoundFunction.of(folded_function("residual", [ca.vertcat(y, data)], [both]))
 
 
-def _residual(kernel: Kernel, n: int) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def _residual(kernel: BoundFunction, n: int) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """(y (n,), data) -> residual (m,) and Jacobian (m, n)."""
     m = kernel.result.size // (n + 1)
 

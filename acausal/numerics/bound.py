@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 
-class Kernel:
+class BoundFunction:
     """A CasADi function of one result, bound to its argument arrays and to `result`; calling it fills `result`.
 
     The arrays are column-major as CasADi sees them, so a numpy array (m, n) is a CasADi matrix (n, m). Not for two threads.
@@ -27,9 +27,9 @@ class Kernel:
         self._alive = (function, buffer)  # their addresses are in use
 
     @staticmethod
-    def of(function: ca.Function) -> Kernel:
-        """A kernel of a function of one column, with arrays of its own; see `at`."""
-        return Kernel(function, (np.empty(function.size1_in(0)),), np.empty(function.numel_out(0)))
+    def of(function: ca.Function) -> BoundFunction:
+        """A function of one column bound, with arrays of its own; see `at`."""
+        return BoundFunction(function, (np.empty(function.size1_in(0)),), np.empty(function.numel_out(0)))
 
     def at(self, argument: np.ndarray) -> np.ndarray:
         """The result for a value of the first argument; the array is used again by the next call."""

@@ -14,13 +14,13 @@ from collections.abc import Callable, Sequence
 
 import casadi as ca
 
-Kernel = Callable[..., tuple[ca.SX, ...]]
+Formula = Callable[..., tuple[ca.SX, ...]]
 
 
-def inlined(*shapes: tuple[int, int]) -> Callable[[Callable[..., Sequence[ca.SX]]], Kernel]:
+def inlined(*shapes: tuple[int, int]) -> Callable[[Callable[..., Sequence[ca.SX]]], Formula]:
     """Decorate a function of `SX` blocks of these shapes, so that it is traced once and then inlined."""
 
-    def decorate(formula: Callable[..., Sequence[ca.SX]]) -> Kernel:
+    def decorate(formula: Callable[..., Sequence[ca.SX]]) -> Formula:
         @functools.cache
         def traced() -> ca.Function:
             arguments = [ca.SX.sym(f"a{i}", *shape) for i, shape in enumerate(shapes)]
@@ -103,7 +103,7 @@ def move_acceleration(R: ca.SX, p: ca.SX, w_dot: ca.SX, a: ca.SX) -> tuple[ca.SX
 
 
 @functools.cache
-def eliminate_axes(axes: tuple[int, ...]) -> Kernel:
+def eliminate_axes(axes: tuple[int, ...]) -> Formula:
     """Articulated inertia behind a joint whose motion subspace are columns of the identity.
 
     Arguments I, H, M. Results: I, H, M as felt at the near side, U (6, n), 1/D (n, n). What is zero behind the joint by
@@ -112,7 +112,7 @@ def eliminate_axes(axes: tuple[int, ...]) -> Kernel:
     rest = [i for i in range(6) if i not in axes]
 
     @inlined(M33, M33, M33)
-    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX) -> tuple[ca.SX, ...]:
+    def formula(I3: ca.SX, H: ca.SX, M: ca.SX) -> tuple[ca.SX, ...]:
         full = ca.blockcat([[I3, H], [H.T, M]])
         D_inverse = inverse_positive(full[list(axes), list(axes)])
         U_rest = full[rest, list(axes)]
@@ -120,11 +120,11 @@ def eliminate_axes(axes: tuple[int, ...]) -> Kernel:
         result[rest, rest] = symmetric(full[rest, rest] - U_rest @ D_inverse @ U_rest.T)
         return result[:3, :3], result[:3, 3:], result[3:, 3:], full[:, list(axes)], D_inverse
 
-    return kernel
+    return formula
 
 
 @functools.cache
-def pass_axes(axes: tuple[int, ...]) -> Kernel:
+def pass_axes(axes: tuple[int, ...]) -> Formula:
     """Bias (6, 1) as felt at the near side of such a joint, and u (n, 1).
 
     Arguments: I, H, M felt at the near side, U, 1/D, torque and force bias behind the joint (3, 1 each), gamma (6, 1), tau (n, 1).
@@ -133,7 +133,7 @@ def pass_axes(axes: tuple[int, ...]) -> Kernel:
     rest = [i for i in range(6) if i not in axes]
 
     @inlined(M33, M33, M33, (6, n), (n, n), V, V, (6, 1), (n, 1))
-    def kernel(
+    def formula(
         I3: ca.SX, H: ca.SX, M: ca.SX, U: ca.SX, D_inverse: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, tau: ca.SX
     ) -> tuple[ca.SX, ...]:
         reduced = ca.blockcat([[I3, H], [H.T, M]])[rest, rest]
@@ -144,15 +144,15 @@ def pass_axes(axes: tuple[int, ...]) -> Kernel:
         felt[list(axes)] = tau
         return felt, u
 
-    return kernel
+    return formula
 
 
 @functools.cache
-def eliminate(n: int) -> Kernel:
+def eliminate(n: int) -> Formula:
     """As `eliminate_axes` for a general motion subspace S (6, n), and inertia of the motion itself: U = I S + C, D = S' I S + E."""
 
     @inlined(M33, M33, M33, (6, n), (6, n), (n, n))
-    def kernel(I3: ca.SX, H: ca.SX, M: ca.SX, S: ca.SX, C: ca.SX, E: ca.SX) -> tuple[ca.SX, ...]:
+    def formula(I3: ca.SX, H: ca.SX, M: ca.SX, S: ca.SX, C: ca.SX, E: ca.SX) -> tuple[ca.SX, ...]:
         full = ca.blockcat([[I3, H], [H.T, M]])
         U = full @ S
         D_inverse = inverse_positive(symmetric(S.T @ U) + symmetric(E))
@@ -160,33 +160,33 @@ def eliminate(n: int) -> Kernel:
         result = symmetric(full - U @ D_inverse @ U.T)
         return result[:3, :3], result[:3, 3:], result[3:, 3:], U, D_inverse
 
-    return kernel
+    return formula
 
 
 @functools.cache
-def pass_motion(n: int) -> Kernel:
+def pass_motion(n: int) -> Formula:
     """As `pass_axes` for a general motion subspace S (6, n), which comes before tau."""
 
     @inlined(M33, M33, M33, (6, n), (n, n), V, V, (6, 1), (6, n), (n, 1))
-    def kernel(
+    def formula(
         I3: ca.SX, H: ca.SX, M: ca.SX, U: ca.SX, D_inverse: ca.SX, torque: ca.SX, force: ca.SX, gamma: ca.SX, S: ca.SX, tau: ca.SX
     ) -> tuple[ca.SX, ...]:
         bias = ca.vertcat(torque, force)
         u = tau - S.T @ bias
         return bias + ca.blockcat([[I3, H], [H.T, M]]) @ gamma + U @ (D_inverse @ u), u
 
-    return kernel
+    return formula
 
 
 @functools.cache
-def joint_acceleration(n: int) -> Kernel:
+def joint_acceleration(n: int) -> Formula:
     """v' = 1/D (u - U' a) for the acceleration a (6, 1) that B would have with v' = 0."""
 
     @inlined((6, n), (n, n), (n, 1), (6, 1))
-    def kernel(U: ca.SX, D_inverse: ca.SX, u: ca.SX, a: ca.SX) -> tuple[ca.SX, ...]:
+    def formula(U: ca.SX, D_inverse: ca.SX, u: ca.SX, a: ca.SX) -> tuple[ca.SX, ...]:
         return (D_inverse @ (u - U.T @ a),)
 
-    return kernel
+    return formula
 
 
 def inverse_positive(D: ca.SX) -> ca.SX:
