@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, ParameterError
 from acausal.language.connector import FLOWS, Connector, Electrical, Point
+from acausal.language.construction import check_arguments
 from acausal.language.equation import Equation, der
 from acausal.language.expression import Expression, Variable
 from acausal.language.origin import origin
@@ -41,9 +42,14 @@ class Component:
             raise ParameterError(
                 f"{cls.__name__}() takes no arguments; it was given {given} ({origin()}). {cls.if_given_arguments}"
             )
+        check_arguments(cls, args, kwargs)
         self = super().__new__(cls)
         self.__dict__["created_at"] = origin()
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copied and unpickled as it is, and not made again."""
+        return object.__new__, (type(self),), self.__dict__
 
     def equations(self) -> Iterable[Equation]:
         """Equations that hold at all times, between variables and scalar connectors; none by default."""
