@@ -8,9 +8,10 @@ from typing import Any, Self, final
 import casadi as ca
 import numpy as np
 
-from acausal.errors import ParameterError
+from acausal.arguments import shown
+from acausal.errors import ExpressionError, ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Scalar, checked, evaluated, leaves, scalar, sx, vector
+from acausal.language.expression import Expression, Scalar, check_unit, checked, evaluated, leaves, scalar, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose, pose
@@ -110,7 +111,7 @@ class RigidBody(AbstractRigidPart):
         self.places: list[object] = []  # of further frames, where their parameters are found
         self._tip: Frame | None = None
         self._centre: Frame | None = None
-        self._shapes = shapes
+        self._shapes = _checked_shapes(shapes)
 
     def at(self, position: Scalar, rotation: Rotation = None) -> Frame:
         """A frame at `position` (3,) [m] in `frame` and turned by `rotation`, fixed in the body."""
@@ -272,10 +273,21 @@ def _about_axis(side: Number, along: Number, axis: Any) -> Any:
     return Expression(matrix, found) if found else np.array(ca.DM(ca.evalf(matrix)))
 
 
+def _checked_shapes(shapes: Any) -> tuple[drawn.AbstractShape, ...]:
+    if not isinstance(shapes, list | tuple) or not all(isinstance(shape, drawn.AbstractShape) for shape in shapes):
+        raise ParameterError(
+            f"RigidBody's shapes are {shown(shapes)} ({origin()}). Give a tuple of shapes of acausal.visual.shapes, e.g. (Sphere(0.1),)."
+        )
+    return tuple(shapes)
+
+
 def _inertia_matrix(inertia: Scalar) -> np.ndarray | Expression:
     """Checked central inertia (3, 3)."""
-    found = leaves(inertia)
-    entries = sx(inertia)
+    check_unit(inertia, "RigidBody's inertia", "kg*m^2")
+    try:
+        found, entries = leaves(inertia), sx(inertia)
+    except ExpressionError as error:
+        raise ParameterError(f"RigidBody's inertia: {error}") from None
     if entries.shape == (3, 1):
         matrix = ca.diag(entries)
     elif entries.shape == (6, 1):

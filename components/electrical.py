@@ -17,6 +17,7 @@ from acausal.language.component import Component
 from acausal.language.connector import Electrical, Rotational, Signal
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Scalar, Variable, scalar
+from components.rotational import not_zero
 
 _LOOSE = "A current needs a way in and a way out: connect both pins."
 _FLOATING = "A circuit without a Ground has no zero of potential, and parallel ideal sources share no definite current."
@@ -63,7 +64,7 @@ class Resistor(AbstractTwoPin):
     """
 
     def __init__(self, resistance: Scalar) -> None:
-        self.resistance = scalar(resistance, "Resistor's resistance", non_negative=True)
+        self.resistance = scalar(resistance, "Resistor's resistance", non_negative=True, unit="Ohm")
 
     def law(self) -> Equation:
         return equal(self.v, self.resistance * self.i)
@@ -80,7 +81,7 @@ class Capacitor(AbstractTwoPin):
     """
 
     def __init__(self, capacitance: Scalar) -> None:
-        self.capacitance = scalar(capacitance, "Capacitor's capacitance", positive=True)
+        self.capacitance = scalar(capacitance, "Capacitor's capacitance", positive=True, unit="F")
 
     def law(self) -> Equation:
         return equal(self.capacitance * der(self.v), self.i)
@@ -97,7 +98,7 @@ class Inductor(AbstractTwoPin):
     """
 
     def __init__(self, inductance: Scalar) -> None:
-        self.inductance = scalar(inductance, "Inductor's inductance", positive=True)
+        self.inductance = scalar(inductance, "Inductor's inductance", positive=True, unit="H")
 
     def law(self) -> Equation:
         return equal(self.inductance * der(self.i), self.v)
@@ -116,8 +117,8 @@ class Diode(AbstractTwoPin):
     """
 
     def __init__(self, saturation_current: Scalar = 1e-9, thermal_voltage: Scalar = 0.025) -> None:
-        self.saturation_current = scalar(saturation_current, "Diode's saturation_current", positive=True)
-        self.thermal_voltage = scalar(thermal_voltage, "Diode's thermal_voltage", positive=True)
+        self.saturation_current = scalar(saturation_current, "Diode's saturation_current", positive=True, unit="A")
+        self.thermal_voltage = scalar(thermal_voltage, "Diode's thermal_voltage", positive=True, unit="V")
 
     def law(self) -> Equation:
         ratio = self.v / self.thermal_voltage
@@ -137,7 +138,7 @@ class VoltageSource(AbstractTwoPin):
     """
 
     def __init__(self, voltage: Scalar | Callable[[Any], Any]) -> None:
-        self.voltage = scalar(language.of_time(voltage), "VoltageSource's voltage")
+        self.voltage = scalar(language.of_time(voltage), "VoltageSource's voltage", unit="V")
 
     def law(self) -> Equation:
         return equal(self.v, self.voltage)
@@ -156,7 +157,7 @@ class CurrentSource(AbstractTwoPin):
     """
 
     def __init__(self, current: Scalar | Callable[[Any], Any]) -> None:
-        self.current = scalar(language.of_time(current), "CurrentSource's current")
+        self.current = scalar(language.of_time(current), "CurrentSource's current", unit="A")
 
     def law(self) -> Equation:
         return equal(self.i, -1.0 * self.current)
@@ -200,7 +201,8 @@ class ElectromotiveForce(Component):
     i = Variable("A", "current from pin_a to pin_b", if_undetermined=_FLOATING)
 
     def __init__(self, constant: Scalar) -> None:
-        self.constant = scalar(constant, "ElectromotiveForce's constant")
+        what = "ElectromotiveForce's constant"
+        self.constant = not_zero(scalar(constant, what, unit="N*m/A"), what)
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.v, self.pin_a.v - self.pin_b.v)

@@ -37,7 +37,10 @@ class Section:
     @classmethod
     def rectangle(cls, width: Scalar, height: Scalar) -> Section:
         """`width` along y, `height` along z [m] > 0."""
-        y, z = scalar(width, "rectangle's width", positive=True), scalar(height, "rectangle's height", positive=True)
+        y, z = (
+            scalar(width, "rectangle's width", positive=True, unit="m"),
+            scalar(height, "rectangle's height", positive=True, unit="m"),
+        )
         return cls(y * z, y * z * z * z / 12, z * y * y * y / 12)
 
     @classmethod
@@ -87,7 +90,7 @@ class FlexibleBeam(AbstractElasticBody):
         self.section = section
         self.youngs_modulus = scalar(youngs_modulus, "FlexibleBeam's youngs_modulus", positive=True, unit="Pa")
         self.density = scalar(density, "FlexibleBeam's density", positive=True, unit="kg/m^3")
-        self.damping = scalar(damping, "FlexibleBeam's damping", non_negative=True)
+        self.damping = scalar(damping, "FlexibleBeam's damping", non_negative=True, unit="s")
         self._shapes = _checked_shapes(bending, axial, modes)
         self._set_count(self._shapes.count)
 
@@ -127,7 +130,7 @@ def _present(value: Number) -> float:
 
 def _checked_shapes(bending: Any, axial: Any, modes: Any) -> BeamShapes:
     where = f"({origin()})"
-    if modes not in ("pinned", "cantilever", "craig-bampton"):
+    if not isinstance(modes, str) or modes not in ("pinned", "cantilever", "craig-bampton"):
         raise ParameterError(f"FlexibleBeam's modes are {modes!r} {where}. Use 'pinned', 'cantilever' or 'craig-bampton'.")
     counts = tuple(bending) if isinstance(bending, list | tuple) else (bending,)
     if len(counts) != 2 or not all(_is_count(k, BENDING_MOST) for k in counts):

@@ -33,7 +33,7 @@ class RackAndPinion(Component):
     rack = Translational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, radius: Scalar) -> None:
-        self.radius = not_zero(scalar(radius, "RackAndPinion's radius"), "RackAndPinion's radius")
+        self.radius = not_zero(scalar(radius, "RackAndPinion's radius", unit="m"), "RackAndPinion's radius")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.rack.s, self.radius * self.pinion.phi)
@@ -55,7 +55,7 @@ class PlanetaryGear(Component):
     ring = Rotational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, ratio: Scalar) -> None:
-        self.ratio = scalar(ratio, "PlanetaryGear's ratio", positive=True)
+        self.ratio = scalar(ratio, "PlanetaryGear's ratio", positive=True, unit="1")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.sun.phi + self.ratio * self.ring.phi, (1.0 + self.ratio) * self.carrier.phi)

@@ -52,7 +52,7 @@ class Inertia(Component):
     w = Variable("rad/s", "angular velocity")
 
     def __init__(self, inertia: Scalar) -> None:
-        self.inertia = scalar(inertia, "Inertia's inertia", positive=True)
+        self.inertia = scalar(inertia, "Inertia's inertia", positive=True, unit="kg*m^2")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange_a.phi, self.phi)
@@ -75,8 +75,8 @@ class RotationalSpring(Component):
     flange_b = Rotational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, stiffness: Scalar, natural_angle: Scalar = 0.0) -> None:
-        self.stiffness = scalar(stiffness, "RotationalSpring's stiffness", non_negative=True)
-        self.natural_angle = scalar(natural_angle, "RotationalSpring's natural_angle")
+        self.stiffness = scalar(stiffness, "RotationalSpring's stiffness", non_negative=True, unit="N*m/rad")
+        self.natural_angle = scalar(natural_angle, "RotationalSpring's natural_angle", unit="rad")
 
     def _stretch(self) -> Expression:
         return self.flange_b.phi - self.flange_a.phi - self.natural_angle
@@ -100,7 +100,7 @@ class RotationalDamper(Component):
     flange_b = Rotational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, damping: Scalar) -> None:
-        self.damping = scalar(damping, "RotationalDamper's damping", non_negative=True)
+        self.damping = scalar(damping, "RotationalDamper's damping", non_negative=True, unit="N*m*s/rad")
 
     def _rate(self) -> Expression:
         return der(self.flange_b.phi) - der(self.flange_a.phi)
@@ -124,7 +124,7 @@ class Gear(Component):
     flange_b = Rotational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, ratio: Scalar) -> None:
-        self.ratio = not_zero(scalar(ratio, "Gear's ratio"), "Gear's ratio")
+        self.ratio = not_zero(scalar(ratio, "Gear's ratio", unit="1"), "Gear's ratio")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange_a.phi, self.ratio * self.flange_b.phi)
@@ -141,7 +141,7 @@ class TorqueSource(Component):
     flange = Rotational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or an inertia.")
 
     def __init__(self, torque: Scalar | Callable[[Any], Any]) -> None:
-        self.torque = scalar(language.of_time(torque), "TorqueSource's torque")
+        self.torque = scalar(language.of_time(torque), "TorqueSource's torque", unit="N*m")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange.tau, -self.torque)
@@ -162,7 +162,7 @@ class AngleSource(Component):
     flange = Rotational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or an inertia.")
 
     def __init__(self, angle: Scalar | Callable[[Any], Any]) -> None:
-        self.angle = scalar(language.of_time(angle), "AngleSource's angle")
+        self.angle = scalar(language.of_time(angle), "AngleSource's angle", unit="rad")
 
     def given_motions(self) -> tuple[Expression, ...]:
         return (self.angle,) if isinstance(self.angle, Expression) else ()
@@ -187,7 +187,7 @@ class SpeedSource(Component):
     flange = Rotational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or an inertia.")
 
     def __init__(self, speed: Scalar | Callable[[Any], Any]) -> None:
-        self.speed = scalar(language.of_time(speed), "SpeedSource's speed")
+        self.speed = scalar(language.of_time(speed), "SpeedSource's speed", unit="rad/s")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(der(self.flange.phi), self.speed)

@@ -168,7 +168,7 @@ class PID(Component):
         self.proportional = scalar(proportional, "PID's proportional gain")
         self.integral = scalar(integral, "PID's integral gain")
         self.derivative = scalar(derivative, "PID's derivative gain")
-        self.filter_time = scalar(filter_time, "PID's filter_time", positive=True)
+        self.filter_time = scalar(filter_time, "PID's filter_time", positive=True, unit="s")
 
     def equations(self) -> Iterable[Equation]:
         error = self.setpoint.value - self.measurement.value

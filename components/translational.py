@@ -37,7 +37,7 @@ class SlidingMass(Component):
     v = Variable("m/s", "velocity")
 
     def __init__(self, mass: Scalar) -> None:
-        self.mass = scalar(mass, "SlidingMass's mass", positive=True)
+        self.mass = scalar(mass, "SlidingMass's mass", positive=True, unit="kg")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange_a.s, self.s)
@@ -60,8 +60,8 @@ class TranslationalSpring(Component):
     flange_b = Translational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, stiffness: Scalar, natural_length: Scalar = 0.0) -> None:
-        self.stiffness = scalar(stiffness, "TranslationalSpring's stiffness", non_negative=True)
-        self.natural_length = scalar(natural_length, "TranslationalSpring's natural_length")
+        self.stiffness = scalar(stiffness, "TranslationalSpring's stiffness", non_negative=True, unit="N/m")
+        self.natural_length = scalar(natural_length, "TranslationalSpring's natural_length", unit="m")
 
     def _stretch(self) -> Expression:
         return self.flange_b.s - self.flange_a.s - self.natural_length
@@ -85,7 +85,7 @@ class TranslationalDamper(Component):
     flange_b = Translational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, damping: Scalar) -> None:
-        self.damping = scalar(damping, "TranslationalDamper's damping", non_negative=True)
+        self.damping = scalar(damping, "TranslationalDamper's damping", non_negative=True, unit="N*s/m")
 
     def _rate(self) -> Expression:
         return der(self.flange_b.s) - der(self.flange_a.s)
@@ -108,7 +108,7 @@ class ForceSource(Component):
     flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
 
     def __init__(self, force: Scalar | Callable[[Any], Any]) -> None:
-        self.force = scalar(language.of_time(force), "ForceSource's force")
+        self.force = scalar(language.of_time(force), "ForceSource's force", unit="N")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange.f, -self.force)
@@ -129,7 +129,7 @@ class PositionSource(Component):
     flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
 
     def __init__(self, position: Scalar | Callable[[Any], Any]) -> None:
-        self.position = scalar(language.of_time(position), "PositionSource's position")
+        self.position = scalar(language.of_time(position), "PositionSource's position", unit="m")
 
     def given_motions(self) -> tuple[Expression, ...]:
         return (self.position,) if isinstance(self.position, Expression) else ()
@@ -151,7 +151,7 @@ class VelocitySource(Component):
     flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
 
     def __init__(self, velocity: Scalar | Callable[[Any], Any]) -> None:
-        self.velocity = scalar(language.of_time(velocity), "VelocitySource's velocity")
+        self.velocity = scalar(language.of_time(velocity), "VelocitySource's velocity", unit="m/s")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(der(self.flange.s), self.velocity)

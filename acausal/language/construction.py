@@ -34,8 +34,9 @@ def _given(args: Sequence[Any], kwargs: Mapping[str, Any], most: int = 80) -> st
 
 
 def _nearest(cls: type, unknown: Sequence[str]) -> str:
-    """The argument of its constructors that is spelt most like an unknown one, in words; `RigidBody.rod` has some of its own."""
-    makers = [cls.__init__, *(m for name, m in inspect.getmembers(cls, inspect.ismethod) if not name.startswith("_"))]
-    known = [name for maker in makers for name in inspect.signature(maker).parameters if name != "self"]
-    similar = difflib.get_close_matches(unknown[0], known, n=1) if unknown else []
-    return f" Did you mean '{similar[0]}'?" if similar else ""
+    """The argument that is spelt most like an unknown one, in words: of its constructor, or of a named one such as `RigidBody.rod`."""
+    for maker in (cls.__init__, *(m for name, m in inspect.getmembers(cls, inspect.ismethod) if not name.startswith("_"))):
+        similar = difflib.get_close_matches(unknown[0], [*inspect.signature(maker).parameters], n=1) if unknown else []
+        if similar:
+            return f" Did you mean '{similar[0]}'?"
+    return ""

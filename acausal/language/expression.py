@@ -398,7 +398,7 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
     Raises `ParameterError` naming `what` and the user's line when not finite, not of the sign asked for, or a parameter or input
     declared with a unit of another kind than `unit`.
     """
-    _check_unit(value, what, unit)
+    check_unit(value, what, unit)
     if isinstance(value, Expression | ca.SX):
         expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
@@ -450,18 +450,20 @@ def evaluated(expression: Expression) -> np.ndarray | None:
     return np.array(function.call([ca.DM(leaf.value) for leaf in parameters])[0])
 
 
-def _check_unit(value: Any, what: str, unit: str) -> None:
+def check_unit(value: Any, what: str, unit: str) -> None:
     """Of a parameter or input that stands alone, or as an entry of a list: what arithmetic makes of units is not known."""
-    for entry in value if isinstance(value, list | tuple) else (value,):
-        if isinstance(entry, Parameter | Input) and certainly_different(entry.unit, unit):
-            raise ParameterError(
-                f"{what} is given as an ac.{type(entry).__name__} in {entry.unit} ({origin()}), but it is a quantity in {unit}. Another one may be meant, or its unit is wrong."
-            )
+    if isinstance(value, list | tuple):
+        for entry in value:
+            check_unit(entry, what, unit)
+    elif isinstance(value, Parameter | Input) and certainly_different(value.unit, unit):
+        raise ParameterError(
+            f"{what} is given as an ac.{type(value).__name__} in {value.unit} ({origin()}), but it is a quantity in {unit}. Another one may be meant, or its unit is wrong."
+        )
 
 
 def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expression:
     """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`; units as in `scalar`."""
-    _check_unit(value, what, unit)
+    check_unit(value, what, unit)
     if isinstance(value, Expression | ca.SX) or (
         isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)
     ):

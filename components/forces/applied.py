@@ -70,9 +70,9 @@ class Torque(AbstractForce):
         return -ca.dot(self.actions(placement)[0].torque, placement.angular_velocity(self.frame))
 
 
-def _checked_axes(resolved_in: str) -> str:
-    if resolved_in not in ("world", "body"):
-        raise ParameterError(f"resolved_in is '{resolved_in}' ({origin()}). Use 'world' or 'body'.")
+def _checked_axes(resolved_in: Any) -> str:
+    if not isinstance(resolved_in, str) or resolved_in not in ("world", "body"):
+        raise ParameterError(f"resolved_in is {resolved_in!r} ({origin()}). Use 'world' or 'body'.")
     return resolved_in
 
 

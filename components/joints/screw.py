@@ -28,7 +28,7 @@ class Screw(AbstractStepJoint):
 
     def __init__(self, axis: Axis = "z", pitch: Scalar = 0.01) -> None:
         self.axis = axis_vector(axis, "Screw's axis")
-        self.pitch = scalar(pitch, "Screw's pitch")
+        self.pitch = scalar(pitch, "Screw's pitch", unit="m")
 
     def _lead(self) -> float | ca.SX:
         """Advance per radian [m/rad]."""

@@ -1,0 +1,159 @@
+"""Wrong arguments of every part of the catalogue, found by discovery: words that name the part and the user's line, never a bare error of Python."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import math
+import pickle
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import AcausalError, ParameterError
+from components import Damper, Revolute, RigidBody, Section, ShapeIntegrals, Spring, Sum, World
+from tests.bad_input.messages import Wrong
+from tests.conformance.catalogue import kinds
+
+HERE = "test_constructors.py:"
+SHAPES = np.random.default_rng(0).normal(size=(8, 3, 2))
+USUAL: dict[str, Any] = {
+    "section": Section.circle(0.1), "integrals": ShapeIntegrals.of_masses(np.ones(8), SHAPES[:, :, 0] + 0.3, SHAPES), "semi_axes": (0.3, 0.2, 0.1),
+    "potential": lambda s: s**2, "points": (0.0, 1.0), "values": (0.0, 1.0),
+    "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
+    "Torque.torque": (1.0, 2.0, -0.5),
+}  # fmt: skip
+POSITIVE = {"mass", "inertia", "radius", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
+            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time"}  # fmt: skip
+SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
+"""A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
+PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",
+         "PID.derivative", "Table.points", "Table.values"}  # fmt: skip
+"""What signals carry has any unit."""
+DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns"}
+
+
+class _Nothing:
+    """No number, no text, no list."""
+
+
+def arguments(cls: type[ac.Component]) -> dict[str, Any]:
+    """Right values for what has no default."""
+    taken = inspect.signature(cls).parameters.values()
+    return {
+        p.name: USUAL.get(f"{cls.__name__}.{p.name}", USUAL.get(p.name, 1.0))
+        for p in taken
+        if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+    }
+
+
+def names(cls: type[ac.Component]) -> list[str]:
+    """Arguments of its constructor."""
+    return [n for n, p in inspect.signature(cls).parameters.items() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+
+
+PARTS = [cls for cls in kinds(ac.Component) if cls is not Sum]  # which takes any number of weights
+TAKEN = [(cls, name) for cls in PARTS for name in names(cls)]
+IDS = [f"{cls.__name__}-{name}" for cls, name in TAKEN]
+
+
+def message(cls: type[ac.Component], given: dict[str, Any]) -> str | None:
+    """What is said to who makes the part so; None if it is made. Anything but an error of ours fails the test."""
+    try:
+        cls(**given)
+    except AcausalError as error:
+        said = str(error)
+        assert HERE in said and len(said) < 750, said
+        return said
+    return None
+
+
+@pytest.mark.parametrize("cls", PARTS, ids=lambda cls: cls.__name__)
+def test_an_argument_that_does_not_exist_is_named(cls: type[ac.Component]):
+    given = arguments(cls)
+    assert message(cls, given) is None
+    said = message(cls, {**given, "colour_of_the_sea": 3})
+    assert said and cls.__name__ in said and "colour_of_the_sea" in said
+    for name in names(cls):
+        misspelt = name[:-1] + name[-1] * 2
+        said = message(cls, {**given, misspelt: 1.0})
+        assert said and f"Did you mean '{name}'?" in said
+
+
+@pytest.mark.parametrize("cls", PARTS, ids=lambda cls: cls.__name__)
+def test_arguments_that_miss_or_come_twice_are_named(cls: type[ac.Component]):
+    given = arguments(cls)
+    for name in given:
+        said = message(cls, {k: v for k, v in given.items() if k != name})
+        assert said and cls.__name__ in said and f"'{name}'" in said
+    with pytest.raises(ParameterError, match=cls.__name__):
+        cls(*[1.0] * 20)
+
+
+def wrong_values(cls: type[ac.Component], name: str) -> Iterator[tuple[str, Any]]:
+    """What no argument of this name can be, and in which way."""
+    yield from (
+        ("NaN", math.nan),
+        ("infinite", math.inf),
+        ("a word", "nonsense"),
+        ("nothing known", _Nothing()),
+        ("a matrix", np.ones((2, 3))),
+    )
+    yield from (("NaN in a vector", (math.nan, 0.0, 0.0)), ("NaN in a pair", (0.0, math.nan)))
+    if name not in ("points", "values"):
+        yield "a pair", (1.0, 2.0)
+    full = f"{cls.__name__}.{name}"
+    if name in POSITIVE and full not in SIGNED:
+        yield from (("negative", -1.0), ("a negative parameter", ac.Parameter(-1.0)), ("negative in a vector", (1.0, -1.0, 1.0)))
+    if full not in PLAIN and name not in DIRECTIONS:
+        unit = ac.Parameter(1.0, "kg^3*A")
+        yield from (("of another unit", unit), ("a vector of another unit", (unit, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize(("cls", "name"), TAKEN, ids=IDS)
+def test_values_that_cannot_be_are_refused_in_words(cls: type[ac.Component], name: str):
+    for how, value in wrong_values(cls, name):
+        said = message(cls, {**arguments(cls), name: value})
+        assert said, f"{cls.__name__}({name}={value!r}), {how}, is taken"
+        assert cls.__name__ in said or name in said, said
+
+
+@pytest.mark.parametrize(("cls", "name"), TAKEN, ids=IDS)
+def test_what_can_be_is_no_mistake(cls: type[ac.Component], name: str):
+    """The right value itself, and its copy, are taken: the refusals above are not of everything."""
+    given = arguments(cls)
+    if name in given:
+        assert message(cls, {**given, name: copy.deepcopy(given[name])}) is None
+
+
+CASES = [
+    Wrong("argument of a named constructor", lambda: RigidBody.rod(1.0, (1, 0, 0), raduis=0.1), ParameterError, ("RigidBody(raduis=0.1)", HERE, "'radius'")),
+    Wrong("argument of a joint that is placed", lambda: Revolute.between(World(), RigidBody.ball(1, 1, position=(1, 0, 0)), at=(1, 0, 0), axes="y"), ParameterError, ("Revolute(axes='y')", HERE, "'axis'")),
+    Wrong("one too many", lambda: Damper(1.0, 2.0), ParameterError, ("Damper(1.0, 2.0)", HERE, "too many", "Damper(damping)")),
+    Wrong("a weight by name", lambda: Sum(1.0, weight=2.0), ParameterError, ("Sum(weight=2.0)", HERE, "'weights'")),  # type: ignore[call-arg]
+    Wrong("a weight that is none", lambda: Sum(1.0, math.nan), ParameterError, ("Sum's weight", "nan", HERE)),
+    Wrong("twice", lambda: Spring(1.0, stiffness=2.0), ParameterError, ("Spring(", "multiple values for argument 'stiffness'")),
+    Wrong("shapes that are none", lambda: RigidBody(1.0, (1, 1, 1), shapes=("ball",)), ParameterError, ("RigidBody's shapes", "'ball'", HERE)),  # type: ignore[arg-type]
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
+def test_message(case: Wrong):
+    case.check()
+
+
+def test_a_part_of_one_s_own_is_told_as_one_of_the_catalogue():
+    class Tank(ac.Component):
+        def __init__(self, area: float, *, height: float = 1.0) -> None:
+            self.area, self.height = area, height
+
+    Wrong("own", lambda: Tank(1.0, hieght=2.0), ParameterError, ("Tank(hieght=2.0)", HERE, "'height'", "height=1.0")).check()  # type: ignore[call-arg]
+
+
+def test_a_part_is_copied_and_pickled_without_being_made_again():
+    made = Revolute("y")
+    for other in (copy.copy(made), copy.deepcopy(made), pickle.loads(pickle.dumps(made))):
+        assert other is not made and other.created_at == made.created_at and np.array_equal(other.axis, made.axis)
