@@ -9,12 +9,15 @@ import pytest
 import acausal as ac
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
+from acausal.parts.turning import turning
 from components import Force, RigidBody, World
-from tests.conformance.test_joints import catalogue, composed, make, random_state
+from components.orientation import rotation_about
+from tests.conformance.catalogue import made
+from tests.conformance.test_joints import ARGUMENTS, catalogue, composed, make, random_state
 
 
 def contacts() -> list[type[AbstractJoint]]:
-    return [cls for cls in catalogue() if cls.__module__.startswith("components.contacts")]
+    return [cls for cls in catalogue() if cls.only_pushes]
 
 
 def test_contacts_are_found():
@@ -80,3 +83,67 @@ def test_contact_bears_the_weight_at_rest(cls):
         model.functions.output(joint.frame_b.force)(0.0, np.concatenate([q, np.zeros(joint.v.size)]), [], [])
     ).ravel()
     assert np.max(np.abs(force - [0, 0, -1.3 * 9.81])) < 1e-12  # into the joint, that is downwards
+
+
+@pytest.mark.parametrize("cls", contacts(), ids=lambda c: c.__name__)
+def test_rows_are_independent_and_their_wrenches_do_no_work(cls):
+    """As a constraint: as many rows as velocities miss to six, none that follows from others, none with power in a motion of the contact."""
+    joint, rng = make(cls), np.random.default_rng(3)
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    M = Pose(joint.mounting(), np.zeros(3))
+    X = M.inverse() @ joint.pose(q, t) @ M
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    w, d = ca.SX.sym("w", 3), ca.SX.sym("d", 3)
+    moved = joint.closure(Pose(R @ (ca.SX.eye(3) + ca.skew(w)), p + R @ d), t)
+    assert moved is not None
+    rows = ca.vertcat(moved, joint.closure_rates(X, w, d, t))
+    basis = ca.substitute(ca.jacobian(rows, ca.vertcat(w, d)), ca.vertcat(w, d), ca.SX.zeros(6))
+    turned = ca.diagcat(symbolic(M.rotation), symbolic(M.rotation)).T
+    f = ca.Function("f", [q, v, t], [basis, turned @ ca.jacobian(composed(joint, q, v, t)[1], v)])
+    for _ in range(5):
+        wrenches, twists = (np.array(part) for part in f(*random_state(joint, rng), 0.3))
+        assert wrenches.shape[0] == 6 - joint.v.size == np.linalg.matrix_rank(wrenches, 1e-3)
+        assert np.max(np.abs(wrenches @ twists)) < 1e-14
+
+
+def rates(cls, length: float = 1.0, place: Pose | None = None):
+    """(q, v) -> x' of a body on the contact, all lengths `length` times as long, the whole scene at another `place` of the world."""
+    place = place or Pose.identity()
+    joint = made(
+        cls, {name: length * np.array(value) for name, value in ARGUMENTS.items() if name in ("radius", "tube", "semi_axes")}
+    )
+    R, p = np.array(place.rotation), np.array(place.position)
+    scene = ac.System()
+    scene.world, scene.contact = World(R @ [0, 0, -9.81 * length]), joint
+    scene.body = RigidBody(1.3, length**2 * np.array([0.02, 0.03, 0.025]), length * np.array([0.02, -0.01, 0.03]))
+    scene.connect(scene.world.at(length * p, R), joint.frame_a)
+    scene.connect(joint.frame_b, scene.body.frame)
+    s = ac.build(scene).system
+    return ca.Function("f", [s.t, s.x], [s.x_dot]), joint
+
+
+@pytest.mark.parametrize("cls", contacts(), ids=lambda c: c.__name__)
+def test_motion_does_not_know_where_in_the_world_it_is(cls):
+    place = Pose(rotation_about(np.array([0.6, 0.0, 0.8]), 0.7), np.array([30.0, -4.0, 5.0]))
+    (here, joint), (there, _) = rates(cls), rates(cls, place=place)
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        x = np.concatenate(random_state(joint, rng))
+        one, two = (np.array(f(0.0, x)).ravel() for f in (here, there))
+        assert np.max(np.abs(one - two)) < 1e-11 * np.max(np.abs(one))
+
+
+@pytest.mark.parametrize("length", [1e-3, 64.0])
+@pytest.mark.parametrize("cls", contacts(), ids=lambda c: c.__name__)
+def test_similar_contacts_move_alike(cls, length: float):
+    """All lengths and gravity k times as large: angles and their rates as before, lengths and theirs k times."""
+    (f, joint), (g, _) = rates(cls), rates(cls, length)
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    spin = ca.jacobian(composed(joint, q, v, t)[1][:3], v)
+    turns = np.concatenate([turning(joint), [not spin[:, k].is_zero() for k in range(joint.v.size)]])
+    size = np.where(turns, 1.0, length)
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        x = np.concatenate(random_state(joint, rng))
+        one, two = np.array(f(0.0, x)).ravel(), np.array(g(0.0, size * x)).ravel()
+        assert np.max(np.abs(two / size - one)) < 1e-11 * np.max(np.abs(one))
