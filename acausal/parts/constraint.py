@@ -23,6 +23,9 @@ class AbstractConstraint(Component, ABC):
     """Two frames, and residuals in the pose of one in the other that vanish at all times.
 
     Must provide `closure`. Such a part brings no coordinates: the parts at its ends keep theirs.
+    A contact is one (mostly a joint) with `only_pushes`: its residual is the gap along z of frame_a, positive apart; where it rolls,
+    `closure_rates` are the sliding velocities of the point that touches. Its rows are independent and all of them are 6 - nv.
+    `tests/conformance` finds every constraint, joint and contact of the catalogue and holds it to this.
     """
 
     between_points: ClassVar[bool] = False
@@ -48,19 +51,31 @@ class AbstractConstraint(Component, ABC):
         return joint
 
     def mounting(self) -> Matrix:
-        """R (3, 3): `closure` sees the poses of frames turned by R in frame_a and frame_b (an axis becomes z)."""
+        """R (3, 3), a rotation of numbers and parameters, not of q or t, the same in frame_a and frame_b. A joint with an axis has it as
+        the third column.
+
+        `closure`, `closure_sign`, `closure_rates` and `coordinates` see the pose R' X_ab R, so that they are written for an axis along z;
+        `pose` gives X_ab itself.
+        """
         return np.eye(3)
 
     @abstractmethod
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
-        """Residuals that vanish when frame_b may have the pose X_ab in frame_a."""
+        """Residuals (n, 1) that vanish when frame_b may have the pose X_ab in frame_a.
+
+        X_ab is of the frames turned by `mounting`, and may be any pose: write them smooth in it, and with independent slopes wherever they
+        vanish. A row is a length [m] or a number that turns; one that vanishes for structural reasons, as in a plane, is dropped.
+        """
 
     def closure_sign(self, X_ab: Pose) -> ca.SX | None:
-        """Positive on the branch of `closure` that is meant (a hinge's axes point the same way, not opposite); None: one branch."""
+        """Positive on the branch of `closure` that is meant (a hinge's axes point the same way, not opposite); None: one branch.
+
+        One number without unit, of size 1 well inside, asked where `closure` vanishes; zero only where branches meet.
+        """
         return None
 
     def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
-        """Further residuals in the velocities that are not rates of `closure` (rolling). (n, 1), empty by default.
+        """Further residuals in the velocities that are not rates of `closure` (rolling). (n, 1), linear in them, empty by default.
 
         w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
         """

@@ -38,7 +38,11 @@ class Action:
 
 
 class AbstractForce(Component, ABC):
-    """Acts on the parts that its connectors touch. Must provide `actions`, `potential_energy` and `power_loss`."""
+    """Acts on the parts that its connectors touch. Must provide `actions`, `potential_energy` and `power_loss`.
+
+    In every motion the power of its actions is - d(potential_energy)/dt - power_loss: a trial motion checks it when the scene is built.
+    Placements give symbols: a law is written by CasADi's functions, without `if`.
+    """
 
     @abstractmethod
     def actions(self, placement: Placement) -> tuple[Action, ...]:

@@ -38,7 +38,11 @@ class AbstractJoint(AbstractConstraint, ABC):
         return ca.SX(0, 1)
 
     def domain(self, q: ca.SX) -> ca.SX:
-        """Positive where q is meant to be, (n, 1): a wheel's lean within a right angle. Empty by default."""
+        """Positive where q is meant to be, (n, 1): a wheel's lean within a right angle. Empty by default.
+
+        For coordinates that name a pose twice, or end at its border: starts are looked for inside, and a run that leaves is told. Positive
+        at `start_q`, without unit, of size 1 well inside. It is no stop: nothing holds q there.
+        """
         return ca.SX(0, 1)
 
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
@@ -48,7 +52,9 @@ class AbstractJoint(AbstractConstraint, ABC):
         return None
 
     def coordinates(self, X_ab: Pose) -> ca.SX | None:
-        """The configuration (nq, 1) that gives the pose X_ab, angles in (-pi, pi]; None if there is no closed form."""
+        """The configuration (nq, 1) that gives the pose X_ab (of frames turned by `mounting`), angles in (-pi, pi]; None if there is no
+        closed form. The inverse of `pose`, also a little off the poses that the joint allows.
+        """
         return None
 
     def velocities(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
@@ -62,7 +68,11 @@ class AbstractJoint(AbstractConstraint, ABC):
         return ca.solve(S.T @ S, S.T @ ca.vertcat(w_ab_b, v_ab_b))
 
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
-        """The joint as a chain of motions, outermost last; a single one by default, by differentiation of `pose`."""
+        """The joint as a chain of motions, outermost last; a single one by default, by differentiation of `pose`.
+
+        Closed forms are an offer of speed, not of physics: the chain has the pose of `pose` and its twist (`Motion` says what `mounting`,
+        `axes` and `spin` oblige to).
+        """
         return (motion_from_pose(self.pose, self.rates, q, v, t),)
 
     @property

@@ -19,10 +19,11 @@ class Motion:
     twist = subspace v + drift, acceleration = subspace v' + bias, where the linear part of the acceleration is the
     second derivative of p_AB. `mounting` turns A and B to the frames in which `pose`, twist and bias are given
     (its third axis is the axis of a hinge): X_AB = mounting pose mounting'.
-    `axes`: if not None, `subspace` is `sign` times these columns of the 6 x 6 identity.
+    `axes`: if not None, `subspace` is `sign` times these columns of the 6 x 6 identity, constant: recursions then pick rows and do not multiply.
     `angle`: of a turn about the third axis, None for other motions.
     `spin`: R_CB where all this is given in axes C that share B's origin but not its turning (the heading axes of a wheel):
-    then `pose` is X_AC, and twist and bias, of B as ever, are resolved in C.
+    then `pose` is X_AC, and twist, `subspace` and bias, of B as ever, are resolved in C. Only for bodies of revolution does it pay:
+    the axis is then one of C.
     """
 
     pose: Pose

@@ -216,3 +216,19 @@ def test_step_joints_of_parameters_turn_with_them():
     model = ac.build(scene)
     axis = model.functions.output(scene.hinge.frame_b.angular_velocity)(0.0, [0.3, 1.0], [], [0.5])
     assert np.max(np.abs(np.array(axis).ravel() - [np.sin(0.5), np.cos(0.5), 0])) < 1e-15
+
+
+@pytest.mark.parametrize("cls", [c for c in catalogue() if is_rigid(c)], ids=lambda c: c.__name__)
+def test_mounting_branch_and_domain_are_what_they_oblige_to(cls):
+    """A rotation without q and t; on the poses of the joint itself its branch and domain are the right ones, numbers of size one."""
+    joint, rng = make(cls), np.random.default_rng(6)
+    q, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("t")
+    M = symbolic(joint.mounting())
+    assert not ca.depends_on(M, ca.vertcat(q, t))
+    assert np.max(np.abs(np.array(ca.DM(M.T @ M)) - np.eye(3))) < 1e-15 and float(ca.DM(ca.det(M))) > 0
+    turned = Pose(M, np.zeros(3))
+    sign = joint.closure_sign(turned.inverse() @ joint.pose(q, t) @ turned)
+    f = ca.Function("f", [q, t], [ca.vertcat(joint.domain(q), ca.SX(0, 1) if sign is None else sign)])
+    for start in (np.array(joint.start_q()), *(random_state(joint, rng)[0] for _ in range(5))):
+        inside = np.array(f(start, 0.3))
+        assert np.all(inside > 0.1) and np.all(inside < 10)
