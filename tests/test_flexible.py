@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.dynamics.energy import angular_momentum, linear_momentum
 from acausal.errors import LockedError, MasslessError, ParameterError
 from acausal.visual.scene import animation_of
 from components import (
@@ -25,6 +24,7 @@ from components import (
     Spherical,
     World,
 )  # fmt: skip
+from tests.momentum import angular_momentum, linear_momentum
 from tests.test_reduction import acceleration_operations
 
 _SPEC = importlib.util.spec_from_file_location("crank", Path(__file__).parents[1] / "examples" / "flexible_slider_crank.py")

@@ -15,7 +15,7 @@ from acausal.explain.constraint_table import ConstraintTable
 from acausal.explain.integrability.classification import integrability
 from acausal.explain.integrability.derived import derived_system
 from acausal.explain.integrability.frobenius import growth, integrable_alone
-from acausal.explain.integrability.integral import Integral, constant_rows
+from acausal.explain.integrability.integral import Integral
 from acausal.explain.integrability.pfaffian import PfaffianSystem
 from acausal.explain.integrability.scene import integrals
 from acausal.explain.integrability.velocity_forms import velocity_system
@@ -202,11 +202,6 @@ def test_where_no_closed_form_is_found_that_is_said():
     assert "1 without a closed form" in str(found)
 
 
-def test_constant_rows_are_seen_without_symbols():
-    system = pfaffian("s a b", lambda s, a, b: [[1, -0.3, 0], [0, cos(a) ** 2 + sin(a) ** 2, 2], [0, b, 1], [2, -0.6, 0]])
-    assert [str(i) for i in constant_rows(system)] == ["s - 0.3 a = constant", "b + 0.5 a = constant"]
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -279,7 +274,6 @@ def test_a_disk_that_rolls_along_a_line_is_holonomic():
     assert sorted(entry.kind for entry in table if "rolling" in entry.name) == ["holonomic", "vanishing"]
     assert [str(i) for i in kept[0].integrals] == [str(integral)]
     assert (table.configuration_freedom, table.velocity_freedom, table.hidden) == (2, 1, 1)
-    assert [str(i) for i in constant_rows(velocity_system(model.system))] == [str(integral)]
 
 
 def wheeled(axles: int) -> ac.System:

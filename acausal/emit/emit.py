@@ -52,7 +52,6 @@ _BINARY = {
     getattr(ca, f"OP_{name.upper()}"): f"v_{name}({{0}}, {{1}})"
     for name in ("fmin", "fmax", "fmod", "remainder", "copysign", "atan2", "hypot")
 }
-_MULTIPLY = {ca.OP_MUL, ca.OP_SQ}
 _COPY = {ca.OP_ASSIGN, ca.OP_LIFT}
 _ARGUMENTS = "(const V *restrict in, const V *restrict c, V *restrict out, V *restrict w)"
 _CHUNK = 400

@@ -36,29 +36,6 @@ class Integral:
     __repr__ = __str__
 
 
-def constant_rows(system: PfaffianSystem) -> tuple[Integral, ...]:
-    """Rows that are integrals already: their coefficients are the same at every point (and linearly independent of each other).
-
-    Cheap: one evaluation of the forms at a few random points, no search for assembled ones and no symbols; for use while a scene is built.
-    """
-    rng = np.random.default_rng(3)
-    function = ca.Function("forms", [system.y], [ca.densify(system.forms)])
-    values = [np.array(function(system.start + rng.uniform(-0.5, 0.5, system.start.size))) for _ in range(4)]
-    found: list[Integral] = []
-    known = np.zeros((0, system.y.numel()))
-    for i, name in enumerate(system.names):
-        rows = np.array([value[i] for value in values])
-        size = np.max(np.abs(rows), initial=0.0)
-        if size == 0 or not np.all(np.isfinite(rows)) or np.max(np.abs(rows - rows[0])) > 1e-13 * size:
-            continue
-        row = np.where(np.abs(rows[0]) < 1e-13 * size, 0.0, rows[0])
-        grown = row_space(np.vstack([known, row]))
-        if grown.shape[0] > known.shape[0]:
-            known = grown
-            found.append(linear_integral(system, row, (name,)))
-    return tuple(found)
-
-
 def linear_integral(system: PfaffianSystem, coefficients: np.ndarray, names: Sequence[str]) -> Integral:
     """Sum of coefficients (n,) times coordinates, the largest made 1."""
     row = coefficients / coefficients[int(np.argmax(np.abs(coefficients) > 0.999 * np.max(np.abs(coefficients))))]
