@@ -14,7 +14,7 @@ int begin(Integrator *I) {
         if (!w) return 0;
         if (I->projection.work > longest) T->work = (V *)w, longest = I->projection.work;
     }
-    if (I->clearance.run) {
+    if (present(&I->clearance)) {
         w = arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n);
         if (!w || !make_passage(I)) return 0;
         if (I->clearance.work > longest) T->work = (V *)w, longest = I->clearance.work;
@@ -64,7 +64,7 @@ static enum Code run_steps(Integrator *I) {
     }
     while (I->t < I->end && I->nx) {
         if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
-        if (T->newton_now && !I->jvp.run) return NEEDS_JACOBIAN;
+        if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         if (code == REACHED_END && I->guards) code = watch(I);
         if (code != REACHED_END) return code;

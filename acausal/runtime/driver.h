@@ -411,7 +411,7 @@ static enum Code one_fixed(Integrator *I) {
         T->newton_now = before;
     }
     if (!solved && I->newton == WHERE_SLOW && !T->newton_now) {
-        if (!I->jvp.run) return NEEDS_JACOBIAN;
+        if (!present(&I->jvp)) return NEEDS_JACOBIAN;
         T->newton_now = 1;
         T->jacobian_fresh = 0;
         if (!refresh_jacobian(I)) return INPUT_FAILED;

@@ -48,7 +48,7 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
                 if (!I->input(in[0][l], I->u)) return 0;
                 for (long i = 0; i < I->nu; i++) in[1 + I->nx + i][l] = I->u[i];
             }
-        I->guard.run(in, T->guard_c, T->guard_out, T->work);
+        run_kernel(&I->guard, in, T->guard_c, T->guard_out, T->work);
         for (int l = 0; l < LANES && k + l < count; l++)
             for (long g = 0; g < I->guards; g++) values[(k + l) * I->guards + g] = T->guard_out[g][l];
     }

@@ -14,6 +14,7 @@ import casadi as ca
 
 from acausal.emit.compiler import RUNTIME, cached_library, compiler
 from acausal.emit.emit import EMITTER, emit, translation_units
+from acausal.emit.program import Program, program
 from acausal.errors import ExportError
 
 
@@ -23,6 +24,8 @@ class Kernel(ctypes.Structure):
     _fields_ = [
         ("run", ctypes.c_void_p),
         ("prepare", ctypes.c_void_p),
+        ("program", ctypes.c_void_p),
+        ("preparation", ctypes.c_void_p),
         ("inputs", ctypes.c_long),
         ("outputs", ctypes.c_long),
         ("constants", ctypes.c_long),
@@ -58,6 +61,14 @@ def compiled_kernels(wanted: Sequence[Wanted], command: tuple[str, ...] | None =
     return library, [_kernel(library, w.name) for w in wanted]
 
 
+def interpreted_kernels(wanted: Sequence[Wanted], lanes: int) -> tuple[list[Program], list[Kernel]]:
+    """The functions as programs for the runtime's interpreter. The programs must be kept as long as the kernels are used."""
+    programs = [program(w.function, w.name, lanes, parameters=w.parameters) for w in wanted]
+    return programs, [
+        Kernel(None, None, p.run.ctypes.data, p.preparation.ctypes.data, p.inputs, p.outputs, p.frame, 0) for p in programs
+    ]
+
+
 def _load(path: Path | None) -> ctypes.CDLL:
     assert path is not None
     try:
@@ -72,7 +83,7 @@ def _load(path: Path | None) -> ctypes.CDLL:
 def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
     sizes = (ctypes.c_long * 4).in_dll(library, f"{name}_sizes")
     run, prepare = (ctypes.cast(getattr(library, n), ctypes.c_void_p).value for n in (name, f"{name}_prepare"))
-    return Kernel(run, prepare, *sizes)
+    return Kernel(run, prepare, None, None, *sizes)
 
 
 @functools.cache

@@ -59,6 +59,6 @@ static double *arranged(Integrator *I, const Kernel *k, V **in, V **out, V **c, 
     if (!*in || !*out || !*c || !w) return 0;
     if (fixed >= 0)
         for (long i = 0; i < I->np; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
-    k->prepare(*in, *c, *c, w);
+    prepare_kernel(k, *in, *c, w);
     return (double *)w;
 }

@@ -27,7 +27,7 @@ static int make_newton(Integrator *I) {
     if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->jvp_c || !work || !T->dK || !T->residual) return 0;
     if (I->jvp.work > I->rhs.work && I->jvp.work > I->projection.work && I->jvp.work > I->guard.work) T->work = work;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
-    I->jvp.prepare(T->jvp_in, T->jvp_c, T->jvp_c, T->work);
+    prepare_kernel(&I->jvp, T->jvp_in, T->jvp_c, T->work);
     return 1;
 }
 
@@ -43,7 +43,7 @@ static int jacobian(Integrator *I, double t, const double *x) {
     for (long i = fixed; i < I->jvp.inputs; i++) in[i] = v_all(0.0);
     for (long d = 0; d < n; d += LANES) {
         for (long l = 0; l < LANES && d + l < n; l++) in[fixed + d + l][l] = 1.0;
-        I->jvp.run(in, T->jvp_c, T->jvp_out, T->work);
+        run_kernel(&I->jvp, in, T->jvp_c, T->jvp_out, T->work);
         for (long l = 0; l < LANES && d + l < n; l++) {
             in[fixed + d + l][l] = 0.0;
             for (long i = 0; i < n; i++) T->J[i * T->padded + d + l] = T->jvp_out[i][l];
@@ -178,7 +178,7 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, i, v_all(x[i]));
         stage_rates(I, S);
-        if (I->clearance.run && J->count < 2) find_zone(I, S, J);
+        if (present(&I->clearance) && J->count < 2) find_zone(I, S, J);
         if (S->around) {
             correct_stages(I, S);
             settle(I, S, S->N, x);

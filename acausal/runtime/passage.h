@@ -32,7 +32,7 @@ static int make_passage(Integrator *I) {
 static V clearances(Integrator *I, const V *in) {
     struct State *T = I->state;
     memcpy(T->clearance_in, in, sizeof(V) * (size_t)(1 + I->nx));
-    I->clearance.run(T->clearance_in, T->clearance_c, T->clearance_out, T->work);
+    run_kernel(&I->clearance, T->clearance_in, T->clearance_c, T->clearance_out, T->work);
     return T->clearance_out[0];
 }
 
@@ -40,7 +40,7 @@ static V clearances(Integrator *I, const V *in) {
 static const V *corrected(Integrator *I, const V *in) {
     struct State *T = I->state;
     memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + I->nx));
-    I->projection.run(T->projection_in, T->projection_c, T->projection_out, T->work);
+    run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     return T->projection_out;
 }
 
@@ -50,7 +50,7 @@ static void along_branch(Integrator *I, const V *in, const V *K, V *out) {
     long m = I->positions;
     memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + m));
     memcpy(T->projection_in + 1 + m, K + m, sizeof(V) * (size_t)(I->nx - m));
-    I->projection.run(T->projection_in, T->projection_c, T->projection_out, T->work);
+    run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     for (long i = 0; i < m; i++) out[i] = v_all(0.0);
     memcpy(out + m, T->projection_out + m, sizeof(V) * (size_t)(I->nx - m));
 }
@@ -106,7 +106,7 @@ static double continued(V *const *values, long i) {
 static void correct_lane(Integrator *I, const V *in, V *K, V *along, long lane, double tau) {
     struct State *T = I->state;
     close_nodes(I, in, K, lane, tau);
-    for (long b = 0; b < NODES / LANES; b++) I->rhs.run(T->nodes[b], T->rhs_c, T->node_rates[b], T->work);
+    for (long b = 0; b < NODES / LANES; b++) run_kernel(&I->rhs, T->nodes[b], T->rhs_c, T->node_rates[b], T->work);
     for (long i = I->positions; i < I->nx; i++) K[i][lane] = continued(T->node_rates, i);
     for (long b = 0; b < NODES / LANES; b++) {
         for (long i = 0; i < I->nx; i++) T->node_rates[b][i] = v_all(K[i][lane]);
@@ -230,7 +230,7 @@ static void along_at(Integrator *I, double h, double *rate) {
 /* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
 static int is_crossing(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
-    if (!I->clearance.run) return 0;
+    if (!present(&I->clearance)) return 0;
     T->nodes[0][0] = v_all(t);
     for (long i = 0; i < I->nx; i++) T->nodes[0][1 + i] = v_all(x[i]);
     return clearances(I, T->nodes[0])[0] < CROSSING;

@@ -11,7 +11,7 @@ static int project(Integrator *I, double t, double *x) {
     for (int k = 0; k < 10; k++) {
         in[0] = v_all(t);
         for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-        I->projection.run(in, T->projection_c, out, T->work);
+        run_kernel(&I->projection, in, T->projection_c, out, T->work);
         double largest = 0;
         for (long i = 0; i < I->nx; i++) {
             double here = fabs(out[i][0] - x[i]), size = fmax(T->size[i], fabs(x[i]));
@@ -34,7 +34,7 @@ int project_states(const Kernel *k, long nx, long np, const double *p, long n, c
     if (!raw) return OUT_OF_MEMORY;
     V *in = (V *)(raw + (64 - (size_t)raw % 64)), *out = in + k->inputs + 1, *c = out + k->outputs + 1, *w = c + k->constants + 1;
     for (long i = 0; i < np; i++) in[1 + nx + i] = v_all(p[i]);
-    k->prepare(in, c, c, w);
+    prepare_kernel(k, in, c, w);
     for (long m = 0; m < n; m += LANES) {
         for (long l = 0; l < LANES; l++) {
             long at = m + l < n ? m + l : n - 1;
@@ -42,7 +42,7 @@ int project_states(const Kernel *k, long nx, long np, const double *p, long n, c
             for (long i = 0; i < nx; i++) in[1 + i][l] = x[at * nx + i];
         }
         for (int pass = 0; pass < 3; pass++) { /* moving q opens the velocity rows a little; the next pass closes them */
-            k->run(in, c, out, w);
+            run_kernel(k, in, c, out, w);
             for (long i = 0; i < nx; i++) in[1 + i] = out[i];
         }
         for (long l = 0; l < LANES && m + l < n; l++) {

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <time.h>
 #include "runtime.h"
+#include <string.h>
+#include "interpreter.h"
 #include "memory.h"
 #include "stages.h"
 #include "passage.h"

@@ -3,12 +3,15 @@
 #define ACAUSAL_RUNTIME_H
 #include "lanes.h"
 
-/* A function of a model (see acausal/emit/emit.py): run(in, c, out, w). `prepare` fills c from in, whenever parameters change. */
+/* A function of a model, compiled (see acausal/emit/emit.py): run(in, c, out, w), and `prepare` fills c from in, whenever parameters
+   change; or a program for interpreter.h, whose frame c then is. */
 typedef void (*KernelFunction)(const V *in, const V *c, V *out, V *w);
 typedef struct {
     KernelFunction run, prepare;
+    const int *program, *preparation;
     long inputs, outputs, constants, work;
 } Kernel;
+INLINE int present(const Kernel *k) { return k->run || k->program; }
 
 /* A collocation method. Matrices are row-major; A = Re(V diag(eigenvalues) W) with one of each conjugate pair. */
 typedef struct {

@@ -49,7 +49,7 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     in[0] = v_all(stage[0][l]);
     for (long i = 0; i < n + I->nu; i++) in[1 + i] = v_all(stage[1 + i][l]);
     memcpy(in + 1 + n + I->nu + I->np, dx, sizeof(V) * (size_t)n);
-    I->variation.run(in, T->variation_c, out, T->variation_work);
+    run_kernel(&I->variation, in, T->variation_c, out, T->variation_work);
 }
 
 
@@ -158,7 +158,7 @@ static void project_directions(Integrator *I) {
     for (long b = 0; b < direction_blocks(I); b++) {
         memcpy(in + 1 + n + I->np, T->D + b * n, sizeof(V) * (size_t)n);
         set_directions(I, in + 1 + n + I->np + n, b, 0);
-        I->projected.run(in, T->projected_c, T->projected_out, T->projected_work);
+        run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->projected_work);
         memcpy(T->D + b * n, T->projected_out, sizeof(V) * (size_t)n);
     }
 }

@@ -155,7 +155,7 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
         S->L[b] = reserve_lanes(I, I->nx);
         S->saved[b] = reserve_lanes(I, I->nx);
         if (!S->in[b] || !S->K[b] || !S->N[b] || !S->L[b] || !S->saved[b]) return 0;
-        if (I->clearance.run && (!(S->G[b] = reserve_lanes(I, I->nx + 1)) || !(S->H[b] = reserve_lanes(I, I->nx + 1)))) return 0;
+        if (present(&I->clearance) && (!(S->G[b] = reserve_lanes(I, I->nx + 1)) || !(S->H[b] = reserve_lanes(I, I->nx + 1)))) return 0;
         for (long l = 0; l < LANES; l++) {
             long j = b * LANES + l;
             S->c[b][l] = m->c[j < s ? j : s - 1];
@@ -186,7 +186,7 @@ static int stage_times(Integrator *I, Stages *S, double t, double h) {
 
 /* All rates from the states in `in`, into N. */
 static void stage_rates(Integrator *I, Stages *S) {
-    for (long b = 0; b < S->blocks; b++) I->rhs.run(S->in[b], I->state->rhs_c, S->N[b], I->state->work);
+    for (long b = 0; b < S->blocks; b++) run_kernel(&I->rhs, S->in[b], I->state->rhs_c, S->N[b], I->state->work);
     I->evaluations += S->s;
     I->iterations++;
 }
@@ -208,7 +208,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
         for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = v_all(I->u[i]);
     }
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-    I->rhs.run(in, T->rhs_c, T->point_out, T->work);
+    run_kernel(&I->rhs, in, T->rhs_c, T->point_out, T->work);
     for (long i = 0; i < I->nx; i++) out[i] = T->point_out[i][0];
     I->evaluations++;
     return 1;
@@ -353,7 +353,7 @@ static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judg
             for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
         combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
-        if (I->clearance.run && J->count < 2) find_zone(I, S, J); /* the first guess may be poor */
+        if (present(&I->clearance) && J->count < 2) find_zone(I, S, J); /* the first guess may be poor */
         if (S->around) {
             correct_stages(I, S);
             settle(I, S, S->N, x);

@@ -4,6 +4,7 @@
 #define NAMES_H
 #include "simulator.h"
 
+#define ONLY_COMPILED_KERNELS
 #define EXPORT __attribute__((visibility("hidden")))
 #define begin SIMULATOR_NAME(simulator_begin)
 #define advance SIMULATOR_NAME(simulator_advance)

@@ -1,0 +1,196 @@
+"""Programs of `SX` functions for the runtime's interpreter (acausal/runtime/interpreter.h): numbers where `emit` writes C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.emit.statements import BINARY, LEAVES, UNARY, Statements, Value, statements
+
+_END, _LOAD, _STORE, _NUMBER, _SINCOS = range(5)
+_CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
+_MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL = range(5 + len(_CODES), 9 + len(_CODES))
+_WIDTH = 5
+_PRODUCTS = (ca.OP_MUL, ca.OP_SQ)
+
+
+@dataclass(frozen=True)
+class Program:
+    """A function as statements (n, 5) of int32: operation, result, operands; places in bytes of a frame, for values of some lanes.
+
+    `preparation` fills what depends on parameters only, numbers included. `frame`: values in it.
+    """
+
+    preparation: np.ndarray
+    run: np.ndarray
+    inputs: int
+    outputs: int
+    frame: int
+
+
+@dataclass(frozen=True)
+class _Step:
+    """An operation on values: results are made in `to`, operands `of`; `place` of an input or output."""
+
+    code: int
+    to: tuple[int, ...] = ()
+    of: tuple[int, ...] = ()
+    place: int = 0
+
+
+def program(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
+    """The program of a function. `parameters`: numbers of the arguments that seldom change.
+
+    Raises `ExportError` for functions that cannot be expanded to `SX`.
+    """
+    found = statements(function, name, parameters)
+    numbers = _numbers(found)
+    lasting = {v: k for k, v in enumerate((*found.kept, *numbers))}
+    rare, end = _placed(_steps(found, found.rare, lasting, ()), lasting)
+    often, end_often = _placed(_steps(found, found.often, lasting, found.results), lasting)
+    literals = [_number(lasting[v], found.values[v]) for v in numbers]
+    return Program(
+        _scaled([*literals, *rare, _row(_END)], lanes),
+        _scaled([*often, _row(_END)], lanes),
+        found.inputs,
+        found.outputs,
+        max(end, end_often),
+    )
+
+
+def _numbers(found: Statements) -> list[int]:
+    """Constants that are operands or results."""
+    used = {a for i in (*found.rare, *found.often) for a in found.values[i].args} | {v for _, v in found.results}
+    return sorted(i for i in used if found.values[i].code == ca.OP_CONST)
+
+
+def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], results: Sequence[tuple[int, int]]) -> list[_Step]:
+    """The operations in order: inputs right before they are needed, products in the sums that alone need them, results as they are made."""
+    values = found.values
+    inside = [i for i in order if values[i].code not in LEAVES]
+    pairs = found.pairs(inside)
+    into = _absorbed(values, inside, {*lasting, *(v for _, v in results)})
+    absorbed = {product for product, _ in into.values()}
+    outputs: dict[int, list[int]] = {}
+    for place, v in results:
+        outputs.setdefault(v, []).append(place)
+    steps: list[_Step] = []
+    made = set(lasting)
+
+    def stores(v: int) -> None:
+        steps.extend(_Step(_STORE, (), (v,), place) for place in outputs.get(v, ()))
+
+    def bring(v: int) -> None:
+        if v not in made:
+            made.add(v)
+            steps.append(_Step(_LOAD, (v,), (), values[v].place))
+            stores(v)
+
+    for v in lasting:
+        stores(v)
+    for v in outputs:
+        if values[v].code == ca.OP_INPUT:
+            bring(v)
+    for i in inside:
+        if i in absorbed or i in made and i not in lasting:
+            continue
+        value = values[i]
+        code, of = _CODES[value.code], value.args
+        to = (i,)
+        if i in into:
+            product, (code, rest) = into[i]
+            of = (*_factors(values[product]), rest)
+        elif value.code in (ca.OP_SIN, ca.OP_COS) and value.args[0] in pairs:
+            code, to = _SINCOS, pairs[value.args[0]]
+        for a in of:
+            bring(a)
+        steps.append(_Step(code, to, of))
+        made.update(to)
+        for v in to:
+            stores(v)
+    return steps
+
+
+def _factors(product: Value) -> tuple[int, int]:
+    return (product.args[0], product.args[-1])
+
+
+def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -> dict[int, tuple[int, tuple[int, int]]]:
+    """value -> (product that nothing else needs, (operation on both, other operand))."""
+    uses: dict[int, int] = {}
+    for i in inside:
+        for a in values[i].args:
+            uses[a] = uses.get(a, 0) + 1
+    here = set(inside)
+    single = {i for i in inside if values[i].code in _PRODUCTS and uses.get(i) == 1 and i not in asked}
+    found: dict[int, tuple[int, tuple[int, int]]] = {}
+    taken: set[int] = set()
+    for i in inside:
+        if i in taken:
+            continue
+        code, args = values[i].code, values[i].args
+        if code not in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL) or len(args) != 2:
+            continue
+        first, second = (a in single and a in here and a not in found for a in args)
+        if not first and not second:
+            continue
+        product, rest = args if first else (args[1], args[0])
+        operation = {ca.OP_ADD: _MUL_ADD, ca.OP_MUL: _MUL_MUL, ca.OP_SUB: _MUL_SUB if first else _SUB_MUL}[code]
+        found[i] = product, (operation, rest)
+        taken.add(product)
+    return found
+
+
+def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[np.ndarray], int]:
+    """Statements with places in the frame; a place is used again once its value is dead. Also the places that are needed."""
+    last: dict[int, int] = {}
+    for k, step in enumerate(steps):
+        for v in (*step.to, *step.of):
+            last[v] = k
+    place = dict(lasting)
+    free: list[int] = []
+    size = len(lasting)
+    rows: list[np.ndarray] = []
+    for k, step in enumerate(steps):
+        operands = [place[v] for v in step.of]
+        free += [place[v] for v in {*step.of} if v not in lasting and last[v] == k]
+        for v in step.to:
+            if v not in place:
+                if not free:
+                    free.append(size)
+                    size += 1
+                place[v] = free.pop()
+        results = [place[v] for v in step.to]
+        free += [place[v] for v in step.to if v not in lasting and last[v] == k]
+        if step.code == _LOAD:
+            rows.append(_row(_LOAD, results[0], step.place))
+        elif step.code == _STORE:
+            rows.append(_row(_STORE, step.place, operands[0]))
+        elif step.code == _SINCOS:
+            rows.append(_row(_SINCOS, results[0], operands[0], results[1]))
+        else:
+            rows.append(_row(step.code, results[0], *operands))
+    return rows, size
+
+
+def _row(code: int, *places: int) -> np.ndarray:
+    row = np.zeros(_WIDTH, dtype=np.int32)
+    row[0], row[1 : 1 + len(places)] = code, places
+    return row
+
+
+def _number(place: int, value: Value) -> np.ndarray:
+    row = _row(_NUMBER, place)
+    row[2:4] = np.array([value.number]).view(np.int32)
+    return row
+
+
+def _scaled(rows: list[np.ndarray], lanes: int) -> np.ndarray:
+    """Places in bytes."""
+    table = np.array(rows, dtype=np.int32)
+    table[:, 1] *= 8 * lanes
+    table[table[:, 0] != _NUMBER, 2:] *= 8 * lanes
+    return np.ascontiguousarray(table)

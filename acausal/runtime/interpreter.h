@@ -1,0 +1,85 @@
+/* Kernels without a compiler: a program of a model's statements, carried out on lanes one after the other with the operations that
+   generated C has, so that both give the same bits. See acausal/emit/program.py, which numbers the operations in the order of OPERATIONS.
+
+   All values of a program stand in one frame: what depends on parameters only, numbers, then values that come and go. The frame is the
+   array `c` of the kernel; a statement is five integers, its operation and places in bytes. */
+#ifndef ONLY_COMPILED_KERNELS
+#include "vector_math.h"
+
+enum { WIDTH = 5 };
+
+/* name, result; A, B, C are operands */
+#define OPERATIONS(O) \
+    O(NEG, -A) O(SQ, A * A) O(TWICE, A + A) O(INV, v_all(1.0) / A) O(SQRT, v_sqrt(A)) O(FABS, v_abs(A)) \
+    O(NOT, v_truth(A == v_all(0.0))) O(SIGN, v_copysign(v_sign(A), A)) O(EXP, v_exp(A)) O(LOG, v_log(A)) O(SIN, v_sin(A)) \
+    O(COS, v_cos(A)) O(TAN, v_tan(A)) O(ASIN, v_asin(A)) O(ACOS, v_acos(A)) O(ATAN, v_atan(A)) O(SINH, v_sinh(A)) O(COSH, v_cosh(A)) \
+    O(TANH, v_tanh(A)) O(ASINH, v_asinh(A)) O(ACOSH, v_acosh(A)) O(ATANH, v_atanh(A)) O(FLOOR, v_floor(A)) O(CEIL, v_ceil(A)) \
+    O(ERF, v_erf(A)) O(ERFINV, v_erfinv(A)) O(LOG1P, v_log1p(A)) O(EXPM1, v_expm1(A)) \
+    O(ADD, A + B) O(SUB, A - B) O(MUL, A * B) O(DIV, A / B) O(LT, v_truth(A < B)) O(LE, v_truth(A <= B)) O(EQ, v_truth(A == B)) \
+    O(NE, v_truth(A != B)) O(AND, v_truth((A != v_all(0.0)) & (B != v_all(0.0)))) O(OR, v_truth((A != v_all(0.0)) | (B != v_all(0.0)))) \
+    O(IF_ELSE_ZERO, v_select(A != v_all(0.0), B, v_all(0.0))) O(POW, v_pow(A, B)) O(FMIN, v_fmin(A, B)) O(FMAX, v_fmax(A, B)) \
+    O(FMOD, v_fmod(A, B)) O(REMAINDER, v_remainder(A, B)) O(COPYSIGN, v_copysign(A, B)) O(ATAN2, v_atan2(A, B)) O(HYPOT, v_hypot(A, B)) \
+    O(MUL_ADD, A * B + C) O(MUL_SUB, A * B - C) O(SUB_MUL, C - A * B) O(MUL_MUL, A * B * C)
+
+#define AT(base, k) (*(V *)((char *)(base) + s[k]))
+#define A AT(frame, 2)
+#define B AT(frame, 3)
+#define C AT(frame, 4)
+#define NEXT goto *labels[*(s += WIDTH)]
+
+static void interpret(const int *s, const V *in, V *frame, V *out) {
+#define LABEL(name, result) &&at_##name,
+    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, OPERATIONS(LABEL)};
+#undef LABEL
+    s -= WIDTH;
+    NEXT;
+at_load: AT(frame, 1) = AT(in, 2); NEXT;
+at_store: AT(out, 1) = A; NEXT;
+at_number: {
+    double number;
+    memcpy(&number, s + 2, sizeof number);
+    AT(frame, 1) = v_all(number);
+    NEXT;
+}
+at_sincos: {
+    V sine, cosine;
+    v_sincos(A, &sine, &cosine);
+    AT(frame, 1) = sine;
+    B = cosine;
+    NEXT;
+}
+#define CASE(name, result) at_##name: AT(frame, 1) = result; NEXT;
+    OPERATIONS(CASE)
+#undef CASE
+at_end:;
+}
+
+#undef A
+#undef B
+#undef C
+#undef AT
+#undef NEXT
+
+#endif
+
+/* A kernel's results at `in`. */
+static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) {
+#ifndef ONLY_COMPILED_KERNELS
+    if (k->program) {
+        interpret(k->program, in, c, out);
+        return;
+    }
+#endif
+    k->run(in, c, out, w);
+}
+
+/* What of a kernel depends on parameters only. */
+static void prepare_kernel(const Kernel *k, const V *in, V *c, V *w) {
+#ifndef ONLY_COMPILED_KERNELS
+    if (k->program) {
+        interpret(k->preparation, in, c, c);
+        return;
+    }
+#endif
+    k->prepare(in, c, c, w);
+}
