@@ -29,7 +29,7 @@ from acausal.errors import ExportError, NoCompilerWarning
 from acausal.outputs import functions as lower
 from acausal.runtime import kernels
 from acausal.runtime.compiled import CompiledProblem
-from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels
+from acausal.runtime.kernels import Compilation, How, Kernel, Wanted
 from components import Spherical, TorqueSource
 from tests.scenes import FourBar, Pendulum, chain
 
@@ -452,24 +452,24 @@ def _product(function: ca.Function, arguments: Sequence[int]) -> ca.Function:
     return ca.Function("product", [*at, *along.values()], [ca.densify(function.forward(1).call([*at, *value, *seeds])[0])])
 
 
-def _kernels(model: ac.Model) -> Iterator[tuple[str, Kernel, ca.Function, int]]:
+def _kernels(model: ac.Model, how: How) -> Iterator[tuple[str, Kernel, ca.Function, int]]:
     """(name, kernel, the same function for the virtual machine, lanes) of all kernels of a model."""
     f = model.functions
-    problem = CompiledProblem(f.explicit_dynamics, f.invariants, f.projection, None, f.space.nq, COMMAND)
-    yield "rhs", problem.kernels[0], f.explicit_dynamics, problem.lanes
-    yield "jvp", problem.jvp[1][0], _product(f.explicit_dynamics, [1]), problem.lanes
-    yield "variation", problem.variation[1][0], _product(f.explicit_dynamics, [1, 2, 3]), problem.lanes
+    problem = CompiledProblem(f.explicit_dynamics, f.invariants, f.projection, None, f.space.nq, how, kernels.runtime(COMMAND))
+    yield "rhs", problem.kernels.current[0], f.explicit_dynamics, problem.lanes
+    yield "jvp", problem.jvp.current[0], _product(f.explicit_dynamics, [1]), problem.lanes
+    yield "variation", problem.variation.current[0], _product(f.explicit_dynamics, [1, 2, 3]), problem.lanes
     if f.projection is not None and f.invariants is not None:
         symbols = [ca.SX.sym("a", f.invariants.sparsity_in(i)) for i in range(3)]
         both = ca.Function("both", symbols, [f.projection(*symbols), f.invariants(*symbols)])
-        yield "projection", problem.kernels[1], both, problem.lanes
-        yield "projected", problem.variation[1][1], _product(f.projection, [1, 2]), problem.lanes
+        yield "projection", problem.kernels.current[1], both, problem.lanes
+        yield "projected", problem.variation.current[1], _product(f.projection, [1, 2]), problem.lanes
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_kernels_of_models_agree_with_the_virtual_machine(models: dict[str, ac.Model], name: str) -> None:
     """Dynamics, projection with invariants, and their derivatives."""
-    for kind, kernel, function, lanes in _kernels(models[name]):
+    for kind, kernel, function, lanes in _kernels(models[name], How.COMPILED):
         points = _points(function)
         expected = _machine(function, points)
         error = np.max(np.abs(_evaluate(kernel, points, lanes) - expected) / np.max(np.abs(expected), axis=0))
@@ -527,7 +527,7 @@ def _files(folder: Path) -> list[str]:
 
 def _value(command: Command = COMMAND) -> float:
     """3^2 + 1 by a kernel made by this compiler."""
-    made = compiled_kernels([SIMPLE], command)
+    made = Compilation((SIMPLE,), command).result()
     assert made is not None
     return float(_evaluate(made[1][0], np.repeat([[3.0], [1.0]], 8, axis=1), _lanes(command))[0, 0])
 
@@ -554,7 +554,7 @@ def _printed(process: subprocess.Popen[str]) -> str:
 
 
 def test_a_library_is_compiled_once(cache: Path, runs: list[Sequence[str]]) -> None:
-    first, again = (compiled_kernels([SIMPLE], COMMAND) for _ in range(2))
+    first, again = (Compilation((SIMPLE,), COMMAND).result() for _ in range(2))
     assert first is not None and again is not None
     assert len(runs) == len(_files(cache)) == 1
     assert bytes(first[1][0]) == bytes(again[1][0])
@@ -563,13 +563,14 @@ def test_a_library_is_compiled_once(cache: Path, runs: list[Sequence[str]]) -> N
 FOUR_BAR = """
 import acausal as ac
 from acausal.emit import compiler
-from acausal.runtime.kernels import Wanted, compiled_kernels
+from acausal.emit.compiler import compiler
+from acausal.runtime.kernels import Compilation, Wanted
 from tests.scenes import FourBar
 f = ac.build(FourBar()).functions
 wanted = [Wanted("rhs", f.explicit_dynamics, (3,)), Wanted("projection", f.projection, (2,))]
 run = compiler.run_compiler
 compiler.run_compiler = lambda command: (print("compiles"), run(command))
-print(compiled_kernels(wanted)[1][0].outputs)
+print(Compilation(tuple(wanted), compiler()).result()[1][0].outputs)
 """
 
 
@@ -600,7 +601,7 @@ def test_whatever_code_depends_on_compiles_again(
     def grows(wanted: Wanted = SIMPLE, command: Command = COMMAND) -> bool:
         before = len(runs)
         for _ in range(2):
-            compiled_kernels([wanted], command)
+            Compilation((wanted,), command).result()
         return len(runs) == before + 1 == len(_files(cache))
 
     assert grows()
@@ -631,14 +632,15 @@ def test_whatever_code_depends_on_compiles_again(
 SIMPLE_ALONE = """
 import os, pathlib, time
 import casadi as ca
-from acausal.runtime.kernels import Wanted, compiled_kernels
+from acausal.emit.compiler import compiler
+from acausal.runtime.kernels import Compilation, Wanted
 x, y = ca.SX.sym("x"), ca.SX.sym("y")
 wanted = Wanted("simple", ca.Function("f", [x, y], [x * x + y]))
 meeting = pathlib.Path(os.environ["MEETING"])
 (meeting / str(os.getpid())).touch()
 while len(list(meeting.iterdir())) < int(os.environ["CROWD"]):
     time.sleep(0.005)
-print(compiled_kernels([wanted], (os.environ["CC"],))[1][0].outputs)
+print(Compilation((wanted,), (os.environ["CC"],)).result()[1][0].outputs)
 """
 
 
@@ -679,7 +681,7 @@ def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path: Path, monkeypa
     (tmp_path / "file").touch()
     monkeypatch.setenv("ACAUSAL_CACHE", str(tmp_path / place))
     with pytest.raises(ExportError, match=f"'{tmp_path / place}'.*ACAUSAL_CACHE"):
-        compiled_kernels([SIMPLE], COMMAND)
+        Compilation((SIMPLE,), COMMAND).result()
 
 
 def test_a_full_disk_leaves_nothing_behind(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -688,18 +690,18 @@ def test_a_full_disk_leaves_nothing_behind(cache: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(os, "replace", full)
     with pytest.raises(ExportError, match=r"No space left.*ACAUSAL_CACHE"):
-        compiled_kernels([SIMPLE], COMMAND)
+        Compilation((SIMPLE,), COMMAND).result()
     assert _files(cache) == []
 
 
 def test_a_library_that_does_not_load_is_named(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled_kernels([SIMPLE], COMMAND)
+    Compilation((SIMPLE,), COMMAND).result()
     (name,) = _files(cache)
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / name).write_text("not a library")
     monkeypatch.setenv("ACAUSAL_CACHE", str(tmp_path / "elsewhere"))
     with pytest.raises(ExportError, match=f"{name}' cannot be loaded: .*Delete this file"):
-        compiled_kernels([SIMPLE], COMMAND)
+        Compilation((SIMPLE,), COMMAND).result()
 
 
 def test_the_cache_may_be_named_from_here_or_from_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -717,7 +719,7 @@ def test_the_cache_may_be_named_from_here_or_from_home(tmp_path: Path, monkeypat
 def test_a_compiler_that_fails_is_quoted(cache: Path, tmp_path: Path) -> None:
     failing = _script(tmp_path / "failing", "echo licence expired >&2", "exit 3")
     with pytest.raises(ExportError, match=r"(?s)The C compiler failed: .*failing.*licence expired"):
-        compiled_kernels([SIMPLE], failing)
+        Compilation((SIMPLE,), failing).result()
     assert _files(cache) == []
 
 
@@ -738,7 +740,7 @@ def test_a_compiler_that_fails_once_does_not_change_the_number_of_lanes(cache: P
     mark = tmp_path / "mark"
     command = _script(tmp_path / "weak", f"if [ ! -e {mark} ]; then touch {mark}; echo out of memory >&2; exit 1; fi", "$COMPILE")
     with pytest.raises(ExportError, match="out of memory"):
-        compiled_kernels([SIMPLE], command)
+        Compilation((SIMPLE,), command).result()
     assert _value(command) == 10.0
 
 
@@ -759,7 +761,6 @@ def no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Non
 def test_without_a_compiler_models_run_on_the_virtual_machine(no_compiler: None) -> None:
     """To the same numbers, and it is said once."""
     assert compiler.compiler() is None
-    assert compiled_kernels([SIMPLE]) is None
     scene, other = FourBar(), Pendulum()
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")

@@ -15,8 +15,8 @@ import casadi as ca
 
 from acausal.emit.statements import LEAVES, Statements, statements
 
-EMITTER = Path(__file__)
-"""This file: whoever keeps its results depends on its content."""
+EMITTER = (Path(__file__), Path(__file__).with_name("statements.py"))
+"""The files that make C: whoever keeps it depends on their content."""
 
 _UNARY = {
     ca.OP_NEG: "-{0}",

@@ -95,7 +95,7 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
         if values[v].code == ca.OP_INPUT:
             bring(v)
     for i in inside:
-        if i in absorbed or i in made and i not in lasting:
+        if i in absorbed or (i in made and i not in lasting):
             continue
         value = values[i]
         code, of = _CODES[value.code], value.args

@@ -176,7 +176,7 @@ def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
 
 def _kernel(source: Source) -> str:
     """A `Kernel` of runtime.h."""
-    return f"{{{source.name}, {source.name}_prepare, 0, 0, {source.inputs}, {source.outputs}, {source.constants}, {source.work}}}"
+    return f"{{{source.name}, {source.name}_prepare, 0, 0, 0, 0, 0, 0, {source.inputs}, {source.outputs}, {source.constants}, {source.work}}}"
 
 
 def _plain(function: ca.Function) -> str:

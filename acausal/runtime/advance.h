@@ -4,31 +4,21 @@ int begin(Integrator *I) {
     struct State *T = I->state = reserve(I, sizeof(struct State));
     if (!T) return 0;
     T->stages = reserve(I, sizeof(Stages) * (size_t)I->methods);
-    double *w = arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu);
-    if (!T->stages || !w) return 0;
+    if (!T->stages || !arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu)) return 0;
     for (long i = 0; i < I->nu; i++) T->point_in[1 + n + i] = v_all(I->u[i]);
-    T->work = (V *)w;
-    long longest = I->rhs.work;
-    if (I->ng) {
-        w = arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n);
-        if (!w) return 0;
-        if (I->projection.work > longest) T->work = (V *)w, longest = I->projection.work;
-    }
+    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n)) return 0;
     if (present(&I->clearance)) {
-        w = arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n);
-        if (!w || !make_passage(I)) return 0;
-        if (I->clearance.work > longest) T->work = (V *)w, longest = I->clearance.work;
+        if (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I)) return 0;
     }
     if (I->guards) {
-        w = arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu);
+        if (!arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu)) return 0;
         T->guard_values = reserve_doubles(I, POINTS * I->guards);
         T->chebyshev = reserve_doubles(I, POINTS * POINTS);
         T->guard_noise = reserve_doubles(I, I->guards);
         T->guard_states = reserve(I, sizeof(struct GuardState) * (size_t)I->guards);
-        if (!w || !T->guard_values || !T->guard_noise || !T->guard_states || !T->chebyshev) return 0;
+        if (!T->guard_values || !T->guard_noise || !T->guard_states || !T->chebyshev) return 0;
         chebyshev_cosines(T->chebyshev);
         for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
-        if (I->guard.work > longest) T->work = (V *)w;
     }
     double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
@@ -83,6 +73,17 @@ int advance(Integrator *I) {
     enum Code code = run_steps(I);
     give_directions(I);
     return code;
+}
+
+/* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */
+int exchange(Integrator *I, long which, const Kernel *k) {
+    struct State *T = I->state;
+    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance};
+    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in};
+    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c};
+    if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
+    *kernels[which] = *k;
+    return 1;
 }
 
 /* From the next step on, stages are solved by Newton; `jvp` must be set. */

@@ -59,12 +59,16 @@ class Method(ctypes.Structure):
     ]
 
 
+KERNELS = ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance")
+"""Kernels of an integration, in the order of runtime.h."""
+
+
 class Integrator(ctypes.Structure):
     """`Integrator` of runtime.h."""
 
     _fields_ = [
         *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions")),
-        *((name, Kernel) for name in ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance")),
+        *((name, Kernel) for name in KERNELS),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
         ("input", InputFunction),

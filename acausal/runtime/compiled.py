@@ -6,7 +6,6 @@ import ctypes
 import functools
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +30,7 @@ from acausal.emit.compiler import compiler
 from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
 from acausal.runtime.binding import (
+    KERNELS,
     Code,
     GuardRoundingFunction,
     InputFunction,
@@ -40,7 +40,7 @@ from acausal.runtime.binding import (
     RoundingFunction,
     method_table,
 )
-from acausal.runtime.kernels import Kernel, Wanted, compiled_kernels, runtime
+from acausal.runtime.kernels import How, Kernels, Wanted, runtime
 
 _SLICE = 0.05
 _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
@@ -96,23 +96,17 @@ class CompiledProblem:
 
     def __init__(
         self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, clearance: ca.Function | None,
-        positions: int, command: tuple[str, ...],
+        positions: int, how: How, library: ctypes.CDLL,
     ) -> None:  # fmt: skip
-        self.rhs = rhs
+        self.rhs, self.how, self.library = rhs, how, library
         self._project = project
-        self.command = command
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
             wanted.append(Wanted("projection", projection_with_invariants(invariants, project), (2,)))
         if clearance is not None:
             wanted.append(Wanted("clearance", clearance, (2,)))
-        with ThreadPoolExecutor(1) as pool:
-            library = pool.submit(runtime, command)
-            found = compiled_kernels(wanted, command)
-            self.library = library.result()
-        assert found is not None
-        self._library, self.kernels = found
-        self.lanes: int = self.library.lanes()
+        self.lanes: int = library.lanes()
+        self.kernels = self._kernels(*wanted)
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
         self.positions, self.crosses = positions, clearance is not None
         self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
@@ -120,22 +114,26 @@ class CompiledProblem:
         self._copies = [(ctypes.c_long * max(1, len(pairs)))(*(pair[k] for pair in pairs)) for k in (0, 1)]
         self.copies = len(pairs)
 
-    @functools.cached_property
-    def jvp(self) -> tuple[ctypes.CDLL, list[Kernel]]:
-        """(t, x, u, p, dx) -> df/dx dx."""
-        found = compiled_kernels([Wanted("jvp", directional_derivative(self.rhs, (1,)), (3,))], self.command)
-        assert found is not None
-        return found
+    def _kernels(self, *wanted: Wanted) -> Kernels:
+        return Kernels(wanted, self.lanes, self.how)
 
     @functools.cached_property
-    def variation(self) -> tuple[ctypes.CDLL, list[Kernel]]:
+    def jvp(self) -> Kernels:
+        """(t, x, u, p, dx) -> df/dx dx."""
+        return self._kernels(Wanted("jvp", directional_derivative(self.rhs, (1,)), (3,)))
+
+    @functools.cached_property
+    def variation(self) -> Kernels:
         """(t, x, u, p, dx, du, dp) -> change of x', and (t, x, p, dx, dp) -> change of x after projection."""
         wanted = [Wanted("variation", directional_derivative(self.rhs, (1, 2, 3)), (3,))]
         if self.ng and self._project is not None:
             wanted.append(Wanted("projected", directional_derivative(self._project, (1, 2)), (2,)))
-        found = compiled_kernels(wanted, self.command)
-        assert found is not None
-        return found
+        return self._kernels(*wanted)
+
+    @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
+    def guard(self, function: ca.Function) -> Kernels:
+        """Guards (t, x, u, p) -> values as a kernel."""
+        return self._kernels(Wanted("guard", function, (3,)))
 
     @functools.cache  # noqa: B019  # as long as the problem lives
     def template(self, choice: Choice) -> tuple[Integrator, tuple[MethodTable, ...]]:
@@ -143,13 +141,8 @@ class CompiledProblem:
         table = method_table(choice.tableaus)
         core = Integrator(
             nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
-            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, rhs=self.kernels[0],
-            method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
+            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
         )  # fmt: skip
-        if self.ng:
-            core.projection = self.kernels[1]
-        if self.crosses:
-            core.clearance = self.kernels[2]
         if choice.tableaus[0].name == "gauss":
             s = choice.tableaus[0].stages
             fine = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
@@ -157,20 +150,13 @@ class CompiledProblem:
             return core, (table, fine)
         return core, (table,)
 
-    @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
-    def guard(self, function: ca.Function) -> tuple[ctypes.CDLL, list[Kernel]]:
-        """Guards (t, x, u, p) -> values as a kernel."""
-        found = compiled_kernels([Wanted("guard", function, (3,))], self.command)
-        assert found is not None
-        return found
-
     def projected(self, t: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """States (nx, n) at times (n,), brought onto the invariants where that is possible."""
         if not self.ng or not t.size:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
-        kernel = ctypes.byref(self.kernels[1])
+        kernel = ctypes.byref(self.kernels.current[1])
         self.library.project_states(kernel, self.nx, self.np, _address(parameters), times.size, _address(times), _address(rows))
         return rows.T
 
@@ -230,6 +216,8 @@ class Run:
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
+        self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
+        self._use(compiled.kernels, "rhs", *(["projection"] if compiled.ng else []), *(["clearance"] if compiled.crosses else []))
         self._rhs = problem.rhs
         self._rounding_callback = RoundingFunction(self._round)
         core.rounding = self._rounding_callback
@@ -253,19 +241,34 @@ class Run:
         self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (directions.du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
-        kernels = self.compiled.variation[1]
-        core.variation = kernels[0]
-        if self.compiled.ng:
-            core.projected = kernels[1]
+        self._use(self.compiled.variation, "variation", *(["projected"] if self.compiled.ng else []))
 
     def _watch(self, guards: Guards) -> None:
         n, core = len(guards.directions), self.core
         self._guards = (ctypes.c_long * n)(*guards.directions), (ctypes.c_long * n)(*guards.stops)
-        core.guards, core.guard = n, self.compiled.guard(guards.function)[1][0]
+        core.guards = n
+        self._use(self.compiled.guard(guards.function), "guard")
         core.guard_direction, core.guard_stops = self._guards
         self._guard_function = guards.function
         self._guard_callback = GuardRoundingFunction(self._round_guards)
         core.guard_rounding = self._guard_callback
+
+    def _use(self, kernels: Kernels, *names: str) -> None:
+        if any(kernels is known for known, _, _ in self._in_use):
+            return
+        for name, kernel in zip(names, kernels.current, strict=True):
+            setattr(self.core, name, kernel)
+        self._in_use.append((kernels, kernels.version, names))
+
+    def _spent(self, seconds: float) -> None:
+        """Better kernels take the place of those in use, once these have cost what better ones would."""
+        for k, (kernels, version, names) in enumerate(self._in_use):
+            kernels.spent(seconds)
+            if kernels.version != version:
+                for name, kernel in zip(names, kernels.current, strict=True):
+                    if not self.compiled.library.exchange(ctypes.byref(self.core), KERNELS.index(name), ctypes.byref(kernel)):
+                        raise MemoryError("integration: not enough memory.")
+                self._in_use[k] = kernels, kernels.version, names
 
     def _input(self, t: float, u: Any) -> int:
         try:
@@ -303,21 +306,26 @@ class Run:
         core, advance, reference = self.core, self.compiled.library.advance, ctypes.byref(self.core)
         core.end = end
         t0, shown, newton = core.t, self.started, False
+        seen = time.perf_counter()
         try:
             while (code := advance(reference)) in _GO_ON:
+                seen, before = time.perf_counter(), seen
+                self._spent(seen - before)
                 if code == Code.NEEDS_JACOBIAN:
-                    core.jvp = self.compiled.jvp[1][0]
+                    self._use(self.compiled.jvp, "jvp")
                 elif code == Code.SLOW and slow is not None:
                     size = np.ctypeslib.as_array(core.size, self.x.shape).copy()
                     answer = slow(Pace(core.t, self.x.copy(), size, core.h, core.slowness, core.contraction, newton))
                     if answer == "leave":
                         return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
                     if answer == "newton":
-                        core.jvp, newton = self.compiled.jvp[1][0], True
+                        self._use(self.compiled.jvp, "jvp")
+                        newton = True
                         self.compiled.library.use_newton(reference)
-                elif progress is not None and time.perf_counter() - shown > 0.2:
-                    shown = time.perf_counter()
+                elif progress is not None and seen - shown > 0.2:
+                    shown = seen
                     progress((core.t - t0) / (end - t0))
+            self._spent(time.perf_counter() - seen)
         except KeyboardInterrupt:
             return Outcome(Status(StatusKind.INTERRUPTED, core.t, "Interrupted."))
         return self._outcome(Code(code))
@@ -397,12 +405,11 @@ def compile_problem(
     project: ca.Function | None = None,
     clearance: ca.Function | None = None,
     positions: int = 0,
+    how: How = How.AUTO,
 ) -> CompiledProblem | None:
-    """Kernels for `Problem`s with these functions; None without a C compiler.
+    """Kernels for `Problem`s with these functions; None where the runtime cannot be had.
 
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
     command = compiler()
-    if command is None:
-        return None
-    return CompiledProblem(rhs, invariants, project, clearance, positions, command)
+    return None if command is None else CompiledProblem(rhs, invariants, project, clearance, positions, how, runtime(command))

@@ -60,26 +60,33 @@ at_end:;
 #undef AT
 #undef NEXT
 
-#endif
+
+/* Results of a function of one point, lane by lane; lanes that repeat the one before are not evaluated again. */
+static void evaluate_lanes(const Kernel *k, const V *in, V *out) {
+    for (long l = 0; l < LANES; l++) {
+        int repeated = l > 0;
+        for (long i = 0; i < k->inputs; i++) {
+            repeated &= l > 0 && in[i][l] == in[i][l - 1];
+            k->arguments[i] = in[i][l];
+        }
+        if (!repeated) k->evaluate(k->function);
+        for (long i = 0; i < k->outputs; i++) out[i][l] = k->results[i];
+    }
+}
 
 /* A kernel's results at `in`. */
 static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) {
-#ifndef ONLY_COMPILED_KERNELS
-    if (k->program) {
-        interpret(k->program, in, c, out);
-        return;
-    }
-#endif
-    k->run(in, c, out, w);
+    if (k->run) k->run(in, c, out, w);
+    else if (k->program) interpret(k->program, in, c, out);
+    else evaluate_lanes(k, in, out);
 }
 
 /* What of a kernel depends on parameters only. */
 static void prepare_kernel(const Kernel *k, const V *in, V *c, V *w) {
-#ifndef ONLY_COMPILED_KERNELS
-    if (k->program) {
-        interpret(k->preparation, in, c, c);
-        return;
-    }
-#endif
-    k->prepare(in, c, c, w);
+    if (k->prepare) k->prepare(in, c, c, w);
+    else if (k->program) interpret(k->preparation, in, c, c);
 }
+#else
+static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) { k->run(in, c, out, w); }
+static void prepare_kernel(const Kernel *k, const V *in, V *c, V *w) { k->prepare(in, c, c, w); }
+#endif

@@ -1,11 +1,14 @@
-"""CasADi functions compiled for lanes, ready for the C runtime."""
+"""CasADi functions as kernels of the C runtime: interpreted, compiled for lanes, or evaluated by CasADi."""
 
 from __future__ import annotations
 
 import ctypes
+import enum
 import functools
 import hashlib
+import math
 import os
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +19,10 @@ from acausal.emit.compiler import RUNTIME, cached_library, compiler
 from acausal.emit.emit import EMITTER, emit, translation_units
 from acausal.emit.program import Program, program
 from acausal.errors import ExportError
+from acausal.numerics.kernel import Kernel as NumberKernel
+from acausal.numerics.kernel import arguments
+
+EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
 class Kernel(ctypes.Structure):
@@ -26,51 +33,133 @@ class Kernel(ctypes.Structure):
         ("prepare", ctypes.c_void_p),
         ("program", ctypes.c_void_p),
         ("preparation", ctypes.c_void_p),
-        ("inputs", ctypes.c_long),
-        ("outputs", ctypes.c_long),
-        ("constants", ctypes.c_long),
-        ("work", ctypes.c_long),
+        ("evaluate", EvaluateFunction),
+        ("function", ctypes.c_void_p),
+        ("arguments", ctypes.c_void_p),
+        ("results", ctypes.c_void_p),
+        *((name, ctypes.c_long) for name in ("inputs", "outputs", "constants", "work")),
     ]
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """A function to be compiled, and the numbers of its arguments that seldom change."""
+    """A function that is to become a kernel, and the numbers of its arguments that seldom change."""
 
     name: str
     function: ca.Function
     parameters: tuple[int, ...] = ()
 
 
-def compiled_kernels(wanted: Sequence[Wanted], command: tuple[str, ...] | None = None) -> tuple[ctypes.CDLL, list[Kernel]] | None:
-    """The functions in lanes, compiled together or found in the cache; None without a compiler.
+class How(enum.Enum):
+    """Who carries kernels out: the interpreter until a compiler has done its work where that pays; one of both; CasADi's virtual machine."""
 
-    The library must be kept as long as the kernels are used. Raises `ExportError` for functions that have no C, and where
-    they cannot be compiled, kept or loaded.
+    AUTO = "auto"
+    COMPILED = "compiled"
+    INTERPRETED = "interpreted"
+    CASADI = "casadi"
+
+
+class Kernels:
+    """Kernels of some functions, in the order in which they are wanted: `current`.
+
+    With `AUTO` they are interpreted at first, unless compiled ones are in the cache. `spent` says what they have cost: when that is half
+    of what a compiler would take, one begins in the background, and `current` changes when it is done. `version` counts such changes.
+    Raises `ExportError` for functions that have no C.
     """
-    command = command or compiler()
-    if command is None:
-        return None
-    parts = [f"{w.name}\0{w.parameters}\0{w.function.serialize()}" for w in wanted]
-    key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
-    path = cached_library(key, None, command=command)
-    if path is None:
-        units = translation_units([emit(w.function, w.name, parameters=w.parameters) for w in wanted], os.cpu_count() or 1)
-        path = cached_library(key, units, command=command)
-    library = _load(path)
-    return library, [_kernel(library, w.name) for w in wanted]
+
+    def __init__(self, wanted: Sequence[Wanted], lanes: int, how: How) -> None:
+        self.version, self._spent, self._cost = 0, 0.0, math.inf
+        self._alive: list[object] = []  # what the kernels, also former ones, need in memory
+        command = compiler() if how in (How.AUTO, How.COMPILED) else None
+        self._compilation = None if command is None else Compilation(tuple(wanted), command)
+        if self._compilation is not None and (how is How.COMPILED or self._compilation.cached()):
+            self._take_compiled()
+        elif how is How.CASADI:
+            self.current = [_evaluated(w.function, self._alive) for w in wanted]
+        else:
+            programs = [program(w.function, w.name, lanes, parameters=w.parameters) for w in wanted]
+            self._alive += programs
+            self.current = [_interpreted(p) for p in programs]
+            self._cost = 0.15 + 3e-4 * sum(p.run.shape[0] for p in programs)
+
+    def spent(self, seconds: float) -> None:
+        """The kernels have run for some time more."""
+        if self._compilation is None or self.version:
+            return
+        self._spent += seconds
+        if self._spent > 0.5 * self._cost:
+            self._compilation.begin()
+        if self._compilation.succeeded:
+            self._take_compiled()
+            self.version = 1
+
+    def _take_compiled(self) -> None:
+        assert self._compilation is not None
+        library, self.current = self._compilation.result()
+        self._alive.append(library)
 
 
-def interpreted_kernels(wanted: Sequence[Wanted], lanes: int) -> tuple[list[Program], list[Kernel]]:
-    """The functions as programs for the runtime's interpreter. The programs must be kept as long as the kernels are used."""
-    programs = [program(w.function, w.name, lanes, parameters=w.parameters) for w in wanted]
-    return programs, [
-        Kernel(None, None, p.run.ctypes.data, p.preparation.ctypes.data, p.inputs, p.outputs, p.frame, 0) for p in programs
-    ]
+class Compilation:
+    """The compilation of kernels, in the background or waited for."""
+
+    def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...]) -> None:
+        self._wanted, self._command = wanted, command
+        parts = [f"{w.name}\0{w.parameters}\0{w.function.serialize()}" for w in wanted]
+        self._key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
+        self._thread: threading.Thread | None = None
+        self.succeeded = False
+
+    def cached(self) -> bool:
+        """Whether this has been compiled before, by whatever process."""
+        return cached_library(self._key, None, command=self._command) is not None
+
+    def result(self) -> tuple[ctypes.CDLL, list[Kernel]]:
+        """The library, which must be kept as long as the kernels are used, and the kernels. Raises `ExportError`."""
+        library = _load(cached_library(self._key, None, command=self._command) or self._compile())
+        return library, [_kernel(library, w.name) for w in self._wanted]
+
+    def begin(self) -> None:
+        """Compile in the background, unless that has begun."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, name="compiler of kernels", daemon=True)
+            self._thread.start()
+
+    def _compile(self) -> Path:
+        sources = [emit(w.function, w.name, parameters=w.parameters) for w in self._wanted]
+        path = cached_library(self._key, translation_units(sources, os.cpu_count() or 1), command=self._command)
+        assert path is not None
+        return path
+
+    def _work(self) -> None:
+        try:
+            self._compile()
+        except ExportError:  # the interpreter goes on
+            return
+        self.succeeded = True
 
 
-def _load(path: Path | None) -> ctypes.CDLL:
-    assert path is not None
+def _interpreted(p: Program) -> Kernel:
+    return Kernel(
+        program=p.run.ctypes.data, preparation=p.preparation.ctypes.data, inputs=p.inputs, outputs=p.outputs, constants=p.frame
+    )
+
+
+def _evaluated(function: ca.Function, alive: list[object]) -> Kernel:
+    """A kernel that CasADi evaluates; what is not to be forgotten goes to `alive`."""
+    symbols = arguments(function)
+    stacked = ca.Function("stacked", [ca.vertcat(*map(ca.vec, symbols))], [ca.vertcat(*map(ca.vec, function.call(symbols)))])
+    found = NumberKernel.of(stacked)
+
+    def evaluate(_: int | None) -> None:
+        found()
+
+    callback = EvaluateFunction(evaluate)
+    alive += [found, callback]
+    x, y = found.arguments[0], found.result
+    return Kernel(evaluate=callback, arguments=x.ctypes.data, results=y.ctypes.data, inputs=x.size, outputs=y.size)
+
+
+def _load(path: Path) -> ctypes.CDLL:
     try:
         return ctypes.CDLL(str(path))
     except OSError as error:
@@ -83,13 +172,14 @@ def _load(path: Path | None) -> ctypes.CDLL:
 def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
     sizes = (ctypes.c_long * 4).in_dll(library, f"{name}_sizes")
     run, prepare = (ctypes.cast(getattr(library, n), ctypes.c_void_p).value for n in (name, f"{name}_prepare"))
-    return Kernel(run, prepare, None, None, *sizes)
+    inputs, outputs, constants, work = sizes
+    return Kernel(run=run, prepare=prepare, inputs=inputs, outputs=outputs, constants=constants, work=work)
 
 
 @functools.cache
 def _sources() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
-    files = [RUNTIME / "names.h", RUNTIME / "lanes.h", RUNTIME / "vector_math.h", EMITTER]
+    files = [RUNTIME / "names.h", RUNTIME / "lanes.h", RUNTIME / "vector_math.h", *EMITTER]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
@@ -99,11 +189,14 @@ def runtime(command: tuple[str, ...]) -> ctypes.CDLL:
     files = sorted(RUNTIME.glob("*.[ch]"))
     key = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
     text = (RUNTIME / "runtime.c").read_text(encoding="utf-8")
-    library = _load(cached_library(key, [text], command=command))
+    path = cached_library(key, [text], command=command)
+    assert path is not None
+    library = _load(path)
     pointer, number = ctypes.c_void_p, ctypes.c_long
     library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = library.use_newton.argtypes = [pointer]
     library.dense.argtypes = [pointer, number, pointer, pointer]
     library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
     library.lanes.restype = number
+    library.exchange.argtypes = [pointer, number, pointer]
     library.finish.restype = library.use_newton.restype = None
     return library

@@ -49,16 +49,3 @@ void finish(Integrator *I) {
     I->stage_count = I->offset = I->event_guards = I->event_directions = 0;
     I->state = 0;
 }
-
-/* Arrays of a kernel, its parameters (from `fixed` on) and constants set. Returns its work array. */
-static double *arranged(Integrator *I, const Kernel *k, V **in, V **out, V **c, long fixed) {
-    *in = reserve_lanes(I, k->inputs + 1);
-    *out = reserve_lanes(I, k->outputs + 1);
-    *c = reserve_lanes(I, k->constants + 1);
-    V *w = reserve_lanes(I, k->work + 1);
-    if (!*in || !*out || !*c || !w) return 0;
-    if (fixed >= 0)
-        for (long i = 0; i < I->np; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
-    prepare_kernel(k, *in, *c, w);
-    return (double *)w;
-}

@@ -17,18 +17,14 @@ static int make_newton(Integrator *I) {
     T->rhs_im = reserve_doubles(I, T->padded);
     T->jvp_in = reserve_lanes(I, I->jvp.inputs);
     T->jvp_out = reserve_lanes(I, I->jvp.outputs);
-    T->jvp_c = reserve_lanes(I, I->jvp.constants + 1);
-    V *work = reserve_lanes(I, I->jvp.work + 1);
     long s = 0;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > s) s = I->method_list[k].stages;
     T->dK = reserve_doubles(I, s * n);
     T->residual = reserve_doubles(I, s * n);
-    if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->jvp_c || !work || !T->dK || !T->residual) return 0;
-    if (I->jvp.work > I->rhs.work && I->jvp.work > I->projection.work && I->jvp.work > I->guard.work) T->work = work;
+    if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
-    prepare_kernel(&I->jvp, T->jvp_in, T->jvp_c, T->work);
-    return 1;
+    return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
 }
 
 /* J = df/dx at (t, x), exact, LANES directions at a time. */

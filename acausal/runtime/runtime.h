@@ -4,14 +4,17 @@
 #include "lanes.h"
 
 /* A function of a model, compiled (see acausal/emit/emit.py): run(in, c, out, w), and `prepare` fills c from in, whenever parameters
-   change; or a program for interpreter.h, whose frame c then is. */
+   change; or a program for interpreter.h, whose frame c then is; or a function that somebody else evaluates, one point at a time. */
 typedef void (*KernelFunction)(const V *in, const V *c, V *out, V *w);
 typedef struct {
     KernelFunction run, prepare;
     const int *program, *preparation;
+    void (*evaluate)(void *function); /* from `arguments` to `results` */
+    void *function;
+    double *arguments, *results;
     long inputs, outputs, constants, work;
 } Kernel;
-INLINE int present(const Kernel *k) { return k->run || k->program; }
+INLINE int present(const Kernel *k) { return k->run || k->program || k->evaluate; }
 
 /* A collocation method. Matrices are row-major; A = Re(V diag(eigenvalues) W) with one of each conjugate pair. */
 typedef struct {
@@ -83,6 +86,7 @@ typedef struct Integrator {
 
 EXPORT int begin(Integrator *I);
 EXPORT int advance(Integrator *I);
+EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void use_newton(Integrator *I);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);

@@ -9,15 +9,9 @@ static int make_sensitivity(Integrator *I) {
     long n = I->nx, B = direction_blocks(I), most = 0, fixed = 1 + n + I->nu;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
-    double *w = arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed);
-    if (!w) return 0;
-    T->variation_work = (V *)w;
+    if (!arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed)) return 0;
     for (long i = 0; i < I->nu; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
-    if (I->ng) {
-        w = arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n);
-        if (!w) return 0;
-        T->projected_work = (V *)w;
-    }
+    if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n)) return 0;
     T->D = reserve_lanes(I, B * n);
     T->D_size = reserve_lanes(I, B * n);
     T->D_rates = reserve_lanes(I, B * most * n);
@@ -49,7 +43,7 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     in[0] = v_all(stage[0][l]);
     for (long i = 0; i < n + I->nu; i++) in[1 + i] = v_all(stage[1 + i][l]);
     memcpy(in + 1 + n + I->nu + I->np, dx, sizeof(V) * (size_t)n);
-    run_kernel(&I->variation, in, T->variation_c, out, T->variation_work);
+    run_kernel(&I->variation, in, T->variation_c, out, T->work);
 }
 
 
@@ -158,7 +152,7 @@ static void project_directions(Integrator *I) {
     for (long b = 0; b < direction_blocks(I); b++) {
         memcpy(in + 1 + n + I->np, T->D + b * n, sizeof(V) * (size_t)n);
         set_directions(I, in + 1 + n + I->np + n, b, 0);
-        run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->projected_work);
+        run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->work);
         memcpy(T->D + b * n, T->projected_out, sizeof(V) * (size_t)n);
     }
 }

@@ -92,6 +92,7 @@ struct State {
     Stages *stages, *fine;   /* per method; of dense output */
     long made;               /* methods whose stages are made, as bits */
     V *rhs_c, *jvp_c, *projection_c, *guard_c, *work;
+    long work_size;
     V *point_in, *point_out; /* rhs at one point */
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     char *copied;
@@ -106,7 +107,7 @@ struct State {
     long last_s, since_switch;
     double *guard_values, *guard_noise, *chebyshev;
     struct GuardState *guard_states;
-    V *variation_in, *variation_out, *variation_c, *variation_work, *projected_in, *projected_out, *projected_c, *projected_work;
+    V *variation_in, *variation_out, *variation_c, *projected_in, *projected_out, *projected_c;
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     long terms;
     long events_before, event_capacity;
@@ -122,6 +123,27 @@ struct State {
     int jacobian_fresh;
     long capacity, coefficient_capacity, coefficient_count;
 };
+
+/* What of a kernel depends on parameters only, for the arguments `in`; room for it, and for the kernel's work. 0 when memory is short. */
+static int prepared(Integrator *I, const Kernel *k, const V *in, V **c) {
+    struct State *T = I->state;
+    if (k->work + 1 > T->work_size) {
+        if (!(T->work = reserve_lanes(I, k->work + 1))) return 0;
+        T->work_size = k->work + 1;
+    }
+    if (!(*c = reserve_lanes(I, k->constants + 1))) return 0;
+    prepare_kernel(k, in, *c, T->work);
+    return 1;
+}
+
+/* Arrays of a kernel, its parameters (from `fixed` on) and constants set. 0 when memory is short. */
+static int arranged(Integrator *I, const Kernel *k, V **in, V **out, V **c, long fixed) {
+    *in = reserve_lanes(I, k->inputs + 1);
+    *out = reserve_lanes(I, k->outputs + 1);
+    if (!*in || !*out) return 0;
+    for (long i = 0; i < I->np; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
+    return prepared(I, k, *in, c);
+}
 
 static int make_stages(Integrator *I, Stages *S, const Method *m) {
     long s = m->stages, B = (s + LANES - 1) / LANES, n = B * LANES;

@@ -9,6 +9,7 @@
 #define begin SIMULATOR_NAME(simulator_begin)
 #define advance SIMULATOR_NAME(simulator_advance)
 #define use_newton SIMULATOR_NAME(simulator_use_newton)
+#define exchange SIMULATOR_NAME(simulator_exchange)
 #define finish SIMULATOR_NAME(simulator_finish)
 #define dense SIMULATOR_NAME(simulator_dense)
 #define project_states SIMULATOR_NAME(simulator_project_states)
