@@ -20,14 +20,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from acausal.emit.library import FLAGS, SOURCES, suffix
 from acausal.errors import ExportError
 
-RUNTIME = Path(__file__).resolve().parent.parent / "runtime"
-"""Folder of the C sources that come with the package."""
-FLAGS = ("-O2", "-fPIC", "-fno-math-errno", "-ffp-contract=off", "-Wno-psabi", "-fvisibility=hidden")
-"""-O2 and not -O1: only then does gcc clear the upper halves of vector registers before it calls the C library. Without that each such
-call stalls on Intel processors (`python -m benchmarks.compiler_flags` measures it)."""
-_NATIVE = "-march=native"
+NATIVE = "-march=native"
+"""For the processor at hand."""
 
 
 @functools.cache
@@ -44,11 +41,6 @@ def compiler() -> tuple[str, ...] | None:
     return (sys.executable, "-m", "ziglang", "cc")
 
 
-def shared_library_suffix() -> str:
-    """.so, .dylib or .dll."""
-    return ".dll" if sys.platform == "win32" else ".dylib" if sys.platform == "darwin" else ".so"
-
-
 def cache_folder() -> Path:
     """$ACAUSAL_CACHE, or `acausal` in the user's cache folder. May be deleted at any time."""
     given = os.environ.get("ACAUSAL_CACHE")
@@ -58,13 +50,15 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "acausal"
 
 
-def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[str, ...]) -> Path | None:
+def cached_library(
+    key: str, sources: Sequence[str] | None, *, command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)
+) -> Path | None:
     """A shared library of C sources, compiled where the cache has none for `key`; None when it has none and `sources` is None.
 
     `key`: a hash of what the sources are made from. Raises `ExportError` when the compiler fails, or the cache cannot be written.
     """
-    name = hashlib.sha256("\0".join((key, *command, *FLAGS, _NATIVE, _machine(command))).encode()).hexdigest()[:32]
-    target = cache_folder() / (name + shared_library_suffix())
+    name = hashlib.sha256("\0".join((key, *command, *FLAGS, *options, _machine(command))).encode()).hexdigest()[:32]
+    target = cache_folder() / (name + suffix())
     if target.exists():
         return target
     if sources is None:
@@ -73,11 +67,11 @@ def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[st
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent) as folder:
             try:
-                made = _build(sources, Path(folder), command, [_NATIVE])
+                made = _build(sources, Path(folder), command, options)
             except ExportError:
-                if _knows_processor(Path(folder), command):
+                if options != (NATIVE,) or _knows_processor(Path(folder), command):
                     raise
-                made = _build(sources, Path(folder), command, [])
+                made = _build(sources, Path(folder), command, ())
             os.replace(made, target)
     except OSError as error:
         raise ExportError(
@@ -87,9 +81,9 @@ def cached_library(key: str, sources: Sequence[str] | None, *, command: tuple[st
     return target
 
 
-def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], options: list[str]) -> Path:
-    flags = [*options, *FLAGS, "-I", str(RUNTIME)]
-    made = folder / ("library" + shared_library_suffix())
+def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], options: tuple[str, ...]) -> Path:
+    flags = [*options, *FLAGS, "-I", str(SOURCES)]
+    made = folder / ("library" + suffix())
     files = [folder / f"part{k}.c" for k in range(len(sources))]
     for file, text in zip(files, sources, strict=True):
         file.write_text(text, encoding="utf-8")
@@ -107,7 +101,7 @@ def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], optio
 def _knows_processor(folder: Path, command: tuple[str, ...]) -> bool:
     """Whether the compiler has -march=native. Without it lanes are fewer: all libraries of a machine must be alike in this."""
     try:
-        _build(["int nothing;\n"], folder, command, [_NATIVE])
+        _build(["int nothing;\n"], folder, command, (NATIVE,))
     except ExportError:
         return False
     return True

@@ -93,6 +93,7 @@ def translation_units(sources: Sequence[Source], parts: int) -> list[str]:
     pieces = sorted((piece for source in sources for piece in source.pieces[:-1]), key=len, reverse=True)
     total = sum(map(len, pieces))
     units = [[head] for _ in range(max(1, min(parts, total // 80_000)))]
+    units[0].append("EXPORT const long kernel_lanes = LANES;\n")
     for source in sources:
         units[0].append(source.pieces[-1])
     for piece in pieces:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import casadi as ca
 
-from acausal.emit.compiler import compiler, run_compiler, shared_library_suffix
+from acausal.emit.compiler import compiler, run_compiler
+from acausal.emit.library import suffix
 from acausal.errors import ExportError
 from acausal.outputs.functions import Functions
 
@@ -63,7 +64,7 @@ def export_c(model: Functions, folder: str | Path) -> Path:
         }
         (target / "model.json").write_text(json.dumps(facts, indent=2), encoding="utf-8")
         text = _README.format(
-            title=facts["title"], build=build_line("model.c derivatives.c", "model" + shared_library_suffix()),
+            title=facts["title"], build=build_line("model.c derivatives.c", "model" + suffix()),
             functions="\n".join(f"    {f}" for f in functions), nx=len(model.state_names), nu=len(model.input_names), np=len(model.parameter_names),
         )  # fmt: skip
         (target / "README.txt").write_text(text, encoding="utf-8")
@@ -126,13 +127,13 @@ class LoadedModel:
     def __getitem__(self, name: str) -> ca.Function:
         if name not in self.names:
             raise ExportError(f"The exported model in '{self.folder}' has no function '{name}'. It has: {', '.join(self.names)}.")
-        return ca.external(name, str(self.folder / ("model" + shared_library_suffix())))
+        return ca.external(name, str(self.folder / ("model" + suffix())))
 
 
 def load_c(folder: str | Path) -> LoadedModel:
     """Compile (where that was not done) and load an exported model. Raises `ExportError` without a C compiler, or if it fails."""
     target = Path(folder).resolve()
-    library = target / ("model" + shared_library_suffix())
+    library = target / ("model" + suffix())
     sources = [target / "model.c", *target.glob("derivatives.c")]
     if not sources[0].exists():
         raise ExportError(f"'{target}' holds no exported model: there is no model.c. Write one with model.export_c(folder).")

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia
-from acausal.emit.compiler import RUNTIME
 from acausal.emit.emit import Source, emit, translation_units
+from acausal.emit.library import SOURCES
 from acausal.errors import ExportError
 from acausal.export.start_functions import StartFunctions, start_c, start_functions
 from acausal.numerics.bound import copied_states
@@ -99,7 +99,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
     }
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for source in [*RUNTIME.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]:  # names.h is in both: that of the program
+        for source in [*SOURCES.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]:  # names.h is in both: that of the program
             shutil.copyfile(source, target / source.name)
         for name, text in texts.items():
             (target / name).write_text(text, encoding="utf-8")

@@ -26,7 +26,6 @@ from acausal.collocation.problem import (
     Tolerances,
 )
 from acausal.collocation.tableau import Tableau, gauss_legendre
-from acausal.emit.compiler import compiler
 from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
 from acausal.runtime.binding import (
@@ -40,7 +39,8 @@ from acausal.runtime.binding import (
     RoundingFunction,
     method_table,
 )
-from acausal.runtime.kernels import How, Kernels, Wanted, runtime
+from acausal.runtime.kernels import How, Kernels, Wanted
+from acausal.runtime.load import Runtime, runtime
 
 _SLICE = 0.05
 _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
@@ -96,16 +96,16 @@ class CompiledProblem:
 
     def __init__(
         self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, clearance: ca.Function | None,
-        positions: int, how: How, library: ctypes.CDLL,
+        positions: int, how: How, runtime: Runtime,
     ) -> None:  # fmt: skip
-        self.rhs, self.how, self.library = rhs, how, library
+        self.rhs, self.how, self.runtime, self.library = rhs, how, runtime, runtime.library
         self._project = project
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
             wanted.append(Wanted("projection", projection_with_invariants(invariants, project), (2,)))
         if clearance is not None:
             wanted.append(Wanted("clearance", clearance, (2,)))
-        self.lanes: int = library.lanes()
+        self.lanes = runtime.lanes
         self.kernels = self._kernels(*wanted)
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
         self.positions, self.crosses = positions, clearance is not None
@@ -115,7 +115,7 @@ class CompiledProblem:
         self.copies = len(pairs)
 
     def _kernels(self, *wanted: Wanted) -> Kernels:
-        return Kernels(wanted, self.lanes, self.how)
+        return Kernels(wanted, self.runtime, self.how)
 
     @functools.cached_property
     def jvp(self) -> Kernels:
@@ -411,5 +411,5 @@ def compile_problem(
 
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
-    command = compiler()
-    return None if command is None else CompiledProblem(rhs, invariants, project, clearance, positions, how, runtime(command))
+    library = runtime()
+    return None if library is None else CompiledProblem(rhs, invariants, project, clearance, positions, how, library)

@@ -15,12 +15,14 @@ from pathlib import Path
 
 import casadi as ca
 
-from acausal.emit.compiler import RUNTIME, cached_library, compiler
+from acausal.emit.compiler import NATIVE, cached_library, compiler
 from acausal.emit.emit import EMITTER, emit, translation_units
+from acausal.emit.library import SOURCES
 from acausal.emit.program import Program, program
 from acausal.errors import ExportError
 from acausal.numerics.kernel import Kernel as NumberKernel
 from acausal.numerics.kernel import arguments
+from acausal.runtime.load import Runtime, loaded
 
 EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
@@ -67,17 +69,17 @@ class Kernels:
     Raises `ExportError` for functions that have no C.
     """
 
-    def __init__(self, wanted: Sequence[Wanted], lanes: int, how: How) -> None:
-        self.version, self._spent, self._cost = 0, 0.0, math.inf
+    def __init__(self, wanted: Sequence[Wanted], runtime: Runtime, how: How) -> None:
+        self.version, self._spent, self._cost, self._lanes = 0, 0.0, math.inf, runtime.lanes
         self._alive: list[object] = []  # what the kernels, also former ones, need in memory
         command = compiler() if how in (How.AUTO, How.COMPILED) else None
-        self._compilation = None if command is None else Compilation(tuple(wanted), command)
+        self._compilation = None if command is None else Compilation(tuple(wanted), command, runtime.options)
         if self._compilation is not None and (how is How.COMPILED or self._compilation.cached()):
             self._take_compiled()
         elif how is How.CASADI:
             self.current = [_evaluated(w.function, self._alive) for w in wanted]
         else:
-            programs = [program(w.function, w.name, lanes, parameters=w.parameters) for w in wanted]
+            programs = [program(w.function, w.name, runtime.lanes, parameters=w.parameters) for w in wanted]
             self._alive += programs
             self.current = [_interpreted(p) for p in programs]
             self._cost = 0.15 + 3e-4 * sum(p.run.shape[0] for p in programs)
@@ -95,15 +97,21 @@ class Kernels:
 
     def _take_compiled(self) -> None:
         assert self._compilation is not None
-        library, self.current = self._compilation.result()
+        library, found = self._compilation.result()
+        lanes = ctypes.c_long.in_dll(library, "kernel_lanes").value
+        if lanes != self._lanes:
+            raise ExportError(
+                f"Kernels were compiled for {lanes} lanes and the runtime for {self._lanes}; was the compiler changed?"
+            )
         self._alive.append(library)
+        self.current = found
 
 
 class Compilation:
     """The compilation of kernels, in the background or waited for."""
 
-    def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...]) -> None:
-        self._wanted, self._command = wanted, command
+    def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)) -> None:
+        self._wanted, self._command, self._options = wanted, command, options
         parts = [f"{w.name}\0{w.parameters}\0{w.function.serialize()}" for w in wanted]
         self._key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
         self._thread: threading.Thread | None = None
@@ -111,11 +119,11 @@ class Compilation:
 
     def cached(self) -> bool:
         """Whether this has been compiled before, by whatever process."""
-        return cached_library(self._key, None, command=self._command) is not None
+        return self._library(None) is not None
 
     def result(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """The library, which must be kept as long as the kernels are used, and the kernels. Raises `ExportError`."""
-        library = _load(cached_library(self._key, None, command=self._command) or self._compile())
+        library = loaded(self._library(None) or self._compiled())
         return library, [_kernel(library, w.name) for w in self._wanted]
 
     def begin(self) -> None:
@@ -124,15 +132,18 @@ class Compilation:
             self._thread = threading.Thread(target=self._work, name="compiler of kernels", daemon=True)
             self._thread.start()
 
-    def _compile(self) -> Path:
+    def _compiled(self) -> Path:
         sources = [emit(w.function, w.name, parameters=w.parameters) for w in self._wanted]
-        path = cached_library(self._key, translation_units(sources, os.cpu_count() or 1), command=self._command)
+        path = self._library(translation_units(sources, os.cpu_count() or 1))
         assert path is not None
         return path
 
+    def _library(self, sources: Sequence[str] | None) -> Path | None:
+        return cached_library(self._key, sources, command=self._command, options=self._options)
+
     def _work(self) -> None:
         try:
-            self._compile()
+            self._compiled()
         except ExportError:  # the interpreter goes on
             return
         self.succeeded = True
@@ -159,16 +170,6 @@ def _evaluated(function: ca.Function, alive: list[object]) -> Kernel:
     return Kernel(evaluate=callback, arguments=x.ctypes.data, results=y.ctypes.data, inputs=x.size, outputs=y.size)
 
 
-def _load(path: Path) -> ctypes.CDLL:
-    try:
-        return ctypes.CDLL(str(path))
-    except OSError as error:
-        raise ExportError(
-            f"The compiled code in '{path}' cannot be loaded: {error}. "
-            "Delete this file, or set the environment variable ACAUSAL_CACHE to another folder."
-        ) from error
-
-
 def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
     sizes = (ctypes.c_long * 4).in_dll(library, f"{name}_sizes")
     run, prepare = (ctypes.cast(getattr(library, n), ctypes.c_void_p).value for n in (name, f"{name}_prepare"))
@@ -179,24 +180,5 @@ def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
 @functools.cache
 def _sources() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
-    files = [RUNTIME / "names.h", RUNTIME / "lanes.h", RUNTIME / "vector_math.h", *EMITTER]
+    files = [SOURCES / "names.h", SOURCES / "lanes.h", SOURCES / "vector_math.h", *EMITTER]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
-
-
-@functools.cache
-def runtime(command: tuple[str, ...]) -> ctypes.CDLL:
-    """The integrators, compiled by `command` or found in the cache."""
-    files = sorted(RUNTIME.glob("*.[ch]"))
-    key = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
-    text = (RUNTIME / "runtime.c").read_text(encoding="utf-8")
-    path = cached_library(key, [text], command=command)
-    assert path is not None
-    library = _load(path)
-    pointer, number = ctypes.c_void_p, ctypes.c_long
-    library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = library.use_newton.argtypes = [pointer]
-    library.dense.argtypes = [pointer, number, pointer, pointer]
-    library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
-    library.lanes.restype = number
-    library.exchange.argtypes = [pointer, number, pointer]
-    library.finish.restype = library.use_newton.restype = None
-    return library

@@ -17,3 +17,14 @@
 #include "advance.h"
 
 long lanes(void) { return LANES; }
+
+/* The most lanes for which this processor has registers, and all that compilers use with them. */
+long widest(void) {
+#if defined(__x86_64__) && !defined(ONLY_COMPILED_KERNELS)
+    if (!(__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))) return 2;
+    if (!(__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq"))) return 4;
+    return __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd") ? 8 : 4;
+#else
+    return LANES;
+#endif
+}

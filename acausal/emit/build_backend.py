@@ -1,0 +1,102 @@
+"""setuptools, and the runtime's libraries built before a wheel or an editable installation is made.
+
+Where no compiler is found, ziglang from PyPI is asked for. Where that is not to be had either, or a compiler fails, the package
+installs without libraries, and says so: the first compiler that is found later builds them.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from library import BUILT, FLAGS, SOURCES, Variant, variants  # type: ignore[import-not-found]  # beside this file, see pyproject.toml
+from setuptools import build_meta
+from setuptools.command.bdist_wheel import bdist_wheel
+
+_Settings = dict[str, Any] | None
+build_sdist = build_meta.build_sdist
+get_requires_for_build_sdist = build_meta.get_requires_for_build_sdist
+prepare_metadata_for_build_editable = build_meta.prepare_metadata_for_build_editable
+prepare_metadata_for_build_wheel = build_meta.prepare_metadata_for_build_wheel
+
+
+class PlatformWheel(bdist_wheel):
+    """A wheel for this platform and any Python 3: its libraries know nothing of Python."""
+
+    def finalize_options(self) -> None:
+        super().finalize_options()
+        self.root_is_pure = not BUILT.exists()
+
+    def get_tag(self) -> tuple[str, str, str]:
+        return "py3", "none", super().get_tag()[2]
+
+
+def get_requires_for_build_wheel(config_settings: _Settings = None) -> list[str]:
+    """See PEP 517."""
+    return build_meta.get_requires_for_build_wheel(config_settings) + _compiler_from_pypi()
+
+
+def get_requires_for_build_editable(config_settings: _Settings = None) -> list[str]:
+    """See PEP 660."""
+    return build_meta.get_requires_for_build_editable(config_settings) + _compiler_from_pypi()
+
+
+def build_wheel(wheel_directory: str, config_settings: _Settings = None, metadata_directory: str | None = None) -> str:
+    """See PEP 517."""
+    build_libraries()
+    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def build_editable(wheel_directory: str, config_settings: _Settings = None, metadata_directory: str | None = None) -> str:
+    """See PEP 660."""
+    build_libraries()
+    return build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
+
+
+def build_libraries() -> None:
+    """The libraries of all variants that the compiler can build."""
+    command = _compiler() or (_zig() if importlib.util.find_spec("ziglang") else None)
+    if command is None:
+        print("acausal: no C compiler was found; its runtime is built when one is there.", file=sys.stderr)
+        return
+    BUILT.mkdir(exist_ok=True)
+    for old in BUILT.iterdir():
+        old.unlink()
+    for variant in variants():
+        _build(variant, command)
+
+
+def _build(variant: Variant, command: tuple[str, ...]) -> None:
+    with tempfile.TemporaryDirectory(dir=BUILT) as folder:
+        made = Path(folder) / variant.file.name
+        options = [*variant.flags(command), *FLAGS, f"-DLANES={variant.lanes}", "-shared", "-o", str(made)]
+        result = subprocess.run(
+            [*command, *options, str(SOURCES / "runtime.c"), "-lm"], capture_output=True, text=True, check=False
+        )
+        if result.returncode == 0:
+            os.replace(made, variant.file)
+        else:
+            print(f"acausal: its runtime cannot be built for {variant.architecture}:\n{result.stderr[-2000:]}", file=sys.stderr)
+
+
+def _compiler() -> tuple[str, ...] | None:
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        words = shlex.split(name)
+        if words and shutil.which(words[0]):
+            return tuple(words)
+    return None
+
+
+def _zig() -> tuple[str, ...]:
+    return sys.executable, "-m", "ziglang", "cc"
+
+
+def _compiler_from_pypi() -> list[str]:
+    return [] if _compiler() else ["ziglang>=0.13"]

@@ -1,0 +1,100 @@
+"""Kernels that are interpreted give the bits of compiled ones, for every operation and model, and may change places with them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import acausal as ac
+from acausal.emit.statements import BINARY, UNARY
+from acausal.runtime.compiled import CompiledProblem
+from acausal.runtime.kernels import How, Kernel, Kernels, Wanted
+from acausal.runtime.load import Runtime, runtime
+from tests.scenes import FourBar, Pendulum, chain
+
+Array = NDArray[np.float64]
+X, Y = ca.SX.sym("x"), ca.SX.sym("y")
+SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.3, -2.7, 5.0, 1e-310, -3e200, np.inf, -np.inf, np.nan])
+
+
+@pytest.fixture(scope="module")
+def library() -> Runtime:
+    found = runtime()
+    assert found is not None
+    return found
+
+
+def _values(kernel: Kernel, points: Array, library: Runtime) -> Array:
+    """Results (outputs, n) at points (inputs, n), by the runtime."""
+    inputs, outputs = np.ascontiguousarray(points), np.empty((kernel.outputs, points.shape[1]))
+    assert library.library.evaluate_kernel(ctypes.byref(kernel), points.shape[1], inputs.ctypes.data, outputs.ctypes.data) == 0
+    return outputs
+
+
+def _bits(x: Array) -> NDArray[np.uint64]:
+    """Bits, with one NaN for all."""
+    return np.where(np.isnan(x), np.nan, x).view(np.uint64)
+
+
+def _same(functions: Sequence[Wanted], points: Array, library: Runtime) -> None:
+    ways = [Kernels(functions, library, how) for how in (How.INTERPRETED, How.COMPILED)]
+    for wanted, interpreted, compiled in zip(functions, *(way.current for way in ways), strict=True):
+        one, other = (_values(kernel, points[: kernel.inputs], library) for kernel in (interpreted, compiled))
+        assert np.array_equal(_bits(one), _bits(other)), wanted.name
+
+
+def test_every_operation_has_the_bits_of_compiled_code(library: Runtime) -> None:
+    """Those of one operand and of two, at numbers where anything may go wrong."""
+    unary = [Wanted(f"one{code}", ca.Function("f", [X], [ca.SX.unary(code, X)])) for code in UNARY]
+    _same(unary, np.concatenate([SPECIAL, np.random.default_rng(1).normal(0, 2, 50)])[None, :], library)
+    binary = [Wanted(f"two{code}", ca.Function("f", [X, Y], [ca.SX.binary(code, X, Y)])) for code in BINARY]
+    _same(binary, np.array([*product(SPECIAL, SPECIAL)]).T, library)
+
+
+def test_powers_and_merged_operations_have_the_bits_of_compiled_code(library: Runtime) -> None:
+    """Products inside sums, differences and products are one statement of the interpreter; rounding stays that of two."""
+    z, w = ca.SX.sym("z"), ca.SX.sym("w")
+    forms = [
+        X * Y + z,
+        z + X * Y,
+        X * Y - z,
+        z - X * Y,
+        X * Y * z,
+        X**2 - z * w,
+        (X * Y) * (z * w),
+        X * Y + z * w,
+        X**2 + X**2 * Y,
+    ]
+    forms += [X**k for k in (-2.5, -1, -0.5, 0.5, 1.5, 3, 8, 9, 0.3)] + [ca.sin(X) * ca.cos(X) + X, ca.cos(X), ca.SX(2.5), X]
+    wanted = [Wanted(f"f{k}", ca.Function("f", [X, Y, z, w], [ca.vertcat(form, X)])) for k, form in enumerate(forms)]
+    _same(wanted, np.random.default_rng(2).normal(0, 2, (4, 64)), library)
+
+
+def test_what_depends_on_parameters_only_is_prepared(library: Runtime) -> None:
+    p = ca.SX.sym("p", 2)
+    heavy = ca.exp(ca.sin(p[0]) ** 2) / p[1]
+    f = ca.Function("f", [X, p], [ca.vertcat(heavy * X + ca.cos(p[1]), heavy, p[0], 3.0)])
+    _same([Wanted("prepared", f, (1,))], np.random.default_rng(3).uniform(0.2, 2, (3, 1)), library)
+
+
+def _problems(model: ac.Model, library: Runtime) -> Iterator[CompiledProblem]:
+    f = model.functions
+    for how in (How.INTERPRETED, How.COMPILED):
+        yield CompiledProblem(f.explicit_dynamics, f.invariants, f.projection, f.clearance, f.space.nq, how, library)
+
+
+@pytest.mark.parametrize("scene", [Pendulum, FourBar, lambda: chain(6)], ids=["pendulum", "four-bar", "chain"])
+def test_kernels_of_models_have_the_bits_of_compiled_ones(scene: type[ac.System], library: Runtime) -> None:
+    """Dynamics, projection, clearance, and derivatives of the first two."""
+    one, other = _problems(ac.build(scene()), library)
+    for ours, theirs in ((one.kernels, other.kernels), (one.jvp, other.jvp), (one.variation, other.variation)):
+        for interpreted, compiled in zip(ours.current, theirs.current, strict=True):
+            points = np.random.default_rng(4).normal(0, 1, (interpreted.inputs, 24))
+            points = np.repeat(points[:, :1], 24, axis=1) if one.np else points
+            assert np.array_equal(*(_bits(_values(kernel, points, library)) for kernel in (interpreted, compiled)))
