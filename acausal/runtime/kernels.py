@@ -20,8 +20,7 @@ from acausal.emit.emit import EMITTER, emit, translation_units
 from acausal.emit.library import SOURCES
 from acausal.emit.program import Program, program
 from acausal.errors import ExportError
-from acausal.numerics.kernel import Kernel as NumberKernel
-from acausal.numerics.kernel import arguments
+from acausal.numerics.bound import BoundFunction, arguments
 from acausal.runtime.load import Runtime, loaded
 
 EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
@@ -159,7 +158,7 @@ def _evaluated(function: ca.Function, alive: list[object]) -> Kernel:
     """A kernel that CasADi evaluates; what is not to be forgotten goes to `alive`."""
     symbols = arguments(function)
     stacked = ca.Function("stacked", [ca.vertcat(*map(ca.vec, symbols))], [ca.vertcat(*map(ca.vec, function.call(symbols)))])
-    found = NumberKernel.of(stacked)
+    found = BoundFunction.of(stacked)
 
     def evaluate(_: int | None) -> None:
         found()
