@@ -17,6 +17,7 @@ from acausal.loops.loop_groups import drawn
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.folding import folded_function
 from acausal.numerics.sizes import Drawn
+from acausal.numerics.vanishing import vanish
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
 from acausal.parts.turning import turning
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from acausal.reduce.reduce import ReducedSystem
 
 _KEPT = 64
-_FULL_TURN = 1e-9
-"""Change of a row by a full turn, as part of its size, that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +65,10 @@ class StartProblem:
 
 
 def _turns_fully(r: ReducedSystem, k: int) -> bool:
-    """Whether a full turn of entry k of x leaves all equations between positions as they are, at some places."""
-    function = ca.Function("rows", [r.t, r.x, r.u, r.p], [ca.densify(r.scalar.position)])
-    x = np.random.default_rng(5).uniform(-1, 1, (3, r.x.numel()))
-    turned = x + 2 * np.pi * np.eye(r.x.numel())[k]
-    rows, after = (
-        np.array([np.array(function(0.0, at, np.zeros(r.u.numel()), r.p_values)).ravel() for at in places])
-        for places in (x, turned)
-    )
-    return bool((np.abs(after - rows) <= _FULL_TURN * np.max(np.abs(rows), axis=0)).all())
+    """Whether a full turn of entry k of x leaves all equations between positions as they are."""
+    rows = r.scalar.position
+    turned = ca.substitute(rows, r.x[k], r.x[k] + 2 * np.pi)
+    return vanish(turned - rows, r.p, r.p_values)
 
 
 def start_problem(outputs: Outputs, start: Start) -> StartProblem:
