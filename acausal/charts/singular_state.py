@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from acausal.numerics.sizes import Drawn, unknown_sizes
 from acausal.outputs.functions import Functions
+from acausal.start.coordinates import turning_states
 from acausal.wording import compact
 
 SINGULAR = 1e-6
@@ -16,7 +18,7 @@ SINGULAR = 1e-6
 def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
     """How independent the loops' constraints are at a state x (nx,), time t [s], parameters p (np,): of the singular values of their rows,
     each divided by its usual length, the smallest of as many as constraints are independent elsewhere, and the velocities (nv,) that it
-    nearly leaves free. 1 without loops.
+    nearly leaves free, speeds measured by the arms of turns. 1 without loops.
     """
     s = functions.outputs.system
     rank = s.constraints.rank.rank
@@ -27,7 +29,11 @@ def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) ->
         return np.array(functions.constraint_jacobian(t, x, s.u_defaults, p))
 
     samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.samples]
-    _, values, directions = np.linalg.svd(scaled_rows(rows(t, x, p), samples))
+    here = rows(t, x, p)
+    largest = np.max(np.abs([here, *samples]), axis=0)
+    turns = turning_states(s)[1][: s.tree_velocities]
+    units = unknown_sizes(largest, turns, np.zeros(len(here)), Drawn.exact(len(here)))
+    _, values, directions = np.linalg.svd(scaled_rows(here * units, [J * units for J in samples]))
     return abs(float(values[rank - 1])), directions[rank - 1]
 
 

@@ -11,6 +11,8 @@ ROUNDING = 64 * float(np.finfo(float).eps)
 """A row is zero where it is at most this times the sum of the sizes of its terms."""
 CLOSED = 3e-13
 """... or at most this times the row's own size: constants are often typed with so many digits."""
+GIVEN = 1e-6
+"""States that users type meet the constraints to this part of the rows' sizes."""
 DEPENDENT = 1e-9
 """Singular values below this, of rows and columns brought to size one, count as zero: steps do not go there."""
 RANK = 1e-7

@@ -50,8 +50,10 @@ def vanishing(
         seen += np.count_nonzero(clear, axis=1)
         if (~zero | (seen >= _ENOUGH)).all():
             break
-    answers = np.where(zero, np.where(seen >= _ENOUGH, Vanishing.YES, Vanishing.UNKNOWN), Vanishing.NO)
-    return tuple(answers.tolist())
+    return tuple(
+        Vanishing.NO if not is_zero else Vanishing.YES if often else Vanishing.UNKNOWN
+        for is_zero, often in zip(zero, seen >= _ENOUGH, strict=True)
+    )
 
 
 def vanish(rows: ca.SX, fixed: ca.SX | None = None, values: np.ndarray | None = None, *, known: float = ROUNDING) -> bool:

@@ -14,6 +14,7 @@ from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.parts.steps import Turn
 from acausal.parts.turning import turning
+from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import entry_names
 
@@ -132,6 +133,18 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
         result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, bool(turns[i]), i in angles))
         i += 1
     return result
+
+
+def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Which entries of q are angles and quaternions, and which of the velocities and scalar states are rates of these."""
+    tree = r.mechanics.tree
+    turns = np.concatenate([np.zeros(0, dtype=bool), *(turning(item.edge.joint) for item in tree.joints)])
+    rates = np.zeros(r.rate_start.size, dtype=bool)
+    if turns.any():
+        N = ca.jacobian(tree.rates[[int(i) for i in np.flatnonzero(turns)]], tree.v)
+        rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
+    scalars = [s.is_angle for s in r.scalar_states[: r.scalar.positions]]
+    return np.concatenate([turns, np.array(scalars, dtype=bool)]), rates
 
 
 def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:
