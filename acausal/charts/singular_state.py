@@ -8,7 +8,6 @@ import numpy as np
 
 from acausal.numerics.sizes import Drawn, unknown_sizes
 from acausal.outputs.functions import Functions
-from acausal.start.coordinates import turning_states
 from acausal.wording import compact
 
 SINGULAR = 1e-6
@@ -31,7 +30,7 @@ def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) ->
     samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.samples]
     here = rows(t, x, p)
     largest = np.max(np.abs([here, *samples]), axis=0)
-    turns = turning_states(s)[1][: s.tree_velocities]
+    turns = s.mechanics.tree.turning[1]
     units = unknown_sizes(largest, turns, np.zeros(len(here)), Drawn.exact(len(here)))
     _, values, directions = np.linalg.svd(scaled_rows(here * units, [J * units for J in samples]))
     return abs(float(values[rank - 1])), directions[rank - 1]

@@ -22,7 +22,6 @@ from acausal.numerics.sizes import positive
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.inertia import Inertia, skew
 from acausal.parts.pose import symbolic
-from acausal.parts.turning import turning
 
 _LOST = 1e-9
 """Of what a motion would meet if all joints behind it were locked."""
@@ -66,8 +65,9 @@ def check_tree_inertia(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.
 
 def _sizes(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> np.ndarray:
     """What is much for each entry of q (nq,): 1 for turns, else a length near the joint; 1 where there is none in the whole tree."""
-    if all(turning(joint.edge.joint).all() for joint in tree.joints):
-        return np.ones(q.size)
+    turns, much = tree.turning[0], np.ones(q.size)
+    if turns.all():
+        return much
     near = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
     # radii of gyration, squared; where there is no mass 0 / 0
     wide = [ca.SX(ca.trace(symbolic(link.inertia.second_moment))) / link.inertia.mass for link in tree.links]
@@ -81,9 +81,8 @@ def _sizes(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> 
         if link.parent >= 0:
             around[i], around[link.parent] = max(around[i], own[link.parent]), max(around[link.parent], own[i])
     around = positive(np.where(around > 0, around, np.max(own, initial=0.0)))
-    much = np.ones(q.size)
     for joint in tree.joints:
-        much[joint.q] = np.where(turning(joint.edge.joint), 1.0, around[joint.link])
+        much[joint.q] = np.where(turns[joint.q], 1.0, around[joint.link])
     return much
 
 

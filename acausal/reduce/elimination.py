@@ -16,7 +16,6 @@ import numpy as np
 from acausal.dynamics.tree import Tree
 from acausal.numerics.sizes import Drawn, unknown_sizes
 from acausal.numerics.thresholds import DEPENDENT
-from acausal.parts.turning import all_turning
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, param
         return Elimination.none()
     q, v = tree.q[[k for k, _ in plain]], tree.v[[j for _, j in plain]]
     of_positions, of_rates = _linear(position, q, moving, tree.t), _linear(velocity, v, moving, tree.t)
-    turns = all_turning(joint.edge.joint for joint in tree.joints)[[k for k, _ in plain]]
+    turns = tree.turning[0][[k for k, _ in plain]]
     numbers = _Numbers(parameters, values, np.ones(len(plain)), turns).measured([*of_positions, *of_rates])
     known: list[_Relation] = []
     for row in of_positions:

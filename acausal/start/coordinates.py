@@ -13,7 +13,7 @@ from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.parts.steps import Turn
-from acausal.parts.turning import all_turning, turning
+from acausal.parts.turning import turning
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import entry_names
@@ -137,14 +137,9 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
 
 def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
     """Which entries of q are angles and quaternions, and which of the velocities and scalar states are rates of these."""
-    tree = r.mechanics.tree
-    turns = all_turning(item.edge.joint for item in tree.joints)
-    rates = np.zeros(r.rate_start.size, dtype=bool)
-    if turns.any():
-        N = ca.jacobian(tree.rates[[int(i) for i in np.flatnonzero(turns)]], tree.v)
-        rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
+    turns, rates = r.mechanics.tree.turning
     scalars = [s.is_angle for s in r.scalar_states[: r.scalar.positions]]
-    return np.concatenate([turns, np.array(scalars, dtype=bool)]), rates
+    return np.append(turns, np.array(scalars, dtype=bool)), np.append(rates, np.zeros(r.rate_start.size - rates.size, dtype=bool))
 
 
 def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:
