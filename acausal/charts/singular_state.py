@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from acausal.numerics.sizes import Drawn, unknown_sizes
+from acausal.numerics.thresholds import CROSSING
 from acausal.outputs.functions import Functions
 from acausal.wording import compact
-
-SINGULAR = 1e-6
-"""Singular value of constraints, each divided by its usual length, below which branches of the motion cross."""
 
 
 def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
@@ -36,7 +34,7 @@ def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) ->
     return abs(float(values[rank - 1])), directions[rank - 1]
 
 
-def singular_loops(functions: Functions, t: float, x: np.ndarray, p: np.ndarray, limit: float = SINGULAR) -> str:
+def singular_loops(functions: Functions, t: float, x: np.ndarray, p: np.ndarray, limit: float = CROSSING) -> str:
     """What is singular at a state, in words; empty where the `singularity` is at least `limit`."""
     smallest, direction = singularity(functions, t, x, p)
     if not smallest < limit:
@@ -46,7 +44,7 @@ def singular_loops(functions: Functions, t: float, x: np.ndarray, p: np.ndarray,
     moving = [velocities[i] for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > 0.1]
     loops = compact(f"'{rows.edge.name}'" for rows in s.constraints.loops)
     return (
-        f"The loops closed by {loops} are in a {'singular' if smallest < SINGULAR else 'nearly singular'} position at t = {t:.6g} s (smallest "
+        f"The loops closed by {loops} are in a {'singular' if smallest < CROSSING else 'nearly singular'} position at t = {t:.6g} s (smallest "
         f"singular value {smallest:.2g}): {compact(moving)} may change besides the usual motion, and branches of the motion cross. No "
         "coordinates are independent on all of them."
     )

@@ -19,9 +19,13 @@ RANK = 1e-7
 """The same where rows are counted: configurations are closed to `CLOSED`, and 1e-7 above that no row is independent by accident."""
 SINGULAR = 1e-5
 """A position is singular where the smallest of the singular values that are usual is below this."""
+CROSSING = 1e-6
+"""The same where a state given is one: nearer to it no coordinates stand for the others."""
 NEARLY = 3e-2
 """Rows that are independent by less than this are named when nothing can move: lengths or axes may be meant to fit."""
 STRIDE = 0.7
 """Longest step of a search: rad, or fractions of the length that belongs to the coordinate."""
 EDGE = 1e-9
-"""Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding."""
+"""Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding; what may be left, as part of them, of lengths that are to be
+the same and of powers that are to cancel.
+"""
