@@ -111,7 +111,7 @@ def closed_positions(system: Reduced) -> list[np.ndarray]:
         return finite(np.array(terms(y, 0.0, system.p_values)).ravel())
 
     scalar, starts = system.scalar, system.samples
-    turns = np.append(system.mechanics.tree.turning[0], [s.unit == "rad" for s in scalar.states[: scalar.positions]]).astype(bool)
+    turns = np.append(system.mechanics.tree.turning[0], [s.is_angle for s in scalar.states[: scalar.positions]]).astype(bool)
     J = np.max([np.abs(np.nan_to_num(residual(y)[1])) for y in starts], axis=0)
     unit = unknown_sizes(J, turns, rounding(starts[0]), none)
     sizes = Sizes(unit, row_sizes(J, unit, rounding(starts[0])), rounding)
