@@ -29,7 +29,7 @@ import numpy as np
 from acausal.dynamics.formulas import damped_solver, pivots, positive_solver, solve_positive
 from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
 from acausal.dynamics.system import MechanicalSystem
-from acausal.dynamics.virtual_inertia import check_tree_inertia, massless_motions
+from acausal.dynamics.virtual_inertia import LoopMotions, check_tree_inertia, virtual_rotors
 from acausal.loops.constraints import Constraints
 
 _DAMPING = 1e-9
@@ -64,16 +64,22 @@ class LoopForces:
         c = self.constraints
         if not c.jacobian.shape[0]:
             return free, ca.SX(0, 1)
-        # v' = free + W A' lambda + W E' mu with mu = d E v': the rows of the loops eliminated first, then the few of the rotors
-        multipliers = ca.SX.zeros(c.jacobian.shape[0])
-        for _ in range(2 if c.dependent else 1):  # what rounding of the matrix has left is divided by a small eigenvalue
-            change = self._solver(-c.bias - c.jacobian @ free)
-            multipliers, free = multipliers + change, free + self.flexibility @ change
+        free, multipliers = self._held(free, c.bias)
         if not self.rotors:
             return free, multipliers
         W, held = self._rotor_response
         mu = solve_positive(self._rotor_inertia, free[self._rotor_places])
-        return free + W @ mu, multipliers - held @ mu
+        return free + W @ mu, multipliers + held @ mu
+
+    def _held(self, free: ca.SX, bias: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (nv, k) with closed loops, rotors included, and multipliers (m, k), for those without loops."""
+        c = self.constraints
+        multipliers = ca.SX.zeros(c.jacobian.shape[0], free.shape[1])
+        for _ in range(2 if c.dependent else 1):  # what rounding of the matrix has left is divided by a small eigenvalue
+            open_ = c.jacobian @ free
+            change = self._solver(-open_ if bias is None else -bias - open_)
+            multipliers, free = multipliers + change, free + self.flexibility @ change
+        return free, multipliers
 
     def check_inertia(self, parameters: ca.SX, values: np.ndarray) -> None:
         """Raise `MasslessError` where a motion meets no inertia in spite of closed loops."""
@@ -82,9 +88,10 @@ class LoopForces:
         tree = self.mechanics.tree
         function = ca.Function("left", [tree.q, tree.t, parameters], [self._rotor_inertia])
         for q in self.constraints.samples:
-            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * min(self.rotors.values()))
+            link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
+            size = np.sqrt([self.rotors[i] for i in link_of])
+            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * np.outer(size, size))
             if np.min(np.abs(levels)) < _MASSLESS:
-                link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
                 raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
 
     @functools.cached_property
@@ -127,11 +134,9 @@ class LoopForces:
 
     @functools.cached_property
     def _rotor_response(self) -> tuple[ca.SX, ca.SX]:
-        """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then fall."""
+        """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then change."""
         n = self.mechanics.tree.v.numel()
-        W = ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
-        held = self._solver(self.constraints.jacobian @ W)
-        return W - self.flexibility @ held, held
+        return self._held(ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places)))
 
     @functools.cached_property
     def _rotor_inertia(self) -> ca.SX:
@@ -181,7 +186,9 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
         none = ca.SX(tree.v.numel(), 0)
         return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
-    rotors = massless_motions(tree, parameters, samples, values)
+    rows = ca.Function("rows", [tree.q, tree.t, parameters], [ca.densify(A)])
+    loops = LoopMotions(tuple(np.array(rows(q, 0.0, values)) for q in samples), constraints.rates)
+    rotors = virtual_rotors(tree, parameters, samples, loops, values)
     inertias = articulated_inertias(tree, rotors)
     flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
