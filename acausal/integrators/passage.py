@@ -28,6 +28,8 @@ _WEIGHTS = np.array([-1 / 70, 4 / 35, -2 / 5, 4 / 5, 4 / 5, -2 / 5, 4 / 35, -1 /
 _CORRECTIONS = 4
 _SETTLING = 10
 _SEARCH = 30
+_CLEARER = 4
+"""Times as clear as a stage and as the next to singular positions, the end of a step by which the stage is settled."""
 _ROUNDING = 100
 """Times as large, what is left of rounding errors across the branch."""
 
@@ -166,7 +168,7 @@ class Zone:
         n, passage, k = self.passage.problem.positions, self.passage, int(np.argmin(self.clear))
         end = np.array([t + h])
         there = passage.closed(end, (x + h * tableau.b @ K)[None, :])
-        if not self.clear[k] < _NEARBY or passage.clearances(end, there)[0] < _NEARBY:
+        if not self.clear[k] < _NEARBY or passage.clearances(end, there)[0] < _CLEARER * max(self.clear[k], _CROSSING):
             return
         tau, here = self.ahead[k], np.array([t + h * tableau.c[k]])
         state = (x + h * tableau.A[k] @ K)[None, :]
