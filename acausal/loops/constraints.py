@@ -190,7 +190,7 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank))
+    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank, rank.kept))
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(z)[2] for z in samples]
