@@ -65,11 +65,20 @@ class LoopForces:
         if not c.jacobian.shape[0]:
             return free, ca.SX(0, 1)
         free, multipliers = self._held(free, c.bias)
-        if not self.rotors:
+        mu = self._rotor_forces(free)
+        if mu is None:
             return free, multipliers
         W, held = self._rotor_response
-        mu = solve_positive(self._rotor_inertia, free[self._rotor_places])
         return free + W @ mu, multipliers + held @ mu
+
+    def _rotor_forces(self, moved: ca.SX) -> ca.SX | None:
+        """What has to be added to the forces on the joints with rotors (k, 1) where these are to be taken away; they are `moved` (nv, 1)."""
+        return solve_positive(self._rotor_inertia, moved[self._rotor_places]) if self.rotors else None
+
+    def _without_rotors(self, moved: ca.SX) -> ca.SX:
+        """A change (nv, 1) that closes loops, in the mass metric, from the same with rotors."""
+        mu = self._rotor_forces(moved)
+        return moved if mu is None else moved + self._rotor_response[0] @ mu
 
     def _held(self, free: ca.SX, bias: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
         """Accelerations (nv, k) with closed loops, rotors included, and multipliers (m, k), for those without loops."""
@@ -151,14 +160,15 @@ class LoopForces:
         rows = [k for k in range(self.delassus.shape[0]) if k not in slips]
         if not rows:
             return ca.SX.zeros(tree.q.numel())
-        return -(ca.jacobian(tree.rates, tree.v) @ (self.flexibility[:, rows] @ self._corrected(gap, rows)))
+        moved = self._without_rotors(self.flexibility[:, rows] @ self._corrected(gap, rows))
+        return -(ca.jacobian(tree.rates, tree.v) @ moved)
 
     def velocity_correction(self) -> ca.SX:
         """Change of v (nv, 1) that closes the velocity residuals, in the mass metric."""
         c = self.constraints
         if not c.jacobian.shape[0]:
             return ca.SX.zeros(self.mechanics.tree.v.numel())
-        return -(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel()))))
+        return -self._without_rotors(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel()))))
 
     def _corrected(self, gap: ca.SX, rows: list[int]) -> ca.SX:
         """Multipliers of some rows that close `gap`."""
