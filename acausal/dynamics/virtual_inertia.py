@@ -44,6 +44,8 @@ class LoopMotions:
 
     jacobians: tuple[np.ndarray, ...]
     rates: np.ndarray
+    singular: bool
+    """Whether there are positions in which fewer links span the rows than elsewhere."""
 
     def parts(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Rows and velocities that belong together."""
@@ -74,7 +76,7 @@ def virtual_rotors(
     parts = loops.parts()
     for q, A in zip(samples, loops.jacobians, strict=True):
         met = _articulated(tree, numbers(q))
-        wanted = {i: d for rows, columns in parts for i, d in _light(tree, met, A[np.ix_(rows, columns)], columns, loops.rates)}
+        wanted = {i: d for rows, columns in parts for i, d in _light(tree, met, A[np.ix_(rows, columns)], columns, loops)}
         wanted = {i: met.largest(i) for i in met.lost} | wanted
         for i, d in wanted.items():
             found.setdefault(i, []).append(d)
@@ -190,9 +192,9 @@ def _articulated(tree: Tree, data: Sequence[np.ndarray]) -> _Met:
     return _Met(X, S, couplings, own, rigid, free, tuple(lost))
 
 
-def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, rates: np.ndarray) -> list[tuple[int, float]]:
+def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, loops: LoopMotions) -> list[tuple[int, float]]:
     """Links of a group of loops, with rows A (m, n) in the velocities `columns` (n,), that need a rotor, and its size."""
-    own = _owners(tree, columns)
+    own, rates = _owners(tree, columns), loops.rates
     rate = {i: float(np.max(rates[columns[places]])) for i, places in own.items()}
     least = {i: 0.0 if i in met.lost else max(0.0, float(np.linalg.eigvalsh(met.free[i])[0])) * rate[i] ** 2 for i in own}
     most = max(least.values())
@@ -204,7 +206,7 @@ def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, rates: np.
     closed = _closed_response(A, _inertia(tree, met, own) * np.outer(rates[columns], rates[columns]))
     found: list[tuple[int, float]] = []
     for i in light:
-        enough = _spanning(A, own, least, i)
+        enough = most if loops.singular else _spanning(A, own, least, i)
         if enough == 0.0 and i not in met.lost:
             continue
         response = float(np.linalg.eigvalsh(closed[np.ix_(own[i], own[i])])[-1])

@@ -96,12 +96,17 @@ class LoopForces:
             return
         tree = self.mechanics.tree
         function = ca.Function("left", [tree.q, tree.t, parameters], [self._rotor_inertia])
+        link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
+        size = np.sqrt([self.rotors[i] for i in link_of])
+        least: list[tuple[float, int]] = []
         for q in self.constraints.samples:
-            link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
-            size = np.sqrt([self.rotors[i] for i in link_of])
             levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * np.outer(size, size))
-            if np.min(np.abs(levels)) < _MASSLESS:
-                raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
+            k = int(np.argmin(np.abs(levels)))
+            least.append((float(np.abs(levels[k])), link_of[int(np.argmax(np.abs(axes[:, k])))]))
+        # a singular position lets go of more than the loops do elsewhere
+        level, link = max(least) if self.constraints.singular else min(least)
+        if level < _MASSLESS:
+            raise massless(tree.links[link])
 
     @functools.cached_property
     def _solver(self) -> Callable[[ca.SX], ca.SX]:
@@ -197,7 +202,7 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
         return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
     rows = ca.Function("rows", [tree.q, tree.t, parameters], [ca.densify(A)])
-    loops = LoopMotions(tuple(np.array(rows(q, 0.0, values)) for q in samples), constraints.rates)
+    loops = LoopMotions(tuple(np.array(rows(q, 0.0, values)) for q in samples), constraints.rates, constraints.singular)
     rotors = virtual_rotors(tree, parameters, samples, loops, values)
     inertias = articulated_inertias(tree, rotors)
     flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
