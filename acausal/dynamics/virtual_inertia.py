@@ -199,7 +199,7 @@ def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, loops: Loo
     least = {i: 0.0 if i in met.lost else max(0.0, float(np.linalg.eigvalsh(met.free[i])[0])) * rate[i] ** 2 for i in own}
     most = max(least.values())
     light = [i for i in own if least[i] <= _LIGHT * most and tree.links[i].modal is None]
-    if not light:
+    if not light or most == 0.0:
         return []
     A = A * rates[columns]
     A = A / np.where((length := np.linalg.norm(A, axis=1)) > 0, length, 1.0)[:, None]

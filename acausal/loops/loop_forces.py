@@ -21,7 +21,7 @@ import dataclasses
 import functools
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -56,6 +56,8 @@ class LoopForces:
     rotors: Mapping[int, float]
     inertias: ArticulatedInertias
     pivot_product_size: float = 1.0
+    light: np.ndarray = field(default_factory=lambda: np.ones(1))
+    """How light links were where the sizes were taken."""
 
     def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
@@ -186,10 +188,17 @@ class LoopForces:
         """(m, 1), each in its row's own unit: no entry vanishes where a row does."""
         return _DAMPING * self._level * ca.SX(self.sizes)
 
-    @property
+    @functools.cached_property
     def _level(self) -> ca.SX:
-        """The diagonal on average, in units of `sizes`."""
-        return ca.sum1(ca.diag(self.delassus) / self.sizes) / self.sizes.size
+        """How light the links are that loops move, beside how light they were when `sizes` were taken; no position changes that much."""
+        lightness = _lightness(self.inertias, self.constraints)
+        return ca.sum1(lightness / self.light) / lightness.numel()
+
+
+def _lightness(inertias: ArticulatedInertias, constraints: Constraints) -> ca.SX:
+    """(n, 1) of the links that loops move: unit forces on their joints, times the accelerations by them."""
+    moved = {i for k, i in inertias.owners.items() if constraints.jacobian[:, k].nnz()}
+    return ca.vertcat(*(ca.trace(inertias.D_inverse[i]) for i in sorted(moved)))
 
 
 def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray) -> LoopForces:
@@ -209,7 +218,10 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
     forces = LoopForces(mechanics, constraints, flexibility, delassus, np.ones(m), np.ones(m), rotors, inertias)
     if constraints.dependent:
-        forces = dataclasses.replace(forces, sizes=_sizes(forces, ca.diag(delassus), parameters, values))
+        sizes, light = (
+            _sizes(forces, column, parameters, values) for column in (ca.diag(delassus), _lightness(inertias, constraints))
+        )
+        forces = dataclasses.replace(forces, sizes=sizes, light=light)
     if constraints.singular:
         usual = pivots(delassus + ca.diag(forces._damping))  # pyright: ignore[reportPrivateUsage]
         forces = dataclasses.replace(forces, pivot_sizes=_sizes(forces, usual, parameters, values))

@@ -162,10 +162,11 @@ class Walk:
                     continue
                 along = along / np.max(np.abs(along))
                 ahead_of = here + N @ (stride * along)
-                found = self.closed(ahead_of, _CLOSE_ENOUGH, rank)
-                found = self.closed(ahead_of, _CLOSE_ENOUGH) if found is None else found  # from a singular position to others
-                if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
-                    return found, along
+                # from a singular position to others more rows may be independent: all, or some where others are redundant
+                for kept in (rank, None, *range(rank + 1, min(J.shape))):
+                    found = self.closed(ahead_of, _CLOSE_ENOUGH, kept)
+                    if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
+                        return found, along
         return None
 
     def _rank(self, singular_values: np.ndarray) -> int:
