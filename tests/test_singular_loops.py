@@ -322,7 +322,11 @@ def test_starts_at_a_singular_position(scene):
     with pytest.raises(StartValueError, match=r"branches of the motion cross.*feet\[0\]\.v = 5"):
         model.simulate(1.0, flat | {scene.feet[0].v: 5.0})
     run = model.simulate(1.0, flat | {foot.v: 5.0 for foot in scene.feet}, rtol=1e-11)
-    assert max(np.max(np.abs(run[foot.v] - run[scene.feet[0].v])) for foot in scene.feet) < 1e-9
+    apart = np.max([np.abs(run[foot.v] - run[scene.feet[0].v]) for foot in scene.feet], axis=0)
+    height = run[scene.cranks[0].tip.position][:, 1]
+    with np.errstate(divide="ignore"):  # what rounding of positions makes of velocities beside a singular position
+        known = 10 * np.finfo(float).eps * np.abs(run[scene.feet[0].v]) / height**2
+    assert np.all(apart < 3e-11 + np.where(np.abs(height) < 0.01, known, 0.0))
     assert drift(run) < 1e-11
 
 
