@@ -20,6 +20,8 @@ from acausal.runtime.compiled import Pace, Slow
 _EPS = float(np.finfo(float).eps)
 _LEFT = 1e-3
 """What the iteration may leave of the error of a step."""
+_AVOIDED = 4
+"""Times that a step is made shorter for what is awkward at singular positions."""
 _LONGER = 1.25
 """The next step where the error is nothing but rounding, as part of the last."""
 
@@ -203,7 +205,7 @@ def _advance(run: Run) -> Status | None:
         return Status(StatusKind.MAX_STEPS, run.t, f"{run.tolerances.max_steps} steps were not enough.")
     if run.tolerances.step is not None:
         return _advance_fixed(run, run.tolerances.step)
-    order, failed, misses, tries = run.scheme.error_order, False, 0, 0
+    order, failed, misses, tries, avoided = run.scheme.error_order, False, 0, 0, 0
     scale, refused = run.scale, 0
     if scale.doubts == 0:
         run.trusted = run.h
@@ -235,11 +237,17 @@ def _advance(run: Run) -> Status | None:
             growth = 0.65 * error ** (-1 / (order + 1)) if error < np.inf else 0.1
             run.h, run.rejected, misses = h * min(0.9, max(0.15, growth)), run.rejected + 1, misses + 1
             continue
+        zone = run.solver.zone
+        if zone is not None and avoided < _AVOIDED and zone.is_awkward(run.t, h, run.x, run.x + h * (run.scheme.tableau.b @ K)):
+            run.h, run.rejected, avoided, refused = 0.8 * h, run.rejected + 1, avoided + 1, refused - 1
+            continue
         if run.scheme.superconvergent and step.K.shape[0] > 2 and _hides_kink(run, step, strict=misses > 0):
             run.h, run.rejected, misses = 0.3 * h, run.rejected + 1, misses + 1
             continue
         noisy = error <= scale.noise_in(h) > 0
         error = 0.0 if noisy else error  # no step size makes it smaller: a little longer steps show what else there is
+        if zone is not None:  # rounding makes errors jump there: how they grow from step to step says nothing
+            run.error = 0.0
         wanted = _next_size(run, h, error)
         run.error, run.contraction = error, contraction
         run.accept(step if along is None else replace(step, a=to_legendre @ K))

@@ -10,7 +10,7 @@ import numpy as np
 from acausal.collocation.problem import Problem
 from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.integrators.convergence import Convergence, Verdict
-from acausal.integrators.passage import passage_of
+from acausal.integrators.passage import Zone, passage_of
 from acausal.integrators.rates import Jacobian, Rates
 from acausal.integrators.scale import Scale
 from acausal.numerics.bound import copied_states
@@ -35,6 +35,7 @@ class StageSolver:
         self._copies = (_index([i for i, _ in pairs]), _index([j for _, j in pairs])) if pairs else None
         self._passage = passage_of(self.problem)
         self.along: np.ndarray | None = None
+        self.zone: Zone | None = None
 
     @property
     def evaluations(self) -> int:
@@ -93,7 +94,7 @@ class StageSolver:
         judge = Convergence(tolerance, scale.floor(h, x, K), 50)
         self._K[:] = K
         K = self._K
-        self.along, zone, count, before = None, None, 0, np.inf
+        self.along, self.zone, zone, count, before = None, None, None, 0, np.inf
         while True:
             np.dot(mu, hb * K, out=X)
             np.add(X, x, out=X)
@@ -102,7 +103,8 @@ class StageSolver:
                 X[:, copies[0]] += x[copies[0]]
             run()
             if self._passage is not None and count < 2:  # the first guess may be poor
-                zone, count = self._passage.zone(rates.t, X, h, judge), count + 1
+                self.zone = zone = self._passage.zone(rates.t, X, h, judge)
+                count += 1
                 self.along = None if zone is None else zone.along(rates.t, X, K)
             old = self.along
             if zone is not None:
@@ -138,13 +140,14 @@ class StageSolver:
             return None
         vectors, vectors_inverse = eigenvectors(self.tableau)[1:]
         judge = Convergence(tolerance, scale.floor(h, x, K), 15)
-        self.along, zone, count = None, None, 0
+        self.along, self.zone, zone, count = None, None, None, 0
         while True:
             np.dot(mu, hb * K, out=rates.X)
             rates.X += x
             new = rates.evaluate()
             if self._passage is not None and count < 2:
-                zone, count = self._passage.zone(rates.t, rates.X, h, judge), count + 1
+                self.zone = zone = self._passage.zone(rates.t, rates.X, h, judge)
+                count += 1
             if zone is not None:
                 self.along = zone.correct(rates.t, rates.X, new)
                 zone.settle(t, h, x, new, self.tableau)

@@ -318,7 +318,7 @@ static int blame_rounding(Integrator *I, const Stages *S, double h) {
 
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int failed = 0, misses = 0, tries = 0, refused = -1;
+    int failed = 0, misses = 0, tries = 0, avoided = 0, refused = -1;
     if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
         Stages *S = stages_of(I);
@@ -362,6 +362,13 @@ static enum Code one_adaptive(Integrator *I) {
             misses++;
             continue;
         }
+        if (avoided < AVOIDED && is_awkward(I, S, h)) {
+            I->h = 0.8 * h;
+            I->rejected++;
+            avoided++;
+            refused--;
+            continue;
+        }
         int kink = S->method->kind == GAUSS && S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
         if (kink < 0) return INPUT_FAILED;
         if (kink) {
@@ -378,6 +385,7 @@ static enum Code one_adaptive(Integrator *I) {
         }
         int noisy = error <= noise_in(I, h) && noise_in(I, h) > 0;
         if (noisy) error = 0; /* no step size makes it smaller: a little longer steps show what else there is */
+        if (S->around) I->error = 0; /* rounding makes errors jump there: how they grow from step to step says nothing */
         double wanted = next_size(I, h, error);
         I->error = error;
         I->contraction = contraction;

@@ -40,7 +40,8 @@ INLINE enum Verdict judge(Judge *j, double change) {
     if (change <= j->floor) return DONE;
     if (j->count == 1) return change <= 1e-3 * j->tolerance ? DONE : GO_ON;
     double ratio = last > 0 ? change / last : 0.0;
-    if (ratio >= 0.5 && j->best < 0.3 && change <= 1e4 * j->floor) return DONE;
+    /* it begins at rounding errors where the guess was right */
+    if (ratio >= 0.5 && (j->best < 0.3 || j->count > 2) && change <= (j->best < 0.3 ? 1e4 : 64) * j->floor) return DONE;
     if (j->count == 2) {
         j->contraction = ratio;
     } else { /* a single ratio is noisy: the mean of the last two, in logarithms */
