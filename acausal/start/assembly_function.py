@@ -25,6 +25,8 @@ from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.numerics.assembly import range_and_null_space
 from acausal.numerics.folding import folded_function
+from acausal.numerics.sizes import Drawn, row_sizes
+from acausal.numerics.thresholds import DEPENDENT
 from acausal.outputs.outputs import Outputs
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_search import Found, Search
@@ -36,7 +38,6 @@ _JUMP = 1.0
 _TRIALS = 200
 _SHORTEST = 1e-5
 """Steps that are tried on the way, and the part of it that is too short to go on."""
-_VANISHED = 1e-9
 
 
 def assembly_function(
@@ -141,11 +142,21 @@ def start_units(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
     return scale, np.concatenate([1 / fastest, np.ones(a.velocities.y.size - fastest.size)])
 
 
-def row_lengths(J: np.ndarray) -> np.ndarray:
-    """Of each row of J (m, n), (m,); where one vanishes that of the longest."""
-    size = np.linalg.norm(J, axis=1)
-    most = float(np.max(size, initial=0.0))
-    return np.where(size > _VANISHED * most, size, most or 1.0)
+def row_lengths(J: np.ndarray, search: Search) -> np.ndarray:
+    """Of each row of J (m, n), (m,), the first ones of a search; where one vanishes that of the longest of its kind, shift or turn."""
+    drawn = Drawn.exact(len(J)) if search.whole is None else search.whole.drawn.of(range(len(J)))
+    size, none = np.linalg.norm(J, axis=1), np.zeros(len(J))
+    usual = row_sizes(np.abs(J), np.ones(J.shape[1]), none, drawn)
+    return np.where(size > DEPENDENT * usual, size, usual)
+
+
+def _lengths(J: ca.SX, scale: np.ndarray, size: np.ndarray, known: np.ndarray) -> ca.SX:
+    """Of each row of J(data), columns in units of `scale`, (m, 1): `size` at the reference; one that vanishes there grows with the longest."""
+    if not known.any():
+        return ca.SX(ca.DM(size))
+    rows = [ca.norm_2(ca.densify(J[i, :]).T * ca.DM(scale)) for i in range(size.size)]
+    most = int(np.argmax(np.where(known, size, 0.0)))
+    return ca.vertcat(*(rows[i] if known[i] else float(size[i] / size[most]) * rows[most] for i in range(size.size)))
 
 
 @dataclass(frozen=True)
@@ -178,7 +189,7 @@ def _called(function: ca.Function, *arguments: ca.MX) -> ca.MX:
 
 def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> _Stage:
     """From a search and what it found at the reference. All that is decided or solved by numbers is without unit: y in units of `scale`,
-    each row divided by the length of its derivatives at the reference.
+    each row divided by the length of its derivatives at the reference, with the data that are asked for: they may have other dimensions.
     """
     y, d = ca.SX.sym("y", found.y.size), ca.SX.sym("data", data.size)
     first = ca.SX(ca.DM(found.first))
@@ -188,19 +199,21 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
     if search.residual is None:
         return _Stage(plain)
     J = search.jacobian(found.y, data) * scale
-    size = row_lengths(J)
-    c = search.residual(y, d) / ca.DM(size)
+    size = row_lengths(J, search)
+    rows = search.residual(y, d)
+    slopes = ca.substitute(ca.jacobian(rows, y), y, ca.SX(ca.DM(found.y)))
+    c = rows / _lengths(slopes, scale, size, size == np.linalg.norm(J, axis=1))
     U, Z = range_and_null_space(J / size[:, None])
-    rows = [ca.mtimes(ca.DM(U.T), c)]
+    square = [ca.mtimes(ca.DM(U.T), c)]
     if search.wish is not None:
         r, factors = search.wish(y, d, first), search.wish_weights(data, found.first, weights)[:, None]
-        slopes = factors * search.wish_jacobian(found.y, data, found.first) * scale
-        most = float(np.max(np.linalg.norm(slopes, axis=1), initial=0.0)) or 1.0
-        B, still = range_and_null_space(slopes / most @ Z)
-        rows.append(ca.mtimes(ca.DM((factors / most * B).T), r))
+        wished = factors * search.wish_jacobian(found.y, data, found.first) * scale
+        most = float(np.max(np.linalg.norm(wished, axis=1), initial=0.0)) or 1.0
+        B, still = range_and_null_space(wished / most @ Z)
+        square.append(ca.mtimes(ca.DM((factors / most * B).T), r))
         Z = Z @ still
-    rows.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
-    solve = _solver(ca.vertcat(*rows), y, d, ca.DM(scale))
+    square.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
+    solve = _solver(ca.vertcat(*square), y, d, ca.DM(scale))
     much = ca.sumsqr(y / ca.DM(scale)) if search.what == "velocity" else 1
     gap = folded_function("open", [y, d], [ca.sumsqr(c) - _OPEN**2 * much])
     return _Stage(plain, solve, gap, search.side)

@@ -14,6 +14,7 @@ from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.parts.steps import Turn
 from acausal.parts.turning import turning
+from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import entry_names
 
@@ -132,6 +133,13 @@ def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
         result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, bool(turns[i]), i in angles))
         i += 1
     return result
+
+
+def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Which entries of q are angles and quaternions, and which of the velocities and scalar states are rates of these."""
+    turns, rates = r.mechanics.tree.turning
+    scalars = [s.is_angle for s in r.scalar_states[: r.scalar.positions]]
+    return np.append(turns, np.array(scalars, dtype=bool)), np.append(rates, np.zeros(r.rate_start.size - rates.size, dtype=bool))
 
 
 def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:
