@@ -115,7 +115,7 @@ def test_a_stiff_model_makes_gauss_solve_by_newton(exported):
 def test_lanes_do_not_matter(exported):
     model, _, end, program = exported("four_bar")
     native = printed(program, end, 40, 1e-13)[1]
-    for lanes in {2, 4, 8} - {model.functions.compiled.lanes}:
+    for lanes in {2, 4, 8}:
         other = compiled(program.parent, f"-DLANES={lanes}", program=f"lanes{lanes}")
         assert np.max(np.abs(printed(other, end, 40, 1e-13)[1] - native)) < 1e-12
 

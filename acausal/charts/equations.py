@@ -13,6 +13,7 @@ from acausal.charts.implicit import Followed, Known, follow, solve_rows
 from acausal.charts.manifold import Manifold
 from acausal.numerics.folding import folded_function
 from acausal.runtime.compiled import CompiledProblem, compile_problem
+from acausal.runtime.kernels import How
 
 
 @dataclass(frozen=True, repr=False)
@@ -130,10 +131,15 @@ class ChartEquations:
         p = ca.vertcat(k.p, k.r, self._limits)
         return folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))])
 
+    def native(self, how: How) -> CompiledProblem | None:
+        """The dynamics as kernels; None without a runtime."""
+        if how not in self._native:
+            self._native[how] = compile_problem(self.dynamics, how=how)
+        return self._native[how]
+
     @functools.cached_property
-    def compiled(self) -> CompiledProblem | None:
-        """The dynamics as C; None without a compiler."""
-        return compile_problem(self.dynamics)
+    def _native(self) -> dict[How, CompiledProblem | None]:
+        return {}
 
     @functools.cached_property
     def _limits(self) -> ca.SX:

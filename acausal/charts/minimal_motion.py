@@ -14,7 +14,8 @@ from acausal.collocation.problem import Guards, Problem, Solution, Status, Statu
 from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input
-from acausal.outputs.functions import Functions, warn_no_compiler
+from acausal.outputs.functions import Functions
+from acausal.runtime.kernels import How
 from acausal.simulate.inputs import InputValue, input_signal
 from acausal.simulate.simulation import Options
 from acausal.simulate.trajectory import Trajectory
@@ -114,9 +115,7 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
     now = np.array(equations.conditions(chart.t, chart.x, chart.p, r)).ravel()
     limits = np.concatenate([_WORSE * now[:2], np.full(now.size - 2, _TURNED), [_STRAIN]])
     p = np.concatenate([chart.p, r, limits])
-    native = equations.compiled if options.compiled else None
-    if options.compiled and native is None:
-        warn_no_compiler("No C compiler was found (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). ")
+    native = equations.native(How.AUTO if options.compiled else How.CASADI)
     guards = Guards(equations.guards, (-1,) * limits.size, (True,) * limits.size)
     own = Problem(equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards)
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance

@@ -9,9 +9,8 @@ import numpy as np
 
 from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.collocation.tableau import Tableau, eigenvectors, gauss_legendre
-from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import drive
-from acausal.integrators.gauss import Gauss, default_order, gauss_scheme, newton_where_slow
+from acausal.integrators.base import AbstractIntegrator, native
+from acausal.integrators.gauss import Gauss, default_order, newton_where_slow
 from acausal.integrators.radau import Radau
 from acausal.numerics.rounding import scaled_jacobian
 from acausal.runtime.compiled import Choice, Pace, Slow
@@ -42,13 +41,9 @@ class Automatic(AbstractIntegrator):
     ) -> Solution:
         """See `AbstractIntegrator`. The statistics name the methods that ran."""
         order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
-        if problem.compiled is not None:
-            tableau = gauss_legendre(order // 2)
-            choice, leave = Choice((tableau,), Newton.WHERE_SLOW), stiffness_of(problem, tableau)
-            first, stiff = problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
-        else:
-            scheme = gauss_scheme(order, Newton.WHERE_SLOW)
-            first, stiff = drive(problem, scheme, x0, t0, t1, tolerances, progress, slow=stiffness_of(problem, scheme.tableau))
+        tableau = gauss_legendre(order // 2)
+        choice, leave = Choice((tableau,), Newton.WHERE_SLOW), stiffness_of(problem, tableau)
+        first, stiff = native(problem).integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
         if not stiff or first.stopped:
             return first
         done = (float(first.t[-1]) - t0) / (t1 - t0)

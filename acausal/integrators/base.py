@@ -14,6 +14,7 @@ import numpy as np
 
 from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
 from acausal.errors import OptionError
+from acausal.runtime.compiled import CompiledProblem, compile_problem
 
 
 class AbstractIntegrator(ABC):
@@ -58,3 +59,17 @@ def integrator(name: str, order: int | None = None, step: float | None = None) -
         if key not in options:
             raise OptionError(f"simulate: method '{name}' has no option '{key}'. It has: {', '.join(options) or 'none'}.")
     return known[name](**given)
+
+
+def native(problem: Problem) -> CompiledProblem:
+    """The problem's kernels, made here where it has none. Raises `OptionError` where there is no runtime: neither built nor to be compiled."""
+    found = problem.compiled or compile_problem(
+        problem.rhs, problem.invariants, problem.project, problem.clearance, problem.positions
+    )
+    if found is None:
+        raise OptionError(
+            "Gauss and Radau need the runtime in C, which was not built with this installation, and no C compiler was found to build it now "
+            "(cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). "
+            "Until then, method='cvodes' or method='idas' integrate without it."
+        )
+    return found

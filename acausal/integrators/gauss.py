@@ -10,9 +10,7 @@ import numpy as np
 from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.collocation.tableau import gauss_legendre
 from acausal.errors import OptionError
-from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import Scheme, Step, drive
-from acausal.integrators.stages import StageSolver
+from acausal.integrators.base import AbstractIntegrator, native
 from acausal.runtime.compiled import Choice, Pace
 
 
@@ -38,16 +36,13 @@ class Gauss(AbstractIntegrator):
     ) -> Solution:
         """See `AbstractIntegrator`."""
         order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
-        if problem.compiled is not None:
-            choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
-            return problem.compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
-        scheme = gauss_scheme(order, Newton.WHERE_SLOW)
-        return drive(problem, scheme, x0, t0, t1, tolerances, progress, slow=newton_where_slow)[0]
+        choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
+        return native(problem).integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
 
 
 def default_order(rtol: float, problem: Problem) -> int:
     """Order at which a tolerance is cheapest: stages that fit into the lanes cost no more than one."""
-    lanes = 1 if problem.compiled is None else problem.compiled.lanes
+    lanes = native(problem).lanes
     if lanes >= 4:
         return 16 if rtol < (2e-4 if lanes >= 8 else 1e-5) else 8
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
@@ -56,29 +51,3 @@ def default_order(rtol: float, problem: Problem) -> int:
 def newton_where_slow(pace: Pace) -> str:
     """Newton costs a Jacobian and linear algebra: worth it where it makes steps several times larger."""
     return "newton" if pace.slowness > 5 and not pace.newton else "go on"
-
-
-def gauss_scheme(order: int, newton: Newton) -> Scheme:
-    """Gauss collocation for the driver."""
-    return Scheme(gauss_legendre(order // 2), gauss_error, order, newton, superconvergent=True)
-
-
-def gauss_error(solver: StageSolver, step: Step) -> float:
-    """Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay.
-
-    They decay geometrically, a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s. Rounding of the rates
-    makes (2 k + 1) times as much of a_k at most.
-    """
-    s, h = solver.tableau.stages, step.h
-    forgiven = (2.0 * np.arange(s)[:, None] + 1.0) * step.noise
-    sizes = (np.maximum(np.abs(step.a) - forgiven, 0.0) * (h / step.scale)).max(axis=1)
-    largest = float(sizes.max())
-    if largest == 0.0:
-        return 0.0
-    if s == 1:
-        change = (step.K - solver.rate(step.t, step.x)) * (h / step.scale)
-        return largest * min(1.0, float(np.abs(change).max()) / largest) ** 2
-    tail = float(sizes[-1])
-    if s > 2:
-        tail = max(tail, largest * (float(sizes[-2]) / largest) ** ((s - 1) / (s - 2)))
-    return largest * (tail / largest) ** (2 * s / (s - 1))

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.optimize import brentq
 
 from acausal.collocation.problem import Crossing, Guards, Problem, Solution, Status, StatusKind
 from acausal.numerics.rounding import rounding_of
@@ -104,6 +103,8 @@ class _Follower:
 
     def zero(self, lo: float, hi: float) -> float:
         """The zero between two times with values of both signs."""
+        from scipy.optimize import brentq
+
         if self.value(np.array([hi]))[0] == 0:
             return hi
         return float(brentq(lambda t: float(self.value(np.array([t]))[0]), lo, hi, xtol=1e-15, rtol=1e-14))  # pyright: ignore[reportArgumentType]  # scipy's stub

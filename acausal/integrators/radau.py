@@ -8,11 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
-from acausal.collocation.tableau import embedded_formula, radau_iia
+from acausal.collocation.tableau import radau_iia
 from acausal.errors import OptionError
-from acausal.integrators.base import AbstractIntegrator
-from acausal.integrators.driver import Scheme, Step, drive
-from acausal.integrators.stages import StageSolver
+from acausal.integrators.base import AbstractIntegrator, native
 from acausal.runtime.compiled import Choice
 
 
@@ -37,12 +35,7 @@ class Radau(AbstractIntegrator):
     ) -> Solution:
         """See `AbstractIntegrator`."""
         rtol, tolerances = tolerances.rtol, tolerances.with_step(self.step)
-        if problem.compiled is not None:
-            return problem.compiled.integrate(problem, x0, t0, t1, tolerances, self.choice(rtol), progress)[0]
-        order = self.order or _order(rtol)
-        tableau = radau_iia((order + 1) // 2)
-        scheme = Scheme(tableau, radau_error, tableau.stages, Newton.ALWAYS, superconvergent=False)
-        return drive(problem, scheme, x0, t0, t1, tolerances, progress)[0]
+        return native(problem).integrate(problem, x0, t0, t1, tolerances, self.choice(rtol), progress)[0]
 
     def choice(self, rtol: float) -> Choice:
         """Tableaus for the C runtime: orders 5, 9 and 13 unless one is asked for."""
@@ -54,23 +47,3 @@ class Radau(AbstractIntegrator):
 
 def _order(rtol: float) -> int:
     return 5 if rtol > 1e-6 else 9 if rtol > 1e-10 else 13
-
-
-def radau_error(solver: StageSolver, step: Step) -> float:
-    """Embedded formula of order s with the rate at the start, filtered by (1 - h g J)^-1: Hairer and Wanner II, (IV.8.19)."""
-    gamma, weights = embedded_formula(solver.tableau)
-    h, scale = step.h, step.scale
-    inner, noise = weights @ (step.K if solver.along is None else solver.along), (gamma + np.abs(weights).sum()) * step.noise
-
-    def heard(rates: np.ndarray) -> np.ndarray:
-        """h times the formula, less what rounding makes of it."""
-        whole = gamma * rates + inner
-        return h * np.copysign(np.maximum(np.abs(whole) - noise, 0.0), whole)
-
-    matrix = np.eye(step.x.size) - h * gamma * solver.jacobian(step.t, step.x)
-    error = np.linalg.solve(matrix, heard(solver.rate_along(step.t, step.x, h)))
-    norm = float(np.sqrt(np.mean((error / scale) ** 2)))
-    if norm > 1:  # a second filter, for steps within a boundary layer
-        again = heard(solver.rate_along(step.t, step.x + error, h))
-        norm = min(norm, float(np.sqrt(np.mean((np.linalg.solve(matrix, again) / scale) ** 2))))
-    return norm

@@ -27,6 +27,7 @@ from acausal.wording import callers_level
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
+    from acausal.runtime.kernels import How
 
 WATCHED = 16
 """Points at which `watched_at_once` and `power_loss_at_once` are evaluated together."""
@@ -219,19 +220,24 @@ class Functions:
         found = ca.densify(self.space.put(s.clearance))
         return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
 
+    def native(self, how: How) -> CompiledProblem | None:
+        """Dynamics, invariants, projection and clearance as kernels; None, said once, where there is no runtime, or a compiler fails."""
+        if how not in self._native:
+            self._native[how] = self._made(how)
+        return self._native[how]
+
     @functools.cached_property
-    def compiled(self) -> CompiledProblem | None:
-        """Dynamics, invariants and projection as C in the memory of this process; None, said once, where that is not possible."""
+    def _native(self) -> dict[How, CompiledProblem | None]:
+        return {}
+
+    def _made(self, how: How) -> CompiledProblem | None:
         from acausal.runtime.compiled import compile_problem
 
         try:
-            found = compile_problem(self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.space.nq)
+            return compile_problem(self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.space.nq, how)
         except ExportError as error:
-            warn_no_compiler(f"{error}\n")
+            warn_no_compiler(str(error))
             return None
-        if found is None:
-            warn_no_compiler("No C compiler was found (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). ")
-        return found
 
     @functools.cached_property
     def loop_matrix(self) -> ca.Function:
@@ -286,9 +292,10 @@ class Functions:
 
 @functools.cache
 def warn_no_compiler(reason: str) -> None:
-    """Say, once in a process for each reason, that everything is slower than it could be."""
-    message = f"{reason}Models run on CasADi's virtual machine, many times slower; `compiled=False` silences this."
-    warnings.warn(message, NoCompilerWarning, stacklevel=callers_level())
+    """Say, once in a process for each reason, that the integrators cannot be had."""
+    warnings.warn(
+        f"{reason}\nWithout the runtime only method='cvodes' and 'idas' are there.", NoCompilerWarning, stacklevel=callers_level()
+    )
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}

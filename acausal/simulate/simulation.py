@@ -17,6 +17,7 @@ from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input, Parameter, number
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
+from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
 from acausal.simulate.inputs import INPUTS, InputValue, input_signal, unknown_symbol
@@ -170,7 +171,7 @@ def _problem(
 ) -> Problem:
     signal = input_signal(functions, inputs)
     held = None if any(not np.isscalar(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
-    native = functions.compiled if compiled else None
+    native = functions.native(How.AUTO if compiled else How.CASADI)
     p = parameter_values(functions, parameters)
     return Problem(
         functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native,

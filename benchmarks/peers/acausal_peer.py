@@ -11,6 +11,7 @@ from acausal.collocation.problem import Newton, Problem, Tolerances
 from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.gauss import default_order
 from acausal.runtime.compiled import Choice, Run
+from acausal.runtime.kernels import How
 from benchmarks.peers.base import AbstractPeer, Prepared
 from benchmarks.scenes import Built
 
@@ -41,7 +42,7 @@ def _simulate(built: Built, setting: float) -> Prepared:
 
 def _driver(built: Built, setting: float) -> Prepared:
     f, x0 = built.model.functions, built.model.initial_state(built.start).x
-    compiled = f.compiled
+    compiled = f.native(How.COMPILED)
     assert compiled is not None
     problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
     choice = Choice((gauss_legendre(default_order(setting, problem) // 2),), Newton.WHERE_SLOW)
