@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -41,7 +41,8 @@ class Problem:
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: the same
     functions as C (a `CompiledProblem`); without it they run on CasADi's virtual machine. `guards`: zeros to be located. `met`:
     (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;
-    None where they never do. `positions`: how many states are, the first ones.
+    None where they never do. `positions`: how many states are, the first ones. `breaks`: (n, 2) times [s] before and after which rates are smooth,
+    in order, and between which nothing happens.
     """
 
     rhs: ca.Function
@@ -55,6 +56,7 @@ class Problem:
     met: np.ndarray | None = None
     clearance: ca.Function | None = None
     positions: int = 0
+    breaks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: without the compiled code, which belongs to this process."""

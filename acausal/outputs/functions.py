@@ -17,6 +17,7 @@ from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
 from acausal.numerics.folding import folded_function
+from acausal.outputs.clocks import Clocks, clocks
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
@@ -238,6 +239,11 @@ class Functions:
         except ExportError as error:
             warn_no_compiler(str(error))
             return None
+
+    @functools.cached_property
+    def clocks(self) -> Clocks | None:
+        """Switches in the dynamics that time alone decides; None without any."""
+        return clocks(self.explicit_dynamics)
 
     @functools.cached_property
     def loop_matrix(self) -> ca.Function:

@@ -47,6 +47,22 @@ int begin(Integrator *I) {
     return 1;
 }
 
+/* Where the next step must end: before the next break that lies ahead, or at the end. */
+static double next_stop(Integrator *I) {
+    while (I->next_break < I->break_count && I->breaks[2 * I->next_break] <= I->t) I->next_break++;
+    return I->next_break < I->break_count ? fmin(I->end, I->breaks[2 * I->next_break]) : I->end;
+}
+
+/* To the far side of a break: what the rates were before says nothing of what they are now. */
+static void cross_break(Integrator *I) {
+    struct State *T = I->state;
+    I->t = fmin(I->end, I->breaks[2 * I->next_break++ + 1]);
+    T->last_h = 0;
+    T->start_known = 0;
+    T->jacobian_fresh = 0;
+    I->error = 0;
+}
+
 static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = now() + I->slice;
@@ -58,8 +74,12 @@ static enum Code run_steps(Integrator *I) {
     while (I->t < I->end && I->nx) {
         if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
+        double end = I->end, stop = next_stop(I);
+        I->end = stop;
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
+        I->end = end;
         if (code == REACHED_END && I->guards) code = watch(I);
+        if (code == REACHED_END && stop < end && I->t >= stop) cross_break(I);
         if (code != REACHED_END) return code;
         if (I->newton == WHERE_SLOW && I->step == 0 && T->hard >= T->asked) {
             T->asked = T->asked < 1000 ? 2 * T->asked : T->asked;

@@ -221,6 +221,8 @@ class Run:
                 core.input = self._callback
         self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
         self._use(compiled.kernels, "rhs", *(["projection"] if compiled.ng else []), *(["clearance"] if compiled.crosses else []))
+        self._breaks = np.ascontiguousarray(problem.breaks, dtype=float)
+        core.breaks, core.break_count = _address(self._breaks), self._breaks.shape[0]
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:

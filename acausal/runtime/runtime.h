@@ -64,6 +64,8 @@ typedef struct Integrator {
     double *x;                       /* start and current state */
     double t, end, rtol, atol, step; /* atol 0: states are judged by their sizes alone; step 0: adaptive */
     double slice;                    /* seconds until PAUSED */
+    const double *breaks; /* (break_count, 2): rates are smooth before the first and after the second; between them time is skipped */
+    long break_count, next_break;
     /* results */
     long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst, passages; /* passages: steps around singular positions */
     double *size; /* largest magnitude met so far, per state */

@@ -99,6 +99,8 @@ def simulate(
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
     check_branch(functions, problem, t0, t1, initial.x)
+    if functions.clocks is not None and t1 > t0:
+        problem = replace(problem, breaks=functions.clocks.times(t0, t1, initial.p))
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
     solution = integrate(
