@@ -57,13 +57,14 @@ def assemble(
     tolerance: float = CLOSED,
     limit: int = 100,
     stride: float = STRIDE,
-    nearest: np.ndarray | None = None,
+    nearest: Residual | None = None,
     approach: bool = True,
 ) -> Assembled:
     """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
     `sizes`: of unknowns and rows, ones unless given. `stride`: largest change of an unknown in one iteration, as part of its size.
-    Converges quadratically near a solution. `nearest` (n,): without wishes, go on to the y nearest to it, to about 1e-6.
+    Converges quadratically near a solution. `nearest`: without wishes, go on to where the squares of this residual are least nearby, to
+    about 1e-6.
     `approach`: wishes choose the branch too. Converged when every row is within `tolerance` of its size or within rounding; else y
     is a point of locally least squares. Cost of an iteration: one singular value decomposition (m, n).
     """
@@ -77,8 +78,7 @@ def assemble(
     if found.converged and soft is not None:
         found = _settled(rows, soft, found, _Effort(limit, stride, 1e-10, 40))
     elif found.converged and nearest is not None and found.iterations:
-        at, identity = nearest / unit, np.eye(z.size)
-        found = _settled(rows, lambda z: (z - at, identity), found, _Effort(20, stride, 1e-6, 8))
+        found = _settled(rows, _in_units(nearest, unit), found, _Effort(20, stride, 1e-6, 8))
     return rows.result(found)
 
 

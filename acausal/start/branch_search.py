@@ -21,8 +21,9 @@ from acausal.start.coordinates import Coordinates
 from acausal.start.initial import InitialState, finished, initial_state, start_data
 from acausal.start.same_branch import Walks
 from acausal.start.start_problem import StartProblem
-from acausal.start.start_search import Found, Search
+from acausal.start.start_search import Search
 from acausal.start.start_values import Start
+from acausal.start.unknowns import Found
 
 _ENOUGH = 10
 """A search may end when each branch was found so often ..."""

@@ -19,10 +19,12 @@ from acausal.numerics.folding import folded_function
 from acausal.numerics.sizes import Drawn
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
+from acausal.parts.joint_coordinates import Coordinate
 from acausal.parts.turning import turning
-from acausal.start.coordinates import Coordinate, Coordinates, coordinates
-from acausal.start.start_search import Closing, Search, Target, Unknowns, start_search
+from acausal.start.coordinates import Coordinates, coordinates
+from acausal.start.start_search import Search, start_search
 from acausal.start.start_values import Start, check_settable, near
+from acausal.start.unknowns import Closing, Target, Unknowns
 
 if TYPE_CHECKING:
     from acausal.outputs.outputs import Outputs
@@ -129,9 +131,9 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     position, velocity = _closing(outputs)
     turns, rates = _turning(outputs)
     at = range(data.numel(), data.numel() + q.numel())
-    positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q)
+    positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q, r)
     moving_q = Unknowns(v, ca.vertcat(data, q), rates, True, at, turns)
-    velocities = start_search("velocity", moving_q, wanted, velocity, at_v, r.rate_start, free_v)
+    velocities = start_search("velocity", moving_q, wanted, velocity, at_v, r.rate_start, free_v, r)
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))

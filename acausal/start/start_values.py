@@ -11,7 +11,7 @@ import numpy as np
 from acausal.errors import StartValueError
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
-from acausal.start.start_search import Target
+from acausal.start.unknowns import Target
 
 Value = float | Sequence[float] | np.ndarray
 
