@@ -57,7 +57,9 @@ def at_cut(loop: LoopRows, drawn: ca.SX | None, y: ca.SX, sketch: ca.SX) -> Diff
     None where the joint has no closed form for them.
     """
     joint = loop.edge.joint
-    values = joint.coordinates(loop.pose) if isinstance(joint, AbstractJoint) else None
+    if not isinstance(joint, AbstractJoint):
+        return Differences.joined([])
+    values = joint.coordinates(loop.pose)
     if values is None:
         return Differences.joined([])
     values = ca.densify(values)

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
-from acausal.numerics.assembly import assemble
+from acausal.numerics.assembly import Residual, assemble
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
@@ -29,8 +29,9 @@ class Walk:
 
     def __init__(self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray, guess: np.ndarray) -> None:
         A, closing = ca.jacobian(group.velocity, group.v), group.closing
+        self._arguments, self._values, self._shifts = [group.q, t, parameters], values, group.drawn.shifts
         self._parts = _Parts(
-            [group.q, t, parameters],
+            self._arguments,
             [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v), ca.jacobian(closing, t)],
             values,
         )
@@ -66,6 +67,21 @@ class Walk:
         """For `assemble`, of z and of residuals as `at` gives them."""
         ones = np.ones(self.unit.size), np.ones(self._rows.size)
         return Sizes(*ones, lambda z: self._rounding(z * self.unit) / self._rows, self.dependent)
+
+    @property
+    def length(self) -> float:
+        """Of the loops [m], that shifts are measured by; where nothing is shifted the longest of the unknowns."""
+        return float(np.max(self._rows[self._shifts], initial=np.max(self.unit)))
+
+    def differences(self, rows: ca.SX) -> Residual:
+        """Some more rows (k, 1) in q, the time and the parameters: z -> the rows and their Jacobian, with units."""
+        parts = _Parts(self._arguments, [rows, ca.jacobian(rows, self._arguments[0])], self._values)
+
+        def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            r, J = parts(z * self.unit, self.time)
+            return r[:, 0], J * self.unit
+
+        return evaluate
 
     @property
     def empty(self) -> np.ndarray:

@@ -15,6 +15,8 @@ from acausal.start.block import Block
 from acausal.start.unknowns import Found
 
 _ATTEMPTS = 24
+_PATIENCE = 30
+"""Steps of a search for what is nearer: it begins no farther from the sketch than what was found."""
 _SLOW = 1e-4
 _SIZED = 8
 """Times that curved rows are measured anew where a search came to."""
@@ -86,10 +88,12 @@ class _Search:
         unit = self.sizes.unknowns
         return (y - self.begun) / unit, np.diag(1 / unit)
 
-    def descend(self, guess: np.ndarray, approach: bool = True) -> tuple[Assembled, bool]:
+    def descend(self, guess: np.ndarray, approach: bool = True, limit: int = 100) -> tuple[Assembled, bool]:
         """One search, and whether it closed on the side that is meant. `approach`: wishes choose the branch too."""
         of, hard = self.sizes, self._hard
-        found = assemble(hard, guess, self._soft, sizes=of, stride=self._stride, nearest=self._apart, approach=approach)
+        found = assemble(
+            hard, guess, self._soft, sizes=of, limit=limit, stride=self._stride, nearest=self._apart, approach=approach
+        )
         for _ in range(_SIZED):
             there = of
             if self.block.curved:
@@ -124,7 +128,7 @@ class _Search:
             return Candidate(y / unit, missed, self._apart(y)[0])
 
         def close(z: np.ndarray) -> Candidate | None:
-            rival, right = self.descend(z * unit, approach=False)
+            rival, right = self.descend(z * unit, False, _PATIENCE)
             return candidate(rival.y) if right else None
 
         def slopes(z: np.ndarray) -> np.ndarray:

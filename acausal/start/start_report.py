@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acausal.loops.close_loops import sketch_configuration
+from acausal.loops.sketch import sketch_configuration
 from acausal.numerics.assembly import freedom
 from acausal.numerics.sizes import positive
 from acausal.numerics.thresholds import DEPENDENT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,7 @@ from acausal.start.block import Block
 from acausal.start.block_search import solve_block
 from acausal.start.unknowns import Closing, Found, Target, Unknowns
 
+_KEPT = 16
 _STAY = 1e-3
 """Weight of the orientation of free bodies, which rather stays, against values wished for."""
 
@@ -46,6 +47,8 @@ class Search:
     """(y, data) -> what is positive on the branch that is meant."""
     said: bool = False
     """Whether the values say it all, so that only the signs are left to look at."""
+    known: dict[bytes, Found] = field(default_factory=dict[bytes, Found], compare=False)
+    """What was found for some data before."""
 
     @property
     def settled(self) -> bool:
@@ -75,7 +78,17 @@ class Search:
         return first
 
     def solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
-        """y (n,) for the data and the weights of all start values, block by block."""
+        """y (n,) for the data and the weights of all start values; for the last ones of these as it was found before."""
+        key = data.tobytes() + weights.tobytes() + self.guess.tobytes()
+        found = self.known.get(key)
+        if found is None:
+            if len(self.known) >= _KEPT:
+                self.known.clear()
+            found = self.known[key] = self._solve(data, weights)
+        return found
+
+    def _solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
+        """Block by block."""
         first = self.first(data)
         if self.whole is None or (self.said and self.is_meant(first, data)):
             return Found(first, first, 0.0, 0.0, True)
