@@ -19,6 +19,7 @@ from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 from acausal.parts.steps import Shift, Slide
+from acausal.topology.canonical_order import canonical_order
 from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
 from acausal.topology.spanning_tree import spanning_tree
@@ -32,16 +33,37 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     """
     forces = tuple(part for part in flat.parts if isinstance(part.component, AbstractForce))
     rigid = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart)]
-    constraints = [(part.path, part.component) for part in flat.parts if isinstance(part.component, AbstractConstraint)]
-    gravity = _gravity(rigid) if constraints or forces or rigid else None
-    groups = rigid_groups(flat)
-    index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
-    edges = [_edge(path, c, groups, index) for path, c in constraints if isinstance(c, AbstractJoint)]
-    held = [_edge(path, c, groups, index) for path, c in constraints if not isinstance(c, AbstractJoint)]
+    joints = [(part.path, part.component) for part in flat.parts if isinstance(part.component, AbstractJoint)]
+    others = [
+        (part.path, part.component)
+        for part in flat.parts
+        if isinstance(part.component, AbstractConstraint) and not isinstance(part.component, AbstractJoint)
+    ]
+    gravity = _gravity(rigid) if joints or others or forces or rigid else None
+    groups, edges, held = _in_order(rigid_groups(flat), joints, others)
     _check_points([*edges, *held], groups)
     edges += _free_edges(len(groups), edges, groups)
     found = spanning_tree(groups, edges, _driven(flat, forces))
     return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
+
+
+def _in_order(
+    groups: tuple[Group, ...], joints: Sequence[tuple[str, AbstractJoint]], others: Sequence[tuple[str, AbstractConstraint]]
+) -> tuple[tuple[Group, ...], list[Edge[AbstractJoint]], list[Edge[AbstractConstraint]]]:
+    """Groups, joints and other constraints in an order with which that of declaration has nothing to do."""
+    order = canonical_order(groups, [*_edges(groups, joints), *_edges(groups, others)])
+    groups = tuple(groups[k] for k in sorted(range(len(groups)), key=order.groups.__getitem__))
+    edges, held, n = _edges(groups, joints), _edges(groups, others), len(joints)
+    return (
+        groups,
+        [edges[i] for i in sorted(range(n), key=order.edges.__getitem__)],
+        [held[i] for i in sorted(range(len(held)), key=order.edges[n:].__getitem__)],
+    )
+
+
+def _edges(groups: Sequence[Group], joints: Sequence[tuple[str, Kind]]) -> list[Edge[Kind]]:
+    index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
+    return [_edge(path, joint, groups, index) for path, joint in joints]
 
 
 def _driven(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.weld import Weld
-from acausal.topology.canonical_order import in_order
+from acausal.topology.canonical_order import canonical_order
 from acausal.topology.mechanism import Edge, Group, TreeEdge
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ def spanning_tree(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[A
 
     `driven`: joints on whose coordinates something acts: an angle known only up to full turns would not do for them.
     """
-    edges = in_order(groups, edges)
+    ranks = canonical_order(groups, edges).edges
+    edges = [edges[i] for i in sorted(range(len(edges)), key=ranks.__getitem__)]
     chosen = _least_freedom(groups, edges, driven)
     split = _Split(list(groups), list(edges), [])
     for i in [i for i in range(len(edges)) if i not in chosen and _keeps_coordinates(edges[i].joint, driven)]:
