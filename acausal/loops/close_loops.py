@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import casadi as ca
 import numpy as np
@@ -12,7 +12,7 @@ from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.loops import LoopRows
 from acausal.loops.nearest_loops import nearest_closed
 from acausal.loops.walk import Walk
-from acausal.numerics.assembly import Residual, assemble
+from acausal.numerics.assembly import Residual, assemble, brought_near
 from acausal.numerics.thresholds import EDGE
 
 _ATTEMPTS = 12
@@ -34,8 +34,7 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
     rng = np.random.default_rng(0)
     sketch = guess / walk.unit
     smallest, where = np.inf, sketch
-    for attempt in range(_ATTEMPTS):
-        first = sketch if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+    for first in _beginnings(group, walk, sketch, rng):
         if not all(np.isfinite(part).all() for part in walk.at(first)):  # a wheel that lies flat, the tip of a cone: beside it
             continue
         found = assemble(walk.closing, first, sizes=walk.sizes)
@@ -51,7 +50,7 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
     if ca.depends_on(group.closing, t):
         for attempt in range(_ATTEMPTS):
             first = where if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
-            z = walk.later(first)
+            z = walk.later(first, (attempt + 1) // 2 * (-1.0) ** (attempt + 1))
             if z is not None and is_meant(z):
                 return z
         walk.time = 0.0
@@ -62,6 +61,17 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
         f"{float(np.max(gaps)):.3g} (m, or sine of an angle){_in_words(worst, own)}. "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
     )
+
+
+def _beginnings(group: LoopGroup, walk: Walk, sketch: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """The sketch, shifted to where it nearly closes, and about both, farther and farther away."""
+    yield sketch
+    near = sketch
+    if not group.turning.all():
+        near = brought_near(walk.closing, sketch, group.turning, walk.sizes)
+        yield near
+    for attempt in range(1, _ATTEMPTS):
+        yield (near if attempt % 2 else sketch) + rng.normal(scale=0.1 * 1.35**attempt, size=sketch.size)
 
 
 def _without_slope(group: LoopGroup, parts: list[np.ndarray]) -> AssemblyError:

@@ -11,7 +11,7 @@ two, goes through the same numbers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,6 +80,25 @@ def assemble(
     elif found.converged and nearest is not None and found.iterations:
         found = _settled(rows, _in_units(nearest, unit), found, _Effort(20, stride, 1e-6, 8))
     return rows.result(found)
+
+
+def brought_near(constraints: Residual, guess: np.ndarray, turning: np.ndarray, sizes: Sizes) -> np.ndarray:
+    """The guess, shifted only: what does not turn goes as far as it takes to meet the constraints as well as can be.
+
+    A search goes a stride at a time, since turns bend its way, and gets nowhere from a sketch that is many times its size away.
+    """
+    moved = np.flatnonzero(~turning)
+
+    def shifted(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        y = guess.copy()
+        y[moved] = part
+        c, J = constraints(y)
+        return c, J[:, moved]
+
+    own = replace(sizes, unknowns=sizes.unknowns[moved], rounding=None)
+    result = guess.copy()
+    result[moved] = assemble(shifted, guess[moved], sizes=own, stride=np.inf).y
+    return result
 
 
 def _in_units(residual: Residual, unit: np.ndarray) -> Residual:

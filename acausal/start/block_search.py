@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acausal.numerics.assembly import Assembled, Residual, assemble
+from acausal.numerics.assembly import Assembled, Residual, assemble, brought_near
 from acausal.numerics.rivals import Candidate, nearest_rival
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import STRIDE
@@ -106,6 +106,11 @@ class _Search:
     def begin_anew(self, best: Assembled) -> tuple[Assembled, bool, int, int]:
         """What closes first, or else came nearest to that, and whether it closed; the steps it took, and beginnings."""
         rng, spent = np.random.default_rng(0), 0
+        if not (self.block.unknowns.linear or self.block.unknowns.turning.all()):
+            near = brought_near(self._hard, self.begun, self.block.unknowns.turning, self.sizes)
+            found, right = self.descend(near)
+            if right:
+                return found, True, found.iterations, 1
         for attempt in range(_ATTEMPTS):
             # a push out of the place where the search ended, then another beginning, farther and farther from the sketch
             from_best = attempt % 2 == 0 and not best.converged and best.part < np.inf

@@ -55,9 +55,12 @@ def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
     """The value (size,), column by column. Raises `StartValueError` for another size and for what is no finite number."""
     number = value.value if isinstance(value, exactly | near) else value
     try:
-        wanted = np.asarray(number, dtype=float).ravel(order="F")
-    except (TypeError, ValueError):
-        raise StartValueError(f"start value of {target.name} is {number!r}, not a number.") from None
+        raw = np.asarray(number)
+        wanted = raw.astype(float).ravel(order="F") if raw.dtype.kind in "biuf" else None
+    except (TypeError, ValueError):  # rows of different lengths
+        wanted = None
+    if wanted is None:
+        raise StartValueError(f"start value of {target.name} is {number!r}, not a number.")
     if wanted.size != target.size:
         raise StartValueError(
             f"start value of {target.name} needs {target.size} numbers, not {'one' if wanted.size == 1 else wanted.size}."
