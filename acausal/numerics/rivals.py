@@ -17,6 +17,8 @@ _ROUNDS = 3
 """Searches all about the sketch, each with what the last one found."""
 _SOFTEST, _OTHERS = 4, 4
 """Directions, each with both senses, and random ones."""
+_FEW, _ROUGH = 4, 1.0
+"""So many searches that all come to the same are enough, unless the sketch is as far away as this."""
 _FARTHEST, _LEAST = 2.0, 0.1
 """Beginnings are within these distances of the sketch."""
 _ALONE = 4.0
@@ -40,6 +42,10 @@ class Candidate:
         """From the sketch."""
         return float(np.linalg.norm(self.apart))
 
+    def is_as(self, other: Candidate) -> bool:
+        """Whether it is the same configuration."""
+        return bool(np.all(np.abs(self.apart - other.apart) <= _APART))
+
     def precedes(self, other: Candidate) -> bool:
         """Whether it misses less, or is nearer; of two that are as near, the one whose coordinates come to more, the first first."""
         for mine, theirs in ((self.missed, other.missed), (self.distance, other.distance)):
@@ -59,8 +65,8 @@ def nearest_rival(
 ) -> Candidate:
     """The best of what was `found` from the `sketch` (n,) and of what `close` finds from beginnings about that; None: nothing closes.
 
-    `slopes`: z -> derivatives of the constraints (m, n), whose singular values below `dependent` count as zero. Cost: twelve searches and
-    more; one comparison of slopes where the sketch is so near that there can be no other.
+    `slopes`: z -> derivatives of the constraints (m, n), whose singular values below `dependent` count as zero. Cost: four searches, twelve
+    or more where these come to different places; one comparison of slopes where the sketch is so near that there can be no other.
     """
     at_sketch = slopes(sketch)
     for _ in range(_ROUNDS):
@@ -68,10 +74,13 @@ def nearest_rival(
         s, soft = _softest(J, dependent)
         if found.missed <= _SAME and s.size and _ALONE * float(np.linalg.norm(J - at_sketch)) < s[0]:
             break
-        best = found
-        for direction in _directions(soft, sketch.size):
+        best, others = found, found.distance > _ROUGH
+        for k, direction in enumerate(_directions(soft, sketch.size)):
+            if k >= _FEW and not others:
+                break
             reach = min(max(best.distance, _LEAST), _FARTHEST)
             rival = close(sketch + reach * direction)
+            others |= rival is not None and not rival.is_as(best)
             if rival is not None and rival.precedes(best):
                 best = rival
         if best is found:

@@ -17,6 +17,8 @@ from acausal.start.unknowns import Found
 _ATTEMPTS = 24
 _PATIENCE = 30
 """Steps of a search for what is nearer: it begins no farther from the sketch than what was found."""
+_STEEP, _HALVINGS = 100, 12
+"""Searches down an exponential, where sizes shrink on the way, and times that a beginning on it is halved."""
 _SLOW = 1e-4
 _SIZED = 8
 """Times that curved rows are measured anew where a search came to."""
@@ -30,7 +32,7 @@ def solve_block(block: Block, data: np.ndarray, first: np.ndarray, factors: np.n
     whole, slowest = np.concatenate([data, first]), _SLOW * fastest
     sizes, wanted = block.sizes(whole, first, factors)
     search = _Search(block, data, first, factors, whole, sizes.faster(slowest), wanted, slowest)
-    found, right = search.descend(search.begun)
+    found, right = search.descend(search.beginning())
     spent, restarts = found.iterations, 0
     if not right:
         found, right, more, restarts = search.begin_anew(found)
@@ -62,6 +64,11 @@ class _Search:
         return np.inf if self.block.unknowns.linear else STRIDE
 
     @property
+    def _steep(self) -> bool:
+        """Whether rows of scalar variables may be exponentials, as of diodes."""
+        return self.block.unknowns.linear and self.block.curved
+
+    @property
     def _hard(self) -> Residual:
         return self.block.constraints.at(self.whole)
 
@@ -88,19 +95,31 @@ class _Search:
         unit = self.sizes.unknowns
         return (y - self.begun) / unit, np.diag(1 / unit)
 
+    def beginning(self) -> np.ndarray:
+        """The sketch; of scalar variables halved until the rows are finite: a diode's exponential is not far beyond its voltage."""
+        guess = self.begun
+        if self._steep:
+            for part in 0.5 ** np.arange(_HALVINGS):
+                if np.isfinite(self._hard(part * self.begun)[1]).all():
+                    return part * self.begun
+        return guess
+
     def descend(self, guess: np.ndarray, approach: bool = True, limit: int = 100) -> tuple[Assembled, bool]:
         """One search, and whether it closed on the side that is meant. `approach`: wishes choose the branch too."""
         of, hard = self.sizes, self._hard
         found = assemble(
             hard, guess, self._soft, sizes=of, limit=limit, stride=self._stride, nearest=self._apart, approach=approach
         )
-        for _ in range(_SIZED):
+        for _ in range(_STEEP if self._steep else _SIZED):
             there = of
             if self.block.curved:
                 there = self.block.sizes_at(found.y, self.data, self.first, self.factors).faster(self.slowest)
-            if not found.converged or not (there.rows < 0.5 * of.rows).any():
+            if not (found.converged or self._steep) or not (there.rows < 0.5 * of.rows).any():
                 return found, found.converged and self.block.is_meant(found.y, self.whole)
-            found, of = assemble(hard, found.y, sizes=there, stride=self._stride), there
+            on = assemble(
+                hard, found.y, None if found.converged else self._soft, sizes=there, stride=self._stride, approach=False
+            )
+            found, of = replace(on, iterations=found.iterations + on.iterations), there
         return replace(found, converged=False), False
 
     def begin_anew(self, best: Assembled) -> tuple[Assembled, bool, int, int]:
