@@ -128,6 +128,11 @@ class Search:
 
         return rows
 
+    def apart(self, data: np.ndarray, first: np.ndarray) -> Residual:
+        """How far positions are from the sketch, y -> (k,) and its Jacobian, in parts of what is much."""
+        found = None if self.whole is None else self.whole.apart_at(np.concatenate([data, first]), self.sizes(data, first))
+        return found or (lambda y: (y - first, np.eye(first.size)))
+
     def wish_rows(self, data: np.ndarray, first: np.ndarray, weights: np.ndarray) -> Residual | None:
         """The wishes at `data`, near values weighted, as parts of their sizes; None without any."""
         if self.whole is None or self.whole.wishes is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,7 +20,7 @@ from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 from acausal.parts.steps import Shift, Slide
-from acausal.topology.canonical_order import canonical_order
+from acausal.topology.canonical_order import Name, canonical_order, natural, rounded
 from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
 from acausal.topology.spanning_tree import spanning_tree
@@ -42,6 +43,7 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     gravity = _gravity(rigid) if joints or others or forces or rigid else None
     groups, edges, held = _in_order(rigid_groups(flat), joints, others)
     _check_points([*edges, *held], groups)
+    forces = tuple(sorted(forces, key=functools.partial(_force_key, groups)))
     edges += _free_edges(len(groups), edges, groups)
     found = spanning_tree(groups, edges, _driven(flat, forces))
     return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
@@ -59,6 +61,14 @@ def _in_order(
         [edges[i] for i in sorted(range(n), key=order.edges.__getitem__)],
         [held[i] for i in sorted(range(len(held)), key=order.edges[n:].__getitem__)],
     )
+
+
+def _force_key(groups: Sequence[Group], part: Part) -> tuple[str, list[tuple[int, tuple[float, ...]]], Name]:
+    """Kind, where it acts, and name: sums of forces have rounding errors, too."""
+    own = [c for c in part.component.connectors() if isinstance(c, Point)]
+    ends = [(k, group.poses[c].position) for k, group in enumerate(groups) for c in own if c in group.poses]
+    places = sorted((k, tuple(rounded(float(x)) for x in at) if isinstance(at, np.ndarray) else ()) for k, at in ends)
+    return type(part.component).__name__, places, natural(part.path)
 
 
 def _edges(groups: Sequence[Group], joints: Sequence[tuple[str, Kind]]) -> list[Edge[Kind]]:
