@@ -48,7 +48,7 @@ class Differences:
 def in_tree(all: Sequence[Coordinate], y: ca.SX, sketch: ca.SX) -> Differences:
     """Of coordinates that are among y."""
     found = [(c, c.difference(sketch, y)) for c in all]
-    return Differences.joined([Differences(d, np.full(d.numel(), _TURN if c.is_turn else c.place.start)) for c, d in found])
+    return Differences.joined([Differences(d, np.full(d.numel(), _TURN if c.turns else c.place.start)) for c, d in found])
 
 
 def at_cut(loop: LoopRows, drawn: ca.SX | None, y: ca.SX, sketch: ca.SX) -> Differences:
@@ -65,4 +65,4 @@ def at_cut(loop: LoopRows, drawn: ca.SX | None, y: ca.SX, sketch: ca.SX) -> Diff
     values = ca.densify(values)
     at = ca.substitute(values, y, sketch) if drawn is None else drawn
     found = [(c, c.difference(at, values)) for c in joint_coordinates(loop.edge.name, joint)]
-    return Differences.joined([Differences(d, np.full(d.numel(), _TURN if c.is_turn else _LOOP)) for c, d in found])
+    return Differences.joined([Differences(d, np.full(d.numel(), _TURN if c.turns else _LOOP)) for c, d in found])

@@ -34,11 +34,6 @@ class Coordinate:
         """Whether it is a unit quaternion, the same up to its sign."""
         return self.place.stop - self.place.start == 4
 
-    @property
-    def is_turn(self) -> bool:
-        """The same."""
-        return self.turns
-
     def distance(self, a: np.ndarray, b: np.ndarray) -> float:
         """How far apart two configurations are in it: [rad] for angles (shortest way) and quaternions, else in its unit."""
         if self.is_rotation:
