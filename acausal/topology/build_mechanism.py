@@ -41,7 +41,7 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
         if isinstance(part.component, AbstractConstraint) and not isinstance(part.component, AbstractJoint)
     ]
     gravity = _gravity(rigid) if joints or others or forces or rigid else None
-    groups, edges, held = _in_order(rigid_groups(flat), joints, others)
+    groups, edges, held = _in_order(rigid_groups(flat), joints, others, gravity)
     _check_points([*edges, *held], groups)
     forces = tuple(sorted(forces, key=functools.partial(_force_key, groups)))
     edges += _free_edges(len(groups), edges, groups)
@@ -50,10 +50,13 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
 
 
 def _in_order(
-    groups: tuple[Group, ...], joints: Sequence[tuple[str, AbstractJoint]], others: Sequence[tuple[str, AbstractConstraint]]
+    groups: tuple[Group, ...],
+    joints: Sequence[tuple[str, AbstractJoint]],
+    others: Sequence[tuple[str, AbstractConstraint]],
+    gravity: np.ndarray | None,
 ) -> tuple[tuple[Group, ...], list[Edge[AbstractJoint]], list[Edge[AbstractConstraint]]]:
     """Groups, joints and other constraints in an order with which that of declaration has nothing to do."""
-    order = canonical_order(groups, [*_edges(groups, joints), *_edges(groups, others)])
+    order = canonical_order(groups, [*_edges(groups, joints), *_edges(groups, others)], gravity)
     groups = tuple(groups[k] for k in sorted(range(len(groups)), key=order.groups.__getitem__))
     edges, held, n = _edges(groups, joints), _edges(groups, others), len(joints)
     return (

@@ -38,7 +38,7 @@ class Order:
     edges: tuple[int, ...]
 
 
-def canonical_order(groups: Sequence[Group], edges: Sequence[Joint]) -> Order:
+def canonical_order(groups: Sequence[Group], edges: Sequence[Joint], gravity: np.ndarray | None = None) -> Order:
     """Ranks that neither the order of the edges nor that of the groups has to do with.
 
     Cost: quadratic in the joints of one group, n log n in their number for each link between those that are alike.
@@ -48,7 +48,7 @@ def canonical_order(groups: Sequence[Group], edges: Sequence[Joint]) -> Order:
     around = _around(groups, edges)
     of_edges = _ranks([_edge_key(i, edge, groups, around) for i, edge in enumerate(edges)])
     of_groups, of_edges = _refined(edges, of_groups, of_edges)
-    for places in _places(groups, edges) if len(set(of_edges)) < len(edges) else ():
+    for places in _places(groups, edges, gravity) if len(set(of_edges)) < len(edges) else ():
         of_edges = _ranks(list(zip(of_edges, places, strict=True)))
         of_groups, of_edges = _refined(edges, of_groups, of_edges)
     for _ in range(_NAMED):
@@ -74,9 +74,8 @@ def rounded(value: float) -> float:
     return float(np.ldexp(np.round(mantissa * _DIGITS) / _DIGITS, exponent))
 
 
-def on_grid(places: np.ndarray) -> np.ndarray:
-    """Places to six digits of the farthest, in a way that powers of two have no influence on."""
-    far = float(np.max(np.abs(places), initial=0.0))
+def on_grid(places: np.ndarray, far: float) -> np.ndarray:
+    """Places to six digits of the farthest distance, in a way that powers of two have no influence on."""
     step = 2.0 ** np.ceil(np.log2(far)) / _DIGITS if far > 0 else 1.0
     return np.round(places / step) * step + 0.0  # no -0
 
@@ -159,8 +158,8 @@ def _distances(ends: Sequence[tuple[int, np.ndarray]]) -> dict[int, Key]:
     return {i: tuple(sorted(rounded(float(d)) for d in row)) for (i, _), row in zip(ends, apart, strict=True)}
 
 
-def _places(groups: Sequence[Group], edges: Sequence[Joint]) -> Iterable[list[Any]]:
-    """Keys of edges by where their ends are drawn in the world: distances from all other ends, then the places themselves."""
+def _places(groups: Sequence[Group], edges: Sequence[Joint], gravity: np.ndarray | None) -> Iterable[list[Any]]:
+    """Keys of edges by where their ends are drawn in the world: distances from all other ends, then heights."""
     drawn = [np.full((2, 3), np.nan) for _ in edges]
     for i, edge in enumerate(edges):
         for k, (group, pose) in enumerate(((edge.a, edge.pose_a), (edge.b, edge.pose_b))):
@@ -171,8 +170,10 @@ def _places(groups: Sequence[Group], edges: Sequence[Joint]) -> Iterable[list[An
     all = np.array(drawn).reshape(-1, 3)
     known = all[~np.isnan(all[:, 0])]
     yield [_far(own, known) for own in drawn]
-    grid = on_grid(np.nan_to_num(all)).reshape(-1, 2, 3)
-    yield [sorted(map(tuple, own.tolist())) for own in grid]
+    if isinstance(gravity, np.ndarray) and gravity.dtype == float and np.any(gravity):
+        heights = (all - np.mean(known, axis=0)) @ (gravity / np.linalg.norm(gravity)) if known.size else np.zeros(len(all))
+        far = float(np.max(np.abs(known - np.mean(known, axis=0)), initial=0.0)) if known.size else 0.0
+        yield [sorted(pair) for pair in on_grid(np.nan_to_num(heights), far).reshape(-1, 2).tolist()]
 
 
 def _far(own: np.ndarray, all: np.ndarray) -> list[Key]:
