@@ -586,7 +586,7 @@ def test_a_function_reaches_values_that_are_far_away():
     assert missed <= 10
 
 
-@pytest.mark.parametrize("power", [-10, -3])
+@pytest.mark.parametrize("power", [-15, -3, 15])
 def test_a_function_decides_alike_in_all_units_of_length(power):
     """Small lengths are not closed because they are small."""
     unit = 4.0**power

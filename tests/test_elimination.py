@@ -261,3 +261,10 @@ def test_states_given_as_numbers_are_those_that_a_model_keeps():
     linear = model.linearize([0.3, 1.0])  # angle and rate; the place of the sledge follows, and is free beside them
     assert linear.states == ("slide.q", "hinge.q", "hinge.v")
     assert np.allclose(linear.A, [[0, 0, 0.3], [0, 0, 1], [0, 0, 0]], atol=1e-13)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e3, 1e9])
+def test_what_follows_does_not_depend_on_the_unit_of_length(unit: float):
+    """A radius is larger than one in some units, and smaller in others."""
+    scene = rack(RADIUS * unit)
+    assert ac.build(scene).state_names == ac.build(rack()).state_names

@@ -33,6 +33,7 @@ from components import (
 from examples.bicycle import Bicycle
 from tests.analysis_scenes import Motor, Top
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
+from tests.similar import SCENES, Units
 
 G = 9.81
 
@@ -385,12 +386,19 @@ def test_wrong_questions_are_answered_in_words():
         model.linearize("home")  # type: ignore[arg-type]
 
 
-def test_a_state_that_opens_a_loop_is_refused():
-    scene = FourBar()
-    model = ac.build(scene)
-    x = model.initial_state().x
-    with pytest.raises(StartValueError, match="violate the constraints"):
-        model.linearize(x + 0.1)
+@pytest.mark.parametrize("length", [1e-9, 1e-3, 1.0, 1e3, 1e9])
+@pytest.mark.parametrize("time", [1e-9, 1.0, 1e9])
+def test_a_state_that_opens_a_loop_is_refused_in_any_unit(length: float, time: float):
+    """What is rounded to eight digits is taken, what is off in the fourth is not: in positions and in velocities."""
+    similar = SCENES["slider_crank"](Units(length=length, time=time))
+    model = ac.build(similar.scene)
+    x = model.initial_state(similar.start).x
+    model.linearize(np.array([float(f"{value:.8e}") for value in x]))
+    for k in np.flatnonzero(x):
+        off = x.copy()
+        off[k] *= 1 + 1e-4
+        with pytest.raises(StartValueError, match="violate the constraints"):
+            model.linearize(off)
 
 
 def test_a_flat_parallelogram_is_singular_and_says_so():

@@ -249,7 +249,7 @@ def test_a_vehicle_is_followed_for_a_thousand_turns_of_its_wheels_on_one_chart(m
     assert motion.trajectory.energy_error() < 1e-8
 
 
-@pytest.mark.parametrize("power", [-10, -5, -1])
+@pytest.mark.parametrize("power", [-15, -5, 15])
 def test_charts_are_the_same_in_all_units_of_length(power):
     unit = 4.0**power
     for make, prefer in ((lambda u: slider_crank(0.3 * u, 1.0 * u), "slide"), (lambda u: vehicle(unit=u), "pivot")):

@@ -61,7 +61,7 @@ class Deviations:
         change[free, range(len(free))] = 1.0
         if dependent:
             size = coordinate_sizes(self.coordinates, self.sizes.x)
-            G = equilibrated(G, size)
+            G = _scaled(G, size)
             follow = np.linalg.lstsq(G[:, dependent], G[:, free], rcond=None)[0]
             change[dependent] = -size[dependent, None] * follow / size[free]
         return Tangent(turn @ change, back[free], back_rate[free])
@@ -72,7 +72,7 @@ def coordinate_sizes(coordinates: ChartCoordinates, sizes: np.ndarray) -> np.nda
     return np.concatenate([np.ones(3) if size == 3 else sizes[[i]] for i, size in coordinates.places])
 
 
-def equilibrated(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def _scaled(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Rows G (m, n) for entries measured by their sizes (n,), each row divided by its largest entry, to a power of two."""
     G = G * sizes
     largest = np.max(np.abs(G), axis=1, initial=0.0)
@@ -94,10 +94,10 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     invariants = Differentiable(s, ca.vertcat(s.position_invariants, s.velocity_invariants))
     x_dot = Differentiable(s, s.x_dot)
     sizes = sizes_at(s, x_dot, at)
-    G = equilibrated(invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places))
+    G, size = invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places)
     rows, nq = s.position_invariants.numel(), s.nq - len(units)
-    positions = independent_entries(G[:rows, :nq]).free
-    rates = independent_entries(G[rows:, nq:], preferred=_matching(s, coordinates, positions)).free
+    positions = independent_entries(_scaled(G[:rows, :nq], size[:nq])).free
+    rates = independent_entries(_scaled(G[rows:, nq:], size[nq:]), preferred=_matching(s, coordinates, positions)).free
     free = (*positions, *(nq + i for i in rates))
     return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free))
 

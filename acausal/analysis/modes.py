@@ -11,18 +11,23 @@ import numpy as np
 _MARGIN = 100.0
 _LARGEST = 1e-4
 _SAME = 1e-9
+_LARGE = 0.25
+"""Part of the largest amplitude from which on one is large: sizes are powers of two."""
+_SEEN, _SHOWN = 1e-6, 6
 
 
 @dataclass(frozen=True)
 class Mode:
     """exp(eigenvalue t) shape; a conjugate pair is one mode, with a positive imaginary part.
 
-    `shape` (n,): amplitudes of `states`, complex where they are out of phase, scaled so that the largest is 1. `accuracy`: how far
-    rounding may have moved the eigenvalue; parts below it are zero.
+    `shape` (n,): amplitudes of `states`, complex where they are out of phase, scaled so that the first large one is 1. `parts` (n,): their
+    magnitudes beside what is much for each state, the largest 1. `accuracy`: how far rounding may have moved the eigenvalue; parts
+    below it are zero.
     """
 
     eigenvalue: complex
     shape: np.ndarray
+    parts: np.ndarray
     states: tuple[str, ...]
     accuracy: float
 
@@ -47,8 +52,8 @@ class Mode:
         return complex(self.shape[self.states.index(state)])
 
     def __str__(self) -> str:
-        largest = sorted(range(len(self.states)), key=lambda i: -abs(self.shape[i]))
-        shape = ", ".join(f"{self.states[i]} {_number(self.shape[i])}" for i in largest[:6] if abs(self.shape[i]) > 1e-6)
+        largest = [int(i) for i in np.argsort(-self.parts, kind="stable")[:_SHOWN] if self.parts[i] > _SEEN]
+        shape = ", ".join(f"{self.states[i]} {_number(self.shape[i])}" for i in largest)
         damping = f"{self.damping_ratio:>9.4f}" if self.eigenvalue else f"{'-':>9}"
         return f"  {_number(self.eigenvalue):<26} {self.angular_frequency:>12.6g} {self.frequency:>12.6g} {damping}   {shape}"
 
@@ -123,9 +128,13 @@ def _modes(A: np.ndarray, own: np.ndarray, states: tuple[str, ...], sizes: np.nd
         if imaginary < 0:
             continue
         shape = np.zeros(sizes.size, dtype=vector.dtype)
-        shape[own] = sizes[own] * (back @ vector)
-        shape = shape / shape[np.argmax(np.abs(shape))]
-        found.append(Mode(complex(real, imaginary), shape, states, float(error)))
+        shape[own] = back @ vector
+        parts = np.abs(shape) / np.max(np.abs(shape))
+        shape = sizes * shape
+        first = int(np.argmax(parts >= _LARGE))
+        shape = shape / shape[first]
+        shape[first] = 1.0
+        found.append(Mode(complex(real, imaginary), shape, parts, states, float(error)))
     return found
 
 

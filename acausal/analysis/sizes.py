@@ -8,7 +8,7 @@ import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.reduce.reduce import ReducedSystem
-from acausal.start.coordinates import coordinates, reach
+from acausal.start.coordinates import coordinates, reach, turning_states
 
 ROUNDING = 1e3
 """So many times the rounding of its own terms is zero."""
@@ -93,8 +93,7 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
     if not 0 < length < np.inf:
         stiffness = J[nq:last, :nq]
         length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
-    turns = np.append(found.turning, [state.is_angle for state in s.scalar_states[: s.scalar.positions]]).astype(bool)
-    return np.where(turns, 1.0, length if 0 < length < np.inf else 1.0)
+    return np.where(turning_states(s)[0], 1.0, length if 0 < length < np.inf else 1.0)
 
 
 def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:

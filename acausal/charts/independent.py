@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-_RANK = 1e-9
+from acausal.numerics.thresholds import DEPENDENT
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
     import scipy.linalg
 
     m, n = jacobian.shape
-    rank = int(np.linalg.matrix_rank(jacobian, tol=_RANK * max(1.0, float(np.linalg.norm(jacobian)))) if m and n else 0)
+    rank = int(np.linalg.matrix_rank(jacobian, tol=DEPENDENT * max(1.0, float(np.linalg.norm(jacobian)))) if m and n else 0)
     if rank == 0:
         return Independent(tuple(range(n)), (), np.eye(n), 1.0)
     wanted = set(preferred)
@@ -43,7 +43,7 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
             continue
         R, order = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.qr(rest[:, group], mode="r", pivoting=True))
         size = np.abs(np.diag(R))
-        count = min(int(np.sum(size > _RANK * max(1.0, float(np.linalg.norm(jacobian))))), rank - len(dependent))
+        count = min(int(np.sum(size > DEPENDENT * max(1.0, float(np.linalg.norm(jacobian))))), rank - len(dependent))
         chosen = [group[i] for i in order[:count]]
         dependent += chosen
         basis = np.linalg.qr(jacobian[:, dependent])[0]

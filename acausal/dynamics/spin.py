@@ -11,6 +11,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.vanishing import vanish
 from acausal.parts.inertia import Inertia
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Matrix, Pose, rotation_about_z, snapped, symbolic
@@ -22,7 +23,7 @@ def balanced(inertia: Inertia, q: ca.SX) -> Inertia:
     if not (q.numel() and ca.depends_on(entries, q)):
         return inertia
     at_zero = ca.substitute(entries, q, ca.SX.zeros(q.numel()))
-    if not _same(entries, at_zero):
+    if not vanish(entries - at_zero):
         return inertia
     moment = _numeric(at_zero[:3])
     moment = moment.ravel() if isinstance(moment, np.ndarray) else moment
@@ -51,7 +52,7 @@ def one_turn(offset: Pose, motion: Motion) -> tuple[Pose, Motion]:
     for symbol in ca.symvar(rotation):
         rest = ca.substitute(rotation, symbol, 0)
         for angle in (symbol, -symbol):
-            if _same(rotation, rest @ rotation_about_z(angle)):
+            if vanish(ca.vec(rotation - rest @ rotation_about_z(angle))):
                 whole = motion.angle + angle
                 turn = replace(motion, angle=whole, pose=Pose(rotation_about_z(whole), np.zeros(3)))
                 fixed = _numeric(rest)
@@ -61,18 +62,6 @@ def one_turn(offset: Pose, motion: Motion) -> tuple[Pose, Motion]:
 
 def _entries(inertia: Inertia) -> ca.SX:
     return ca.densify(ca.vertcat(symbolic(inertia.moment), ca.vec(symbolic(inertia.second_moment))))
-
-
-def _same(one: ca.SX, other: ca.SX) -> bool:
-    """Whether two expressions have the same values, to rounding, at four random points."""
-    symbols = ca.vertcat(*ca.symvar(ca.veccat(one, other)))
-    both = ca.Function("both", [symbols], [one, other])
-    rng = np.random.default_rng(0)
-    for _ in range(4):
-        a, b = (np.array(part) for part in both(rng.uniform(0.5, 2.0, symbols.numel())))
-        if not (np.isfinite(b).all() and np.max(np.abs(a - b)) <= 1e-14 * np.max(np.abs(b))):
-            return False
-    return True
 
 
 def _numeric(matrix: ca.SX) -> Matrix:

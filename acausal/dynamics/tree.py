@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -15,6 +16,7 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.modal_inertia import ModalInertia
 from acausal.parts.motion import Motion, reversed_motion
 from acausal.parts.pose import Matrix, Pose, cleaned, cleaned_vector, product, rotation_about_z, snapped, symbolic
+from acausal.parts.turning import all_turning
 from acausal.topology.mechanism import Edge, Mechanism, TreeEdge
 from acausal.wording import shortened
 
@@ -67,6 +69,15 @@ class Tree:
     """In the frame of link -1."""
     world: np.ndarray
     """Rotation (3, 3) of the frame of link -1, which rests at the world's origin, in the world frame."""
+
+    @functools.cached_property
+    def turning(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which entries of q (nq,) are angles and quaternions, and which of v (nv,) are rates of these."""
+        turns, rates = all_turning(joint.edge.joint for joint in self.joints), np.zeros(self.v.numel(), dtype=bool)
+        if turns.any():
+            N = ca.jacobian(self.rates[[int(i) for i in np.flatnonzero(turns)]], self.v)
+            rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
+        return turns, rates
 
     def __str__(self) -> str:
         return _table(self)

@@ -18,6 +18,7 @@ import numpy as np
 
 from acausal.dynamics.forward_dynamics import massless, own_inertia
 from acausal.dynamics.tree import Tree
+from acausal.numerics.sizes import positive
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.inertia import Inertia, skew
 from acausal.parts.pose import symbolic
@@ -53,13 +54,36 @@ def check_tree_inertia(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.
     elastic = [joint.q for joint in tree.joints if isinstance(joint.edge.joint, AbstractElasticBody)]
     if len(tree.links) > _MOST_LINKS or not (elastic or any(_is_thin(group.inertia) for group in tree.mechanism.groups)):
         return
-    rng = np.random.default_rng(6)
-    places = [q + 0.3 * rng.uniform(-1, 1, q.size) for _ in range(2)]
+    rng, much = np.random.default_rng(6), _sizes(tree, parameters, q, values)
+    places = [q + 0.3 * much * rng.uniform(-1, 1, q.size) for _ in range(2)]
     for place, amplitudes in ((place, part) for place in places for part in elastic):
         place[amplitudes] = 0.0
     one, two = (massless_motions(tree, parameters, [place], values) for place in places)
     for i in sorted(one.keys() & two.keys()):
         raise massless(tree.links[i])
+
+
+def _sizes(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What is much for each entry of q (nq,): 1 for turns, else a length near the joint; 1 where there is none in the whole tree."""
+    turns, much = tree.turning[0], np.ones(q.size)
+    if turns.all():
+        return much
+    near = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
+    # radii of gyration, squared; where there is no mass 0 / 0
+    wide = [ca.SX(ca.trace(symbolic(link.inertia.second_moment))) / link.inertia.mass for link in tree.links]
+    offsets, spread = (
+        np.nan_to_num(np.array(part).ravel(), posinf=0.0)
+        for part in ca.Function("near", [tree.q, tree.t, parameters], [ca.vertcat(*near), ca.vertcat(*wide)])(q, 0.0, values)
+    )
+    own = np.maximum(offsets, np.sqrt(np.maximum(spread, 0.0)))
+    around = own.copy()
+    for i, link in enumerate(tree.links):
+        if link.parent >= 0:
+            around[i], around[link.parent] = max(around[i], own[link.parent]), max(around[link.parent], own[i])
+    around = positive(np.where(around > 0, around, np.max(own, initial=0.0)))
+    for joint in tree.joints:
+        much[joint.q] = np.where(turns[joint.q], 1.0, around[joint.link])
+    return much
 
 
 def _is_thin(inertia: Inertia) -> bool:

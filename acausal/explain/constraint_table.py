@@ -10,10 +10,10 @@ import numpy as np
 
 from acausal.explain.integrability.classification import Block, Integrability
 from acausal.explain.integrability.integral import Integral
-from acausal.explain.integrability.pfaffian import row_space
 from acausal.explain.integrability.scene import scene_integrability
 from acausal.explain.integrability.velocity_forms import contact_rows, is_linear, rates_only
 from acausal.explain.row_meaning import row_meanings
+from acausal.numerics.vanishing import equilibrated_rank
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.scalar.coupling import Held
@@ -144,9 +144,7 @@ def _configuration_freedom(system: ReducedSystem) -> int:
         return 0
     q = system.x[: system.nq, :]
     function = ca.Function("slope", [q, system.t, system.p], [ca.densify(ca.jacobian(system.closing, q))])
-    ranks = [
-        row_space(np.array(function(q, 0.0, system.p_values)).reshape(-1, system.nq)).shape[0] for q in system.closed_positions
-    ]
+    ranks = [equilibrated_rank(np.array(function(q, 0.0, system.p_values))) for q in system.closed_positions]
     return system.nq - max(ranks)
 
 

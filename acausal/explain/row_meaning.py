@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.loops.loops import LoopRows
+from acausal.numerics.thresholds import EDGE
 from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.coordinates import coordinates, reach
@@ -31,9 +32,9 @@ def row_meanings(system: ReducedSystem, rows: LoopRows) -> dict[str, str]:
 def _meaning(torque: np.ndarray, force: np.ndarray, has_axis: bool, steady: bool) -> str:
     """`torque` as the forces that make it at the ends of the mechanism."""
     size = float(np.linalg.norm([*torque, *force]))
-    if np.linalg.norm(torque) < 1e-9 * size:
+    if np.linalg.norm(torque) < EDGE * size:
         return f"a shift{_direction(force, has_axis, 'along the axis', 'across the axis') if steady else ''}"
-    if np.linalg.norm(force) < 1e-9 * size:
+    if np.linalg.norm(force) < EDGE * size:
         return f"a turn{_direction(torque, has_axis, 'about the axis', 'that tilts the axis') if steady else ''}"
     return "a shift and a turn together"
 
@@ -41,6 +42,6 @@ def _meaning(torque: np.ndarray, force: np.ndarray, has_axis: bool, steady: bool
 def _direction(vector: np.ndarray, has_axis: bool, along: str, across: str) -> str:
     unit = vector / np.linalg.norm(vector)
     if has_axis:
-        return f" {along}" if abs(unit[2]) > 1 - 1e-9 else f" {across}" if abs(unit[2]) < 1e-9 else " across frames"
+        return f" {along}" if abs(unit[2]) > 1 - EDGE else f" {across}" if abs(unit[2]) < EDGE else " across frames"
     k = int(np.argmax(np.abs(unit)))
-    return f" along {'xyz'[k]} of frame_b" if abs(unit[k]) > 1 - 1e-9 else " across frames"
+    return f" along {'xyz'[k]} of frame_b" if abs(unit[k]) > 1 - EDGE else " across frames"

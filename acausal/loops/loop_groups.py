@@ -12,7 +12,7 @@ from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.loops.loops import LoopRows
 from acausal.numerics.sizes import Drawn
-from acausal.parts.turning import turning
+from acausal.parts.turning import all_turning
 
 
 @dataclass(frozen=True)
@@ -97,5 +97,5 @@ def _group(system: MechanicalSystem, loops: tuple[LoopRows, ...], joints: Sequen
         loops, tuple(joints), tree.q[q_places], tree.v[v_places], tree.rates[q_places], tuple(q_places), tuple(v_places),
         ca.vertcat(none, *(j.edge.joint.invariants(tree.q[j.q], tree.t) for j in joints)),
         ca.vertcat(none, *(j.edge.joint.domain(tree.q[j.q]) for j in joints)),
-        np.concatenate([np.zeros(0, dtype=bool), *(turning(j.edge.joint) for j in joints)]),
+        all_turning(j.edge.joint for j in joints),
     )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -61,19 +61,26 @@ class Rounding:
 
     def __call__(self, t: float, x: np.ndarray, *fixed: np.ndarray, spread: np.ndarray | None = None) -> np.ndarray:
         """Sizes (entries of the result,) at t, x and further arguments that are exact; `spread` (nx,): how uncertain x is besides."""
+        size = np.abs(x) if spread is None else np.abs(x) + spread / _EPS
+        return self.around((np.array([t]), x, *fixed), (abs(t), size))[1].ravel()
+
+    def around(self, arguments: Sequence[np.ndarray], uncertain: Sequence[np.ndarray | float]) -> tuple[np.ndarray, np.ndarray]:
+        """Values and sizes of rounding (entries of the result, k) at k points: `arguments` (n,) or (n, k), of which the first are known to
+        rounding of what is `uncertain` (n,) only.
+        """
         f = self.function
         draw = np.random.default_rng(1).uniform
         columns: list[np.ndarray] = []
-        for k, argument in enumerate((np.array([t]), x, *fixed)):
-            size = np.abs(argument) if k < 2 else np.zeros(argument.size)
-            if k == 1 and spread is not None:
-                size = size + spread / _EPS
-            shift = _ENLARGED * size[:, None] * draw(-1.0, 1.0, (argument.size, _SAMPLES))
-            columns.append(np.hstack([argument[:, None], argument[:, None] + shift]))
+        for k, argument in enumerate(arguments):
+            at = argument if argument.ndim == 2 else argument[:, None]
+            size = np.reshape(uncertain[k], (-1, 1)) if k < len(uncertain) else np.zeros((at.shape[0], 1))
+            shift = _ENLARGED * size * draw(-1.0, 1.0, (at.shape[0], _SAMPLES))
+            columns.append(np.concatenate([at[:, None], at[:, None] + shift[:, :, None]], axis=1))
         factors = 1 + _ENLARGED * draw(-1.0, 1.0, (f.n_instructions(), _SAMPLES + 1))
         factors[:, 0] = 1.0
-        work = np.zeros((f.sz_w() + 1, _SAMPLES + 1))
-        result = np.zeros((f.nnz_out(0), _SAMPLES + 1))
+        points = max((column.shape[2] for column in columns), default=1)
+        work = np.zeros((f.sz_w() + 1, _SAMPLES + 1, points))
+        result = np.zeros((f.nnz_out(0), _SAMPLES + 1, points))
         with np.errstate(all="ignore"):
             for k, (code, to, of, number) in enumerate(self._instructions):
                 if code == ca.OP_INPUT:
@@ -84,19 +91,19 @@ class Rounding:
                 elif code == ca.OP_CONST:
                     work[to[0]] = number
                 elif code in _ROUNDED:
-                    work[to[0]] = _ROUNDED[code](*(work[i] for i in of)) * factors[k]
+                    work[to[0]] = _ROUNDED[code](*(work[i] for i in of)) * factors[k][:, None]
                 elif code in _EXACT:
                     work[to[0]] = _EXACT[code](*(work[i] for i in of))
                 elif code in _DECISIONS:
                     work[to[0]] = _DECISIONS[code](*(work[i][0] for i in of))
                 elif code == ca.OP_IF_ELSE_ZERO:
-                    work[to[0]] = work[of[1]] if work[of[0]][0] else 0.0
+                    work[to[0]] = np.where(work[of[0]][0] != 0, work[of[1]], 0.0)
                 elif code == ca.OP_COPYSIGN:
                     work[to[0]] = np.copysign(work[of[0]], work[of[1]][0])
                 else:
-                    return np.full(result.shape[0], np.nan)
+                    return (nothing := np.full((result.shape[0], points), np.nan)), nothing
             spreads = np.max(np.abs(result[:, 1:] - result[:, :1]), axis=1)
-        return np.where(np.isfinite(spreads), spreads, np.nan) * (_EPS / _ENLARGED)
+        return result[:, 0], np.where(np.isfinite(spreads), spreads, np.nan) * (_EPS / _ENLARGED)
 
 
 def rounding_of(

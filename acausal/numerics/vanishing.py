@@ -1,11 +1,64 @@
-"""Whether something vanishes, decided by numbers without unit: values against the terms they are made of, rows and columns brought to one size."""
+"""Whether something vanishes, decided by numbers without unit: values against the rounding of what they are made of, rows and columns brought
+to one size.
+"""
 
 from __future__ import annotations
 
+import enum
+
+import casadi as ca
 import numpy as np
 
-_RANK = 1e-9
+from acausal.numerics.folding import folded_function
+from acausal.numerics.rounding import Rounding
+from acausal.numerics.thresholds import DEPENDENT, ROUNDING
+
 _SWEEPS = 3
+_POINTS, _ENOUGH, _DRAWS = 6, 3, 4
+_DECADES = 6.0
+
+
+class Vanishing(enum.Enum):
+    """Answers to: is this zero, whatever its symbols are?"""
+
+    YES = enum.auto()
+    NO = enum.auto()
+    UNKNOWN = enum.auto()
+    """It had a value at too few places."""
+
+
+def vanishing(
+    rows: ca.SX, fixed: ca.SX | None = None, values: np.ndarray | None = None, *, known: float = ROUNDING
+) -> tuple[Vanishing, ...]:
+    """For each row (n, 1) whether it is zero for all values of its symbols, those that are `fixed` (k, 1) at their `values` (k,).
+
+    Looks at places of either sign, some of about 1 and some up to a million times larger or smaller, whatever the unit, and at others
+    where there is no value. Zero is what is below `known` times the sizes that are rounded on the way (see `Rounding`): so well are the numbers in the rows known.
+    """
+    fixed = ca.SX(0, 1) if fixed is None else fixed
+    own = {fixed[i].element_hash() for i in range(fixed.numel())}
+    free = [s for s in ca.symvar(rows) if s.element_hash() not in own]
+    function = folded_function("rows", [fixed, ca.vertcat(ca.SX(0, 1), *free)], [ca.densify(rows)])
+    rng, given = np.random.default_rng(11), np.zeros(0) if values is None else values
+    zero, seen = np.ones(rows.numel(), dtype=bool), np.zeros(rows.numel(), dtype=int)
+    for _ in range(_DRAWS):
+        size = 10.0 ** (_DECADES * rng.uniform(-1, 1, (len(free), _POINTS)) * (np.arange(_POINTS) % 2))
+        points = size * rng.uniform(0.5, 1.5, size.shape) * rng.choice([-1.0, 1.0], size.shape)
+        found, rounding = Rounding(function).around((given, points), (np.abs(given),))
+        clear = np.isfinite(found) & np.isfinite(rounding)
+        zero &= ~np.any(clear & (np.abs(found) > known / np.finfo(float).eps * rounding), axis=1)
+        seen += np.count_nonzero(clear, axis=1)
+        if (~zero | (seen >= _ENOUGH)).all():
+            break
+    return tuple(
+        Vanishing.NO if not is_zero else Vanishing.YES if often else Vanishing.UNKNOWN
+        for is_zero, often in zip(zero, seen >= _ENOUGH, strict=True)
+    )
+
+
+def vanish(rows: ca.SX, fixed: ca.SX | None = None, values: np.ndarray | None = None, *, known: float = ROUNDING) -> bool:
+    """Whether all rows are known to vanish."""
+    return all(answer is Vanishing.YES for answer in vanishing(rows, fixed, values, known=known))
 
 
 def equilibrated(A: np.ndarray) -> np.ndarray:
@@ -22,4 +75,4 @@ def equilibrated(A: np.ndarray) -> np.ndarray:
 def equilibrated_rank(A: np.ndarray) -> int:
     """Rank of a matrix of numbers whose rows and columns may have any units."""
     s = np.linalg.svd(equilibrated(A), compute_uv=False) if A.size else np.zeros(0)
-    return int(np.sum(s > _RANK * s[0])) if s.size and s[0] > 0 else 0
+    return int(np.sum(s > DEPENDENT * s[0])) if s.size and s[0] > 0 else 0

@@ -91,7 +91,8 @@ def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: flo
     times = np.linspace(t0, t1, _SAMPLES)
     states = np.array(switches(times[None, :], np.repeat(p[:, None], times.size, axis=1)))
     size = np.maximum(
-        1e-9, np.max(np.abs(np.nan_to_num(np.array(course(times[None, :], np.repeat(p[:, None], times.size, axis=1))))), axis=1)
+        np.finfo(float).tiny,
+        np.max(np.abs(np.nan_to_num(np.array(course(times[None, :], np.repeat(p[:, None], times.size, axis=1))))), axis=1),
     )
     for k in np.flatnonzero(np.any(np.diff(states, axis=1) != 0, axis=0)):
         before, after = float(times[k]), float(times[k + 1])

@@ -2,7 +2,8 @@
 
 With constraint rows A (m, nv) of the cut joints, multipliers z with A' z = 0 change reactions around the loops and nothing else. There is
 one such direction for each redundant row. Of all sets of reactions that give the same motion the smallest is taken: the least
-sum of squares of all forces [N] and torques [N m] at the joints, about the origins of their frame_b. It does not depend on where loops are cut.
+sum of squares of all forces, and of all torques over a length, at the joints, about the origins of their frame_b. The length is that of the loop:
+how far the joints on its links are apart, so that no unit has a share. It does not depend on where loops are cut.
 """
 
 from __future__ import annotations
@@ -16,14 +17,15 @@ from acausal.dynamics.formulas import solve_positive
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.loops.constraints import Constraints
+from acausal.loops.loop_groups import loop_groups
 from acausal.loops.loops import mounted_places
+from acausal.numerics.thresholds import RANK
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, symbolic
 from acausal.topology.mechanism import Edge
 
 _STIFFNESS = 1e6
 _STEPS = 3
-_NOTICED = 1e-7
 
 
 @dataclass(frozen=True, repr=False)
@@ -31,27 +33,38 @@ class LoopReactions:
     """How wrenches at joints depend on the multipliers of all rows of the cut joints, `m` in number, vanishing rows included.
 
     `edges`: the joints in loops, those of the tree first. `change` (6 len(edges), m): torque and force on frame_b of each, in its mounted
-    axes. `jacobian` A (m, nv).
+    axes. `jacobian` A (m, nv). The lengths of loops, which torques are divided by: `of_wrenches` (6 len(edges), 1), `of_rows` (m, 1) and
+    `of_rates` (nv, 1), 1 for forces and what shifts.
     """
 
     edges: tuple[Edge[AbstractConstraint], ...]
     change: ca.SX
     jacobian: ca.SX
+    of_wrenches: ca.SX
+    of_rows: ca.SX
+    of_rates: ca.SX
+
+    @property
+    def measured(self) -> tuple[ca.SX, ca.SX]:
+        """`change` and `jacobian` without units."""
+        W, A = self.change @ ca.diag(self.of_rows), ca.diag(self.of_rows) @ self.jacobian
+        return ca.diag(1 / self.of_wrenches) @ W, A @ ca.diag(1 / self.of_rates)
 
     def balanced(self, multipliers: ca.SX, wrenches: ca.SX) -> ca.SX:
         """The multipliers (m, 1) with the smallest reactions and the motion of `multipliers`, for which the joints feel `wrenches`.
 
         Method of multipliers on min |wrenches + change z|^2 under A' z = 0.
         """
-        W, A = self.change, self.jacobian
-        stiffness = _STIFFNESS * ca.trace(W.T @ W) / (ca.trace(A @ A.T) + 1e-300)
+        W, A = self.measured
+        wrenches = wrenches / self.of_wrenches
+        stiffness = _STIFFNESS * ca.trace(W.T @ W) / (ca.trace(A @ A.T) + np.finfo(float).tiny)
         matrix = ca.densify(W.T @ W + stiffness * (A @ A.T))
         pull = ca.SX.zeros(A.shape[1])
         z = ca.SX.zeros(A.shape[0])
         for _ in range(_STEPS):
             z = solve_positive(matrix, ca.densify(-(W.T @ wrenches) - A @ pull))
             pull += stiffness * (A.T @ z)
-        return multipliers + z
+        return multipliers + self.of_rows * z
 
 
 def loop_reactions(system: MechanicalSystem, constraints: Constraints) -> LoopReactions:
@@ -85,7 +98,44 @@ def loop_reactions(system: MechanicalSystem, constraints: Constraints) -> LoopRe
     edges += [rows.edge for rows in constraints.loops]
     rows_of_A = [ca.jacobian(rows.velocity, tree.v) for rows in constraints.loops]
     padded = [ca.vertcat(A, ca.SX(len(rows.dropped), A.shape[1])) for A, rows in zip(rows_of_A, constraints.loops, strict=True)]
-    return LoopReactions(tuple(edges), ca.vertcat(*blocks, *own), ca.vertcat(*padded))
+    length = _lengths(system, constraints)
+    of_rates = ca.SX.ones(tree.v.numel())
+    for item in tree.joints:
+        for j in range(item.v.start, item.v.stop):
+            of_rates[j] = length.get(item.edge.name, 1) if tree.turning[1][j] else 1
+    of_rows = [
+        length[rows.edge.name] if basis[3:, k].is_zero() else ca.SX(1)
+        for rows, basis in zip(constraints.loops, bases, strict=True)
+        for k in range(basis.shape[1])
+    ]
+    of_wrenches = [ca.vertcat(*[length[edge.name]] * 3, 1, 1, 1) for edge in edges]
+    return LoopReactions(
+        tuple(edges), ca.vertcat(*blocks, *own), ca.vertcat(*padded), ca.vertcat(*of_wrenches), ca.vertcat(*of_rows), of_rates
+    )
+
+
+def _lengths(system: MechanicalSystem, constraints: Constraints) -> dict[str, ca.SX]:
+    """For each joint in loops how far joints are apart on the links of these loops, by constants and parameters: the root of the mean square."""
+    tree, placement = system.tree, system.placement
+    squares: list[tuple[list[str], ca.SX]] = []
+    for group in loop_groups(system, constraints.loops):
+        own = [joint for joint in tree.joints if joint.v.start in group.v_places]
+        places: dict[int, list[ca.SX]] = {}
+        for edge in (*(joint.edge for joint in own), *(rows.edge for rows in group.loops)):
+            for link, pose in placement.ends(edge):
+                places.setdefault(link, []).append(symbolic(pose.position))
+        spread = ca.SX(0)
+        for points in places.values():
+            mean = sum(points[1:], points[0]) / len(points)
+            spread += sum((ca.sumsqr(point - mean) for point in points), ca.SX(0)) / len(points)
+        names = [joint.edge.name for joint in own] + [rows.edge.name for rows in group.loops]
+        squares.append((names, spread))
+    whole = sum((square for _, square in squares), ca.SX(0))
+    return {
+        name: ca.sqrt(next((s for s in (square, whole) if not s.is_zero()), ca.SX(1)))
+        for names, square in squares
+        for name in names
+    }
 
 
 def wrench_on_b(system: MechanicalSystem, item: JointSymbols, transmitted: ca.SX) -> ca.SX:
@@ -104,15 +154,13 @@ def undetermined_reactions(
     if not (constraints.redundant or constraints.vanishing):
         return {}
     found = loop_reactions(system, constraints)
-    function = ca.Function(
-        "statics", [system.tree.q, system.tree.t, parameters], [ca.densify(found.jacobian), ca.densify(found.change)]
-    )
+    function = ca.Function("statics", [system.tree.q, system.tree.t, parameters], [ca.densify(part) for part in found.measured])
     loose = np.zeros(6 * len(found.edges), dtype=bool)
     for q in constraints.samples[:: max(1, len(constraints.samples) // 2)]:
-        A, W = (np.array(part) for part in function(q, 0.0, values))
+        W, A = (np.array(part) for part in function(q, 0.0, values))
         U, s, _ = np.linalg.svd(A)
-        rank = int(np.sum(s > _NOTICED * max(1.0, float(s[0]) if s.size else 0.0)))
-        loose |= np.max(np.abs(W @ U[:, rank:]), axis=1, initial=0.0) > _NOTICED
+        rank = int(np.sum(s > RANK * s[0])) if s.size else 0
+        loose |= np.max(np.abs(W @ U[:, rank:]), axis=1, initial=0.0) > RANK
     groups = loose.reshape(-1, 6)
     return {edge.name: tuple(bool(b) for b in row) for edge, row in zip(found.edges, groups, strict=True) if row.any()}
 

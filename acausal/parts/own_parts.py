@@ -17,6 +17,7 @@ from acausal.language.equation import Equation
 from acausal.language.expression import Expression, Parameter, Time, Variable, check_formula, declared, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.language.origin import shortened
+from acausal.numerics.thresholds import EDGE
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, symbols_read, unbalanced_power
@@ -25,9 +26,6 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractRigidPart, Attachment
-
-_TOLERANCE = 1e-9
-"""Of sums of numbers that are to cancel, against the largest of them."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,7 @@ class OwnPart:
         numbers = np.random.default_rng(0)
         gap = ca.densify(ca.vertcat(ca.vec(R.T @ R - ca.SX.eye(3)), ca.det(R)))
         *off, det = self._at(gap, q, numbers.uniform(0.1, 0.9, q.numel()))
-        if np.isfinite(off).all() and (np.max(np.abs(off)) > _TOLERANCE or det < 0):
+        if np.isfinite(off).all() and (np.max(np.abs(off)) > EDGE or det < 0):
             raise self._error(
                 "pose(q, t)",
                 "gives a matrix that is no rotation (its columns are not unit vectors at right angles, right-handed). Build it from "
@@ -260,7 +258,7 @@ class OwnPart:
         """What the forces do to the bodies comes from the potential energy, or is the power that is said to be lost or supplied."""
         for done, change, lost in self._called("actions(placement)", lambda: unbalanced_power(force)):
             gap, size = done + change + lost, abs(done) + abs(change) + abs(lost)
-            if np.isfinite(gap) and abs(gap) > _TOLERANCE * size:
+            if np.isfinite(gap) and abs(gap) > EDGE * size:
                 told = (
                     "tension and potential"
                     if isinstance(force, AbstractLineForce)

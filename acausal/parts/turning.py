@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import casadi as ca
 import numpy as np
 
@@ -18,3 +20,8 @@ def turning(joint: AbstractJoint) -> np.ndarray:
     q = ca.SX.sym("q", size)
     R = ca.densify(symbolic(joint.pose(q, ca.SX.sym("t")).rotation))
     return np.array([ca.depends_on(R, q[i]) for i in range(size)], dtype=bool)
+
+
+def all_turning(joints: Iterable[AbstractJoint]) -> np.ndarray:
+    """The same of several joints, one after the other."""
+    return np.concatenate([np.zeros(0, dtype=bool), *map(turning, joints)])

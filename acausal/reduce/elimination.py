@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.dynamics.tree import Tree
-
-_ZERO = 1e-9
+from acausal.numerics.sizes import Drawn, unknown_sizes
+from acausal.numerics.thresholds import DEPENDENT
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,15 @@ def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, param
     if not plain or not (position.numel() or velocity.numel()):
         return Elimination.none()
     q, v = tree.q[[k for k, _ in plain]], tree.v[[j for _, j in plain]]
-    numbers = _Numbers(parameters, values)
+    of_positions, of_rates = _linear(position, q, moving, tree.t), _linear(velocity, v, moving, tree.t)
+    turns = tree.turning[0][[k for k, _ in plain]]
+    numbers = _Numbers(parameters, values, np.ones(len(plain)), turns).measured([*of_positions, *of_rates])
     known: list[_Relation] = []
-    for row in _linear(position, q, moving, tree.t):
+    for row in of_positions:
         known = _joined(known, row, numbers)
     constants: list[ca.SX] = []
     sources: list[ca.SX] = []
-    for row in _linear(velocity, v, moving, tree.t):
+    for row in of_rates:
         if ca.depends_on(row.rest, tree.t):
             continue  # not integrated
         constant = ca.SX.sym(f"constant[{len(constants)}]")
@@ -127,26 +129,34 @@ def _linear(rows: ca.SX, y: ca.SX, moving: ca.SX, t: ca.SX) -> list[_Relation]:
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Values of coefficients at the present parameters."""
+    """What coordinates of their `sizes` (n,) make of coefficients at the present parameters; those that are `turns` (n,) are angles."""
 
     parameters: ca.SX
     values: np.ndarray
+    sizes: np.ndarray
+    turns: np.ndarray
 
     def of(self, coefficients: ca.SX) -> np.ndarray:
         function = ca.Function("coefficients", [self.parameters], [ca.densify(coefficients)])
-        return np.array(function(self.values)).ravel()
+        return np.abs(np.array(function(self.values)).ravel()) * self.sizes
+
+    def measured(self, rows: Sequence[_Relation]) -> _Numbers:
+        """With angles of size 1, and lengths by the radii in the rows."""
+        A = np.array([self.of(row.coefficients) for row in rows]).reshape(len(rows), self.turns.size)
+        return replace(self, sizes=unknown_sizes(A, self.turns, np.zeros(len(rows)), Drawn.exact(len(rows))))
 
 
 def _joined(known: Sequence[_Relation], row: _Relation, numbers: _Numbers) -> list[_Relation]:
     """The relations with one more, if it does not follow from them."""
-    size = float(np.max(np.abs(numbers.of(row.coefficients))))
+    size = float(np.max(numbers.of(row.coefficients)))
     for other in known:
         row = row.without(other)
-    left = np.abs(numbers.of(row.coefficients))
-    if not np.max(left, initial=0.0) > _ZERO * size:
+    left = numbers.of(row.coefficients)
+    if not np.max(left, initial=0.0) > DEPENDENT * size:
         return list(known)
     fixed = np.array([row.coefficients[k].is_constant() for k in range(left.size)])
     # a coefficient that no parameter changes cannot become zero
-    choice = np.where(fixed, left, 0.0) if np.any(left[fixed] > _ZERO * size) else left
-    row = replace(row, pivot=int(np.flatnonzero(choice >= 0.999 * np.max(choice))[-1]))
+    choice = np.where(fixed, left, 0.0) if np.any(left[fixed] > DEPENDENT * size) else left
+    able = np.flatnonzero(choice >= 0.999 * np.max(choice))
+    row = replace(row, pivot=int(max(able, key=lambda k: (not numbers.turns[k], k))))  # a length is a radius times an angle
     return [*(other.without(row) for other in known), row]

@@ -11,6 +11,8 @@ import numpy as np
 from acausal.dynamics.system import MechanicalSystem
 from acausal.loops.constraints import Constraints
 from acausal.numerics.assembly import assemble
+from acausal.numerics.sizes import Drawn, Sizes, row_sizes, unknown_sizes
+from acausal.numerics.terms import finite, rounded
 from acausal.numerics.vanishing import equilibrated_rank
 from acausal.scalar.coupling import ScalarPart
 
@@ -97,17 +99,24 @@ def closed_positions(system: Reduced) -> list[np.ndarray]:
     """Configurations (nq,) at which loops and scalar equations are closed, from here and there; if there is none, where the search began."""
     rng = np.random.default_rng(7)
     q = system.x[: system.nq, :]
-    closing = system.closing
+    closing, none = system.closing, Drawn.exact(system.closing.numel())
     rows = ca.Function("closing", [q, system.t, system.p], [ca.densify(closing), ca.densify(ca.jacobian(closing, q))])
+    terms = ca.Function("terms", [q, system.t, system.p], [ca.densify(rounded(closing))])
 
     def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         c, J = rows(y, 0.0, system.p_values)
         return np.array(c).ravel(), np.array(J).reshape(-1, y.size)
 
-    guesses = [
-        system.samples[k % len(system.samples)] + _SPREAD * (k > 0) * rng.uniform(-1, 1, q.numel()) for k in range(_POINTS)
-    ]
-    found = [assemble(residual, guess, limit=40) for guess in guesses] if closing.numel() else []
+    def rounding(y: np.ndarray) -> np.ndarray:
+        return finite(np.array(terms(y, 0.0, system.p_values)).ravel())
+
+    scalar, starts = system.scalar, system.samples
+    turns = np.append(system.mechanics.tree.turning[0], [s.is_angle for s in scalar.states[: scalar.positions]]).astype(bool)
+    J = np.max([np.abs(np.nan_to_num(residual(y)[1])) for y in starts], axis=0)
+    unit = unknown_sizes(J, turns, rounding(starts[0]), none)
+    sizes = Sizes(unit, row_sizes(J, unit, rounding(starts[0])), rounding)
+    guesses = [starts[k % len(starts)] + _SPREAD * (k > 0) * unit * rng.uniform(-1, 1, q.numel()) for k in range(_POINTS)]
+    found = [assemble(residual, guess, sizes=sizes, limit=40) for guess in guesses] if closing.numel() else []
     return [a.y for a in found if a.converged] or guesses
 
 

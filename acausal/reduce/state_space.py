@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.vanishing import Vanishing, vanishing
 from acausal.reduce.elimination import Elimination, eliminate
 from acausal.reduce.reduce import ReducedSystem
 from acausal.wording import compact
-
-_VANISHED = 1e-11
-"""What may be left of a row that vanishes, of the sum of its terms."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,18 +64,9 @@ class StateSpace:
         )
 
     def _open(self, rows: ca.SX, values: np.ndarray) -> np.ndarray:
-        """Which rows (n,) do not vanish, beside their own terms, for any states x and these values of parameters (np,)."""
-        s, rng = self.system, np.random.default_rng(4)
-        terms = ca.fabs(ca.jacobian(rows, s.x)) @ ca.fabs(s.x)
-        function = ca.Function("rows", [s.t, s.x, s.u, self.p], [ca.densify(rows), ca.densify(terms)])
-        open_rows = np.zeros(rows.numel(), dtype=bool)
-        for _ in range(3):
-            p = np.concatenate([values, rng.normal(size=self.p.numel() - values.size)])
-            t, u = rng.normal(), rng.normal(size=s.u.numel())
-            x = self.expanded(t, rng.normal(size=len(self.places)), p)
-            left, size = (np.array(part).ravel() for part in function(t, x, u, p))
-            open_rows |= ~(np.abs(left) <= _VANISHED * size)
-        return open_rows
+        """Which rows (n,) do not vanish for all states x, at these values of parameters (np,)."""
+        answers = vanishing(self.put(rows), self.system.p, values)
+        return np.array([answer is not Vanishing.YES for answer in answers], dtype=bool)
 
     @property
     def nq(self) -> int:

@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.vanishing import vanish
 from acausal.scalar.dependent import Elimination
 from acausal.scalar.equations import EquationSet, ScalarEquation
 
-_POINTS = 3
-_VANISHES = 1e-11
+_KNOWN = 1e-11
+"""How well the weights are known in sums of equations that vanish."""
 
 
 @dataclass(frozen=True)
@@ -102,21 +103,11 @@ class _Rows:
         return {(s.element_hash(), 0): float(a) for s, a in zip(own, values.ravel(), strict=True) if a != 0.0}
 
     def vanish(self, weights: Mapping[int, float]) -> bool:
-        """Whether the sum of equations with these weights is zero wherever one looks, beside its terms."""
-        total = ca.vertcat(*(w * self.equations[j].residual for j, w in weights.items()))
-        symbols = ca.symvar(total)
-        function = ca.Function(
-            "sum",
-            [ca.vertcat(*symbols)],
-            [ca.sum1(total), ca.sum1(ca.fabs(ca.jacobian(total, ca.vertcat(*symbols))) @ ca.fabs(ca.vertcat(*symbols)))],
-        )
-        rng = np.random.default_rng(8)
-        for _ in range(_POINTS):
-            point = [self._values.get(s.element_hash(), rng.uniform(-1, 1)) for s in symbols]
-            left, size = (float(part) for part in function(point))
-            if not abs(left) <= _VANISHES * size:
-                return False
-        return True
+        """Whether the sum of equations with these weights is zero whatever the positions are."""
+        total = sum((w * self.equations[j].residual for j, w in weights.items()), ca.SX(0))
+        symbols = [s for s in ca.symvar(total) if s.element_hash() in self._values]
+        values = np.array([self._values[s.element_hash()] for s in symbols])
+        return vanish(total, ca.vertcat(ca.SX(0, 1), *symbols), values, known=_KNOWN)
 
 
 def _shares(rows: _Rows, weights: Mapping[int, float], flows: Mapping[int, ca.SX]) -> ca.SX:

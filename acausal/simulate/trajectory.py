@@ -89,7 +89,7 @@ class Trajectory:
         except (TypeError, ValueError):
             raise OptionError(f"run.at({times!r}): give a time or a list of times [s].") from None
         first, last = self.solution.t[0], self.solution.t[-1]
-        slack = 1e-12 * max(1.0, abs(last))
+        slack = 1e-12 * max(abs(first), abs(last))
         if wanted.size == 0 or np.any(wanted < first - slack) or np.any(wanted > last + slack) or not np.all(np.isfinite(wanted)):
             raise OptionError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
         return replace(self, t=np.clip(wanted, first, last))

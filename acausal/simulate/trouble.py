@@ -185,19 +185,19 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
     if run is not None:
-        worst += _lost_input(functions, run)
+        worst += _lost_input(functions, run, t1)
     if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
-        worst += _without_inertia(functions, run) or _out_of_reach(functions, run)
+        worst += _without_inertia(functions, run) or _out_of_reach(functions, run, t1)
     return (
         f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
         "The motion until then is in this error's `trajectory`."
     )
 
 
-def _lost_input(functions: Functions, run: Trajectory) -> str:
+def _lost_input(functions: Functions, run: Trajectory, t1: float) -> str:
     """An input that is no number at the last state or a little later; empty if all are."""
     t = run.solution.t[-1]
-    values = run.problem.inputs(np.array([t, t + 1e-9 * max(1.0, abs(t))]))
+    values = run.problem.inputs(np.array([t, t + 1e-9 * (abs(t) or t1)]))
     lost = np.flatnonzero(~np.all(np.isfinite(values), axis=1))
     if not lost.size:
         return ""
@@ -207,13 +207,13 @@ def _lost_input(functions: Functions, run: Trajectory) -> str:
     )
 
 
-def _out_of_reach(functions: Functions, run: Trajectory) -> str:
+def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
     """Why the scene cannot be assembled a little later, where functions of time pull loops apart; empty if it can."""
     system, outputs = functions.outputs.system, functions.outputs
     if not ca.depends_on(system.closing, system.t):
         return ""
     t0, t = run.solution.t[0], run.solution.t[-1]
-    later = t + max(0.01 * (t - t0), 1e-3)
+    later = t + max(0.01 * (t - t0), 1e-3 * (t1 - t0))
     p = run.problem.parameters[: system.p_values.size]
     try:
         initial_state(outputs, {}, later, p, run.problem.inputs(np.array([later]))[:, 0])

@@ -25,6 +25,8 @@ from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.numerics.assembly import range_and_null_space
 from acausal.numerics.folding import folded_function
+from acausal.numerics.sizes import Drawn, row_sizes
+from acausal.numerics.thresholds import DEPENDENT
 from acausal.outputs.outputs import Outputs
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_search import Search
@@ -37,7 +39,6 @@ _JUMP = 1.0
 _TRIALS = 200
 _SHORTEST = 1e-5
 """Steps that are tried on the way, and the part of it that is too short to go on."""
-_VANISHED = 1e-9
 
 
 def assembly_function(
@@ -142,11 +143,12 @@ def start_units(reference: InitialState) -> tuple[np.ndarray, np.ndarray]:
     return scale, np.concatenate([1 / fastest, np.ones(a.velocities.y.size - fastest.size)])
 
 
-def row_lengths(J: np.ndarray) -> np.ndarray:
-    """Of each row of J (m, n), (m,); where one vanishes that of the longest."""
-    size = np.linalg.norm(J, axis=1)
-    most = float(np.max(size, initial=0.0))
-    return np.where(size > _VANISHED * most, size, most or 1.0)
+def row_lengths(J: np.ndarray, search: Search) -> np.ndarray:
+    """Of each row of J (m, n), (m,), the first ones of a search; where one vanishes that of the longest of its kind, shift or turn."""
+    drawn = Drawn.exact(len(J)) if search.whole is None else search.whole.drawn.of(range(len(J)))
+    size, none = np.linalg.norm(J, axis=1), np.zeros(len(J))
+    usual = row_sizes(np.abs(J), np.ones(J.shape[1]), none, drawn)
+    return np.where(size > DEPENDENT * usual, size, usual)
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
     if search.residual is None:
         return _Stage(plain)
     J = search.jacobian(found.y, data) * scale
-    size = row_lengths(J)
+    size = row_lengths(J, search)
     c = search.residual(y, d) / ca.DM(size)
     U, Z = range_and_null_space(J / size[:, None])
     rows = [ca.mtimes(ca.DM(U.T), c)]

@@ -11,6 +11,7 @@ import numpy as np
 from acausal.dynamics.system import MechanicalSystem
 from acausal.parts.joint_coordinates import Coordinate, joint_coordinates
 from acausal.parts.pose import symbolic
+from acausal.reduce.reduce import ReducedSystem
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,13 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     size = reach(system, p, values, q, all)
     length = size if 0 < size < np.inf else 1.0
     return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, length))
+
+
+def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Which entries of q are angles and quaternions, and which of the velocities and scalar states are rates of these."""
+    turns, rates = r.mechanics.tree.turning
+    scalars = [s.is_angle for s in r.scalar_states[: r.scalar.positions]]
+    return np.append(turns, np.array(scalars, dtype=bool)), np.append(rates, np.zeros(r.rate_start.size - rates.size, dtype=bool))
 
 
 def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:

@@ -17,11 +17,11 @@ from acausal.loops.loop_groups import drawn
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.folding import folded_function
 from acausal.numerics.sizes import Drawn
+from acausal.numerics.vanishing import vanish
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
 from acausal.parts.joint_coordinates import Coordinate
-from acausal.parts.turning import turning
-from acausal.start.coordinates import Coordinates, coordinates
+from acausal.start.coordinates import Coordinates, coordinates, turning_states
 from acausal.start.start_search import Search, start_search
 from acausal.start.start_values import Start, check_settable, near
 from acausal.start.unknowns import Closing, Target, Unknowns
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from acausal.reduce.reduce import ReducedSystem
 
 _KEPT = 64
-_FULL_TURN = 1e-9
-"""Change of a row by a full turn, as part of its size, that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +66,10 @@ class StartProblem:
 
 
 def _turns_fully(r: ReducedSystem, k: int) -> bool:
-    """Whether a full turn of entry k of x leaves all equations between positions as they are, at some places."""
-    function = ca.Function("rows", [r.t, r.x, r.u, r.p], [ca.densify(r.scalar.position)])
-    x = np.random.default_rng(5).uniform(-1, 1, (3, r.x.numel()))
-    turned = x + 2 * np.pi * np.eye(r.x.numel())[k]
-    rows, after = (
-        np.array([np.array(function(0.0, at, np.zeros(r.u.numel()), r.p_values)).ravel() for at in places])
-        for places in (x, turned)
-    )
-    return bool((np.abs(after - rows) <= _FULL_TURN * np.max(np.abs(rows), axis=0)).all())
+    """Whether a full turn of entry k of x leaves all equations between positions as they are."""
+    rows = r.scalar.position
+    turned = ca.substitute(rows, r.x[k], r.x[k] + 2 * np.pi)
+    return vanish(turned - rows, r.p, r.p_values)
 
 
 def start_problem(outputs: Outputs, start: Start) -> StartProblem:
@@ -129,7 +122,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     free_q, free_v = _free_orientations(outputs)
     at_q, at_v = ([t for t, m in zip(targets, moving, strict=True) if m is kind] for kind in (False, True))
     position, velocity = _closing(outputs)
-    turns, rates = _turning(outputs)
+    turns, rates = turning_states(r)
     at = range(data.numel(), data.numel() + q.numel())
     positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q, r)
     moving_q = Unknowns(v, ca.vertcat(data, q), rates, True, at, turns)
@@ -179,19 +172,6 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
         Closing(r.closing, position, ca.vertcat(none, *signs), known),
         Closing(r.velocity_closing, velocity, none, known_rates),
     )
-
-
-def _turning(outputs: Outputs) -> tuple[np.ndarray, np.ndarray]:
-    """Which entries of q are angles and quaternions, and which of the velocities and scalar states are rates of these."""
-    r = outputs.system
-    tree = r.mechanics.tree
-    turns = np.concatenate([np.zeros(0, dtype=bool), *(turning(item.edge.joint) for item in tree.joints)])
-    rates = np.zeros(r.rate_start.size, dtype=bool)
-    if turns.any():
-        N = ca.jacobian(tree.rates[[int(i) for i in np.flatnonzero(turns)]], tree.v)
-        rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
-    scalars = [s.is_angle for s in r.scalar_states[: r.scalar.positions]]
-    return np.concatenate([turns, np.array(scalars, dtype=bool)]), rates
 
 
 def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:

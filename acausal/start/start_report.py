@@ -25,7 +25,9 @@ _MET = 1e-9
 def start_report(state: InitialState) -> str:
     """About as many lines as there are start values, and at most ten each for what moved and for the loops."""
     account = state.account
-    lines = [_headline(state), *_asked(state.met), *_moved(account), *_loops(account), *_needless(account), *_others(state)]
+    missed = _missed(state)
+    lines = [_headline(state, missed), *_asked(state.met, missed), *_moved(account), *_loops(account)]
+    lines += [*_needless(account), *_others(state)]
     return "\n".join(lines)
 
 
@@ -40,10 +42,33 @@ def _others(state: InitialState) -> list[str]:
     return [f"{words} the same values; this one is reached from the sketch: see model.branches(...)"]
 
 
-def _headline(state: InitialState) -> str:
+def _missed(state: InitialState) -> set[str]:
+    """Names of near values that are not met, beside what the unknowns make of them."""
+    off, missed = {m.name: m.off for m in state.met}, set[str]()
+    for search, found, data in _searches(state.account):
+        if search.wish is None:
+            continue
+        slopes = np.abs(search.wish_jacobian(found.y, data, found.first)) * search.sizes(data, found.first).unknowns
+        row = len(slopes) - sum(t.size for t in search.wished)
+        for target in search.wished:
+            if off[target.name] > _MET * float(np.max(slopes[row : row + target.size], initial=0.0)):
+                missed.add(target.name)
+            row += target.size
+    return missed
+
+
+def _searches(a: Account) -> tuple[tuple[Search, Found, np.ndarray], ...]:
+    """For positions, then velocities: the search, what it came to, and its data."""
+    return (a.problem.positions, a.positions, a.data), (
+        a.problem.velocities,
+        a.velocities,
+        np.concatenate([a.data, a.positions.y]),
+    )
+
+
+def _headline(state: InitialState, unmet: set[str]) -> str:
     a = state.account
     exact = sum(m.exact for m in state.met)
-    unmet = [m for m in state.met if m.off > _MET * (1 + float(np.max(np.abs(m.wanted))))]
     asked = f"{exact} exact and {len(state.met) - exact} near values" if state.met else "no start values"
     met = "" if not state.met else ", all met" if not unmet else f", {len(unmet)} not met"
     begun = a.positions.restarts + a.velocities.restarts
@@ -51,14 +76,13 @@ def _headline(state: InitialState) -> str:
     return f"start: {asked}{met}; {a.positions.iterations} iterations for positions, {a.velocities.iterations} for velocities{restarts}"
 
 
-def _asked(met: Sequence[Met]) -> list[str]:
+def _asked(met: Sequence[Met], missed: set[str]) -> list[str]:
     if not met:
         return []
     rows = [("asked", "", "wanted", "got", "off by")]
     ordered = sorted(met, key=lambda m: -m.off) if len(met) > 3 * _SHOWN else list(met)
     for m in ordered:
-        miss = m.off > _MET * (1 + float(np.max(np.abs(m.wanted))))
-        off = f"{m.off:.3g} {m.unit}".rstrip() + ("  not met" if miss else "")
+        off = f"{m.off:.3g} {m.unit}".rstrip() + ("  not met" if m.name in missed and not m.exact else "")
         rows.append((m.name, "exactly" if m.exact else "near", numbers(m.wanted, 3), numbers(m.got, 3), off))
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     lines = ["  " + "  ".join([f"{cell:<{w}}" for cell, w in zip(row[:4], widths, strict=True)] + [row[4]]) for row in rows]
@@ -105,9 +129,7 @@ def _loops(a: Account) -> list[str]:
 
 def _needless(a: Account) -> list[str]:
     lines: list[str] = []
-    searches = ((a.problem.positions, a.positions, a.data),
-                (a.problem.velocities, a.velocities, np.concatenate([a.data, a.positions.y])))  # fmt: skip
-    for search, found, data in searches:
+    for search, found, data in _searches(a):
         follows, powerless = _unneeded(search, found, data)
         if follows:
             lines.append(f"not needed, since each follows from the rest: {compact(follows, _SHOWN)}")

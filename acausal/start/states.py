@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
+from acausal.numerics.rounding import Rounding
+from acausal.numerics.sizes import Drawn, unknown_sizes
+from acausal.numerics.thresholds import CLOSED, GIVEN, ROUNDING
 from acausal.outputs.functions import Functions
-
-_CONSISTENT = 1e-6
+from acausal.start.coordinates import turning_states
 
 
 def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> np.ndarray:
@@ -26,12 +29,29 @@ def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> 
         raise StartValueError(
             f"The states must be {len(names)} finite numbers, not {x!r}: {', '.join(names[:12])}. Or give start={{variable: value}}."
         )
-    gap = (
-        0.0 if functions.invariants is None else float(np.max(np.abs(np.array(functions.invariants(t, states, p))), initial=0.0))
-    )
-    if not gap <= _CONSISTENT:
+    gaps = np.zeros(0) if functions.invariants is None else np.array(functions.invariants(t, states, p)).ravel()
+    off = np.flatnonzero(~(np.abs(gaps) <= _allowed(functions, t, states, p))) if gaps.any() else np.zeros(0, dtype=int)
+    if off.size:
         raise StartValueError(
-            f"The states {states} violate the constraints by {gap:.3g} (loops, lengths of quaternions, or their rates). Take them from "
-            "model.initial_state or a simulation, or give values of the independent variables, start={variable: value}: the others follow."
+            f"The states {states} violate the constraints by {np.max(np.abs(gaps[off])):.3g} (loops, lengths of quaternions, or their rates). Take them "
+            "from model.initial_state or a simulation, or give values of the independent variables, start={variable: value}: the others follow."
         )
     return states
+
+
+def _allowed(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """For each invariant (n,) a small part of what turns by 1, lengths by as much as these move, and the velocities make of it; and less of what
+    all velocities would make of it if they were as fast as the fastest.
+    """
+    rows, space = functions.invariants, functions.space
+    assert rows is not None
+    at, state, values = ca.SX.sym("t"), ca.SX.sym("x", x.size), ca.SX.sym("p", p.size)
+    slopes = ca.Function("slopes", [at, state, values], [ca.densify(ca.jacobian(rows(at, state, values), state))])
+    J, nq = np.abs(np.nan_to_num(np.array(slopes(t, x, p)))), space.nq
+    turns, turn_rates = turning_states(space.system)
+    turns = np.concatenate([turns, turn_rates])[list(space.places)]
+    own, exact = J @ np.abs(x), Drawn.exact(J.shape[0])
+    lengths, speeds = (unknown_sizes(J[:, of], turns[of], own, exact) for of in (slice(nq), slice(nq, None)))
+    fastest = np.max(np.abs(x[nq:]) / speeds, initial=0.0)
+    noise = CLOSED * fastest * (J[:, nq:] @ speeds) + ROUNDING / np.finfo(float).eps * np.nan_to_num(Rounding(rows)(t, x, p))
+    return GIVEN * (J[:, :nq] @ lengths + J[:, nq:] @ np.abs(x[nq:])) + noise

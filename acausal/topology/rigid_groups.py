@@ -10,6 +10,7 @@ import numpy as np
 from acausal.errors import AssemblyError, GroundError
 from acausal.language.connector import Frame, Point
 from acausal.language.flatten import FlatSystem, Part
+from acausal.numerics.thresholds import EDGE
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Pose, snapped
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart, Attachment
@@ -19,8 +20,6 @@ from acausal.topology.mechanism import Group
 if TYPE_CHECKING:
     import networkx as nx
 
-
-_TOLERANCE = 1e-9
 _GROUND = "ground"
 
 
@@ -131,7 +130,7 @@ def _check_loops(
             and not any(isinstance(a.connector, Frame) for a in _attachments(parts[str(near)]))
         )
         lengths = extent + _extent(_pose_along(graph, near, far, key))
-        if distance > _TOLERANCE * lengths or (turn > _TOLERANCE and not is_point):
+        if distance > EDGE * lengths or (turn > EDGE and not is_point):
             who = ", ".join(parts[str(n)].where for n in nodes if n in parts)
             message = (
                 f"Rigid parts are connected in a loop that does not fit: a gap of {distance:.3g} m and a turn of {turn:.3g} rad "

@@ -9,6 +9,7 @@ import numpy as np
 
 from acausal.language.component import System
 from acausal.language.expression import Expression
+from acausal.numerics.thresholds import EDGE
 from acausal.outputs.outputs import Outputs
 from acausal.parts.force import AbstractLineForce
 from acausal.parts.joint import AbstractJoint, AbstractStepJoint
@@ -49,7 +50,7 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     """
     begin, end = float(run.t[0]), float(run.t[-1])
     span = end - begin
-    pace = speed if speed is not None else 1.0 if span >= 2 else max(span, 1e-9) / 8
+    pace = speed if speed is not None else 1.0 if span >= 2 else (span or 1.0) / 8
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
     moving = run.at(np.linspace(begin, end, frames))
     bodies = (*_bodies(moving), *_massless_rods(moving))
@@ -148,9 +149,9 @@ def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:
     """Lines between the places where a part without a shape is connected."""
     used = {c for group in outputs.system.flat.connection_sets if len(group) > 1 for c in group}
     points = [np.asarray(a.pose.position, dtype=float) for a in part.attachments() if a.connector in used and a.pose.is_constant]
-    unique: list[tuple[float, float, float]] = []
+    extent, unique = float(np.max(np.abs(points), initial=0.0)), list[tuple[float, float, float]]()
     for p in points:
-        if not any(np.allclose(p, u, atol=1e-12) for u in unique):
+        if not any(np.allclose(p, u, rtol=EDGE, atol=EDGE * extent) for u in unique):
             unique.append((float(p[0]), float(p[1]), float(p[2])))
     if len(unique) == 1 and any(unique[0]):
         unique.insert(0, (0.0, 0.0, 0.0))

@@ -10,8 +10,8 @@ import numpy as np
 
 from acausal.errors import AssemblyError, ModelError
 from acausal.numerics.assembly import Residual, assemble
+from acausal.numerics.thresholds import DEPENDENT
 
-_RANK = 1e-9
 _SAMPLES = 3
 _TRIES = 40
 
@@ -173,13 +173,13 @@ def _divided(rows: ca.SX, values: np.ndarray) -> ca.SX:
 
 
 def row_space(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal rows (r, n) that span those of `matrix`; singular values below 1e-9 of the largest count as zero, rows scaled to 1."""
+    """Orthonormal rows (r, n) that span those of `matrix`; singular values below `DEPENDENT` of the largest count as zero, rows scaled to 1."""
     lengths = np.linalg.norm(matrix, axis=1)
-    rows = matrix[lengths > _RANK * np.max(lengths, initial=0.0)]
+    rows = matrix[lengths > DEPENDENT * np.max(lengths, initial=0.0)]
     if rows.size == 0:
         return np.zeros((0, matrix.shape[1]))
     _, s, Vt = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)
-    return Vt[: int(np.sum(s > _RANK * s[0]))]
+    return Vt[: int(np.sum(s > DEPENDENT * s[0]))]
 
 
 def null_space(matrix: np.ndarray) -> np.ndarray:

@@ -50,7 +50,7 @@ def _sizes(system: ReducedSystem, forms: PfaffianSystem) -> np.ndarray:
     if not system.nq:
         return np.zeros(0)
     known = coordinates(system.mechanics, system.p, system.p_values, system.constraints.q_start, system.scalar.position)
-    turns = known.turning
+    turns = system.mechanics.tree.turning[0]
     rows = ca.Function("rows", [forms.y], [ca.densify(forms.forms)])
     W = np.abs(np.array(rows(forms.start + 0.25)).reshape(-1, forms.start.size))[:, : system.nq]
     by_angle, by_length = np.max(W[:, turns], axis=1, initial=0.0), np.max(W[:, ~turns], axis=1, initial=0.0)
