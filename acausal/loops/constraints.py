@@ -52,6 +52,8 @@ class Constraints:
     samples: tuple[np.ndarray, ...]
     opened: tuple[np.ndarray, ...]
     """Some configurations beside assembled ones, where loops are open by a share of their own size."""
+    rates: np.ndarray
+    """How much each velocity (nv,) is: what changes the configuration by its own size in a second."""
     parameters: tuple[int, ...]
     """Places of the parameters on which the loops depend."""
     values: np.ndarray
@@ -115,6 +117,9 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
     rank = sum(part.rank.rank for part in found)
     samples = _together([(part.group, part.samples) for part in found], tree.q.numel())
     beside = _together([(part.group, part.opened) for part in found], tree.q.numel())
+    rates = np.ones(tree.v.numel())
+    for part in found:
+        rates[list(part.group.v_places)] = part.rates
     kept = {part.group.names[i] for part in found for i in part.rank.kept}
     chosen_names = {part.group.names[i] for part in found for i in part.chosen}
     names = [name for rows in loops for name in rows.names]
@@ -132,7 +137,7 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         loops, position, velocity, ca.densify(ca.jacobian(velocity, tree.v)), system.kinematics.rate(velocity), joint_invariants(system),
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
-        any(part.singular for part in found), samples, beside, _influences(loops, parameters), np.array(values, dtype=float),
+        any(part.singular for part in found), samples, beside, rates, _influences(loops, parameters), np.array(values, dtype=float),
     )  # fmt: skip
 
 
@@ -150,6 +155,8 @@ class _Examined:
     singular: bool
     A: np.ndarray
     """Rows in the velocities at the start."""
+    rates: np.ndarray
+    """How much each velocity is."""
     timed: bool
     """Whether the time enters."""
     empty: tuple[str, ...] = ()
@@ -158,7 +165,18 @@ class _Examined:
 
 def _unbound(group: LoopGroup, start: np.ndarray) -> _Examined:
     """Joints without rows of loops."""
-    return _Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
+    return _Examined(
+        group,
+        [start],
+        [start],
+        RankReport((), 0, 0),
+        (),
+        False,
+        False,
+        np.zeros((0, group.v.numel())),
+        np.ones(group.v.numel()),
+        False,
+    )
 
 
 def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, parameters: ca.SX) -> _Examined:
@@ -175,7 +193,7 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank))
+    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank, rank.kept))
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(z)[2] for z in samples]
@@ -190,6 +208,7 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
         len(chosen) > rank.rank,
         singular,
         walk.rows(start),
+        walk.rate,
         timed,
         _empty(group, walk, parameters),
     )
