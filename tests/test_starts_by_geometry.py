@@ -32,6 +32,7 @@ from components import (
 from tests.assembly_scenes import closed, five_bar, rssr, slider_crank, stewart_platform
 from tests.scenes import FourBar, bennett_linkage
 from tests.test_electrical import series
+from tests.test_singular_loops import FourBars
 
 NAMES = ("a10", "a2", "ä", "Z", "z9", "b_1", "x", "part", "Ω", "a1", "q", "B", "k03", "k3", "é2", "m", "n12", "n4", "w", "yy")
 Point = tuple[float, float, float]
@@ -137,7 +138,7 @@ def in_plain_words(names: tuple[str, ...], known: dict[str, str]) -> tuple[str, 
 def test_order_and_names_of_declaration_change_no_bit(kind, rough):
     """Of the branch, the rows that are dropped, the states, and the motion."""
     sketch, seen = linkage(kind, np.random.default_rng(3), rough), set[Any]()
-    for seed in range(4):
+    for seed in range(3):
         model, known, joints = built(sketch, random.Random(seed))
         run = model.simulate(0.05, samples=2, compiled=False, progress=False)
         c = model.system.constraints
@@ -164,7 +165,7 @@ def test_the_branch_nearest_to_a_rough_sketch_is_taken(name):
     account = ac.build(scene).initial_state(start).account
     search, data = account.problem.positions, account.data
     rng = np.random.default_rng(11)
-    for _ in range(2):
+    for _ in range(1 if name == "platform" else 2):
         unknowns = search.sizes(data, account.positions.y).unknowns
         sketch = dataclasses.replace(search, guess=account.positions.y + 0.35 * unknowns * rng.normal(size=unknowns.size))
         first = sketch.first(data)
@@ -172,17 +173,29 @@ def test_the_branch_nearest_to_a_rough_sketch_is_taken(name):
         found = sketch.solve(data, account.weights)
         assert found.converged
         taken = np.linalg.norm(apart(found.y)[0])
-        for size in (0.3, 1.0, 3.0) * 5:
+        for size in (0.3, 1.0, 3.0) * 3:
             other = assemble(rows, first + size * sizes.unknowns * rng.normal(size=first.size), sizes=sizes, nearest=apart)
             if other.converged and search.is_meant(other.y, data):
                 assert taken <= np.linalg.norm(apart(other.y)[0]) * (1 + 1e-4) + 1e-6
 
 
-@pytest.mark.parametrize("angle", [-2.5, -0.4, 0.3, 1.9])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("wished", [0, 2])
+def test_of_branches_as_near_as_each_other_that_to_which_near_values_lead_is_taken(wished, side):
+    """Cranks drawn upright that are to lie flat: each could to either side, and the bars between them over or under."""
+    scene = FourBars()
+    flat = {crank.tip.position[1]: 0.0 for crank in scene.cranks}
+    model = ac.build(scene)
+    state = model.initial_state(flat | {scene.feet[wished].q: ac.near(0.6 * side)})
+    angles = [state.x[model.state_names.index(f"feet[{k}].q")] for k in range(3)]
+    assert np.max(np.abs(np.array(angles) - 0.5 * np.pi * side)) < 1e-6
+
+
+@pytest.mark.parametrize("angle", [-2.5, -0.4, 1.9])
 def test_the_start_is_the_first_of_the_branches(angle):
     scene = FourBar()
     model = ac.build(scene)
-    state, branches = model.initial_state({scene.a.q: angle}), model.branches({scene.a.q: angle}, searches=60)
+    state, branches = model.initial_state({scene.a.q: angle}), model.branches({scene.a.q: angle}, searches=40)
     assert np.max(np.abs(state.x - branches[0].x)) < 1e-9
     others = len(branches) - 1
     assert ("other branch" in str(state)) == (others > 0) and (others == 0 or str(state).count(f"{others} other branch") == 1)

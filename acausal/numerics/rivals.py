@@ -46,11 +46,16 @@ class Candidate:
         """Whether it is the same configuration."""
         return bool(np.all(np.abs(self.apart - other.apart) <= _APART))
 
+    def is_as_near_as(self, other: Candidate) -> bool:
+        """Whether neither misses less, nor is nearer."""
+        pairs = ((self.missed, other.missed), (self.distance, other.distance))
+        return all(abs(mine - theirs) <= _SAME * (1 + theirs) for mine, theirs in pairs)
+
     def precedes(self, other: Candidate) -> bool:
         """Whether it misses less, or is nearer; of two that are as near, the one whose coordinates come to more, the first first."""
-        for mine, theirs in ((self.missed, other.missed), (self.distance, other.distance)):
-            if abs(mine - theirs) > _SAME * (1 + theirs):
-                return mine < theirs
+        if not self.is_as_near_as(other):
+            off = abs(self.missed - other.missed) > _SAME * (1 + other.missed)
+            return self.missed < other.missed if off else self.distance < other.distance
         ahead = self.apart - other.apart
         telling = np.flatnonzero(np.abs(ahead) > _APART)
         return bool(telling.size) and bool(ahead[telling[0]] > 0)
@@ -68,7 +73,7 @@ def nearest_rival(
     `slopes`: z -> derivatives of the constraints (m, n), whose singular values below `dependent` count as zero. Cost: four searches, twelve
     or more where these come to different places; one comparison of slopes where the sketch is so near that there can be no other.
     """
-    at_sketch = slopes(sketch)
+    first, at_sketch = found, slopes(sketch)
     for _ in range(_ROUNDS):
         J = slopes(found.z)
         s, soft = _softest(J, dependent)
@@ -81,7 +86,8 @@ def nearest_rival(
             reach = min(max(best.distance, _LEAST), _FARTHEST)
             rival = close(sketch + reach * direction)
             others |= rival is not None and not rival.is_as(best)
-            if rival is not None and rival.precedes(best):
+            # of those that are as near, a search from the sketch knows best which way the wishes lead
+            if rival is not None and rival.precedes(best) and not (best is first and rival.is_as_near_as(best)):
                 best = rival
         if best is found:
             break
