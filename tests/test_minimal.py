@@ -239,7 +239,9 @@ def test_a_vehicle_is_followed_for_a_thousand_turns_of_its_wheels_on_one_chart(m
     scene = make()
     model = ac.build(scene)
     hub = scene.rear_hub if isinstance(scene, Bicycle) else scene.hubs[0]
-    start = scene.start(5.0, 0.05) if isinstance(scene, Bicycle) else {scene.pivot.q: 0.2, scene.pivot.v: 0.0, hub.v: ac.near(60.0)}
+    start = (
+        scene.start(5.0, 0.05) if isinstance(scene, Bicycle) else {scene.pivot.q: 0.2, scene.pivot.v: 0.0, hub.v: ac.near(60.0)}
+    )
     minimal = model.minimal(start)
     end = 400.0 if isinstance(scene, Bicycle) else 110.0
     motion = minimal.simulate(end, rtol=1e-9, compiled=False)  # its compilation takes longer than the motion
