@@ -129,7 +129,7 @@ class Model:
         if not parameters or not self.system.constraints.parameters:
             return self
         values, s = given_values(self.functions, parameters), self.system
-        if s.constraints.holds(values):
+        if s.constraints.unchanged(values):
             return self
         places = list(s.constraints.parameters)
         at = s.p_values.copy()
@@ -146,6 +146,8 @@ class Model:
 
     def _examined(self, values: np.ndarray) -> Model:
         s = self.system
+        if s.constraints.hold(values):
+            return self
         try:
             found = analyse_constraints(s.mechanics, s.p, values)
         except AssemblyError:

@@ -13,9 +13,11 @@ from acausal.loops.close_loops import close_loops, sketch_configuration
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
 from acausal.loops.mobility import locked, shaky
+from acausal.loops.examined import Examined
 from acausal.loops.redundancy import RankReport, independent_rows, needed_rows
-from acausal.loops.singular import has_singular_position
-from acausal.loops.walk import Walk
+from acausal.loops.singular import row_scale, singular_values_along
+from acausal.loops.walk import Walk, WalkFunctions
+from acausal.numerics.thresholds import SINGULAR
 
 _SAMPLES = 8
 _OPENED = 3
@@ -53,11 +55,19 @@ class Constraints:
     """Places of the parameters on which the loops depend."""
     values: np.ndarray
     """All parameters where the above was found."""
+    examined: tuple[Examined, ...]
+    """Groups of loops, each on its own."""
 
-    def holds(self, values: np.ndarray) -> bool:
+    def unchanged(self, values: np.ndarray) -> bool:
         """Whether the loops are the same for these values of the parameters (np,)."""
         places = list(self.parameters)
         return np.array_equal(self.values[places], values[places])
+
+    def hold(self, values: np.ndarray) -> bool:
+        """Whether the same rows are independent for these values of the parameters (np,), and none nearly depend on others, as far as some
+        looks along a walk can tell. Costs milliseconds.
+        """
+        return all(part.with_values(values) is not None for part in self.examined)
 
     def decides_as(self, other: Constraints) -> bool:
         """Whether the same rows are kept, and singular positions are met or not."""
@@ -89,23 +99,26 @@ def joint_invariants(system: MechanicalSystem) -> ca.SX:
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
 
-def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.ndarray) -> Constraints:
+def analyse_constraints(
+    system: MechanicalSystem, parameters: ca.SX, values: np.ndarray, near: np.ndarray | None = None, time: float = 0.0
+) -> Constraints:
     """Close the loops numerically, find the redundant rows, keep the others.
 
+    Looks from the configuration `near` (nq,), that of the sketch unless given, at this `time` [s].
     Raises `AssemblyError` when a loop cannot close, `LockedError` when no freedom is left.
     """
     tree = system.tree
     loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
-    sketch = sketch_configuration(system)
-    found: list[_Examined] = []
+    sketch = sketch_configuration(system) if near is None else near
+    found: list[Examined] = []
     for group in loop_groups(system, loops):
         guess = sketch[list(group.q_places)]
         if not (group.names or group.invariants.numel() or group.domain.numel()):
             found.append(_unbound(group, guess))
             continue
-        walk = Walk(group, tree.t, parameters, values, guess)
+        walk = Walk(WalkFunctions(group, tree.t, parameters), values, guess, time)
         start = close_loops(group, walk, tree.t, guess)
-        found.append(_examined(group, walk, start, tree.t, parameters) if group.names else _unbound(group, start * walk.unit))
+        found.append(_examined(walk, start) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
     empty = {name for part in found for name in part.empty}
     loops = tuple(rows.without(empty) for rows in loops)
@@ -130,35 +143,17 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
         any(part.singular for part in found), samples, beside, _influences(loops, parameters), np.array(values, dtype=float),
+        tuple(part for part in found if part.walk is not None),
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Examined:
-    """What is known of a group: assembled configurations of its coordinates, independent rows, the rows to be used."""
-
-    group: LoopGroup
-    samples: list[np.ndarray]
-    opened: list[np.ndarray]
-    """Configurations beside these."""
-    rank: RankReport
-    chosen: tuple[int, ...]
-    damped: bool
-    singular: bool
-    A: np.ndarray
-    """Rows in the velocities at the start."""
-    timed: bool
-    """Whether the time enters."""
-    empty: tuple[str, ...] = ()
-    """Rows that only hold rounding errors, whatever the parameters."""
-
-
-def _unbound(group: LoopGroup, start: np.ndarray) -> _Examined:
+def _unbound(group: LoopGroup, start: np.ndarray) -> Examined:
     """Joints without rows of loops."""
-    return _Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
+    return Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
 
 
-def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, parameters: ca.SX) -> _Examined:
+def _examined(walk: Walk, start: np.ndarray) -> Examined:
+    group, t, parameters = walk.symbolic.group, walk.symbolic.t, walk.symbolic.parameters
     samples: list[np.ndarray] = []
     jacobians: list[np.ndarray] = []
     rank = RankReport((), 0, 0)
@@ -172,13 +167,15 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank))
+    scale = row_scale(jacobians)
+    trail = singular_values_along(walk, start, scale, rank.rank) if rank.rank else []
+    singular = rank.singular_at_start or any(smallest < SINGULAR for smallest, _ in trail)
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(z)[2] for z in samples]
     beside = _opened(samples)
     chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(z)[2] for z in beside)], walk.rank)
-    return _Examined(
+    return Examined(
         group,
         [z * walk.unit for z in samples],
         [z * walk.unit for z in beside],
@@ -189,6 +186,9 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
         walk.rows(start),
         timed,
         _empty(group, walk, parameters),
+        walk,
+        scale,
+        tuple((smallest, z * walk.unit) for smallest, z in trail),
     )
 
 
@@ -214,7 +214,7 @@ def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
     return [z + _OPENING * rng.uniform(-1, 1, z.size) for z in samples[:_OPENED]]
 
 
-def _check_locked(found: Sequence[_Examined], freedoms: int) -> None:
+def _check_locked(found: Sequence[Examined], freedoms: int) -> None:
     """Locked loops may be carried by what moves; nothing moves where all joints are in such loops. Raises `LockedError`."""
     stuck = [part for part in found if part.rank.rank >= part.group.v.numel() > 0 and not part.timed]
     if stuck and sum(part.group.v.numel() for part in stuck) == freedoms:
