@@ -7,7 +7,7 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from acausal.arguments import ascending, finite, listed
 from acausal.collocation.problem import Tolerances
 from acausal.dynamics.system import mechanical_system
-from acausal.errors import AssemblyError, LockedError, ModelError
+from acausal.errors import AssemblyError, LockedError, MasslessError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import FlatSystem, flatten
@@ -26,6 +26,7 @@ from acausal.parts.part_check import check_parts
 from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.reduce.state_space import state_space, whole_state_space
 from acausal.simulate.events import when
+from acausal.start.decided import OtherDecisions, check_decided
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.topology.build_mechanism import build_mechanism
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from acausal.start.branches import Branches
 
 
+T = TypeVar("T")
 _KEPT = 32
 """Values of parameters for which loops stay examined."""
 
@@ -150,12 +152,35 @@ class Model:
             return self
         try:
             found = analyse_constraints(s.mechanics, s.p, values)
+            return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values))
         except AssemblyError:
             return self  # the search for a start says what does not close
-        except LockedError as error:
+        except (LockedError, MasslessError) as error:
             names = [self.parameter_names[i] for i in s.constraints.parameters]
-            raise LockedError(f"With other values of {compact(names)}: {error}") from None
-        return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values))
+            raise type(error)(f"With other values of {compact(names)}: {error}") from None
+
+    def _answered(self, parameters: Mapping[Parameter, float] | None, answer: Callable[[Model], T]) -> T:
+        """`answer` of the model for these parameters. Where its loops are not what they were taken for at the call's own time and place, they
+        are examined there, and it is that of the model which is made then. Raises `OtherDecisions` where that does not help.
+        """
+        here = self._at(parameters)
+        try:
+            return answer(here)
+        except OtherDecisions as place:
+            return answer(here._examined_near(place))
+
+    def _examined_near(self, place: OtherDecisions) -> Model:
+        """Made for another time and place."""
+        s = self.system
+        try:
+            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time)
+        except AssemblyError:
+            raise place from None
+        except LockedError as error:
+            raise LockedError(f"At t = {place.time:.6g} s, where this begins: {error}") from None
+        return self._kept(
+            np.append(place.values, found.choice), lambda _: Model(reduce_system(s.mechanics, at=place.values, constraints=found))
+        )
 
     def _decided(self, values: np.ndarray) -> Model:
         """Reduced again at these values (np,); itself, which says what does not hold, where that does not help or other freedoms are left."""
@@ -213,8 +238,9 @@ class Model:
         """
         from acausal.start.branch_search import branches
 
-        p, u = self._given(t0, inputs, parameters)
-        return branches(self._at(parameters).functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
+        here = self._at(parameters)
+        p, u = here._given(t0, inputs, parameters)
+        return branches(here.functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
 
     def assembly_function(
         self,
@@ -238,9 +264,12 @@ class Model:
         """
         from acausal.start.assembly_function import assembly_function
 
-        p, u = self._given(t0, inputs, parameters)
-        wanted = self.functions.space.x if outputs is None else outputs
-        return assembly_function(self.functions.outputs, wanted, wrt, start_mapping(start), t0, p, u, steps, name)
+        def answer(here: Model) -> ca.Function:
+            p, u = here._given(t0, inputs, parameters)
+            wanted = here.functions.space.x if outputs is None else outputs
+            return assembly_function(here.functions.outputs, wanted, wrt, start_mapping(start), t0, p, u, steps, name)
+
+        return answer(self._with_loops_at(parameters)) if outputs is None else self._answered(parameters, answer)
 
     def simulate(
         self,
@@ -280,7 +309,7 @@ class Model:
         from acausal.simulate.simulation import Options, simulate
 
         options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure, order, step, progress, events)
-        return simulate(self._at(parameters).functions, t0, end, start, inputs, parameters, options)
+        return self._answered(parameters, lambda m: simulate(m.functions, t0, end, start, inputs, parameters, options))
 
     def sensitivities(
         self,
@@ -303,9 +332,8 @@ class Model:
         from acausal.simulate.simulation import sensitivity_run
 
         tolerances = Tolerances(rtol, atol or 0.0, None, max_steps)
-        return sensitivity_run(
-            self._at(parameters).functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled
-        )
+        given = start or {}, inputs or {}, parameters or {}
+        return self._answered(parameters, lambda m: sensitivity_run(m.functions, times, wrt, *given, tolerances, compiled))
 
     def trajectory_function(
         self,
@@ -377,8 +405,13 @@ class Model:
 
         if start is not None and not isinstance(start, Mapping) and self.functions.space.elimination.symbols:
             start = self._whole_states(t, start, parameters)
-        whole = self._at(parameters)._whole
-        return linearize(whole, operating_point(whole, start, t, inputs, parameters), states, outputs)
+
+        def answer(here: Model) -> Linearization:
+            point = operating_point(here._whole, start, t, inputs, parameters)
+            check_decided(here.system, point.t, point.x, point.p)
+            return linearize(here._whole, point, states, outputs)
+
+        return self._answered(parameters, answer)
 
     def _whole_states(
         self, t: float, x: Sequence[float] | np.ndarray, parameters: Mapping[Parameter, float] | None
@@ -407,9 +440,12 @@ class Model:
         """
         from acausal.charts.minimal import minimal_model
 
-        here = self._at(parameters)
-        found = here._whole_start(start, t0, inputs, parameters)
-        return minimal_model(here._whole, t0, found, found.p, prefer, steps)
+        def answer(here: Model) -> MinimalModel:
+            found = here._whole_start(start, t0, inputs, parameters)
+            check_decided(here.system, t0, found.x, found.p)
+            return minimal_model(here._whole, t0, found, found.p, prefer, steps)
+
+        return self._answered(parameters, answer)
 
     def equilibrium(
         self,
@@ -431,7 +467,16 @@ class Model:
         """
         from acausal.analysis.equilibrium import equilibrium
 
-        return equilibrium(self._at(parameters)._whole, start, free, steady, t, inputs, parameters)
+        def answer(here: Model) -> Equilibrium:
+            found = equilibrium(here._whole, start, free, steady, t, inputs, parameters)
+            there = here._at(found.parameters)  # of those that were free
+            if there is not here:
+                found = equilibrium(there._whole, start, free, steady, t, inputs, parameters)
+                there.functions.decisions.check(found.point.p)
+            check_decided(there.system, found.point.t, found.x, found.point.p)
+            return found
+
+        return self._answered(parameters, answer)
 
     def inverse_dynamics(
         self,
@@ -453,7 +498,9 @@ class Model:
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics
 
-        return inverse_dynamics(self._at(parameters)._whole, times, motions, unknowns, start, inputs, parameters)
+        return self._answered(
+            parameters, lambda m: inverse_dynamics(m._whole, times, motions, unknowns, start, inputs, parameters)
+        )
 
     def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
         """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.
@@ -516,7 +563,8 @@ class Model:
         """Write a program in C that simulates the model from `start` and needs nothing else; returns the folder."""
         from acausal.export.simulator import export_simulator
 
-        return export_simulator(self.functions, folder, self.initial_state(start, parameters=parameters))
+        here = self._at(parameters)
+        return export_simulator(here.functions, folder, here.initial_state(start, parameters=parameters))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _reduced, (self.system.mechanics.flat,)  # made again from its parts: the same functions, compiled code and all

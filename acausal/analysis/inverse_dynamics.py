@@ -22,6 +22,7 @@ from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.inputs import InputValue, input_signal
 from acausal.simulate.simulation import parameter_values
+from acausal.start.decided import check_decided
 from acausal.start.start_values import Start, near, softened, start_mapping
 
 
@@ -128,6 +129,7 @@ def inverse_dynamics(
     sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
     guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}
     began = operating_point(functions, guess, float(t[0]), inputs, parameters)
+    check_decided(functions.outputs.system, began.t, began.x, p)
     found = Servo(actuation, wanted, began, input_signal(functions, inputs or {})).run(t)
     return InverseDynamics(actuation, t, found.x, found.u, p, found.free)
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.loops.close_loops import close_loops, sketch_configuration
+from acausal.loops.examined import Examined, Margin
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
 from acausal.loops.mobility import locked, shaky
-from acausal.loops.examined import Examined
 from acausal.loops.redundancy import RankReport, independent_rows, needed_rows
 from acausal.loops.singular import row_scale, singular_values_along
 from acausal.loops.walk import Walk, WalkFunctions
@@ -67,13 +67,24 @@ class Constraints:
         """Whether the same rows are independent for these values of the parameters (np,), and none nearly depend on others, as far as some
         looks along a walk can tell. Costs milliseconds.
         """
-        return all(part.with_values(values) is not None for part in self.examined)
+        return all(part.holds(values) for part in self.examined)
+
+    def margins(self, q: np.ndarray, time: float, values: np.ndarray) -> list[Margin]:
+        """Of each group of loops, at a configuration (nq,) with closed loops and for these values of the parameters."""
+        return [part.margin(q[list(part.group.q_places)], time, values) for part in self.examined]
+
+    def decided_at(self, q: np.ndarray, time: float, values: np.ndarray) -> bool:
+        """Whether the rows that are kept are independent at a configuration (nq,), and the others follow from them."""
+        return all(part.decided(m) for part, m in zip(self.examined, self.margins(q, time, values), strict=True))
 
     def decides_as(self, other: Constraints) -> bool:
         """Whether the same rows are kept, and singular positions are met or not."""
-        return (self.kept_index, self.rank.rank, self.damped, self.singular) == (
-            other.kept_index, other.rank.rank, other.damped, other.singular
-        )  # fmt: skip
+        return self.choice == other.choice
+
+    @property
+    def choice(self) -> tuple[int, ...]:
+        """What was decided, in numbers."""
+        return self.rank.rank, self.damped, self.singular, *self.kept_index
 
     @property
     def dependent(self) -> bool:
@@ -118,7 +129,7 @@ def analyse_constraints(
             continue
         walk = Walk(WalkFunctions(group, tree.t, parameters), values, guess, time)
         start = close_loops(group, walk, tree.t, guess)
-        found.append(_examined(walk, start) if group.names else _unbound(group, start * walk.unit))
+        found.append(_examined(walk, start, values) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
     empty = {name for part in found for name in part.empty}
     loops = tuple(rows.without(empty) for rows in loops)
@@ -152,7 +163,7 @@ def _unbound(group: LoopGroup, start: np.ndarray) -> Examined:
     return Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
 
 
-def _examined(walk: Walk, start: np.ndarray) -> Examined:
+def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
     group, t, parameters = walk.symbolic.group, walk.symbolic.t, walk.symbolic.parameters
     samples: list[np.ndarray] = []
     jacobians: list[np.ndarray] = []
@@ -189,6 +200,8 @@ def _examined(walk: Walk, start: np.ndarray) -> Examined:
         walk,
         scale,
         tuple((smallest, z * walk.unit) for smallest, z in trail),
+        _influences(group.loops, parameters),
+        values,
     )
 
 

@@ -20,6 +20,8 @@ from acausal.numerics.thresholds import SINGULAR
 
 _LOOKS = 8
 """Places of a walk that are looked at again with other values."""
+_KEPT = 8
+"""Values of parameters for which a walk is kept."""
 _SHRUNK = 0.5
 """A margin below this part of what it was asks for another examination."""
 
@@ -59,6 +61,10 @@ class Examined:
     """Usual lengths of the rows (m,)."""
     trail: tuple[tuple[float, np.ndarray], ...] = ()
     """Smallest singular values on a walk, and where."""
+    parameters: tuple[int, ...] = ()
+    """Places of the parameters on which the group depends."""
+    values: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """All parameters where this was found."""
     lock: threading.Lock = field(default_factory=threading.Lock, compare=False)
     """Kernels serve one thread at a time."""
 
@@ -67,44 +73,56 @@ class Examined:
         """The smallest singular value that was met."""
         return min((smallest for smallest, _ in self.trail), default=1.0)
 
-    def margin(self, q: np.ndarray, time: float, other: Walk | None = None, scale: np.ndarray | None = None) -> Margin:
-        """At a configuration (nq,) with closed loops; of an `other` walk, with other values of parameters."""
-        walk = other or self.walk
-        assert walk is not None
+    def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
+        """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,)."""
         with self.lock:
-            walk.time = time
-            A = walk.at(q / walk.unit)[2] / (self.scale if scale is None else scale)[:, None]
+            walk = self._walk(values)
+            before, walk.time = walk.time, time
+            A = walk.at(q / walk.unit)[2] / self.scale[:, None]
+            walk.time = before
         return self._margin(A, walk)
+
+    def _walk(self, values: np.ndarray) -> Walk:
+        """With these values of the parameters, as far as the group depends on them; some are kept."""
+        assert self.walk is not None
+        key = values[list(self.parameters)].tobytes()
+        if key not in self._walks:
+            if len(self._walks) >= _KEPT:
+                self._walks.clear()
+            own = np.array_equal(values[list(self.parameters)], self.values[list(self.parameters)])
+            self._walks[key] = self.walk if own else Walk(self.walk.symbolic, values, self.samples[0], self.walk.time)
+        return self._walks[key]
+
+    @functools.cached_property
+    def _walks(self) -> dict[bytes, Walk]:
+        return {}
 
     def _margin(self, A: np.ndarray, walk: Walk) -> Margin:
         if not np.isfinite(A).all():
             return Margin(0.0, np.inf, 0, walk.rank)
         every, r = np.linalg.svd(A, compute_uv=False), self.rank.rank
-        kept = np.linalg.svd(A[list(self.rank.kept)], compute_uv=False) if r else np.ones(1)
-        rank = int(np.sum(every > walk.rank))
+        kept = every if r == len(A) else np.linalg.svd(A[list(self.rank.kept)], compute_uv=False) if r else np.ones(1)
+        rank = int(np.add.reduce(every > walk.rank))
         return Margin(float(kept[-1]), float(every[r]) if r < every.size else 0.0, rank, walk.rank)
 
     def decided(self, margin: Margin) -> bool:
         """Whether the same rows follow from the others, and those are independent but for singular positions that are known."""
         return margin.rank <= self.rank.rank and (self.singular or margin.independent >= SINGULAR)
 
-    def with_values(self, values: np.ndarray) -> Walk | None:
-        """A walk with other values of parameters where everything is decided alike by margins not much smaller; None where that is not
-        clear from the places that were looked at.
+    def holds(self, values: np.ndarray) -> bool:
+        """Whether everything is decided alike with other values of parameters (np,), by margins that are not much smaller at some places of
+        the walk; not where singular positions are known, whose walk ended there.
         """
+        if np.array_equal(values[list(self.parameters)], self.values[list(self.parameters)]):
+            return True
         if self.singular or not self.trail or self.walk is None:
-            return None
-        walk = Walk(self.walk.symbolic, values, self.samples[0], self.walk.time)
+            return False
         with self.lock:
-            here = self._margins(walk)
-            usual = self._usual
-        if len(here) < len(usual):
-            return None
-        alike = all(
+            here, usual = self._margins(self._walk(values)), self._usual
+        return len(here) == len(usual) and all(
             a.rank == b.rank and a.independent > _SHRUNK * b.independent and a.independent > SINGULAR
             for a, b in zip(here, usual, strict=True)
         )
-        return walk if alike else None
 
     @functools.cached_property
     def _looks(self) -> list[np.ndarray]:

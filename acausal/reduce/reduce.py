@@ -149,7 +149,12 @@ class ReducedSystem:
         return holding(self, self.closed_positions)
 
 
-def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: np.ndarray | None = None) -> ReducedSystem:
+def reduce_system(
+    mechanics: MechanicalSystem,
+    extra: ca.SX | None = None,
+    at: np.ndarray | None = None,
+    constraints: Constraints | None = None,
+) -> ReducedSystem:
     """Accelerations, multipliers, scalar states and invariants of a scene. `extra`: more joint forces (nv, 1), by q, t and inputs.
     `at`: values of the parameters at which everything is decided, those of the scene unless given.
 
@@ -158,7 +163,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: n
     flat, tree = mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
     values = np.array([parameter.value for parameter in flat.parameters]) if at is None else at
-    constraints = analyse_constraints(mechanics, p, values)
+    constraints = analyse_constraints(mechanics, p, values) if constraints is None else constraints
     tau = ca.SX.sym("tau", tree.v.numel())
     forces = loop_forces(mechanics, constraints, p, values)
     v_dot, multipliers = forces.closed(

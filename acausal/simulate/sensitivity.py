@@ -17,6 +17,7 @@ from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
+from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
 from acausal.start.start_problem import start_problem
 
@@ -88,6 +89,7 @@ def sensitivities(
     x0, directions = initial_derivatives(
         functions.outputs, start, float(t[0]), p, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
     )  # fmt: skip
+    check_decided(functions.outputs.system, float(t[0]), x0, p)
     if space.elimination.symbols:
         problem = replace(problem, parameters=space.extended(float(t[0]), x0, p))
         directions = replace(

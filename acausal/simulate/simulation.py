@@ -30,6 +30,7 @@ from acausal.simulate.trouble import (
     warn_if_singular,
 )
 from acausal.simulate.watch import warn_if_inaccurate
+from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 
@@ -93,6 +94,7 @@ def simulate(
     p, space = problem.parameters, functions.space
     jumps = check_given_motions(functions.given_motions, t0, t1, p)
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
+    check_decided(functions.outputs.system, t0, whole.x, p)
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
     check_branch(functions, problem, t0, t1, initial.x)
