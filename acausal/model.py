@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from acausal.analysis.prescribed import Given
     from acausal.charts.minimal import MinimalModel
     from acausal.explain.constraint_table import ConstraintTable
+    from acausal.explain.decision_table import DecisionTable
     from acausal.simulate.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulate.simulation import InputValue, Progress
     from acausal.simulate.trajectory import Trajectory
@@ -163,7 +164,11 @@ class Model:
         """`answer` of the model for these parameters. Where its loops are not what they were taken for at the call's own time and place, they
         are examined there, and it is that of the model which is made then. Raises `OtherDecisions` where that does not help.
         """
+        from acausal.simulate.simulation import parameter_values
+
         here = self._at(parameters)
+        if parameters:
+            parameter_values(here.functions, parameters)  # `_whole` does not see all that was decided
         try:
             return answer(here)
         except OtherDecisions as place:
@@ -544,6 +549,16 @@ class Model:
         from acausal.explain.constraint_table import constraint_table
 
         return constraint_table(self.system)
+
+    @functools.cached_property
+    def decisions(self) -> DecisionTable:
+        """What was decided by numbers, at which values and by which margin: rows of loops that follow from others, singular positions, branches,
+        coordinates in closed form, coefficients that were divided by. Every call looks at its own parameters, start and time again; it is
+        refused, or answered by a model decided anew, where one does not hold.
+        """
+        from acausal.explain.decision_table import decision_table
+
+        return decision_table(self.functions)
 
     def equations(self) -> Any:
         """The equations of motion as sympy equations, for small scenes; see `acausal.export.sympy_equations`."""
