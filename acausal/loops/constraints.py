@@ -87,6 +87,15 @@ class Constraints:
         return self.rank.rank, self.damped, self.singular, *self.kept_index
 
     @property
+    def dropped(self) -> ca.SX:
+        """Positions (n, 1) of rows that are not used, since they follow from the others."""
+        positions, first, used = list[ca.SX](), 0, set(self.kept_index)
+        for rows in self.loops:
+            positions += [rows.position[k] for k in range(rows.position.numel()) if first + k not in used]
+            first += rows.velocity.numel()
+        return ca.vertcat(ca.SX(0, 1), *positions)
+
+    @property
     def dependent(self) -> bool:
         """Whether the rows used depend on one another, everywhere or at some positions."""
         return self.damped or self.singular
@@ -196,7 +205,7 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         singular,
         walk.rows(start),
         timed,
-        _empty(group, walk, parameters),
+        _empty(walk),
         walk,
         scale,
         tuple((smallest, z * walk.unit) for smallest, z in trail),
@@ -211,13 +220,14 @@ def _influences(loops: Sequence[LoopRows], parameters: ca.SX) -> tuple[int, ...]
     return tuple(i for i in range(parameters.numel()) if parameters[i].element_hash() in used)
 
 
-def _empty(group: LoopGroup, walk: Walk, parameters: ca.SX) -> tuple[str, ...]:
+def _empty(walk: Walk) -> tuple[str, ...]:
+    group, t, parameters = walk.symbolic.group, walk.symbolic.t, walk.symbolic.parameters
     rows = [rows.velocity[k] for rows in group.loops for k in range(len(rows.names))]
     places = [rows.position[k] if k < rows.position.numel() else ca.SX(0) for rows in group.loops for k in range(len(rows.names))]
     return tuple(
         name
         for name, row, place, empty in zip(group.names, rows, places, walk.empty, strict=True)
-        if empty and not ca.depends_on(ca.vertcat(row, place), parameters)
+        if empty and not ca.depends_on(ca.vertcat(row, place), ca.vertcat(t, parameters))
     )
 
 

@@ -54,7 +54,7 @@ class Examined:
     timed: bool
     """Whether the time enters."""
     empty: tuple[str, ...] = ()
-    """Rows that only hold rounding errors, whatever the parameters."""
+    """Rows that only hold rounding errors, whatever the parameters and the time."""
     walk: Walk | None = None
     """With the values of parameters and the time at which this was found."""
     scale: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -89,8 +89,11 @@ class Examined:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,)."""
         with self.lock:
             walk = self._walk(values)
+            scale = np.where(walk.empty, np.max(self.scale), self.scale)
+            if self.timed and time != walk.time and walk.empty.any():  # what is empty now may not be then
+                walk = Walk(walk.symbolic, values, q, time)
             before, walk.time = walk.time, time
-            A = walk.at(q / walk.unit)[2] / self.scale[:, None]
+            A = walk.at(q / walk.unit)[2] / scale[:, None]
             walk.time = before
         return self._margin(A, walk)
 

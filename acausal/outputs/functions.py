@@ -143,12 +143,18 @@ class Functions:
 
     @functools.cached_property
     def watched(self) -> ca.Function:
-        """(t, x, u, p) -> kinetic energy, potential energy [J], and all invariants."""
+        """(t, x, u, p) -> kinetic energy, potential energy [J], all invariants, and loop rows that follow from these."""
         space = self.space
         t, x, _, p = space.arguments
         energies = space.put(ca.vertcat(self.outputs.kinetic_energy, self.outputs.potential_energy))
         rows = ca.SX(0, 1) if self.invariants is None else self.invariants(t, x, p)
-        return folded_function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows))])
+        following = space.put(self.outputs.system.constraints.dropped)
+        return folded_function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
+
+    @functools.cached_property
+    def kept_invariants(self) -> int:
+        """How many invariants there are."""
+        return 0 if self.invariants is None else self.invariants.numel_out(0)
 
     @functools.cached_property
     def watched_at_once(self) -> ca.Function:
