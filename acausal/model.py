@@ -171,8 +171,9 @@ class Model:
             parameter_values(here.functions, parameters)  # `_whole` does not see all that was decided
         try:
             return answer(here)
-        except OtherDecisions as place:
-            return answer(here._examined_near(place))
+        except OtherDecisions as found:
+            place = found
+        return answer(here._examined_near(place))
 
     def _examined_near(self, place: OtherDecisions) -> Model:
         """Made for another time and place."""

@@ -111,6 +111,11 @@ class Walk:
         return self._rate.size
 
     @property
+    def sizes_of_velocities(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is much for each velocity (nv,), and for each row in them (m,), infinite for rows of rounding errors."""
+        return self._rate, self._velocity
+
+    @property
     def sizes(self) -> Sizes:
         """For `assemble`, of z and of residuals as `at` gives them."""
         ones = np.ones(self.unit.size), np.ones(self._rows.size)

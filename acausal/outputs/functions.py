@@ -21,6 +21,7 @@ from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.decisions import Decisions
+from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace
 from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import callers_level
@@ -46,6 +47,14 @@ class Functions:
     def decisions(self) -> Decisions:
         """What the reduction decided by the values of parameters."""
         return Decisions(self.space)
+
+    @functools.cached_property
+    def holds(self) -> ca.Function | None:
+        """(t, x, u, p) -> margin, not negative where what was decided by numbers holds: which rows of loops are independent, what follows from what,
+        pivots. NaN counts as negative. None where no parameter and no time can change it.
+        """
+        margin = holds(self.space)
+        return None if margin is None else self._function("holds", [margin], ["margin"])
 
     @property
     def state_names(self) -> tuple[str, ...]:

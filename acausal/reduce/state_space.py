@@ -48,6 +48,12 @@ class StateSpace:
         open_rows = self._open(rows, self.system.p_values)
         return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
 
+    @functools.cached_property
+    def vanishing(self) -> ca.SX:
+        """Invariants (n, 1) in x and p that the elimination has made zero."""
+        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants)
+        return self.put(rows[[int(i) for i in np.flatnonzero(~self._open(rows, self.system.p_values))]])
+
     def complaint(self, values: np.ndarray) -> str:
         """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""
         followers = ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.system.scalar.redundant))
