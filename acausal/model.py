@@ -523,11 +523,13 @@ class Model:
 
         `method`: "gauss" (even order) or "radau" (odd order). With a fixed `h` [s] the function has no argument h. Loops are closed again
         after the step, in positions and velocities, as `simulate` does.
-        `residual`: what is left of the stage equations, to be checked. Raises `OptionError` for an order that does not exist.
+        `residual`: what is left of the stage equations, to be checked; infinite also where p or t are such that the model would need other
+        equations (see `decisions`). Raises `OptionError` for an order that does not exist.
         """
         from acausal.integrators.step import step_function
 
-        return step_function(self.functions.explicit_dynamics, self.functions.projection, method=method, order=order, h=h)
+        f = self.functions
+        return step_function(f.explicit_dynamics, f.projection, method=method, order=order, h=h, holds=f.holds)
 
     def graph(self) -> Any:
         """The mechanism as a networkx multigraph: nodes are rigid groups, edges joints, cut joints and forces."""
