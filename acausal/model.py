@@ -266,7 +266,8 @@ class Model:
         are exact in any order, redundant constraints allowed. The branch is that of `initial_state` with these arguments, followed
         to the values asked for in steps as short as it takes, the first a part in `steps` of the way (1: all at once); what start values
         leave free changes as little as it can from there. NaN where something cannot close there or on the way, where a hinge's axes
-        would point against one another, or where no step is short enough for angles to change by less than 1 rad. Errors as for `initial_state`, `OptionError`.
+        would point against one another, or where no step is short enough for angles to change by less than 1 rad. Outputs that forces
+        enter are by the equations for these arguments (see `decisions`). Errors as for `initial_state`, `OptionError`.
         """
         from acausal.start.assembly_function import assembly_function
 
@@ -512,7 +513,7 @@ class Model:
         """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.
 
         a: of a position its second, of a velocity its first derivative (in general the first one on which the forces act). x must be
-        consistent. The least forces where there is a choice. Raises `OptionError`, `MotionError`.
+        consistent; NaN where t, x and p would need other equations (see `decisions`). The least forces where there is a choice. Raises `OptionError`, `MotionError`.
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics_function
 

@@ -160,6 +160,8 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
         )
     missing = -ca.substitute(gap, w, ca.SX.zeros(w.numel()))
     force = ca.solve(B, missing) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, missing)
+    if actuation.functions.holds is not None:
+        force = ca.if_else(actuation.functions.holds(s.t, s.x, s.u, s.p) >= 0, force, np.nan)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
     return folded_function("inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"])
 
