@@ -111,7 +111,8 @@ class Model:
     def _at(self, parameters: Mapping[Parameter, float] | None) -> Model:
         """The model for these values of the parameters: this one, unless what was decided at its own values does not hold at these.
 
-        That are independent rows and singular positions of loops, pivots of scalar equations, and what follows from what.
+        That are independent rows and singular positions of loops, pivots of scalar equations, what follows from what, and what is much
+        for each unknown, where a value is many times another one.
         """
         from acausal.simulate.simulation import given_values
 
@@ -119,7 +120,8 @@ class Model:
             return self
         here = self._with_loops_at(parameters)
         values = given_values(self.functions, parameters)
-        return here if here.functions.decisions.hold(values) else self._kept(values, here._decided)
+        decisions = here.functions.decisions
+        return here if decisions.near(values) and decisions.hold(values) else self._kept("all", values, here._decided)
 
     def _with_loops_at(self, parameters: Mapping[Parameter, float] | None) -> Model:
         """This model, unless its loops have other independent rows or singular positions for these values of the parameters.
@@ -137,10 +139,11 @@ class Model:
         places = list(s.constraints.parameters)
         at = s.p_values.copy()
         at[places] = values[places]
-        return self._kept(at, self._examined)
+        return self._kept("loops", at, self._examined)
 
-    def _kept(self, values: np.ndarray, made: Callable[[np.ndarray], Model]) -> Model:
-        key = values.tobytes()
+    def _kept(self, what: str, values: np.ndarray, made: Callable[[np.ndarray], Model]) -> Model:
+        """The model made for these values, in which `what` was decided; made once."""
+        key = what, values.tobytes()
         if key not in self._others:
             if len(self._others) >= _KEPT:
                 self._others.clear()
@@ -185,7 +188,7 @@ class Model:
         except LockedError as error:
             raise LockedError(f"At t = {place.time:.6g} s, where this begins: {error}") from None
         return self._kept(
-            np.append(place.values, found.choice), lambda _: Model(reduce_system(s.mechanics, at=place.values, constraints=found))
+            f"loops {found.choice}", place.values, lambda _: Model(reduce_system(s.mechanics, at=place.values, constraints=found))
         )
 
     def _decided(self, values: np.ndarray) -> Model:
@@ -198,7 +201,7 @@ class Model:
         return other if same and not other.functions.decisions.complaint(values) else self
 
     @functools.cached_property
-    def _others(self) -> dict[bytes, Model]:
+    def _others(self) -> dict[tuple[str, bytes], Model]:
         """Models for other values of parameters."""
         return {}
 

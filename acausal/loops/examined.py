@@ -14,7 +14,6 @@ import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
-from acausal.loops.singular import row_scale
 from acausal.loops.walk import Walk
 from acausal.numerics.thresholds import SINGULAR
 
@@ -23,7 +22,7 @@ _LOOKS = 8
 _KEPT = 8
 """Values of parameters for which a walk is kept."""
 _SHRUNK = 0.5
-"""A margin below this part of what it was asks for another examination."""
+"""What may be lost of a margin before an examination is made again."""
 
 
 @dataclass(frozen=True)
@@ -125,18 +124,19 @@ class Examined:
         return margin.rank <= self.rank.rank and (self.singular or margin.independent >= SINGULAR)
 
     def holds(self, values: np.ndarray) -> bool:
-        """Whether everything is decided alike with other values of parameters (np,), by margins that are not much smaller at some places of
-        the walk; not where singular positions are known, whose walk ended there.
+        """Whether everything is decided alike with other values of parameters (np,), surely: no singular value changes by more than the rows
+        do (Weyl 1912), and at some places of the walk these change by less than half of the smallest one.
         """
         if np.array_equal(values[list(self.parameters)], self.values[list(self.parameters)]):
             return True
         if self.singular or not self.trail or self.walk is None:
             return False
         with self.lock:
-            here, usual = self._margins(self._walk(values)), self._usual
-        return len(here) == len(usual) and all(
-            a.rank == b.rank and a.independent > _SHRUNK * b.independent and a.independent > SINGULAR
-            for a, b in zip(here, usual, strict=True)
+            there, here = self._rows(self._walk(values)), self._usual_rows
+        allowed = _SHRUNK * self.least
+        return len(there) == len(here) and all(
+            np.linalg.norm(A - B) < allowed and self._margin(A, self.walk).rank == self.rank.rank
+            for A, B in zip(there, here, strict=True)
         )
 
     @functools.cached_property
@@ -147,17 +147,16 @@ class Examined:
         return [self.trail[k][1] for k in sorted({*order[: _LOOKS // 2], *spread.tolist()})]
 
     @functools.cached_property
-    def _usual(self) -> list[Margin]:
+    def _usual_rows(self) -> list[np.ndarray]:
         assert self.walk is not None
-        return self._margins(self.walk)
+        return self._rows(self.walk)
 
-    def _margins(self, walk: Walk) -> list[Margin]:
-        """At the places that are looked at, closed for the values of the walk, as far as they can be closed."""
+    def _rows(self, walk: Walk) -> list[np.ndarray]:
+        """At the places that are looked at, closed for the values of the walk; fewer where one cannot be closed."""
         rows: list[np.ndarray] = []
         for q in self._looks:
             z = walk.closed(q / walk.unit)
             if z is None:
-                return []
-            rows.append(walk.at(z)[2])
-        scale = row_scale(rows)
-        return [self._margin(A / scale[:, None], walk) for A in rows]
+                break
+            rows.append(walk.at(z)[2] / self.scale[:, None])
+        return rows

@@ -12,6 +12,8 @@ from acausal.reduce.state_space import StateSpace
 from acausal.scalar.decisions import LinearDecisions, linear_decisions
 from acausal.wording import compact
 
+_FAR = 30.0
+"""Times as large or small, values are of another size."""
 _KEPT = 32
 """Values that stay known."""
 
@@ -21,6 +23,13 @@ class Decisions:
     """Of a model, verified at the values of parameters that it was built with."""
 
     space: StateSpace
+
+    def near(self, values: np.ndarray) -> bool:
+        """Whether values (np,) are of the size of those of the build, by which unknowns and rows are measured."""
+        built = self.space.system.p_values
+        changed = values != built
+        a, b = np.abs(values[changed]), np.abs(built[changed])
+        return bool(np.all((a <= _FAR * b) & (b <= _FAR * a)))
 
     def hold(self, values: np.ndarray) -> bool:
         """Whether everything holds at these values (np,), as it does at those of the build."""
