@@ -118,10 +118,14 @@ class Model:
 
         if not parameters:
             return self
-        here = self._with_loops_at(parameters)
         values = given_values(self.functions, parameters)
+        here = self._with_loops_of(values)
         decisions = here.functions.decisions
-        return here if decisions.near(values) and decisions.hold(values) else self._kept("all", values, here._decided)
+        if decisions.near(values) and decisions.hold(values):
+            return here
+        other = self._kept("all", values, here._decided)
+        other.functions.decisions.check(values)
+        return other
 
     def _with_loops_at(self, parameters: Mapping[Parameter, float] | None) -> Model:
         """This model, unless its loops have other independent rows or singular positions for these values of the parameters.
@@ -131,9 +135,11 @@ class Model:
         """
         from acausal.simulate.simulation import given_values
 
-        if not parameters or not self.system.constraints.parameters:
-            return self
-        values, s = given_values(self.functions, parameters), self.system
+        return self._with_loops_of(given_values(self.functions, parameters)) if parameters else self
+
+    def _with_loops_of(self, values: np.ndarray) -> Model:
+        """The same for values of all parameters (np,)."""
+        s = self.system
         if s.constraints.unchanged(values):
             return self
         places = list(s.constraints.parameters)
@@ -167,11 +173,7 @@ class Model:
         """`answer` of the model for these parameters. Where its loops are not what they were taken for at the call's own time and place, they
         are examined there, and it is that of the model which is made then. Raises `OtherDecisions` where that does not help.
         """
-        from acausal.simulate.simulation import parameter_values
-
         here = self._at(parameters)
-        if parameters:
-            parameter_values(here.functions, parameters)  # `_whole` does not see all that was decided
         try:
             return answer(here)
         except OtherDecisions as found:

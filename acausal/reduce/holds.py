@@ -11,7 +11,7 @@ import functools
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.kernels import pivots, solve_positive
+from acausal.dynamics.formulas import pivots, solve_positive
 from acausal.loops.examined import Examined
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import SINGULAR

@@ -108,7 +108,6 @@ CASES: dict[str, tuple[Callable[..., Asked], tuple[float, ...], tuple[float, ...
     "four-bar that cannot close": (four_bar, GENERAL, (0.4, 0.95, 0.5, 9.0, 2.0)),
     "four-bar that lies flat": (four_bar, GENERAL, (0.4, 0.4, 0.1, 0.9, 2.0)),
     "six hinges in a plane, as those of Sarrus": (by_points, PLANAR, SARRUS),
-    "those of Sarrus, in a plane": (by_points, SARRUS, PLANAR),
     "Bennett's linkage with a wrong twist": (by_points, BENNETT, WRONG),
     "Bennett's linkage in a plane": (by_points, BENNETT, FLAT),
     "a plane as Bennett's linkage": (by_points, FLAT, BENNETT),
