@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.charts.independent import independent_entries
 from acausal.errors import AcausalError
 from acausal.explain.row_meaning import row_meanings
 from acausal.language.expression import Expression
@@ -136,7 +137,7 @@ def _branches(functions: Functions) -> Iterator[Decision]:
         return
     q, start = s.constraints.q_start, dict[Expression, np.ndarray]()
     for part in parts:
-        for k in part.free_velocities():
+        for k in independent_entries(part.A[list(part.rank.kept)]).free:
             joint = next(j for j in s.tree_joints if j.v.start <= part.group.v_places[k] < j.v.stop)
             start[joint.edge.joint.q] = q[joint.q]
     held = ", ".join(f"{functions.outputs.name(key)} = {compact(map(_shown, value))}" for key, value in start.items())  # pyright: ignore[reportArgumentType]

@@ -73,12 +73,6 @@ class Examined:
         found = [self.margin(q, self.walk.time, self.values) for q in self.samples if self.walk is not None]
         return next((m for m in found if m.independent >= SINGULAR), found[0])
 
-    def free_velocities(self) -> list[int]:
-        """Which of the velocities (nv,) may be given at the first configuration, so that the others follow."""
-        from acausal.charts.independent import independent_entries
-
-        return list(independent_entries(self.A[list(self.rank.kept)]).free)
-
     @property
     def least(self) -> float:
         """The smallest singular value that was met."""
