@@ -161,8 +161,8 @@ class Model:
         if s.constraints.hold(values):
             return self
         try:
-            found = analyse_constraints(s.mechanics, s.p, values)
-            return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values))
+            found = analyse_constraints(s.mechanics, s.p, values, known=s.constraints)
+            return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values, constraints=found))
         except AssemblyError:
             return self  # the search for a start says what does not close
         except (LockedError, MasslessError) as error:
@@ -184,7 +184,7 @@ class Model:
         """Made for another time and place."""
         s = self.system
         try:
-            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time)
+            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time, s.constraints)
         except AssemblyError:
             raise place from None
         except LockedError as error:

@@ -24,6 +24,19 @@ _OPENED = 3
 _OPENING = 0.2
 
 
+@dataclass(frozen=True)
+class Loops:
+    """Rows of all loops, and functions for walks of each group of joints, whatever the parameters are."""
+
+    loops: tuple[LoopRows, ...]
+    walks: tuple[WalkFunctions, ...]
+
+
+def _symbolic(system: MechanicalSystem, parameters: ca.SX) -> Loops:
+    loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
+    return Loops(loops, tuple(WalkFunctions(group, system.tree.t, parameters) for group in loop_groups(system, loops)))
+
+
 @dataclass(frozen=True, repr=False)
 class Constraints:
     """Independent rows of all cut joints, and the freedom that they leave.
@@ -57,6 +70,7 @@ class Constraints:
     """All parameters where the above was found."""
     examined: tuple[Examined, ...]
     """Groups of loops, each on its own."""
+    symbolic: Loops
 
     def unchanged(self, values: np.ndarray) -> bool:
         """Whether the loops are the same for these values of the parameters (np,)."""
@@ -120,23 +134,31 @@ def joint_invariants(system: MechanicalSystem) -> ca.SX:
 
 
 def analyse_constraints(
-    system: MechanicalSystem, parameters: ca.SX, values: np.ndarray, near: np.ndarray | None = None, time: float = 0.0
+    system: MechanicalSystem,
+    parameters: ca.SX,
+    values: np.ndarray,
+    near: np.ndarray | None = None,
+    time: float = 0.0,
+    known: Constraints | None = None,
 ) -> Constraints:
     """Close the loops numerically, find the redundant rows, keep the others.
 
-    Looks from the configuration `near` (nq,), that of the sketch unless given, at this `time` [s].
+    Looks from the configuration `near` (nq,), that of the sketch unless given, at this `time` [s]. `known`: of the same system, with other
+    values; what does not depend on them is taken from there.
     Raises `AssemblyError` when a loop cannot close, `LockedError` when no freedom is left.
     """
     tree = system.tree
-    loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
+    symbolic = _symbolic(system, parameters) if known is None else known.symbolic
+    loops = symbolic.loops
     sketch = sketch_configuration(system) if near is None else near
     found: list[Examined] = []
-    for group in loop_groups(system, loops):
+    for functions in symbolic.walks:
+        group = functions.group
         guess = sketch[list(group.q_places)]
         if not (group.names or group.invariants.numel() or group.domain.numel()):
             found.append(_unbound(group, guess))
             continue
-        walk = Walk(WalkFunctions(group, tree.t, parameters), values, guess, time)
+        walk = Walk(functions, values, guess, time)
         start = close_loops(group, walk, tree.t, guess)
         found.append(_examined(walk, start, values) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
@@ -163,7 +185,7 @@ def analyse_constraints(
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
         any(part.singular for part in found), samples, beside, _influences(loops, parameters), np.array(values, dtype=float),
-        tuple(part for part in found if part.walk is not None),
+        tuple(part for part in found if part.walk is not None), symbolic,
     )  # fmt: skip
 
 

@@ -98,7 +98,7 @@ class Examined:
             if len(self._walks) >= _KEPT:
                 self._walks.clear()
             own = np.array_equal(values[list(self.parameters)], self.values[list(self.parameters)])
-            self._walks[key] = self.walk if own else Walk(self.walk.symbolic, values, self.samples[0], self.walk.time)
+            self._walks[key] = self.walk if own else Walk(self.walk.symbolic, values, self.walk.guess, self.walk.time)
         return self._walks[key]
 
     @functools.cached_property

@@ -76,7 +76,7 @@ class Walk:
 
     def __init__(self, symbolic: WalkFunctions, values: np.ndarray, guess: np.ndarray, time: float = 0.0) -> None:
         group = symbolic.group
-        self.symbolic = symbolic
+        self.symbolic, self.guess = symbolic, guess
         self._parts = _Parts(symbolic, values)
         self._noise = _bound(symbolic.noise, guess.size, values)
         self.time = time
