@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,40 +101,68 @@ class Model:
         parameters: Mapping[Parameter, float] | None = None,
     ) -> InitialState:
         """Consistent states x, and the p that belongs to them, from start values; see `simulate` for the arguments and errors."""
-        here = self._at(parameters)
+        here = self._with_loops_at(parameters)  # not `_at`: x belongs to `functions`, which others use
         found, space = here._whole_start(start, t0, inputs, parameters), here.functions.space
         return replace(found, x=space.restricted(found.x), p=space.extended(t0, found.x, found.p))
 
     def _at(self, parameters: Mapping[Parameter, float] | None) -> Model:
-        """The model for these values of the parameters: this one, unless its loops then have other independent rows or singular positions.
+        """The model for these values of the parameters: this one, unless what was decided at its own values does not hold at these.
+
+        That are independent rows and singular positions of loops, pivots of scalar equations, and what follows from what.
+        """
+        from acausal.simulate.simulation import given_values
+
+        if not parameters:
+            return self
+        here = self._with_loops_at(parameters)
+        values = given_values(self.functions, parameters)
+        return here if here.functions.decisions.hold(values) else self._kept(values, here._decided)
+
+    def _with_loops_at(self, parameters: Mapping[Parameter, float] | None) -> Model:
+        """This model, unless its loops have other independent rows or singular positions for these values of the parameters.
 
         Raises `LockedError` where nothing can move with them. Costs a search for singular positions where the loops depend on
         parameters with values that are new.
         """
-        from acausal.simulate.simulation import parameter_values
+        from acausal.simulate.simulation import given_values
 
         if not parameters or not self.system.constraints.parameters:
             return self
-        values = parameter_values(self.functions, parameters)
-        if self.system.constraints.holds(values):
+        values, s = given_values(self.functions, parameters), self.system
+        if s.constraints.holds(values):
             return self
-        places = list(self.system.constraints.parameters)
-        key = values[places].tobytes()
+        places = list(s.constraints.parameters)
+        at = s.p_values.copy()
+        at[places] = values[places]
+        return self._kept(at, self._examined)
+
+    def _kept(self, values: np.ndarray, made: Callable[[np.ndarray], Model]) -> Model:
+        key = values.tobytes()
         if key not in self._others:
             if len(self._others) >= _KEPT:
                 self._others.clear()
-            self._others[key] = self._examined(values, [self.parameter_names[i] for i in places])
+            self._others[key] = made(values)
         return self._others[key]
 
-    def _examined(self, values: np.ndarray, names: Sequence[str]) -> Model:
+    def _examined(self, values: np.ndarray) -> Model:
         s = self.system
         try:
             found = analyse_constraints(s.mechanics, s.p, values)
         except AssemblyError:
             return self  # the search for a start says what does not close
         except LockedError as error:
+            names = [self.parameter_names[i] for i in s.constraints.parameters]
             raise LockedError(f"With other values of {compact(names)}: {error}") from None
         return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values))
+
+    def _decided(self, values: np.ndarray) -> Model:
+        """Reduced again at these values (np,); itself, which says what does not hold, where that does not help or other freedoms are left."""
+        try:
+            other = Model(reduce_system(self.system.mechanics, at=values))
+        except ModelError:
+            return self
+        same = other.system.x.numel() == self.system.x.numel() and other.degrees_of_freedom == self.degrees_of_freedom
+        return other if same and not other.functions.decisions.complaint(values) else self
 
     @functools.cached_property
     def _others(self) -> dict[bytes, Model]:
@@ -347,7 +375,8 @@ class Model:
 
         if start is not None and not isinstance(start, Mapping) and self.functions.space.elimination.symbols:
             start = self._whole_states(t, start, parameters)
-        return linearize(self._whole, operating_point(self._whole, start, t, inputs, parameters), states, outputs)
+        whole = self._at(parameters)._whole
+        return linearize(whole, operating_point(whole, start, t, inputs, parameters), states, outputs)
 
     def _whole_states(
         self, t: float, x: Sequence[float] | np.ndarray, parameters: Mapping[Parameter, float] | None
@@ -376,8 +405,9 @@ class Model:
         """
         from acausal.charts.minimal import minimal_model
 
-        found = self._whole_start(start, t0, inputs, parameters)
-        return minimal_model(self._whole, t0, found, found.p, prefer, steps)
+        here = self._at(parameters)
+        found = here._whole_start(start, t0, inputs, parameters)
+        return minimal_model(here._whole, t0, found, found.p, prefer, steps)
 
     def equilibrium(
         self,
@@ -399,7 +429,7 @@ class Model:
         """
         from acausal.analysis.equilibrium import equilibrium
 
-        return equilibrium(self._whole, start, free, steady, t, inputs, parameters)
+        return equilibrium(self._at(parameters)._whole, start, free, steady, t, inputs, parameters)
 
     def inverse_dynamics(
         self,
@@ -421,7 +451,7 @@ class Model:
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics
 
-        return inverse_dynamics(self._whole, times, motions, unknowns, start, inputs, parameters)
+        return inverse_dynamics(self._at(parameters)._whole, times, motions, unknowns, start, inputs, parameters)
 
     def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
         """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.

@@ -12,6 +12,9 @@ from acausal.reduce.state_space import StateSpace
 from acausal.scalar.decisions import LinearDecisions, linear_decisions
 from acausal.wording import compact
 
+_KEPT = 32
+"""Values that stay known."""
+
 
 @dataclass(frozen=True, repr=False)
 class Decisions:
@@ -19,16 +22,25 @@ class Decisions:
 
     space: StateSpace
 
+    def hold(self, values: np.ndarray) -> bool:
+        """Whether everything holds at these values (np,), as it does at those of the build."""
+        if np.array_equal(values, self.space.system.p_values):
+            return True
+        key = values.tobytes()
+        if key not in self._known:
+            if len(self._known) >= _KEPT:
+                self._known.clear()
+            self._known[key] = not self.complaint(values)
+        return self._known[key]
+
     def check(self, values: np.ndarray) -> None:
         """Raises `ParameterError` naming the parameters whose values (np,) the model was not made for."""
         system = self.space.system
+        if self.hold(values):
+            return
         changed = np.flatnonzero(values != system.p_values)
-        if not changed.size:
-            return
-        words = self._complaint(values)
-        if not words:
-            return
-        alone = [k for k in changed if not self._complaint(np.where(np.arange(values.size) == k, system.p_values, values))]
+        words = self.complaint(values)
+        alone = [k for k in changed if not self.complaint(np.where(np.arange(values.size) == k, system.p_values, values))]
         given: list[str] = []
         for k in alone or changed:
             parameter = system.flat.parameters[k]
@@ -39,7 +51,13 @@ class Decisions:
             "extreme."
         )
 
-    def _complaint(self, values: np.ndarray) -> str:
+    @functools.cached_property
+    def _known(self) -> dict[bytes, bool]:
+        """Values that were looked at, and whether everything holds there."""
+        return {}
+
+    def complaint(self, values: np.ndarray) -> str:
+        """What does not hold at these values (np,), in words; empty where everything does."""
         return self._linear.complaint(values) or self.space.complaint(values)
 
     @functools.cached_property

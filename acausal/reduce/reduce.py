@@ -151,17 +151,16 @@ class ReducedSystem:
 
 def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: np.ndarray | None = None) -> ReducedSystem:
     """Accelerations, multipliers, scalar states and invariants of a scene. `extra`: more joint forces (nv, 1), by q, t and inputs.
-    `at`: values of the parameters for which loops are examined, those of the scene unless given.
+    `at`: values of the parameters at which everything is decided, those of the scene unless given.
 
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
     flat, tree = mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
-    values = np.array([parameter.value for parameter in flat.parameters])
-    examined = values if at is None else at
-    constraints = analyse_constraints(mechanics, p, examined)
+    values = np.array([parameter.value for parameter in flat.parameters]) if at is None else at
+    constraints = analyse_constraints(mechanics, p, values)
     tau = ca.SX.sym("tau", tree.v.numel())
-    forces = loop_forces(mechanics, constraints, p, examined)
+    forces = loop_forces(mechanics, constraints, p, values)
     v_dot, multipliers = forces.closed(
         forward_dynamics(
             mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias
@@ -170,7 +169,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: n
     step = projection(forces, ca.SX(0, 1))
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
-    scalar = add_scalar_domains(mechanics, tau, v_dot, closing)
+    scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing)
     if mechanics.readings.borrowed:
         mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
     rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}

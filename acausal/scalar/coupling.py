@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
+import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.language.connector import Connector
@@ -95,9 +96,10 @@ class ScalarPart:
 
 
 def add_scalar_domains(
-    mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX, closing: tuple[ca.SX, ca.SX] | None = None
+    mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX, values: np.ndarray, closing: tuple[ca.SX, ca.SX] | None = None
 ) -> ScalarPart:
-    """Reduces the scalar equations of a scene. `v_dot` (nv, 1) depends on the joint forces, whose symbol is `tau` (nv, 1).
+    """Reduces the scalar equations of a scene. `v_dot` (nv, 1) depends on the joint forces, whose symbol is `tau` (nv, 1). `values` (np,): of the
+    parameters, by which pivots are chosen.
 
     `closing`: (dq, dv), one step towards closed loops. Where efforts depend on the joints' own accelerations (a rotor geared to a joint), they
     are affine in them, and the accelerations are affine in the efforts: both together are one linear block. Raises the errors of
@@ -106,7 +108,7 @@ def add_scalar_domains(
     if not has_scalar_parts(mechanics.flat):
         return ScalarPart((), 0, ca.SX(0, 1), {}, ca.SX.zeros(tau.numel()))
     driven = _driven(mechanics)
-    collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven])
+    collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven], values)
     kept = needed(collection.system, collection.efforts, collection.positions)
     reduced = reduce_equations(kept.system)
     return _Coupling(mechanics, tau, v_dot, closing, driven, collection, reduced, kept.redundant).result()

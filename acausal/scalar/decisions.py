@@ -13,12 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.vanishing import equilibrated_rank
+from acausal.numerics.vanishing import equilibrated_rank, equilibration
 from acausal.scalar.solution import LinearBlock
 from acausal.wording import compact
 
 _SOLVED = 1e-9
 """What formulas may leave of an equation, of the sum of its terms."""
+_BACKWARD = 1e-12
+"""What they may leave of any equation where all units are gone, of what is much: an unknown that is zero has no terms of any size."""
 _POINTS = 2
 _LARGEST = 500
 """Unknowns of a block whose rank is taken."""
@@ -66,9 +68,13 @@ class LinearDecisions:
 
 
 def _left(matrix: np.ndarray, right: np.ndarray, solution: np.ndarray) -> np.ndarray:
+    """Of each row, 0 where nothing but rounding is."""
     with np.errstate(all="ignore"):
-        terms = np.abs(matrix) @ np.abs(solution) + np.abs(right)
-        return np.abs(matrix @ solution - right) / np.where(terms > 0, terms, 1.0)
+        terms, left = np.abs(matrix) @ np.abs(solution) + np.abs(right), np.abs(matrix @ solution - right)
+        rows, columns = equilibration(matrix)
+        much = np.max(np.abs(solution[:, 0]) * columns) + np.max(np.abs(right[:, 0]) / rows)
+        rounding = left[:, 0] / rows <= _BACKWARD * much
+        return np.where(rounding[:, None], 0.0, left / np.where(terms > 0, terms, 1.0))
 
 
 def linear_decisions(blocks: Sequence[LinearBlock], p: ca.SX) -> LinearDecisions:

@@ -186,7 +186,15 @@ def _guards(functions: Functions, events: Sequence[when]) -> Guards:
 
 
 def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
-    """All parameters (np,), with the given ones replaced. Raises `UnknownVariableError`, `ParameterError`."""
+    """All parameters (np,), with the given ones replaced, for which the model was made. Raises `UnknownVariableError`, `ParameterError`."""
+    values = given_values(functions, parameters)
+    if parameters:
+        functions.decisions.check(values)
+    return values
+
+
+def given_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
+    """All parameters (np,), with the given ones replaced, as parts allow them. Raises `UnknownVariableError`, `ParameterError`."""
     known = functions.outputs.system.flat.parameters
     values = functions.outputs.system.p_values.copy()
     for parameter, value in dictionary(parameters, "parameters", "{scene.mass: 2.0}").items():
@@ -195,7 +203,6 @@ def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]
         values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
     if parameters:
         functions.outputs.system.flat.conditions.check(values[: len(known)])
-        functions.decisions.check(values)
     return values
 
 
