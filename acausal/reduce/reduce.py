@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import casadi as ca
@@ -19,7 +20,7 @@ from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
-from acausal.reduce.holding import Holding, closed_positions, holding
+from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.wording import compact, counted, grouped
@@ -116,7 +117,7 @@ class ReducedSystem:
     def closing(self) -> ca.SX:
         """All constraints of positions and joint invariants, redundant ones too, for assembly."""
         loops = [rows.position for rows in self.constraints.loops]
-        return ca.vertcat(self.constraints.joint_invariants, *loops, self.scalar.position)
+        return ca.vertcat(self.constraints.joint_invariants, *loops, self.scalar.closing)
 
     @property
     def velocity_closing(self) -> ca.SX:
@@ -149,13 +150,15 @@ class ReducedSystem:
         return holding(self, self.closed_positions)
 
 
-def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: np.ndarray | None = None) -> ReducedSystem:
+def reduce_system(
+    mechanics: MechanicalSystem, extra: ca.SX | None = None, at: np.ndarray | None = None, without: Collection[int] = ()
+) -> ReducedSystem:
     """Accelerations, multipliers, scalar states and invariants of a scene. `extra`: more joint forces (nv, 1), by q, t and inputs.
-    `at`: values of the parameters at which everything is decided, those of the scene unless given.
+    `at`: values of the parameters at which everything is decided, those of the scene unless given. `without`: places of scalar equations that loops hold already.
 
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
-    flat, tree = mechanics.flat, mechanics.tree
+    unread, flat, tree = mechanics, mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
     values = np.array([parameter.value for parameter in flat.parameters]) if at is None else at
     constraints = analyse_constraints(mechanics, p, values)
@@ -169,7 +172,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: n
     step = projection(forces, ca.SX(0, 1))
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
-    scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing)
+    scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing, without)
     if mechanics.readings.borrowed:
         mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
     rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
@@ -190,6 +193,9 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: n
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
         ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar,
     )  # fmt: skip
+    again = looped(system, system.closed_positions) if system.holding.again and not without else []
+    if again:
+        return reduce_system(unread, extra, at, again)
     _check_free(system)
     return system
 

@@ -54,6 +54,10 @@ class StateSpace:
         rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
         if not self.elimination.symbols:
             rows = followers
+        looped = self.system.scalar.looped
+        changed = np.flatnonzero(values != self.system.p_values).tolist()
+        if looped and ca.depends_on(self.system.closing, self.system.p[changed]):
+            return f"it is open whether loops still hold what these say: {compact(dict.fromkeys(h.name for h in looped), 4)}"
         lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
         if not lost.any():
             return ""

@@ -65,7 +65,7 @@ class StartProblem:
 
 def _turns_fully(r: ReducedSystem, k: int) -> bool:
     """Whether a full turn of entry k of x leaves all equations between positions as they are."""
-    rows = r.scalar.position
+    rows = r.scalar.closing
     turned = ca.substitute(rows, r.x[k], r.x[k] + 2 * np.pi)
     return vanish(turned - rows, r.p, r.p_values)
 
@@ -157,14 +157,14 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     position = (
         ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
         *((words, rows.position.numel()) for words, rows in joints),
-        ("the equations of gears and sources", r.scalar.position.numel()),
+        ("the equations of gears and sources", r.scalar.closing.numel()),
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
         ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
     )
     none = ca.SX(0, 1)
-    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.position.numel())
+    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel())
     known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel())])
     return (
         Closing(r.closing, position, ca.vertcat(none, *signs), known),
