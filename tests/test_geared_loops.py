@@ -73,5 +73,5 @@ def test_a_gear_that_a_parallelogram_does_not_allow_is_named():
     model = ac.build(scene)
     with pytest.raises(StartValueError, match="hinges"):
         model.initial_state({scene.hinges[0].q: 0.3, scene.hinges[1].q: 0.4})
-    with pytest.raises(ParameterError, match=r"ratios\[0\] = 2 \(built with 1\).*equation 1 of gears"):
+    with pytest.raises(ParameterError, match=r"gears\[0\].ratio = 2 \(built with 1\).*equation 1 of gears"):
         model.simulate(1.0, parameters={scene.ratios[0]: 2.0})
