@@ -113,6 +113,7 @@ def test_a_bead_on_a_moving_plane(move):
         {scene.along.q: x, scene.along.v: v},
         [scene.along.q, scene.up.q],
         lambda times: along(point, motion(lambda u, t: [point(u, t)], [2.0], 0.2, 0.5, times), times),
+        0.6,
     )
 
 
