@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from acausal.dynamics.forward_dynamics import forward_dynamics
-from acausal.dynamics.system import MechanicalSystem
+from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols
 from acausal.errors import LockedError
 from acausal.language.connector import Electrical
@@ -23,6 +25,7 @@ from acausal.parts.pose import symbolic
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
+from acausal.topology.build_mechanism import build_mechanism
 from acausal.wording import compact, counted, grouped
 
 
@@ -55,6 +58,19 @@ class ReducedSystem:
     clearance: ca.SX | None
     """Zero where branches of the motion cross, see `LoopForces.clearance`; None where they never do."""
     scalar: ScalarPart
+    extra: ca.SX | None = None
+    """More joint forces, by which an analysis has extended the scene."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Made again from its parts at the same values: the same expressions, other symbols."""
+        if self.extra is not None:
+            raise TypeError("A system that inverse dynamics has extended by forces cannot be pickled; pickle the model.")
+        return _made_again, (self.mechanics.flat, self.p_values)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ReducedSystem:
+        """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
+        flat = self.mechanics.flat
+        return _made_again(copy.deepcopy(flat, memo), self.p_values) if any(id(p.component) in memo for p in flat.parts) else self
 
     def __str__(self) -> str:
         c = self.constraints
@@ -191,13 +207,17 @@ def reduce_system(
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar, extra,
     )  # fmt: skip
     again = looped(system, system.closed_positions) if system.holding.again and not without else []
     if again:
         return reduce_system(unread, extra, at, again)
     _check_free(system)
     return system
+
+
+def _made_again(flat: FlatSystem, values: np.ndarray) -> ReducedSystem:
+    return reduce_system(mechanical_system(build_mechanism(flat), time.sx), at=values)
 
 
 def _check_free(system: ReducedSystem) -> None:

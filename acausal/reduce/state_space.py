@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,9 @@ class StateSpace:
     x: ca.SX
     p: ca.SX
     places: tuple[int, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (state_space if self.elimination.symbols else whole_state_space), (self.system,)
 
     @property
     def arguments(self) -> list[ca.SX]:

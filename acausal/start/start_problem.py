@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import threading
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -40,8 +41,17 @@ class StartProblem:
     positions: Search
     velocities: Search
     got: BoundFunction | None
+    asked: tuple[tuple[Expression, bool], ...] = ()
+    """Variables, and whether their values are met exactly."""
     lock: threading.Lock = field(default_factory=threading.Lock)
     """Bound functions serve one thread at a time."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _start_problem, (self.outputs, self.asked)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> StartProblem:
+        outputs = copy.deepcopy(self.outputs, memo)
+        return self if outputs is self.outputs else _start_problem(outputs, copy.deepcopy(self.asked, memo))
 
     @functools.cached_property
     def coordinates(self) -> Coordinates:
@@ -129,7 +139,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
         got = BoundFunction.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
-    return StartProblem(outputs, tuple(targets), positions, velocities, got)
+    return StartProblem(outputs, tuple(targets), positions, velocities, got, what)
 
 
 def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> list[Target]:
