@@ -540,7 +540,7 @@ def build(scene: System) -> Model:
     check_parts(flat)
     model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:
-        raise LockedError(
-            f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. Add a joint or a free body."
-        )
+        scalar = "Without inertia and mass everything is where its springs balance: add an Inertia, a SlidingMass, or a motion that is given."
+        hint = scalar if model.system.solved else "Add a joint or a free body."
+        raise LockedError(f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. {hint}")
     return model

@@ -119,11 +119,14 @@ class _Reduction:
         chosen = self._dummies(stages, orders, offsets, roots)
         try:
             return self._solved(stages, chosen, offsets, roots)
-        except UnderdeterminedError:
+        except UnderdeterminedError as error:
             shown = self._shown(rows, offsets, roots)
             if shown is None:
                 raise
-        return self._reduced(shown)
+            try:
+                return self._reduced(shown)
+            except ModelError:
+                raise error from None
 
     def _shown(self, rows: Sequence[_Row], offsets: Offsets, roots: Sequence[int]) -> list[_Row] | None:
         """The rows with sums in the place of some, in which the highest derivatives cancel; None where there are no such sums."""
