@@ -18,7 +18,7 @@ from acausal.dynamics.system import mechanical_system
 from acausal.errors import AssemblyError, LockedError, MasslessError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
-from acausal.language.flatten import FlatSystem, flatten
+from acausal.language.flatten import flatten
 from acausal.loops.constraints import analyse_constraints
 from acausal.outputs.functions import Functions, operations
 from acausal.outputs.outputs import Outputs
@@ -368,32 +368,11 @@ class Model:
         """
         from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 
-        held, fixed = inputs or {}, parameters or {}
-        wrt = listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
-
-        def run(begin: Start, values: Mapping[Parameter, float], given: Mapping[Input, float]) -> Sensitivities:
-            return self.sensitivities(
-                times,
-                wrt,
-                begin,
-                rtol=rtol,
-                atol=atol,
-                inputs={**held, **given},
-                parameters={**fixed, **values},
-                compiled=compiled,
-            )
-
-        return TrajectoryFunction(
-            name,
-            Motion(
-                self.functions,
-                run,
-                ascending(times, "trajectory_function: `times`"),
-                outputs,
-                tuple(wrt),
-                dict(start_mapping(start)),
-            ),
-        )
+        wrt = tuple(listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
+        at = ascending(times, "trajectory_function: `times`")
+        run = functools.partial(self.sensitivities, at.tolist(), wrt, rtol=rtol, atol=atol, compiled=compiled)
+        held = dict(inputs or {}), dict(parameters or {})
+        return TrajectoryFunction(name, Motion(self.functions, run, *held, at, outputs, wrt, dict(start_mapping(start))))
 
     def linearize(
         self,
@@ -591,12 +570,12 @@ class Model:
         return export_simulator(here.functions, folder, here.initial_state(start, parameters=parameters))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _reduced, (self.system.mechanics.flat,)  # made again from its parts: the same functions, compiled code and all
+        return Model, (self.system,)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
         """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
-        flat = self.system.mechanics.flat
-        return _reduced(copy.deepcopy(flat, memo)) if any(id(part.component) in memo for part in flat.parts) else self
+        system = copy.deepcopy(self.system, memo)
+        return self if system is self.system else Model(system)
 
     def __repr__(self) -> str:
         return f"<Model {self}>"
@@ -616,10 +595,6 @@ class Model:
         )
 
 
-def _reduced(flat: FlatSystem) -> Model:
-    return Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
-
-
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
     if not isinstance(scene, System):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
@@ -637,9 +612,9 @@ def build(scene: System) -> Model:
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
     check_parts(flat)
-    model = _reduced(flat)
+    model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:
-        raise LockedError(
-            f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. Add a joint or a free body."
-        )
+        scalar = "Without inertia and mass everything is where its springs balance: add an Inertia, a SlidingMass, or a motion that is given."
+        hint = scalar if model.system.solved else "Add a joint or a free body."
+        raise LockedError(f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. {hint}")
     return model

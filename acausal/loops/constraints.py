@@ -71,6 +71,10 @@ class Constraints:
     examined: tuple[Examined, ...]
     """Groups of loops, each on its own."""
     symbolic: Loops
+    near: np.ndarray | None
+    """The configuration (nq,) from which was looked; None where it is that of the sketch."""
+    time: float
+    """When it was looked [s]."""
 
     def unchanged(self, values: np.ndarray) -> bool:
         """Whether the loops are the same for these values of the parameters (np,)."""
@@ -185,7 +189,7 @@ def analyse_constraints(
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
         any(part.singular for part in found), samples, beside, _influences(loops, parameters), np.array(values, dtype=float),
-        tuple(part for part in found if part.walk is not None), symbolic,
+        tuple(part for part in found if part.walk is not None), symbolic, near, time,
     )  # fmt: skip
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -22,7 +23,7 @@ from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
-from acausal.reduce.state_space import StateSpace
+from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
 from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import callers_level
 
@@ -42,6 +43,16 @@ class Functions:
 
     outputs: Outputs
     space: StateSpace
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Functions, (self.outputs, self.space)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Functions:
+        """Itself, unless the scene is copied along with it."""
+        system = copy.deepcopy(self.outputs.system, memo)
+        if system is self.outputs.system:
+            return self
+        return Functions(Outputs(system), (state_space if self.space.elimination.symbols else whole_state_space)(system))
 
     @functools.cached_property
     def decisions(self) -> Decisions:

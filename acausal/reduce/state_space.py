@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,9 @@ class StateSpace:
     x: ca.SX
     p: ca.SX
     places: tuple[int, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (state_space if self.elimination.symbols else whole_state_space), (self.system,)
 
     @property
     def arguments(self) -> list[ca.SX]:
@@ -60,6 +64,10 @@ class StateSpace:
         rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
         if not self.elimination.symbols:
             rows = followers
+        looped = self.system.scalar.looped
+        changed = np.flatnonzero(values != self.system.p_values).tolist()
+        if looped and ca.depends_on(self.system.closing, self.system.p[changed]):
+            return f"it is open whether loops still hold what these say: {compact(dict.fromkeys(h.name for h in looped), 4)}"
         lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
         if not lost.any():
             return ""
