@@ -14,6 +14,8 @@ import pytest
 
 import acausal as ac
 from acausal.errors import UnknownVariableError
+from acausal.loops.constraints import analyse_constraints
+from acausal.reduce.reduce import reduce_system
 from components import Prismatic, Revolute, RigidBody, Spring, World
 from examples.bicycle import Bicycle
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage, chain
@@ -41,6 +43,18 @@ def test_copies_of_a_scene_and_its_model_give_the_same_bits(make):
         assert other.state_names == model.state_names
     assert np.array_equal(motion(model_again), expected)
     assert np.array_equal(motion(ac.build(copied)), expected)
+
+
+def test_a_system_that_was_examined_elsewhere_is_made_again_there():
+    scene = FourBar()
+    usual = ac.build(scene).system
+    values, place = usual.p_values, usual.samples[-1]
+    elsewhere = analyse_constraints(usual.mechanics, usual.p, values, place, 0.5, usual.constraints)
+    system = reduce_system(usual.mechanics, at=values, constraints=elsewhere)
+    assert not np.array_equal(system.q_start, usual.q_start)
+    for other in (pickle.loads(pickle.dumps(system)), copy.deepcopy((scene, system))[1]):
+        assert other is not system and other.constraints.time == 0.5
+        assert np.array_equal(other.q_start, system.q_start)
 
 
 def test_a_copy_has_symbols_of_its_own_and_its_model_knows_them():

@@ -431,3 +431,53 @@ def test_other_conditions_give_other_starts(tmp_path, position_independent):
         wrong[k] += 1e-3
         assert library.run([0.0, 0.1], x0=wrong)[0] == OPEN
     assert library.start([np.nan, 1.0])[0] == OPEN
+
+
+class ScaledFourBar(ac.System):
+    """A four-bar whose lengths, masses and gravity are parameters."""
+
+    def __init__(self) -> None:
+        self.length, self.mass, self.g = ac.Parameter(1.0, "m"), ac.Parameter(1.0, "kg"), ac.Parameter(9.81, "m/s^2")
+        L, M = self.length, self.mass
+        self.world = World((0, 0, -self.g))
+        self.crank, self.coupler = RigidBody.rod(1.0 * M, (0.4 * L, 0, 0)), RigidBody.rod(2.0 * M, (1.2 * L, 0, 0))
+        self.rocker = RigidBody.rod(1.5 * M, (0.8 * L, 0, 0))
+        self.a, self.b, self.c, self.d = (Revolute("y") for _ in range(4))
+        for joint, one, other in (
+            (self.a, self.world.frame, self.crank.frame),
+            (self.b, self.crank.tip, self.coupler.frame),
+            (self.c, self.coupler.tip, self.rocker.frame),
+            (self.d, self.rocker.tip, self.world.at((1.0 * L, 0, 0))),
+        ):
+            self.connect(one, joint.frame_a)
+            self.connect(joint.frame_b, other)
+
+
+@pytest.mark.slow
+def test_an_exported_simulator_moves_alike_in_all_units(tmp_path, position_independent):
+    """Assembled and simulated by the same program with lengths, masses and times of other units: every bit is the same."""
+    scene = ScaledFourBar()
+    model = ac.build(scene)
+    library = Library(model, model.export_simulator(tmp_path, {scene.a.q: 1.0, scene.a.v: 6.0}), position_independent)
+    seen: list[np.ndarray] = []
+    for length, mass, time in [
+        (0, 0, 1),
+        (-15, 0, 0),
+        (15, 0, 0),
+        (2, -15, 0),
+        (-3, 15, 0),
+        (0, 1, -15),
+        (0, 1, 15),
+        (15, -15, 15),
+        (-15, 15, -15),
+    ]:
+        L, M, T = 4.0**length, 4.0**mass, 4.0**time
+        p = [L, M, 9.81 * L / T**2]
+        status, start = library.start([1.0, 6.0 / T], p)
+        assert status == 0
+        status, found = library.run([0.0, 0.5 * T, 1.0 * T], x0=start, p=p)
+        assert status == 0
+        seen.append(found * np.array([[T] if name.endswith(".v") else [1.0] for name in model.state_names]))
+    assert all(np.array_equal(seen[0], other) for other in seen[1:])
+    expected = model.simulate(1.0, {scene.a.q: 1.0, scene.a.v: 6.0}, method="gauss").at([0.0, 0.5, 1.0]).x
+    assert np.max(np.abs(seen[0] - expected)) < 1e-12

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
-from acausal.dynamics.energy import angular_momentum, linear_momentum
 from acausal.dynamics.system import mechanical_system
 from acausal.language.expression import time
 from acausal.language.flatten import flatten
@@ -42,6 +41,7 @@ from tests.formulations import (
     script,
     velocities,
 )
+from tests.momentum import angular_momentum, linear_momentum
 from tests.random_sketches import SKETCHES, floats, orientation, random_sketch
 
 Rng = np.random.Generator

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import OptionError, SimulationError, StartValueError
+from acausal.errors import OptionError, SimulationError, SingularWarning, StartValueError
 from components import Force, Particle, Prismatic, Revolute, RigidBody, Spring, SpringDamper, World
+from tests.hard_cases import CASES
 
 
 class AdjustableFourBar(ac.System):
@@ -218,3 +219,10 @@ def test_wrong_requests_are_explained():
     weak = Spring(1.0)
     with pytest.raises(OptionError, match="not a parameter"):
         model.sensitivities(TIMES, [weak.point_a.position])
+
+
+def test_derivatives_through_a_singular_position_are_told_to_lose_digits():
+    case = CASES["four_bars_through_singularity"]()
+    speed = list(case.start)[-1]
+    with pytest.warns(SingularWarning, match="lose digits"):
+        case.model.sensitivities([0.0, case.end], [speed], case.start)

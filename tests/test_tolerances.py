@@ -7,6 +7,7 @@ import pytest
 
 import acausal as ac
 from components import (
+    Force,
     Particle,
     Prismatic,
     Revolute,
@@ -147,3 +148,19 @@ def test_fast_decay_is_left_to_radau(compiled):
     auto, radau = (model.simulate(5.0, {scene.a.q: 1.0}, rtol=1e-6, method=m, compiled=compiled) for m in ("auto", "radau"))
     assert "radau" in auto.statistics.method
     assert auto.statistics.steps < 1.5 * radau.statistics.steps
+
+
+@BOTH
+@pytest.mark.parametrize("jump", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_force_that_begins_at_once_moves_what_rests(compiled, jump, size):
+    """Nothing has a size until the jump: v = F (t - jump)."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.mass = World(None), Prismatic("x"), Particle(1.0)
+    scene.push = Force((size * (ac.time > jump), 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.mass.point)
+    scene.connect(scene.push.point, scene.mass.point)
+    run = ac.build(scene).simulate(10.0, compiled=compiled, rtol=1e-9)
+    assert abs(run[scene.rail.v][-1] - size * (10.0 - jump)) < 1e-7 * size
+    assert run.statistics.steps < 100

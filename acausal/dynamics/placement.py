@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from acausal.dynamics.kinematics import Kinematics
+from acausal.dynamics.kinematics import Kinematics, Place
 from acausal.dynamics.tree import Tree, place_of
 from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point
@@ -12,9 +12,6 @@ from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractRigidPart
 from acausal.topology.mechanism import Edge
-
-Place = tuple[int, Pose]
-"""A link (-1: the ground) and a pose in its frame."""
 
 
 class TreePlacement:
@@ -68,7 +65,7 @@ class TreePlacement:
 
     def between(self, a: Place, b: Place) -> Pose:
         """The same for two places."""
-        return a[1].inverse() @ self.kinematics.relative_pose(a[0], b[0]) @ b[1]
+        return self.kinematics.between(a, b)
 
     def velocity(self, connector: Point) -> ca.SX:
         """Of the connector's origin against the world, in the connector's own axes [m/s]."""
@@ -78,12 +75,13 @@ class TreePlacement:
         """Against the world, in the connector's own axes [rad/s]."""
         return self.twist(self.place(connector))[0]
 
-    def twist(self, place: Place) -> tuple[ca.SX, ca.SX]:
-        """Angular velocity and velocity of a place against the world, in its own axes."""
+    def twist(self, place: Place, observer: int = -1) -> tuple[ca.SX, ca.SX]:
+        """Angular velocity and velocity of a place against a link, or against the world, in its own axes."""
         link, pose = place
+        kinematics = self.kinematics.seen_from(observer)
         R, p = symbolic(pose.rotation), symbolic(pose.position)
-        w = self.kinematics.angular_velocity(link)
-        return R.T @ w, R.T @ (self.kinematics.linear_velocity(link) + ca.cross(w, p))
+        w = kinematics.angular_velocity(link)
+        return R.T @ w, R.T @ (kinematics.linear_velocity(link) + ca.cross(w, p))
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """Time derivative of an expression in poses and time."""

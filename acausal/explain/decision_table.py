@@ -168,6 +168,8 @@ def _blocks(s: ReducedSystem) -> Iterator[Decision]:
 def _followers(s: ReducedSystem) -> Iterator[Decision]:
     for held in s.scalar.redundant:
         yield Decision(held.name, "follows from other equations between positions: the smallest efforts are given")
+    for held in s.scalar.looped:
+        yield Decision(held.name, "holds joints that loops hold already, wherever these were looked at: it transmits nothing")
 
 
 def _shown(value: float) -> str:

@@ -71,7 +71,7 @@ def stiffness_of(problem: Problem, tableau: Tableau) -> Slow:
             return newton_where_slow(pace)
         u = problem.inputs(np.array([pace.t]))[:, 0]
         decay, growth = fastest(scaled_jacobian(problem.rhs, pace.t, pace.x, u, problem.parameters, pace.size))
-        least = _FAST if pace.newton else 0.15 * pace.contraction / radius
+        least = _FAST if pace.newton else 0.1 * pace.contraction / radius
         seen = seen + 1 if decay > 3 * growth and pace.h * decay > least else 0
         return "leave" if seen > 1 else "go on" if seen else newton_where_slow(pace)
 

@@ -6,6 +6,7 @@ import enum
 from dataclasses import dataclass
 
 _ROUNDING = 1e4
+_FROM_THE_START = 64
 
 
 class Verdict(enum.Enum):
@@ -24,7 +25,8 @@ class Convergence:
     `contraction`: factor by which changes shrink from one iteration to the next, 0 as long as it is unknown.
 
     What is left is estimated as change * contraction / (1 - contraction), Hairer and Wanner II, (IV.8.10). Rounding is
-    recognised as in Hairer, Lubich, Wanner: Geometric Numerical Integration, VIII.6: changes that shrank quickly stop shrinking.
+    recognised as in Hairer, Lubich, Wanner: Geometric Numerical Integration, VIII.6: changes that shrank quickly stop shrinking. Where the
+    first guess was right they never shrink, and are small.
     """
 
     tolerance: float
@@ -48,7 +50,8 @@ class Convergence:
         if self.count == 1:
             return Verdict.DONE if change <= 1e-3 * self.tolerance else Verdict.GO_ON
         ratio = change / last if last > 0 else 0.0
-        if ratio >= 0.5 and self._best < 0.3 and change <= _ROUNDING * self.floor:
+        shrank = self._best < 0.3
+        if ratio >= 0.5 and (shrank or self.count > 2) and change <= (_ROUNDING if shrank else _FROM_THE_START) * self.floor:
             return Verdict.DONE
         # a single ratio is noisy: the mean of the last two, in logarithms
         self.contraction = ratio if self.count == 2 else max(ratio, (ratio * self.contraction) ** 0.5)

@@ -13,15 +13,17 @@ from acausal.collocation.problem import Newton, Problem, Progress, Solution, Sta
 from acausal.collocation.tableau import Tableau, legendre_values
 from acausal.integrators.dense import CollocationPolynomial, refined
 from acausal.integrators.projection import Projection
-from acausal.integrators.scale import DOUBTS, Scale
+from acausal.integrators.scale import LEFT, PART, Scale
 from acausal.integrators.stages import StageSolver
 from acausal.runtime.compiled import Pace, Slow
 
 _EPS = float(np.finfo(float).eps)
 _LEFT = 1e-3
 """What the iteration may leave of the error of a step."""
-_LONGER = 1.25
-"""The next step where the error is nothing but rounding, as part of the last."""
+_AVOIDED = 4
+"""Times that a step is made shorter for what is awkward at singular positions."""
+_SHORTER = 0.8
+"""Steps that are to become shorter than that make rounding looked at."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Step:
     K: np.ndarray
     a: np.ndarray
     scale: np.ndarray
+    noise: np.ndarray | float = 0.0
+    """What rounding makes of the rates (nx,), as far as it is forgiven."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,10 @@ class Run:
     newton_steps: int = 0
     trusted: float = 0.0
     """Size of the last step without doubts."""
+    planned: float = 0.0
+    """Size of the last step before steps began to be rejected."""
+    missed: bool = False
+    """Whether tries of the last step were rejected."""
     times: list[float] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     coefficients: list[np.ndarray] = field(default_factory=list)
@@ -97,12 +105,11 @@ class Run:
         """What has been computed so far."""
         t, x = np.array(self.times), np.array(self.states)
         tableau, problem, superconvergent = self.scheme.tableau, self.problem, self.scheme.superconvergent
-        noise = self.scale.noise
         coefficients = np.array(self.coefficients).reshape(len(t) - 1, tableau.stages, self.x.size)
 
         @functools.cache
         def polynomial() -> CollocationPolynomial:
-            return refined(problem, t, x, coefficients, noise) if superconvergent else CollocationPolynomial(t, x, coefficients)
+            return refined(problem, t, x, coefficients) if superconvergent else CollocationPolynomial(t, x, coefficients)
 
         statistics = Statistics(
             tableau.name + (" with Newton" if self.newton_steps and self.scheme.newton is Newton.WHERE_SLOW else ""),
@@ -203,65 +210,116 @@ def _advance(run: Run) -> Status | None:
         return Status(StatusKind.MAX_STEPS, run.t, f"{run.tolerances.max_steps} steps were not enough.")
     if run.tolerances.step is not None:
         return _advance_fixed(run, run.tolerances.step)
-    order, failed, misses, tries = run.scheme.error_order, False, 0, 0
-    scale, refused = run.scale, 0
+    order, failed, misses, tries, avoided, asked = run.scheme.error_order, False, 0, 0, 0, False
+    scale, first, refused = run.scale, min(run.h, run.end - run.t), 0
+    if not run.missed or first > run.planned:
+        run.planned = first
     if scale.doubts == 0:
         run.trusted = run.h
     while True:
-        if scale.doubts >= scale.patience or refused in (2 * DOUBTS, 3 * DOUBTS):
-            before = min(max(run.trusted, run.h), run.end - run.t)
-            if scale.blame_rounding([(run.t, run.x), run.solver.last_stage()], before, desperate=run.h < 1e-6 * run.trusted):
-                run.h = before
         scale.doubts += refused > 0
         refused += 1
+        if scale.in_doubt:
+            first = min(max(run.trusted, run.h), run.end - run.t)
+            if scale.rests_on_rounding(run.t, run.x, first, run.solver.rate):
+                run.h = first
         h = min(run.h, run.end - run.t)
         if run.end - run.t - h < 1e-3 * h:
             h = run.end - run.t
         if h <= 16 * _EPS * max(abs(run.t), abs(run.end) * 1e-3):
             return _underflow(run)
-        scale.begin(h)
+        scale.begin(h, max(run.planned, h))
         solve = run.solver.newton if run.newton else run.solver.fixed_point
-        solved = solve(run.t, h, run.x, run.guess(h), scale, _LEFT)
+        solved = solve(run.t, h, run.x, run.guess(h), scale, LEFT)
         if solved is None:
+            if not asked and _stalls_on_rounding(run, h):
+                asked = True
+                continue
+            asked = True
             # where it converged well until now, something local is in the way: other nodes may miss it
             shrink = 0.85 if run.contraction < 0.1 and tries < 4 else 0.4
             run.h, run.rejected, failed, tries = shrink * h, run.rejected + 1, True, tries + 1
+            run.planned = min(run.planned, run.h)
             continue
         K, contraction = solved
         to_legendre, along = run.scheme.tableau.to_legendre, run.solver.along
         step = Step(run.t, h, run.x, K, to_legendre @ (K if along is None else along), scale.values)
-        error = run.scheme.error(run.solver, step)
+        error = _step_error(run, step)
         if not error <= 1:
             growth = 0.65 * error ** (-1 / (order + 1)) if error < np.inf else 0.1
             run.h, run.rejected, misses = h * min(0.9, max(0.15, growth)), run.rejected + 1, misses + 1
             continue
+        zone = run.solver.zone
+        if zone is not None and avoided < _AVOIDED and zone.is_awkward(run.t, h, run.x, run.x + h * (run.scheme.tableau.b @ K)):
+            run.h, run.rejected, avoided, refused = 0.8 * h, run.rejected + 1, avoided + 1, refused - 1
+            continue
         if run.scheme.superconvergent and step.K.shape[0] > 2 and _hides_kink(run, step, strict=misses > 0):
             run.h, run.rejected, misses = 0.3 * h, run.rejected + 1, misses + 1
             continue
-        noisy = error <= scale.noise_in(h) > 0
-        error = 0.0 if noisy else error  # no step size makes it smaller: a little longer steps show what else there is
+        if zone is not None:  # rounding makes errors jump there: how they grow from step to step says nothing
+            run.error = 0.0
         wanted = _next_size(run, h, error)
-        run.error, run.contraction = error, contraction
+        run.error, run.contraction, run.missed = error, contraction, misses > 0
         run.accept(step if along is None else replace(step, a=to_legendre @ K))
         _limit_by_contraction(run, h, wanted, contraction, failed)
-        run.h = min(run.h, _LONGER * h) if noisy else run.h
         if refused == 1:
-            scale.doubts = scale.doubts + 2 if run.h < 0.5 * h else max(0, scale.doubts - 1)
+            scale.doubts = max(0, scale.doubts - 1)
         return None
+
+
+def _step_error(run: Run, step: Step) -> float:
+    """The error of a step in units of its scale.
+
+    Where it asks for shorter steps, what of it is rounding is looked at and forgiven, which no step size makes smaller; for as long
+    as there is something to forgive.
+    """
+    scale, order, before = run.scale, run.scheme.error_order, run.scale.noisy
+    error = run.scheme.error(run.solver, step)
+    if run.solver.along is not None:
+        scale.forget_noise()
+        return error
+    if not before and error <= (0.55 / _SHORTER) ** (order + 1):
+        return error
+    scale.look_at_noise(step.h, run.solver.noise(step.h))
+    left = run.scheme.error(run.solver, replace(step, noise=scale.noise, scale=scale.values))
+    scale.count_noise(left < 0.5 * error, before)
+    return left
+
+
+def _stalls_on_rounding(run: Run, h: float) -> bool:
+    """Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven."""
+    scale, solver = run.scale, run.solver
+    if solver.along is not None or scale.noisy or not np.isfinite(solver.change):
+        return False
+    scale.look_at_noise(h, solver.noise(h))
+    noise = 2 * scale.noise_in(h) * float(np.sqrt(run.x.size))
+    if noise > LEFT and solver.change < noise:
+        return True
+    scale.forget_noise()
+    return False
 
 
 def _hides_kink(run: Run, step: Step, *, strict: bool) -> bool:
     """Whether the rates jump or bend before the first or after the last node, where no stage sees it.
 
     The polynomial then misses the rates at the ends of the step by more than the neglected terms explain. `strict`: after
-    rejections, when a kink is near.
+    rejections, when a kink is near. What a jump of the rates moves a state by in a step of the size that was planned counts as the
+    state's size: so jumps from rest are found, too.
     """
     tableau, solver, unit = run.scheme.tableau, run.solver, step.h / step.scale
     end = step.x + ((step.h * tableau.b)[:, None] * step.K).sum(axis=0)
     signs = (-1.0) ** np.arange(tableau.stages)
-    first = np.abs((signs @ step.a - solver.rate_along(step.t, step.x, step.h)) * unit).max()
-    last = np.abs((step.a.sum(axis=0) - solver.rate_along(step.t + step.h, end, step.h)) * unit).max()
-    worst = max(float(first), float(last))
+    soonest, stages = step.h / (run.scale.unit * PART * run.scale.reach), tableau.stages
+    missed = (
+        signs @ step.a - solver.rate_along(step.t, step.x, step.h),
+        step.a.sum(axis=0) - solver.rate_along(step.t + step.h, end, step.h),
+    )
+    first, last = (
+        float(np.max(np.where(np.isnan(m), np.nan, np.minimum(run.scale.heard(m, stages) * unit, soonest)), initial=0.0))
+        for m in missed
+    )
+    last = last if np.isfinite(missed[1]).all() else np.nan
+    worst = max(first, last)
     if not np.isfinite(last):
         return True
     if tableau.c[0] * worst <= 1:
@@ -298,7 +356,7 @@ def _advance_fixed(run: Run, size: float) -> Status | None:
     if run.end - run.t - h < 1e-9 * h:
         h = run.end - run.t
     scale = run.scale
-    scale.begin(h)
+    scale.begin(h, h)
     guess = run.guess(h)
     solved = run.solver.newton(run.t, h, run.x, guess, scale, 0.0) if run.newton else None
     if solved is None:

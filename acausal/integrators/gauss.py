@@ -66,10 +66,12 @@ def gauss_scheme(order: int, newton: Newton) -> Scheme:
 def gauss_error(solver: StageSolver, step: Step) -> float:
     """Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay.
 
-    They decay geometrically, a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s.
+    They decay geometrically, a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s. Rounding of the rates
+    makes (2 k + 1) times as much of a_k at most.
     """
     s, h = solver.tableau.stages, step.h
-    sizes = np.abs(step.a * (h / step.scale)).max(axis=1)
+    forgiven = (2.0 * np.arange(s)[:, None] + 1.0) * step.noise
+    sizes = (np.maximum(np.abs(step.a) - forgiven, 0.0) * (h / step.scale)).max(axis=1)
     largest = float(sizes.max())
     if largest == 0.0:
         return 0.0

@@ -28,6 +28,10 @@ _WEIGHTS = np.array([-1 / 70, 4 / 35, -2 / 5, 4 / 5, 4 / 5, -2 / 5, 4 / 35, -1 /
 _CORRECTIONS = 4
 _SETTLING = 10
 _SEARCH = 30
+_BESIDE = 0.01
+"""Clearance that steps end with if they can."""
+_CLEARER = 4
+"""Times as clear as a stage and as the next to singular positions, the end of a step by which the stage is settled."""
 _ROUNDING = 100
 """Times as large, what is left of rounding errors across the branch."""
 
@@ -159,6 +163,19 @@ class Zone:
         """The part of the rates along the branch (n, nx)."""
         return self.passage.along(t, X, K)
 
+    def is_awkward(self, t: float, h: float, x: np.ndarray, end: np.ndarray) -> bool:
+        """Whether a step leads from elsewhere to beside a singular position, where its `end` is known to eps / x^2 only, or closely past two
+        of them: `settle` finds what rounding has done at one.
+        """
+        passes, beside = 0, False
+        for clear in self.clear:
+            passes += bool(clear < _BESIDE) and not beside
+            beside = bool(clear < (_NEARBY if beside else _BESIDE))
+        if passes > 1:
+            return True
+        first, last = self.passage.clearances(np.array([t, t + h]), np.array([x, end]))
+        return bool(last < _BESIDE and not first < _BESIDE)
+
     def settle(self, t: float, h: float, x: np.ndarray, K: np.ndarray, tableau: Tableau) -> None:
         """Takes what rounding errors have done to the rates K (s, nx) of the stage nearest to the position out of them, such that the end of
         the step moves along the branch. The stages in between need not: they are less accurate.
@@ -166,7 +183,7 @@ class Zone:
         n, passage, k = self.passage.problem.positions, self.passage, int(np.argmin(self.clear))
         end = np.array([t + h])
         there = passage.closed(end, (x + h * tableau.b @ K)[None, :])
-        if not self.clear[k] < _NEARBY or passage.clearances(end, there)[0] < _NEARBY:
+        if not self.clear[k] < _NEARBY or passage.clearances(end, there)[0] < _CLEARER * max(self.clear[k], _CROSSING):
             return
         tau, here = self.ahead[k], np.array([t + h * tableau.c[k]])
         state = (x + h * tableau.A[k] @ K)[None, :]

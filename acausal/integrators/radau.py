@@ -60,11 +60,17 @@ def radau_error(solver: StageSolver, step: Step) -> float:
     """Embedded formula of order s with the rate at the start, filtered by (1 - h g J)^-1: Hairer and Wanner II, (IV.8.19)."""
     gamma, weights = embedded_formula(solver.tableau)
     h, scale = step.h, step.scale
-    inner = weights @ (step.K if solver.along is None else solver.along)
+    inner, noise = weights @ (step.K if solver.along is None else solver.along), (gamma + np.abs(weights).sum()) * step.noise
+
+    def heard(rates: np.ndarray) -> np.ndarray:
+        """h times the formula, less what rounding makes of it."""
+        whole = gamma * rates + inner
+        return h * np.copysign(np.maximum(np.abs(whole) - noise, 0.0), whole)
+
     matrix = np.eye(step.x.size) - h * gamma * solver.jacobian(step.t, step.x)
-    error = np.linalg.solve(matrix, h * (gamma * solver.rate_along(step.t, step.x, h) + inner))
+    error = np.linalg.solve(matrix, heard(solver.rate_along(step.t, step.x, h)))
     norm = float(np.sqrt(np.mean((error / scale) ** 2)))
     if norm > 1:  # a second filter, for steps within a boundary layer
-        again = h * (gamma * solver.rate_along(step.t, step.x + error, h) + inner)
+        again = heard(solver.rate_along(step.t, step.x + error, h))
         norm = min(norm, float(np.sqrt(np.mean((np.linalg.solve(matrix, again) / scale) ** 2))))
     return norm

@@ -18,11 +18,15 @@ from acausal.runtime.compiled import Choice, CompiledProblem, Run
 
 @dataclass(frozen=True)
 class Sensitive:
-    """States x (nx, m) at m times and their derivatives S (m, nx, n) in n directions; NaN after the time of a failing `status`."""
+    """States x (nx, m) at m times and their derivatives S (m, nx, n) in n directions; NaN after the time of a failing `status`.
+
+    `passages`: number of steps around singular positions of loops, where derivatives of the rates are huge and lose digits.
+    """
 
     x: np.ndarray
     S: np.ndarray
     status: Status
+    passages: int = 0
 
 
 def integrate_sensitivities(
@@ -47,10 +51,11 @@ def _compiled(
     tableau = gauss_legendre(default_order(tolerances.rtol, problem) // 2)
     slow, choice = stiffness_of(problem, tableau), Choice((tableau,), Newton.WHERE_SLOW)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), tolerances, choice, directions)
-    status = Status(StatusKind.SUCCESS, float(times[0]))
+    status, passages = Status(StatusKind.SUCCESS, float(times[0])), 0
     for k, end in enumerate(times[1:], start=1):
         outcome = run.advance(float(end), slow=slow)
         if outcome.left:
+            passages += run.core.passages
             now = Directions(run.S.T.copy(), directions.du, directions.dp)
             choice = Radau().choice(tolerances.rtol)
             problem = replace(problem, met=np.ctypeslib.as_array(run.core.size, run.x.shape).copy())
@@ -60,7 +65,7 @@ def _compiled(
         if status.kind is not StatusKind.SUCCESS:
             break
         x[:, k], S[k] = run.x, run.S.T
-    return Sensitive(x, S, status)
+    return Sensitive(x, S, status, passages + run.core.passages)
 
 
 def _augmented(problem: Problem, x0: np.ndarray, times: np.ndarray, directions: Directions, tolerances: Tolerances) -> Sensitive:

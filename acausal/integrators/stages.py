@@ -10,9 +10,9 @@ import numpy as np
 from acausal.collocation.problem import Problem
 from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.integrators.convergence import Convergence, Verdict
-from acausal.integrators.passage import passage_of
+from acausal.integrators.passage import Zone, passage_of
 from acausal.integrators.rates import Jacobian, Rates
-from acausal.integrators.scale import Scale
+from acausal.integrators.scale import Scale, sampled_noise
 from acausal.numerics.bound import copied_states
 
 
@@ -31,10 +31,12 @@ class StageSolver:
         self.single = Rates(self.problem, 1)
         self._K, self._difference = np.empty((s, nx)), np.empty((s, nx))
         self._row, self._mean = np.empty(nx), 1 / s
-        pairs = copied_states(self.problem.rhs)
+        pairs = self._pairs = list(copied_states(self.problem.rhs))
+        self.change = 0.0
         self._copies = (_index([i for i, _ in pairs]), _index([j for _, j in pairs])) if pairs else None
         self._passage = passage_of(self.problem)
         self.along: np.ndarray | None = None
+        self.zone: Zone | None = None
 
     @property
     def evaluations(self) -> int:
@@ -73,9 +75,9 @@ class StageSolver:
         self._singles += 1
         return self.single.evaluate()[0]
 
-    def last_stage(self) -> tuple[float, np.ndarray]:
-        """Time and state (nx,) of the last stage that was tried."""
-        return float(self.rates.t[-1]), self.rates.X[-1].copy()
+    def noise(self, h: float) -> np.ndarray:
+        """What rounding makes of the rates (nx,) at the stages that were tried last, in a step of size h."""
+        return sampled_noise(self.problem, self.rates.t, self.rates.X, h, self._pairs)
 
     def fixed_point(
         self, t: float, h: float, x: np.ndarray, K: np.ndarray, scale: Scale, tolerance: float
@@ -93,7 +95,7 @@ class StageSolver:
         judge = Convergence(tolerance, scale.floor(h, x, K), 50)
         self._K[:] = K
         K = self._K
-        self.along, zone, count, before = None, None, 0, np.inf
+        self.along, self.zone, zone, count, before = None, None, None, 0, np.inf
         while True:
             np.dot(mu, hb * K, out=X)
             np.add(X, x, out=X)
@@ -102,7 +104,8 @@ class StageSolver:
                 X[:, copies[0]] += x[copies[0]]
             run()
             if self._passage is not None and count < 2:  # the first guess may be poor
-                zone, count = self._passage.zone(rates.t, X, h, judge), count + 1
+                self.zone = zone = self._passage.zone(rates.t, X, h, judge)
+                count += 1
                 self.along = None if zone is None else zone.along(rates.t, X, K)
             old = self.along
             if zone is not None:
@@ -111,13 +114,16 @@ class StageSolver:
             if scale.widen(h, new):
                 factor = self._factor(h, scale)
             np.subtract(new, K, out=difference)
+            if scale.noisy:
+                difference[:] = scale.heard(difference, 0.25)
             np.multiply(difference, factor, out=difference)
             K[:] = new
             self.iterations += 1
             change = whole = flat.dot(flat)
             if old is not None and self.along is not None:
                 change = float(np.sum(((self.along - old) * factor) ** 2))
-            verdict = judge.judge(float(change * self._mean) ** 0.5)
+            self.change = float(change * self._mean) ** 0.5
+            verdict = judge.judge(self.change)
             # across the branch it may converge still, and not yet to rounding errors
             still = zone is not None and verdict is Verdict.DONE and whole < 0.25 * before
             before = whole
@@ -138,13 +144,14 @@ class StageSolver:
             return None
         vectors, vectors_inverse = eigenvectors(self.tableau)[1:]
         judge = Convergence(tolerance, scale.floor(h, x, K), 15)
-        self.along, zone, count = None, None, 0
+        self.along, self.zone, zone, count = None, None, None, 0
         while True:
             np.dot(mu, hb * K, out=rates.X)
             rates.X += x
             new = rates.evaluate()
             if self._passage is not None and count < 2:
-                zone, count = self._passage.zone(rates.t, rates.X, h, judge), count + 1
+                self.zone = zone = self._passage.zone(rates.t, rates.X, h, judge)
+                count += 1
             if zone is not None:
                 self.along = zone.correct(rates.t, rates.X, new)
                 zone.settle(t, h, x, new, self.tableau)
@@ -153,9 +160,10 @@ class StageSolver:
             step = np.ascontiguousarray((vectors @ transformed).real)
             K = K + step
             scale.widen(h, K)
-            step = (step if zone is None else zone.along(rates.t, rates.X, step)) * scale.unit_of_rates(h)
+            step = scale.heard(step if zone is None else zone.along(rates.t, rates.X, step), 0.25) * scale.unit_of_rates(h)
             self.iterations += 1
-            verdict = judge.judge(float(np.vdot(step, step) * self._mean) ** 0.5)
+            self.change = float(np.vdot(step, step) * self._mean) ** 0.5
+            verdict = judge.judge(self.change)
             if verdict is not Verdict.GO_ON:
                 return (K, judge.contraction) if verdict is Verdict.DONE else None
 

@@ -64,6 +64,8 @@ class Constraints:
     samples: tuple[np.ndarray, ...]
     opened: tuple[np.ndarray, ...]
     """Some configurations beside assembled ones, where loops are open by a share of their own size."""
+    rates: np.ndarray
+    """How much each velocity (nv,) is: what changes the configuration by its own size in a second."""
     parameters: tuple[int, ...]
     """Places of the parameters on which the loops depend."""
     values: np.ndarray
@@ -171,6 +173,9 @@ def analyse_constraints(
     rank = sum(part.rank.rank for part in found)
     samples = _together([(part.group, part.samples) for part in found], tree.q.numel())
     beside = _together([(part.group, part.opened) for part in found], tree.q.numel())
+    rates = np.ones(tree.v.numel())
+    for part in found:
+        rates[list(part.group.v_places)] = part.rates
     kept = {part.group.names[i] for part in found for i in part.rank.kept}
     chosen_names = {part.group.names[i] for part in found for i in part.chosen}
     names = [name for rows in loops for name in rows.names]
@@ -188,14 +193,15 @@ def analyse_constraints(
         loops, position, velocity, ca.densify(ca.jacobian(velocity, tree.v)), system.kinematics.rate(velocity), joint_invariants(system),
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
-        any(part.singular for part in found), samples, beside, _influences(loops, parameters), np.array(values, dtype=float),
+        any(part.singular for part in found), samples, beside, rates, _influences(loops, parameters), np.array(values, dtype=float),
         tuple(part for part in found if part.walk is not None), symbolic, near, time,
     )  # fmt: skip
 
 
 def _unbound(group: LoopGroup, start: np.ndarray) -> Examined:
     """Joints without rows of loops."""
-    return Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, group.v.numel())), False)
+    n = group.v.numel()
+    return Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, n)), np.ones(n), False)
 
 
 def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
@@ -214,7 +220,7 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
     scale = row_scale(jacobians)
-    trail = singular_values_along(walk, start, scale, rank.rank) if rank.rank else []
+    trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else []
     singular = rank.singular_at_start or any(smallest < SINGULAR for smallest, _ in trail)
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
@@ -230,6 +236,7 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         len(chosen) > rank.rank,
         singular,
         walk.rows(start),
+        walk.rate,
         timed,
         _empty(walk),
         walk,

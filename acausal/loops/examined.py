@@ -50,6 +50,8 @@ class Examined:
     singular: bool
     A: np.ndarray
     """Rows in the velocities at the start."""
+    rates: np.ndarray
+    """How much each velocity is."""
     timed: bool
     """Whether the time enters."""
     empty: tuple[str, ...] = ()

@@ -21,7 +21,7 @@ import dataclasses
 import functools
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -29,7 +29,7 @@ import numpy as np
 from acausal.dynamics.formulas import damped_solver, pivots, positive_solver, solve_positive
 from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_inertias, mass_solve, massless
 from acausal.dynamics.system import MechanicalSystem
-from acausal.dynamics.virtual_inertia import check_tree_inertia, massless_motions
+from acausal.dynamics.virtual_inertia import LoopMotions, check_tree_inertia, virtual_rotors
 from acausal.loops.constraints import Constraints
 
 _DAMPING = 1e-9
@@ -56,6 +56,8 @@ class LoopForces:
     rotors: Mapping[int, float]
     inertias: ArticulatedInertias
     pivot_product_size: float = 1.0
+    light: np.ndarray = field(default_factory=lambda: np.ones(1))
+    """How light links were where the sizes were taken."""
 
     def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
@@ -64,16 +66,31 @@ class LoopForces:
         c = self.constraints
         if not c.jacobian.shape[0]:
             return free, ca.SX(0, 1)
-        # v' = free + W A' lambda + W E' mu with mu = d E v': the rows of the loops eliminated first, then the few of the rotors
-        multipliers = ca.SX.zeros(c.jacobian.shape[0])
-        for _ in range(2 if c.dependent else 1):  # what rounding of the matrix has left is divided by a small eigenvalue
-            change = self._solver(-c.bias - c.jacobian @ free)
-            multipliers, free = multipliers + change, free + self.flexibility @ change
-        if not self.rotors:
+        free, multipliers = self._held(free, c.bias)
+        mu = self._rotor_forces(free)
+        if mu is None:
             return free, multipliers
         W, held = self._rotor_response
-        mu = solve_positive(self._rotor_inertia, free[self._rotor_places])
-        return free + W @ mu, multipliers - held @ mu
+        return free + W @ mu, multipliers + held @ mu
+
+    def _rotor_forces(self, moved: ca.SX) -> ca.SX | None:
+        """What has to be added to the forces on the joints with rotors (k, 1) where these are to be taken away; they are `moved` (nv, 1)."""
+        return solve_positive(self._rotor_inertia, moved[self._rotor_places]) if self.rotors else None
+
+    def _without_rotors(self, moved: ca.SX) -> ca.SX:
+        """A change (nv, 1) that closes loops, in the mass metric, from the same with rotors."""
+        mu = self._rotor_forces(moved)
+        return moved if mu is None else moved + self._rotor_response[0] @ mu
+
+    def _held(self, free: ca.SX, bias: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
+        """Accelerations (nv, k) with closed loops, rotors included, and multipliers (m, k), for those without loops."""
+        c = self.constraints
+        multipliers = ca.SX.zeros(c.jacobian.shape[0], free.shape[1])
+        for _ in range(2 if c.dependent else 1):  # what rounding of the matrix has left is divided by a small eigenvalue
+            open_ = c.jacobian @ free
+            change = self._solver(-open_ if bias is None else -bias - open_)
+            multipliers, free = multipliers + change, free + self.flexibility @ change
+        return free, multipliers
 
     def check_inertia(self, parameters: ca.SX, values: np.ndarray) -> None:
         """Raise `MasslessError` where a motion meets no inertia in spite of closed loops."""
@@ -81,11 +98,17 @@ class LoopForces:
             return
         tree = self.mechanics.tree
         function = ca.Function("left", [tree.q, tree.t, parameters], [self._rotor_inertia])
+        link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
+        size = np.sqrt([self.rotors[i] for i in link_of])
+        least: list[tuple[float, int]] = []
         for q in self.constraints.samples:
-            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * min(self.rotors.values()))
-            if np.min(np.abs(levels)) < _MASSLESS:
-                link_of = [i for i in self.rotors for _ in range(tree.links[i].motion.nv)]
-                raise massless(tree.links[link_of[int(np.argmax(np.abs(axes[:, int(np.argmin(np.abs(levels)))])))]])
+            levels, axes = np.linalg.eigh(np.array(function(q, self.constraints.time, values)) * np.outer(size, size))
+            k = int(np.argmin(np.abs(levels)))
+            least.append((float(np.abs(levels[k])), link_of[int(np.argmax(np.abs(axes[:, k])))]))
+        # a singular position lets go of more than the loops do elsewhere
+        level, link = max(least) if self.constraints.singular else min(least)
+        if level < _MASSLESS:
+            raise massless(tree.links[link])
 
     @functools.cached_property
     def _solver(self) -> Callable[[ca.SX], ca.SX]:
@@ -127,11 +150,9 @@ class LoopForces:
 
     @functools.cached_property
     def _rotor_response(self) -> tuple[ca.SX, ca.SX]:
-        """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then fall."""
+        """Accelerations (nv, k) by unit forces of the k rotors with closed loops, and how the multipliers (m, k) then change."""
         n = self.mechanics.tree.v.numel()
-        W = ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places))
-        held = self._solver(self.constraints.jacobian @ W)
-        return W - self.flexibility @ held, held
+        return self._held(ca.horzcat(*(mass_solve(self.inertias, ca.SX.eye(n)[:, k]) for k in self._rotor_places)))
 
     @functools.cached_property
     def _rotor_inertia(self) -> ca.SX:
@@ -146,14 +167,15 @@ class LoopForces:
         rows = [k for k in range(self.delassus.shape[0]) if k not in slips]
         if not rows:
             return ca.SX.zeros(tree.q.numel())
-        return -(ca.jacobian(tree.rates, tree.v) @ (self.flexibility[:, rows] @ self._corrected(gap, rows)))
+        moved = self._without_rotors(self.flexibility[:, rows] @ self._corrected(gap, rows))
+        return -(ca.jacobian(tree.rates, tree.v) @ moved)
 
     def velocity_correction(self) -> ca.SX:
         """Change of v (nv, 1) that closes the velocity residuals, in the mass metric."""
         c = self.constraints
         if not c.jacobian.shape[0]:
             return ca.SX.zeros(self.mechanics.tree.v.numel())
-        return -(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel()))))
+        return -self._without_rotors(self.flexibility @ self._corrected(c.velocity, list(range(c.velocity.numel()))))
 
     def _corrected(self, gap: ca.SX, rows: list[int]) -> ca.SX:
         """Multipliers of some rows that close `gap`."""
@@ -166,10 +188,17 @@ class LoopForces:
         """(m, 1), each in its row's own unit: no entry vanishes where a row does."""
         return _DAMPING * self._level * ca.SX(self.sizes)
 
-    @property
+    @functools.cached_property
     def _level(self) -> ca.SX:
-        """The diagonal on average, in units of `sizes`."""
-        return ca.sum1(ca.diag(self.delassus) / self.sizes) / self.sizes.size
+        """How light the links are that loops move, beside how light they were when `sizes` were taken; no position changes that much."""
+        lightness = _lightness(self.inertias, self.constraints)
+        return ca.sum1(lightness / self.light) / lightness.numel()
+
+
+def _lightness(inertias: ArticulatedInertias, constraints: Constraints) -> ca.SX:
+    """(n, 1) of the links that loops move: unit forces on their joints, times the accelerations by them."""
+    moved = {i for k, i in inertias.owners.items() if constraints.jacobian[:, k].nnz()}
+    return ca.vertcat(*(ca.trace(inertias.D_inverse[i]) for i in sorted(moved)))
 
 
 def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameters: ca.SX, values: np.ndarray) -> LoopForces:
@@ -181,13 +210,20 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
         none = ca.SX(tree.v.numel(), 0)
         return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
-    rotors = massless_motions(tree, parameters, samples, values)
+    rows = ca.Function("rows", [tree.q, tree.t, parameters], [ca.densify(A)])
+    loops = LoopMotions(
+        tuple(np.array(rows(q, constraints.time, values)) for q in samples), constraints.rates, constraints.singular
+    )
+    rotors = virtual_rotors(tree, parameters, samples, loops, values)
     inertias = articulated_inertias(tree, rotors)
     flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
     forces = LoopForces(mechanics, constraints, flexibility, delassus, np.ones(m), np.ones(m), rotors, inertias)
     if constraints.dependent:
-        forces = dataclasses.replace(forces, sizes=_sizes(forces, ca.diag(delassus), parameters, values))
+        sizes, light = (
+            _sizes(forces, column, parameters, values) for column in (ca.diag(delassus), _lightness(inertias, constraints))
+        )
+        forces = dataclasses.replace(forces, sizes=sizes, light=light)
     if constraints.singular:
         usual = pivots(delassus + ca.diag(forces._damping))  # pyright: ignore[reportPrivateUsage]
         forces = dataclasses.replace(forces, pivot_sizes=_sizes(forces, usual, parameters, values))
@@ -205,7 +241,7 @@ def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndar
     tree, constraints = forces.mechanics.tree, forces.constraints
     function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
     closed, beside = (
-        np.max([np.array(function(q, 0.0, values)).ravel() for q in places], axis=0)
+        np.max([np.array(function(q, constraints.time, values)).ravel() for q in places], axis=0)
         for places in (constraints.samples, constraints.opened)
     )
     return 4.0 ** np.round(0.5 * np.log2(np.where(closed > _ROUNDING * beside, closed, beside)))

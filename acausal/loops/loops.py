@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.placement import Place, TreePlacement
+from acausal.dynamics.kinematics import Place
+from acausal.dynamics.placement import TreePlacement
 from acausal.errors import ModelError
 from acausal.numerics.sizes import Drawn
 from acausal.numerics.thresholds import ROUNDING
@@ -188,7 +189,10 @@ def relative_pose(edge: Edge[AbstractConstraint], placement: TreePlacement) -> P
 def relative_twist(edge: Edge[AbstractConstraint], placement: TreePlacement, X: Pose) -> tuple[ca.SX, ca.SX]:
     """Angular velocity and velocity of mounted place b against a, in b, for their relative pose X."""
     R, p = symbolic(X.rotation), symbolic(X.position)
-    (w_a, v_a), (w_b, v_b) = (placement.twist(place) for place in mounted_places(edge, placement))
+    places = mounted_places(edge, placement)
+    # against the last link that both hang on: how that moves is nothing to the loop
+    common = placement.kinematics.common(*(link for link, _ in places))
+    (w_a, v_a), (w_b, v_b) = (placement.twist(place, common) for place in places)
     if _is_point(edge.b, placement):
         return ca.SX.zeros(3), v_b - v_a - ca.cross(w_a, p)
     if _is_point(edge.a, placement):

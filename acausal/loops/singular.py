@@ -1,11 +1,14 @@
 """Singular positions of loops, looked for on a walk along the freedom that the loops leave.
 
-A position is singular where the constraints have fewer independent rows than around it: there, branches of the motion cross.
+A position is singular where the constraints have fewer independent rows than around it: there, branches of the motion cross. Towards it
+the smallest singular value falls like the distance, and beyond it rises as fast. A walk may step across; where one freedom is left, it
+then finds the determinant of the constraints and the direction of the motion with the other sign.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,31 +18,69 @@ from acausal.numerics.thresholds import SINGULAR
 _STRIDE = 0.35
 _LENGTH = 5.0
 _MOST_STEPS = 60
+_SHARPER = 0.6
+"""Of the larger of two values to either side: less between them may be a tip, at which it is 0.45 at most in the golden section."""
+_GOLDEN = 0.382
+_MOST_CUTS = 40
 
 
-def _steps(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, ahead: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
-    """The smallest of `rank` singular values of A, its rows divided by `scale` (m,), and the place, from step to step.
+@dataclass(frozen=True)
+class _Place:
+    """A configuration z; the smallest singular value there, and the sign of the determinant, 0 where there is none."""
 
-    It goes on in the same direction, first `ahead` (nv,), where there are several. A step ends short of where the singular
+    z: np.ndarray
+    smallest: float
+    side: float
+    free: np.ndarray
+    """(nv, f), the directions in which the loops let go."""
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How places of a walk are seen: with rows of A divided by `scale` (m,), `rank` of them independent in general, `kept` for example."""
+
+    walk: Walk
+    scale: np.ndarray
+    rank: int
+    kept: tuple[int, ...]
+
+    def at(self, z: np.ndarray, ahead: np.ndarray) -> _Place:
+        """Seen in motion along `ahead` (nv,)."""
+        A = self.walk.at(z)[2] / self.scale[:, None]
+        _, s, Vt = np.linalg.svd(A)
+        free = Vt[self.rank :].T
+        side = 0.0
+        if free.shape[1] == 1:
+            side = float(np.sign(np.linalg.det(np.vstack([A[list(self.kept)], free.T])) * (free[:, 0] @ ahead)))
+        return _Place(z, float(s[self.rank - 1]), side, free)
+
+    def between(self, a: _Place, b: _Place, part: float, ahead: np.ndarray) -> _Place | None:
+        """A closed configuration on the way from one place to another."""
+        z = self.walk.closed((1 - part) * a.z + part * b.z)
+        return None if z is None else self.at(z, ahead)
+
+
+def _steps(look: _Look, start: np.ndarray, ahead: np.ndarray) -> Iterator[tuple[_Place, np.ndarray]]:
+    """Places from step to step, and the direction (nv,) in which each was reached.
+
+    The walk goes on in the same direction, first `ahead` (nv,), where there are several. A step ends short of where the singular
     value, extrapolated, is zero: it shrinks by the same factor from step to step before a singular position, and levels off
     before one that is missed.
     """
-    here, walked, stride, before = start, 0.0, _STRIDE, np.inf
+    here, walked, stride, before = look.at(start, ahead), 0.0, _STRIDE, np.inf
     for _ in range(_MOST_STEPS):
-        A, N = walk.at(here)[2:]
-        _, s, Vt = np.linalg.svd(A / scale[:, None])
-        smallest, free = float(s[rank - 1]), Vt[rank:].T
-        yield smallest, here
-        along = free @ (free.T @ ahead)
+        yield here, ahead
+        along = here.free @ (here.free.T @ ahead)
         if walked > _LENGTH or not np.max(np.abs(along), initial=0.0) > 1e-6:
             return
-        slope = (before - smallest) / stride if np.isfinite(before) else 0.0
-        stride = min(_STRIDE, 0.6 * smallest / slope) if slope > 0 else _STRIDE
+        slope = (before - here.smallest) / stride if np.isfinite(before) else 0.0
+        stride = min(_STRIDE, 0.6 * here.smallest / slope) if slope > 0 else _STRIDE
         ahead = along / np.max(np.abs(along))
-        found = walk.closed(here + N @ (stride * ahead))
+        found = look.walk.closed(here.z + look.walk.at(here.z)[3] @ (stride * ahead))
         if found is None:
             return
-        here, walked, before = found, walked + stride, smallest
+        before, walked = here.smallest, walked + stride
+        here = look.at(found, ahead)
 
 
 def row_scale(jacobians: Sequence[np.ndarray]) -> np.ndarray:
@@ -48,15 +89,59 @@ def row_scale(jacobians: Sequence[np.ndarray]) -> np.ndarray:
     return np.maximum(scale, 1e-6 * np.max(scale))
 
 
-def singular_values_along(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int) -> list[tuple[float, np.ndarray]]:
-    """What `_steps` meet on a walk from the assembled configuration `start`, most of a turn of a hinge to either side, as far as the first
-    singular position. At most 120 steps with two singular value decompositions each.
+def singular_values_along(
+    walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]
+) -> list[tuple[float, np.ndarray]]:
+    """Smallest singular values of A, and where, on a walk from the assembled configuration `start`, most of a turn of a hinge to either side, as
+    far as the first singular position: those of its places, and the least ones between them.
+
+    `scale` (m,): of the rows of A; `rank`: its independent rows in general, `kept` for example. At most 120 steps with two singular value
+    decompositions each, and 40 more at each place where the singular value has a sharp least.
     """
-    ahead = np.random.default_rng(1).normal(size=walk.freedoms)
+    look = _Look(walk, scale, rank, kept)
+    ahead = np.random.default_rng(1).normal(size=walk.rate.size)
     found: list[tuple[float, np.ndarray]] = []
     for sense in (1.0, -1.0):
-        for smallest, place in _steps(walk, start, scale, rank, sense * ahead):
-            found.append((smallest, place))
-            if smallest < SINGULAR:
-                return found
+        last: list[_Place] = []
+        for place, along in _steps(look, start, sense * ahead):
+            last = [*last[-2:], place]
+            for one in (place, *_least(look, last, along)):
+                found.append((one.smallest, one.z))
+                if one.smallest < SINGULAR:
+                    return found
     return found
+
+
+def _least(look: _Look, last: list[_Place], along: np.ndarray) -> list[_Place]:
+    """Where the singular value is least between the last places, if it has a tip there or the determinant changes sign: a singular position, or
+    close to one.
+    """
+    if len(last) > 1 and last[-1].side * last[-2].side < 0:
+        a, c = last[-2:]
+        b = look.between(a, c, 0.5, along)
+    elif len(last) > 2 and _is_tip(*last):
+        a, b, c = last
+    else:
+        return []
+    p, q, r = 0.0, 0.5, 1.0
+    least: list[_Place] = []
+    for _ in range(_MOST_CUTS):
+        if b is None:
+            return least
+        least = [min((*least, b), key=lambda place: place.smallest)]
+        if b.smallest < SINGULAR or not (a.side * c.side < 0 or _is_tip(a, b, c)):
+            return least
+        # golden section of the larger part
+        before = q - p > r - q
+        new = look.between(a, b, 1 - _GOLDEN, along) if before else look.between(b, c, _GOLDEN, along)
+        if new is None:
+            return least
+        where = q - _GOLDEN * (q - p) if before else q + _GOLDEN * (r - q)
+        four = [(p, a), (where, new), (q, b), (r, c)] if before else [(p, a), (q, b), (where, new), (r, c)]
+        middle = 1 if four[1][1].smallest < four[2][1].smallest else 2
+        (p, a), (q, b), (r, c) = four[middle - 1 : middle + 2]
+    return least
+
+
+def _is_tip(a: _Place, b: _Place, c: _Place) -> bool:
+    return b.smallest <= min(a.smallest, c.smallest) and b.smallest < _SHARPER * max(a.smallest, c.smallest)

@@ -70,8 +70,8 @@ class WalkFunctions:
 class Walk:
     """Assembled configurations z of a group of loops one after the other, for parameters of these `values`, at the time `time`.
 
-    z = q / `unit` (nq,): lengths are measured by the group's own lever arms. A: the rows of the loops in the velocities, these and
-    the rows divided by what is much for them.
+    z = q / `unit` (nq,): lengths are measured by the group's own lever arms; velocities of the size `rate` (nv,) change z by 1 in a second.
+    A: the rows of the loops in the velocities, these and the rows divided by what is much for them.
     """
 
     def __init__(self, symbolic: WalkFunctions, values: np.ndarray, guess: np.ndarray, time: float = 0.0) -> None:
@@ -93,27 +93,22 @@ class Walk:
         found = [self._parts(q, time) for q in probes]
         c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
         self.unit = unknown_sizes(J, group.turning, c[:, 0] + self._rounding(guess), drawn)
-        self._rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
+        self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
         self.dependent, self.rank = drawn.dependent(self._rows), drawn.dependent(self._rows, RANK)
         terms = np.nan_to_num(
-            np.max([np.array(symbolic.terms(q, self._rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
+            np.max([np.array(symbolic.terms(q, self.rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
         )
-        self._velocity = _without_noise(A @ self._rate, terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes)
+        self._velocity = _without_noise(A @ self.rate, terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes)
 
     def _rounding(self, q: np.ndarray) -> np.ndarray:
         return self._drawn + finite(self._noise.at(np.append(q, self.time)))
 
     @property
-    def freedoms(self) -> int:
-        """Of the joints, without loops."""
-        return self._rate.size
-
-    @property
     def sizes_of_velocities(self) -> tuple[np.ndarray, np.ndarray]:
         """What is much for each velocity (nv,), and for each row in them (m,), infinite for rows of rounding errors."""
-        return self._rate, self._velocity
+        return self.rate, self._velocity
 
     @property
     def sizes(self) -> Sizes:
@@ -134,11 +129,11 @@ class Walk:
         """Closing residuals (n, 1), their Jacobian in z, A, and N with z' = N v."""
         c, J, A, N, _ = self._parts(z * self.unit, self.time)
         rows = self._rows[:, None]
-        return [c / rows, J * self.unit / rows, A * self._rate / self._velocity[:, None], N * self._rate / self.unit[:, None]]
+        return [c / rows, J * self.unit / rows, A * self.rate / self._velocity[:, None], N * self.rate / self.unit[:, None]]
 
     def rows(self, z: np.ndarray) -> np.ndarray:
         """A (m, nv) with the rows' own units."""
-        return self._parts(z * self.unit, self.time)[2] * self._rate
+        return self._parts(z * self.unit, self.time)[2] * self.rate
 
     def closing(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Closing residuals (n,) and their Jacobian, for `assemble`."""
@@ -188,7 +183,7 @@ class Walk:
         """
         rng = np.random.default_rng(1)
         found = [start]
-        ahead = rng.normal(size=self._rate.size)
+        ahead = rng.normal(size=self.rate.size)
         for sense in (1.0, -1.0):
             here, along = start, sense * ahead
             for _ in range(count):
@@ -216,10 +211,11 @@ class Walk:
                     continue
                 along = along / np.max(np.abs(along))
                 ahead_of = here + N @ (stride * along)
-                found = self.closed(ahead_of, _CLOSE_ENOUGH, rank)
-                found = self.closed(ahead_of, _CLOSE_ENOUGH) if found is None else found  # from a singular position to others
-                if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
-                    return found, along
+                # from a singular position to others more rows may be independent: all, or some where others are redundant
+                for kept in (rank, None, *range(rank + 1, min(J.shape))):
+                    found = self.closed(ahead_of, _CLOSE_ENOUGH, kept)
+                    if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
+                        return found, along
         return None
 
     def _rank(self, singular_values: np.ndarray) -> int:

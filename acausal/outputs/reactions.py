@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from acausal.dynamics import formulas
+from acausal.dynamics.kinematics import Place
 from acausal.dynamics.newton_euler import NewtonEuler, newton_euler
-from acausal.dynamics.placement import Place
 from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.dynamics.virtual_inertia import TreeInertia
 from acausal.errors import ParameterError
 from acausal.reduce.state_space import StateSpace
 from acausal.scalar.decisions import LinearDecisions, linear_decisions
@@ -67,7 +68,26 @@ class Decisions:
 
     def complaint(self, values: np.ndarray) -> str:
         """What does not hold at these values (np,), in words; empty where everything does."""
-        return self._linear.complaint(values) or self.space.complaint(values)
+        return self._linear.complaint(values) or self.space.complaint(values) or self._lost_inertia(values)
+
+    def _lost_inertia(self, values: np.ndarray) -> str:
+        """Which motions meet no inertia in the tree at these values (np,) but do at those of the build, in words."""
+        system = self.space.system
+        if not self._inertia.depends_on(np.flatnonzero(values != system.p_values).tolist()):
+            return ""
+        lost = sorted(set(self._inertia.massless(values)) - self._massless)
+        where = (system.mechanics.tree.links[i].where for i in lost)
+        return f"no inertia resists the motion of {compact(where, 4)}" if lost else ""
+
+    @functools.cached_property
+    def _inertia(self) -> TreeInertia:
+        system = self.space.system
+        return TreeInertia(system.mechanics.tree, system.p, system.constraints.q_start)
+
+    @functools.cached_property
+    def _massless(self) -> set[int]:
+        """Links whose motion meets no inertia in the tree at the values of the build: loops give them one."""
+        return set(self._inertia.massless(self.space.system.p_values))
 
     @functools.cached_property
     def _linear(self) -> LinearDecisions:

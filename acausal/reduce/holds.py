@@ -1,7 +1,8 @@
 """Whether what was decided by numbers holds at a state, a time and values of parameters: one number, for code that cannot decide again.
 
 Rows of loops: the pivots of K K' of the kept rows K, each of its usual length, and what is left of the others beside the span of these (Gram and
-Schmidt). Formulas of linear blocks are put into their equations, and rows that follow from others must vanish.
+Schmidt). Formulas of linear blocks are put into their equations, rows that follow from others must vanish, and gears that loops hold already must
+be met.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ _FOLLOWS = 1e-10
 _DAMPING = 1e-14
 _VANISHED = 1e-9
 """What may be left of other rows, of the sum of their terms."""
+_MET = 1e-4
+"""The same of equations that closed loops hold: to tolerances of a run."""
 
 
 def holds(space: StateSpace) -> ca.SX | None:
@@ -40,6 +43,9 @@ def holds(space: StateSpace) -> ca.SX | None:
     for k in range(rows.numel()):
         if ca.depends_on(rows[k], s.p):
             margins.append(_VANISHED * rounded(rows[k]) - ca.fabs(rows[k]))
+    if s.scalar.looped and ca.depends_on(s.closing, s.p):
+        looped = space.put(ca.vertcat(*(h.residual for h in s.scalar.looped)))
+        margins += ca.vertsplit(_MET * rounded(looped) - ca.fabs(looped))
     return space.put(functools.reduce(ca.fmin, margins)) if margins else None
 
 
@@ -57,8 +63,15 @@ def _loops(part: Examined) -> list[ca.SX]:
     rates, lengths = part.walk.sizes_of_velocities
     usual = np.max(lengths * part.scale, where=np.isfinite(lengths), initial=0.0)
     lengths = np.where(np.isfinite(lengths), lengths * part.scale, usual)  # rows of rounding errors may be more with other values
+    # rows grow with what they are made of: lengths that are parameters
+    functions, walk = part.walk.symbolic, part.walk
+    usual_terms = np.array(functions.terms(part.samples[0], rates, walk.time, part.values)).ravel()
+    here = functions.terms(part.group.q, ca.DM(rates), functions.t, functions.parameters)
+    told = usual_terms > _VANISHED * lengths
+    grown = ca.sum1(here[np.flatnonzero(told).tolist()]) / float(np.sum(usual_terms[told]))
+    sizes = ca.vertcat(*(n * (here[k] / usual_terms[k] if told[k] else grown) for k, n in enumerate(lengths)))
     A = ca.jacobian(part.group.velocity, part.group.v)
-    A = ca.sparsify(ca.diag(ca.DM(1 / lengths)) @ A @ ca.diag(ca.DM(rates)))
+    A = ca.sparsify(ca.diag(1 / sizes) @ A @ ca.diag(ca.DM(rates)))
     kept = list(part.rank.kept)
     others = [k for k in range(A.shape[0]) if k not in kept]
     K = A[kept, :]

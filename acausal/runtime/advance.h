@@ -30,7 +30,7 @@ int begin(Integrator *I) {
         for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
         if (I->guard.work > longest) T->work = (V *)w;
     }
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise};
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise, &T->most, &T->least};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
         if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
     T->copied = reserve(I, (size_t)n + 1);
@@ -43,6 +43,9 @@ int begin(Integrator *I) {
     for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
     I->size = T->size;
     T->patience = DOUBTS;
+    T->disturbed = reserve_lanes(I, I->rhs.inputs + 1);
+    for (int k = 0; k < 2; k++) T->rates[k] = reserve_lanes(I, n + 1);
+    if (!T->disturbed || !T->rates[0] || !T->rates[1]) return 0;
     long most = 0;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;

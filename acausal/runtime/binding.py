@@ -75,7 +75,7 @@ class Integrator(ctypes.Structure):
         ("copy_from", _Long),
         ("x", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "slice")),
-        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst")),
+        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst", "passages")),
         ("size", _Double),
         *((name, ctypes.c_double) for name in ("h", "error", "contraction", "slowness")),
         ("guard_direction", _Long),

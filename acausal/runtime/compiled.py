@@ -221,6 +221,9 @@ class Run:
         self._p = np.ascontiguousarray(problem.parameters, dtype=float)
         self._u = np.zeros(max(1, compiled.nu))
         self._inputs = problem.inputs
+        self._rhs = problem.rhs
+        self._rounding_callback = RoundingFunction(self._round)
+        core.rounding = self._rounding_callback
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, tolerances.rtol, tolerances.atol
         core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
@@ -230,9 +233,6 @@ class Run:
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
-        self._rhs = problem.rhs
-        self._rounding_callback = RoundingFunction(self._round)
-        core.rounding = self._rounding_callback
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:

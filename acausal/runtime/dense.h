@@ -26,16 +26,24 @@ static int refine_step(Integrator *I, Stages *F, long k) {
             F->K[j / LANES][i][j % LANES] = sum;
         }
     }
-    int before = T->newton_now;
-    T->newton_now = 0;
-    set_scale(I, h);
+    int newton = T->newton_now, noisy = T->noisy;
+    T->newton_now = T->noisy = 0;
+    set_scale(I, h, h);
     set_factor(I, h);
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
     F->around = 0;
-    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, fmax(0.25 * noise_in(I, h), 4 * EPS / T->unit), 30);
-    if (!fixed_point(I, F, h, x, &J))
+    Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, 4 * EPS / T->unit, 30);
+    int done = fixed_point(I, F, h, x, &J);
+    for (int again = 0; again < 2 && !done; again++) {
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
-    T->newton_now = before;
+        if (again) break;
+        sample_noise(I, F);
+        J = new_judge(J.tolerance, J.floor, J.limit);
+        done = fixed_point(I, F, h, x, &J);
+    }
+    T->newton_now = newton;
+    T->noisy = noisy;
+    if (!noisy) forget_noise(I);
     legendre_coefficients(I, F, F->K);
     return 1;
 }

@@ -85,7 +85,7 @@ static int guess(Integrator *I, Stages *S, double h) {
     return 1;
 }
 
-/* The change that rounding alone can make, in units of the scale. */
+/* The change that rounding of the states alone can make, in units of the scale. */
 static double rounding_floor(Integrator *I, Stages *S, double h) {
     const struct State *T = I->state;
     V worst = v_all(0.0);
@@ -94,18 +94,23 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
         for (long b = 0; b < S->blocks; b++)
             worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
     }
-    return fmax(0.25 * noise_in(I, h), fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit));
+    return fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit);
 }
 
 /* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
-   a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s. */
+   a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s. Rounding of the rates makes (2 k + 1) times as much
+   of a_k at most. */
 static double gauss_error(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
     double sizes[64] = {0}, largest = 0;
     for (long b = 0; b < S->blocks; b++) {
         V most = v_all(0.0);
-        for (long i = 0; i < I->nx; i++) most = v_larger(most, v_abs(((const V *)(S->a + i * n))[b]) * v_all(h / T->scale[i]));
+        for (long i = 0; i < I->nx; i++) {
+            V a = v_abs(((const V *)(S->a + i * n))[b]);
+            if (T->noisy) a = v_larger(a - v_all(T->noise[i]) * S->odd[b], v_all(0.0));
+            most = v_larger(most, a * v_all(h / T->scale[i]));
+        }
         memcpy(sizes + b * LANES, &most, sizeof most);
     }
     for (long k = 0; k < s; k++)
@@ -124,11 +129,12 @@ static double gauss_error(Integrator *I, Stages *S, double h) {
 }
 
 /* Whether the rates jump or bend before the first or after the last node, where no stage sees it: the polynomial then misses the rates
-   at the ends of the step by more than the neglected terms explain. `strict`: after rejections, when a kink is near. */
+   at the ends of the step by more than the neglected terms explain. `strict`: after rejections, when a kink is near. What a jump of the rates moves a state by in a
+   step of the size that was planned counts as the state's size: so jumps from rest are found, too. */
 static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
-    double first = 0, last = 0, tail = 0, largest = 0;
+    double first = 0, last = 0, tail = 0, largest = 0, soonest = h / (T->unit * PART * T->reach);
     for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->start_known && !rate_at(I, I->t, I->x, T->start_rate)) return -1;
     if (S->around) {
@@ -143,8 +149,9 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
         double even = 0, odd = 0, unit = h / T->scale[i];
         if (!isfinite(T->end_rate[i])) return 1;
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
-        first = fmax(first, fabs(even - odd - T->start_rate[i]) * unit);
-        last = fmax(last, fabs(even + odd - T->end_rate[i]) * unit);
+        double noise = (double)s * T->noise[i];
+        first = fmax(first, fmin(heard(even - odd - T->start_rate[i], noise) * unit, soonest));
+        last = fmax(last, fmin(heard(even + odd - T->end_rate[i], noise) * unit, soonest));
         tail = fmax(tail, fabs(a[s - 1]) * unit);
         for (long k = 0; k < s; k++) largest = fmax(largest, fabs(a[k]) * unit);
     }
@@ -177,6 +184,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
         if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
     I->steps++;
     if (T->newton_now) I->newton_steps++;
+    I->passages += S->around != 0;
     double *rate = T->start_rate;
     T->start_rate = T->end_rate;
     T->end_rate = rate;
@@ -268,13 +276,14 @@ static void choose_order(Integrator *I, double contraction, int failed) {
 /* Solves the stage equations of a step of size h; 1 when converged, 0 when not, -1 when the input function failed. */
 static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, double *contraction) {
     struct State *T = I->state;
-    set_scale(I, h);
+    set_scale(I, h, I->step > 0 ? h : fmax(T->planned, h));
     set_factor(I, h);
     if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
     S->around = 0;
     Judge J = new_judge(tolerance, rounding_floor(I, S, h), T->newton_now ? 15 : 50);
     int done = T->newton_now ? newton(I, S, h, I->x, &J) : fixed_point(I, S, h, I->x, &J);
     *contraction = J.contraction;
+    T->change = J.change;
     return done;
 }
 
@@ -284,67 +293,106 @@ static int refresh_jacobian(Integrator *I) {
     return T->jacobian_fresh || jacobian(I, I->t, I->x);
 }
 
-/* Where steps are rejected again and again, states may be nothing but rounding, which no step size makes accurate: ask for what
-   rounding makes of the rates, at the start and, for states that are zero there, at the last stage that was tried. Large states are disturbed for a moment at singular
-   positions, too: that explains steps only when they have shrunk to next to nothing. 1 where it explains rejections, -1 when the input
-   function failed. */
-static int blame_rounding(Integrator *I, const Stages *S, double h) {
+#define SOON 0.1     /* of a step: a little later */
+#define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
+
+static double error_of(Integrator *I, Stages *S, double h) {
+    return S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
+}
+
+static void forget_noise(Integrator *I) {
     struct State *T = I->state;
-    double *found = T->factor;
-    const V *last = S->in[(S->s - 1) / LANES];
-    long lane = (S->s - 1) % LANES;
-    double part = I->h < 1e-6 * T->trusted ? T->unit : fmax(T->unit, SMALL);
+    T->noisy = T->unheard = 0;
+    for (long i = 0; i < I->nx; i++) {
+        T->noise[i] = T->least[i];
+        T->noisy |= T->least[i] > 0;
+    }
+}
+
+/* The error of a step in units of its scale. Where it asks for shorter steps, what of it is rounding is looked at and forgiven, which no
+   step size makes smaller; for as long as there is something to forgive. */
+static double step_error(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    int noisy = T->noisy;
+    T->noisy = 0;
+    double error = error_of(I, S, h);
+    if (S->around) forget_noise(I);
+    if (S->around || (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1)))) return error;
+    sample_noise(I, S);
+    for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
+    double left = error_of(I, S, h);
+    T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
+    if (T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
+    return left;
+}
+
+/* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. */
+static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    if (S->around || T->noisy || !(T->change < INFINITY)) return 0;
+    sample_noise(I, S);
+    double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
+    if (noise > LEFT && T->change < noise) return 1;
+    forget_noise(I);
+    return 0;
+}
+
+/* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
+   or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
+static int rests_on_rounding(Integrator *I, double h) {
+    struct State *T = I->state;
+    double *found = T->most, *rate = T->factor;
     int explains = 0;
-    for (int later = 0; later < 2; later++) {
-        int near = 1;
+    memcpy(T->before, I->x, sizeof(double) * (size_t)I->nx);
+    for (int later = 0; later < 2; later++) { /* a little later states are looked at that are zero at first */
+        double t = I->t + later * SOON * h;
+        if (!rate_at(I, t, T->before, rate) || !I->rounding(t, T->before, h, found)) return -1;
         for (long i = 0; i < I->nx; i++) {
-            T->before[i] = later ? last[1 + i][lane] : I->x[i];
-            near &= T->size[i] == 0 || fabs(T->before[i] - I->x[i]) <= T->size[i];
-        }
-        if (!near) break;
-        if (!I->rounding(later ? last[0][lane] : I->t, T->before, h, found)) return -1;
-        for (long i = 0; i < I->nx; i++) {
-            if (!(found[i] > T->noise[i] && NOISE * h * found[i] > (later ? 1 : part) * T->size[i]) || !isfinite(found[i])) continue;
-            T->noise[i] = fmax(found[i], NOISE * T->noise[i]); /* it grows with the motion */
-            explains = 1;
+            double noise = FEW * found[i];
+            int is_noise = T->size[i] > 0 ? h * noise > fmax(T->unit, SMALL) * T->size[i] : later && noise > SMALL * fabs(rate[i]);
+            if (noise > T->least[i] && is_noise && isfinite(noise)) {
+                T->least[i] = 2 * noise;
+                explains = 1;
+            }
+            T->before[i] += SOON * h * rate[i];
         }
     }
     T->doubts = 0;
     T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
+    if (explains) forget_noise(I);
     return explains;
 }
 
-#define LONGER 1.25
-
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int failed = 0, misses = 0, tries = 0, refused = -1;
+    int failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
+    double first = fmin(I->h, I->end - I->t);
+    if (!T->missed || first > T->planned) T->planned = first; /* near a jump steps stay small: states are sized by those before */
     if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
-        T->doubts += ++refused > 0;
-        if (I->rounding && (T->doubts >= T->patience || refused == 2 * DOUBTS || refused == 3 * DOUBTS)) {
-            double before = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int explained = blame_rounding(I, S, before);
+        if (++refused) T->doubts++;
+        if (I->rounding && T->doubts >= T->patience) {
+            first = fmin(fmax(T->trusted, I->h), I->end - I->t);
+            int explained = rests_on_rounding(I, first);
             if (explained < 0) return INPUT_FAILED;
-            if (explained) I->h = before;
+            if (explained) I->h = first;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
-        int solved = solve_stages(I, S, h, 0.001, &contraction);
+        int solved = solve_stages(I, S, h, LEFT, &contraction);
         if (solved < 0) return INPUT_FAILED;
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
-            if (old) {
-                refused--;
-                continue; /* again with a new Jacobian */
-            }
+            if (old) continue; /* again with a new Jacobian */
+            if (!asked++ && stalls_on_rounding(I, S, h)) continue;
             /* where it converged well until now, something local is in the way: other nodes may miss it */
             I->h = (I->contraction < 0.1 && tries++ < 4 ? 0.85 : 0.4) * h;
+            T->planned = fmin(T->planned, I->h);
             I->rejected++;
             failed = 1;
             choose_order(I, 1, 1);
@@ -352,7 +400,7 @@ static enum Code one_adaptive(Integrator *I) {
         }
         legendre_coefficients(I, S, S->around ? S->G : S->K);
         step_increments(I, S);
-        double error = S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
+        double error = step_error(I, S, h);
         if (!(error <= 1)) {
             double power = -1 / (double)(S->method->error_order + 1);
             double growth = error < INFINITY ? 0.65 * pow(error, power) : 0.1;
@@ -360,6 +408,13 @@ static enum Code one_adaptive(Integrator *I) {
             I->rejected++;
             T->jacobian_fresh = T->jacobian_time == I->t;
             misses++;
+            continue;
+        }
+        if (avoided < AVOIDED && is_awkward(I, S, h)) {
+            I->h = 0.8 * h;
+            I->rejected++;
+            avoided++;
+            refused--;
             continue;
         }
         int kink = S->method->kind == GAUSS && S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
@@ -376,17 +431,16 @@ static enum Code one_adaptive(Integrator *I) {
             failed = 1;
             continue;
         }
-        int noisy = error <= noise_in(I, h) && noise_in(I, h) > 0;
-        if (noisy) error = 0; /* no step size makes it smaller: a little longer steps show what else there is */
+        if (S->around) I->error = 0; /* rounding makes errors jump there: how they grow from step to step says nothing */
         double wanted = next_size(I, h, error);
         I->error = error;
         I->contraction = contraction;
+        T->missed = misses > 0;
         enum Code accepted = accept_step(I, S, h);
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
-        if (noisy) I->h = fmin(I->h, LONGER * h);
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
-        if (!refused) T->doubts = I->h < 0.5 * h ? T->doubts + 2 : T->doubts > 0 ? T->doubts - 1 : 0;
+        if (!refused && T->doubts > 0) T->doubts--;
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
         return REACHED_END;
     }

@@ -194,7 +194,10 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         }
         widen(I, S, S->K, h);
         for (long j = 0; j < s; j++)
-            for (long i = 0; i < n; i++) sum += T->dK[j * n + i] * factor[i] * T->dK[j * n + i] * factor[i];
+            for (long i = 0; i < n; i++) {
+                double change = heard(T->dK[j * n + i], 0.25 * T->noise[i]) * factor[i];
+                sum += change * change;
+            }
         if (S->around) sum = change_along(I, S, T->dK, factor);
         enum Verdict v = judge(J, sqrt(sum / (double)s));
         if (v != GO_ON) return v == DONE;
@@ -209,7 +212,8 @@ static double radau_error(Integrator *I, Stages *S, double t, double h, const do
     long n = I->nx, block = n * T->padded, e = 0;
     for (long k = 1; k < m->eigenvalues; k++)
         if (fabs(m->eigen_im[k]) < fabs(m->eigen_im[e])) e = k; /* gamma, the real one */
-    double *re = T->rhs_re, *im = T->rhs_im, norm = 0;
+    double *re = T->rhs_re, *im = T->rhs_im, norm = 0, heard_with = m->gamma;
+    for (long j = 0; j < S->s; j++) heard_with += fabs(m->weights[j]);
     for (int again = 0; again < 2; again++) {
         if (again)
             for (long i = 0; i < n; i++) T->before[i] = x[i] + re[i];
@@ -219,6 +223,7 @@ static double radau_error(Integrator *I, Stages *S, double t, double h, const do
             double inner = m->gamma * T->rate[i];
             for (long j = 0; j < S->s; j++) inner += m->weights[j] * (S->around ? S->G : S->K)[j / LANES][i][j % LANES];
             re[i] = h * inner;
+            if (T->noisy) re[i] = copysign(heard(re[i], h * T->noise[i] * heard_with), re[i]);
             im[i] = 0;
         }
         solve_shifted(I, T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * n, re, im);

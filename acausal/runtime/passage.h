@@ -7,6 +7,9 @@
 #define CORRECTIONS 4
 #define SETTLING 10
 #define SEARCH 30
+#define CLEARER 4 /* times as clear as a stage and as the next to singular positions, the end of a step by which the stage is settled */
+#define BESIDE 0.01 /* clearance that steps end with if they can */
+#define AVOIDED 4 /* times that a step is made shorter for this */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
 
 static const double node_places[NODES] = {-4, -3, -2, -1, 1, 2, 3, 4};
@@ -173,7 +176,7 @@ static void settle(Integrator *I, Stages *S, V *const *K, const double *x) {
     for (long j = 1; j < s; j++)
         if (S->clear[j] < S->clear[k]) k = j;
     close_state(I, S, K, 1.0, x, b, T->ahead);
-    if (!(S->clear[k] < NEARBY) || clearances(I, T->ahead)[0] < NEARBY) return;
+    if (!(S->clear[k] < NEARBY) || clearances(I, T->ahead)[0] < CLEARER * fmax(S->clear[k], CROSSING)) return;
     int between = S->tau[k] > 0;
     if (between) close_nodes(I, S->in[k / LANES], K[k / LANES], k % LANES, S->tau[k]);
     else close_state(I, S, K, S->method->c[k], x, S->method->A + k * s, T->nodes[0]);
@@ -227,11 +230,27 @@ static void along_at(Integrator *I, double h, double *rate) {
     for (long i = 0; i < I->nx; i++) rate[i] = T->one_along[i][0];
 }
 
-/* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
-static int is_crossing(Integrator *I, double t, const double *x) {
+static double clearance_at(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
-    if (!I->clearance.run) return 0;
     T->nodes[0][0] = v_all(t);
     for (long i = 0; i < I->nx; i++) T->nodes[0][1 + i] = v_all(x[i]);
-    return clearances(I, T->nodes[0])[0] < CROSSING;
+    return clearances(I, T->nodes[0])[0];
+}
+
+/* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
+static int is_crossing(Integrator *I, double t, const double *x) { return I->clearance.run && clearance_at(I, t, x) < CROSSING; }
+
+/* Whether a step leads from elsewhere to beside a singular position, where its end is known to eps / x^2 only, or closely past two of them:
+   `settle` finds what rounding has done at one. */
+static int is_awkward(Integrator *I, const Stages *S, double h) {
+    struct State *T = I->state;
+    if (!S->around) return 0;
+    int passes = 0, beside = 0;
+    for (long j = 0; j < S->s; j++) {
+        passes += S->clear[j] < BESIDE && !beside;
+        beside = S->clear[j] < (beside ? NEARBY : BESIDE);
+    }
+    if (passes > 1) return 1;
+    for (long i = 0; i < I->nx; i++) T->across[i] = I->x[i] + T->increment[i];
+    return clearance_at(I, I->t + h, T->across) < BESIDE && !(clearance_at(I, I->t, I->x) < BESIDE);
 }

@@ -49,7 +49,7 @@ typedef struct Integrator {
     const Method *method_list;
     const double *parameters;
     int (*input)(double t, double *u); /* null: `u` does not change */
-    /* What rounding makes of the rates in steps of size h, per state, into `rates`; null: not known. */
+    /* What rounding makes of the rates in steps of size h, per state, into `rates`, each operation counted; null: not known. */
     int (*rounding)(double t, const double *x, double h, double *rates);
     /* What rounding makes of the guards, into `values`; null: not known. */
     int (*guard_rounding)(double t, const double *x, double *values);
@@ -59,7 +59,7 @@ typedef struct Integrator {
     double t, end, rtol, atol, step; /* atol 0: states are judged by their sizes alone; step 0: adaptive */
     double slice;                    /* seconds until PAUSED */
     /* results */
-    long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst;
+    long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst, passages; /* passages: steps around singular positions */
     double *size; /* largest magnitude met so far, per state */
     double h, error, contraction, slowness; /* of the last step; slowness: step size that accuracy allows over that of the iteration */
     const long *guard_direction, *guard_stops; /* per guard: which crossings count (0 both, 1 rising, -1 falling); whether it ends the run */

@@ -9,7 +9,7 @@ typedef struct {
     long s, blocks;
     double t, h; /* of the step */
     V *mu, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
-    V *c, *b, *hb, *counted;
+    V *c, *b, *hb, *counted, *odd; /* odd: 2 k + 1 for coefficient k */
     V **in, **K, **N, **L, **saved; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
     double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
     int around;      /* whether some stages are around a singular position; then: */
@@ -40,7 +40,8 @@ INLINE enum Verdict judge(Judge *j, double change) {
     if (change <= j->floor) return DONE;
     if (j->count == 1) return change <= 1e-3 * j->tolerance ? DONE : GO_ON;
     double ratio = last > 0 ? change / last : 0.0;
-    if (ratio >= 0.5 && j->best < 0.3 && change <= 1e4 * j->floor) return DONE;
+    /* it begins at rounding errors where the guess was right */
+    if (ratio >= 0.5 && (j->best < 0.3 || j->count > 2) && change <= (j->best < 0.3 ? 1e4 : 64) * j->floor) return DONE;
     if (j->count == 2) {
         j->contraction = ratio;
     } else { /* a single ratio is noisy: the mean of the last two, in logarithms */
@@ -97,11 +98,18 @@ struct State {
     char *copied;
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
-    double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates */
+    double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates, 0 where that is not looked at */
     int widened;             /* whether the scale counts what the step moves states by */
     double unit;             /* the scale of a state of size one, without atol */
-    long doubts, patience;   /* rejections, less steps without; how many until rounding is asked for */
-    double trusted;          /* size of the last step without doubts */
+    double *least;           /* what rounding makes of the rates of states that are nothing else */
+    long doubts, patience;   /* rejections, less steps without; how many until every operation's rounding is looked at */
+    double reach;            /* size of steps that states are sized by */
+    double trusted, planned; /* size of the last step without doubts; of the last one before steps began to be rejected */
+    int missed;              /* whether tries of the last step were rejected */
+    int noisy, unheard;      /* whether rounding is looked at; for how many steps nothing was forgiven to it */
+    double change;           /* the last one of the iteration */
+    double *most;            /* work: per state */
+    V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
     double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
     long last_s, since_switch;
     double *guard_values, *guard_noise, *chebyshev;
@@ -134,6 +142,7 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->b = reserve_lanes(I, B);
     S->hb = reserve_lanes(I, B);
     S->counted = reserve_lanes(I, B);
+    S->odd = reserve_lanes(I, B);
     S->in = reserve(I, sizeof(V *) * (size_t)B);
     S->K = reserve(I, sizeof(V *) * (size_t)B);
     S->N = reserve(I, sizeof(V *) * (size_t)B);
@@ -161,6 +170,7 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
             S->c[b][l] = m->c[j < s ? j : s - 1];
             S->b[b][l] = m->b[j < s ? j : s - 1];
             S->counted[b][l] = j < s ? 1.0 : 0.0;
+            S->odd[b][l] = (double)(2 * j + 1);
         }
         for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i] = v_all(I->u[i]);
         for (long i = 0; i < I->np; i++) S->in[b][1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
@@ -216,25 +226,66 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 
 #define NOTHING 1e-290     /* the scale of what is exactly zero */
 #define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
-#define NOISE 512.0        /* of what rounding makes of its rates in a step: too little to be judged */
+#define LEFT 1e-3          /* what the iteration may leave of the error of a step */
+#define FEW 4.0            /* times the mean of a few samples: what rounding makes of rates at most */
+#define DOUBTS 8           /* rejections, less steps without, that make every operation's rounding looked at */
 #define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
-#define DOUBTS 8           /* rejections that call for an explanation */
+#define UNHEARD 8          /* steps in which nothing was forgiven to rounding: then it is not looked at any more */
 
-/* The scale of state i for steps of size h: atol + rtol times the largest magnitude met so far, but at least what rounding alone can do. */
-static void set_scale_of(Integrator *I, long i, double h, double size) {
-    struct State *T = I->state;
-    double least = NOISE * fabs(h) * T->noise[i];
-    T->scale[i] = fmax(fmax(T->unit / I->rtol * I->atol + T->unit * size, least), NOTHING);
+static double heard(double value, double noise) { return fmax(fabs(value) - noise, 0); }
+
+/* The least scale of state i in a step of size h: where it is nothing but rounding, so much that rounding is no more than what the iteration
+   may leave; less, the more there is beside rounding. */
+static double least_scale(const Integrator *I, long i, double h) {
+    double noise = fabs(h) * I->state->noise[i] / LEFT, size = I->state->size[i];
+    return noise > size ? noise : noise > 0 ? noise * (noise / size) : 0;
 }
 
-static void set_scale(Integrator *I, double h) {
+/* The scale of state i in a step of size h: atol + rtol times a magnitude. */
+static void set_scale_of(Integrator *I, long i, double h, double size) {
+    struct State *T = I->state;
+    T->scale[i] = fmax(T->unit / I->rtol * I->atol + T->unit * size, fmax(least_scale(I, i, h), NOTHING));
+}
+
+/* For steps of size h, where without rejections steps of size `reach` would be. */
+static void set_scale(Integrator *I, double h, double reach) {
     struct State *T = I->state;
     T->unit = I->step > 0 ? 1.0 : I->rtol;
     for (long i = 0; i < I->nx; i++) {
         set_scale_of(I, i, h, T->size[i]);
-        T->limit[i] = T->size[i] / (PART * fabs(h));
+        T->limit[i] = T->size[i] / (PART * reach);
     }
     T->widened = 0;
+    T->reach = reach;
+}
+
+/* What rounding makes of the rates at the stages: how much they change when the states change by a unit or two of their last place. The
+   largest change is left out: there the rates may jump. */
+static void sample_noise(Integrator *I, const Stages *S) {
+    struct State *T = I->state;
+    unsigned draw = 1;
+    for (long i = 0; i < I->nx; i++) T->noise[i] = T->most[i] = 0;
+    for (long b = 0; b < S->blocks; b++) {
+        for (int k = 0; k < 2; k++) {
+            V *in = T->disturbed;
+            memcpy(in, S->in[b], sizeof(V) * (size_t)I->rhs.inputs);
+            for (long i = 0; i < I->nx; i++)
+                for (long l = 0; l < LANES; l++) in[1 + i][l] *= 1 + EPS * ((double)((draw = draw * 1664525u + 1013904223u) >> 30) - 1.5);
+            I->rhs.run(in, T->rhs_c, T->rates[k], T->work);
+        }
+        for (long i = 0; i < I->nx; i++)
+            for (long l = 0; l < LANES; l++) {
+                double change = fabs(T->rates[0][i][l] - T->rates[1][i][l]);
+                if (!(change < INFINITY)) continue;
+                T->noise[i] += change;
+                T->most[i] = fmax(T->most[i], change);
+            }
+    }
+    for (long i = 0; i < I->nx; i++) T->noise[i] = FEW * (T->noise[i] - T->most[i]) / (double)(S->blocks * LANES - 1 + (S->blocks * LANES == 1));
+    for (long k = 0; k < I->copies; k++) /* what is the integral of a disturbed state is disturbed with it */
+        T->noise[I->copy_to[k]] = fmax(T->noise[I->copy_to[k]], S->h * T->noise[I->copy_from[k]]);
+    for (long i = 0; i < I->nx; i++) T->noise[i] = fmax(T->noise[i], T->least[i]);
+    T->noisy = 1;
 }
 
 /* What the rounding of rates moves states by in a step of size h, in units of the scale. */
@@ -272,7 +323,7 @@ static void widen(Integrator *I, Stages *S, V **K, double h) {
     for (long i = 0; i < I->nx; i++) {
         double most = 0;
         for (long b = 0; b < S->blocks; b++) most = fmax(most, v_largest(v_abs(K[b][i])));
-        set_scale_of(I, i, h, fmax(T->size[i], PART * fabs(h) * most));
+        set_scale_of(I, i, h, fmax(T->size[i], PART * T->reach * most));
     }
     set_factor(I, h);
     T->widened = 1;
@@ -287,7 +338,9 @@ static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
         for (long i = 0; i < I->nx; i++) {
-            V d = (N[i] - K[i]) * v_all(factor[i]);
+            V d = N[i] - K[i];
+            if (I->state->noisy) d = v_larger(v_abs(d) - v_all(0.25 * I->state->noise[i]), v_all(0.0));
+            d = d * v_all(factor[i]);
             part = v_fma(d, d, part);
         }
         S->K[b] = N;

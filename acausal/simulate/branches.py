@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Problem
@@ -10,6 +11,8 @@ from acausal.integrators.passage import passage_of
 from acausal.outputs.functions import Functions
 
 _OFF = 1e-6
+_BENT, _NEAR = 1e-4, 30.0
+"""What constraints without a slope may ask of accelerations, in units of velocities squared; the same for the slope that they have."""
 _SHOWN = 6
 
 
@@ -23,20 +26,43 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
     if passage is None or not t1 > t0 or not passage.is_crossing(t0, x):
         return
     found = passage.between(t0, x, t1 - t0)
-    if found is None:
-        return
-    n = problem.positions
-    off, here = (_energy(functions, problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
-    if off <= _OFF**2 * here:
-        return
+    n, names = problem.positions, functions.state_names[problem.positions :]
     joints = ", ".join(f"'{rows.edge.name}'" for rows in functions.outputs.system.constraints.loops)
-    names = functions.state_names[n:]
-    largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
-    told = ", ".join(f"{names[i]} = {x[n + i]:.4g} (near by: {found[n + i]:.4g})" for i in sorted(int(i) for i in largest))
+    if found is None:
+        if not _tears(functions, problem, t0, x):
+            return
+        largest = np.argsort(-np.abs(x[n:]), kind="stable")[:_SHOWN]
+        told = ", ".join(f"{names[i]} = {x[n + i]:.4g}" for i in sorted(int(i) for i in largest))
+    else:
+        off, here = (_energy(functions, problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
+        if off <= _OFF**2 * here:
+            return
+        largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
+        told = ", ".join(f"{names[i]} = {x[n + i]:.4g} (near by: {found[n + i]:.4g})" for i in sorted(int(i) for i in largest))
     raise StartValueError(
         f"The start is a singular position of the loops closed by {joints}: branches of the motion cross there, and the velocities lie on none "
         f"of them: {told}. Give velocities of more joints, such that they are those of one branch, or start a little beside the position."
     )
+
+
+def _tears(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> bool:
+    """Whether no accelerations keep the loops closed to second order: A v' = -bias has no solution where rows of A depend on one another."""
+    system, space = functions.outputs.system, functions.space
+    c, tree = system.constraints, system.mechanics.tree
+    if ca.depends_on(c.velocity, tree.t):
+        return False
+    there = ca.Function(
+        "there", [system.t, space.x, space.p], [space.put(ca.densify(part)) for part in (c.jacobian, c.bias, tree.v)]
+    )
+    rows = ca.Function("rows", [system.t, tree.q, system.p], [c.jacobian])
+    size = np.max([np.linalg.norm(np.array(rows(t, q, c.values)) * c.rates, axis=1) for q in c.samples], axis=0)
+    A, bias, v = (np.array(part) for part in there(t, x, problem.parameters))
+    A, bias = (part / np.where(size > 0, size, 1.0)[:, None] for part in (A, bias))
+    speed = float(np.max(np.abs(v[:, 0] / c.rates), initial=0.0))
+    U, s, _ = np.linalg.svd(A * c.rates)
+    s = np.concatenate([s, np.zeros(U.shape[1] - s.size)])
+    near = s < _OFF**0.5
+    return bool(np.any(np.abs(U.T @ bias)[near, 0] > np.maximum(_BENT, _NEAR * s[near]) * speed**2))
 
 
 def _energy(functions: Functions, problem: Problem, t: float, x: np.ndarray, v: np.ndarray) -> float:

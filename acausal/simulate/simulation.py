@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from acausal.arguments import dictionary, finite, listed, truth, whole_number
 from acausal.collocation.problem import Guards, Problem, StatusKind, Tolerances
-from acausal.errors import OptionError, SimulationError, UnknownVariableError
+from acausal.errors import OptionError, SimulationError, SingularWarning, UnknownVariableError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input, Parameter, number
 from acausal.outputs.functions import Functions
@@ -33,6 +34,7 @@ from acausal.simulate.watch import warn_if_inaccurate
 from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
+from acausal.wording import callers_level
 
 Progress = Callable[[float], None]
 
@@ -156,6 +158,12 @@ def sensitivity_run(
     raise_if_interrupted(status, None)
     if status.kind is not StatusKind.SUCCESS:
         raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
+    if found.found.passages:
+        warnings.warn(
+            "sensitivities: the motion passes singular positions of loops. The motion is right there, but derivatives of its rates are huge next "
+            "to them and lose digits, now and then all but two. Compare with another rtol, or with differences of motions.",
+            SingularWarning, stacklevel=callers_level(),
+        )  # fmt: skip
     return found
 
 

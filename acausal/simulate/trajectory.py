@@ -154,11 +154,13 @@ class Trajectory:
         return np.interp(self.t, knots, total)
 
     def energy_error(self) -> float:
-        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy."""
+        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way."""
         start = self if self.t[0] == self.solution.t[0] else self.at(self.solution.t[:1])
         balance = self.energy + self.energy_loss - start.energy[0]
-        swing = np.max(np.abs(self.potential_energy - start.potential_energy[0]))
-        scale = max(float(np.max(self.kinetic_energy)), float(swing))
+        steps = self.solution.t  # what moves in between counts where few samples were asked for
+        between = self.at(steps[:: max(1, steps.size // 64)])
+        swing = max(float(np.max(np.abs(run.potential_energy - start.potential_energy[0]))) for run in (self, between))
+        scale = max(float(np.max(self.kinetic_energy)), float(np.max(between.kinetic_energy)), swing)
         total = float(np.max(np.abs(self.energy)))
         if scale < 1e-9 * total:  # all energy is held by scalar components, and stays there
             scale = total

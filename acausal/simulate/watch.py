@@ -26,7 +26,7 @@ _LOOKS = WATCHED // 2
 _FORGIVEN, _A_STEP = 1e3, 10.0
 """Tolerances of disturbance that are forgiven: at once, and for each step besides."""
 _LEAST, _MOST = 1e-6, 0.1
-"""Relative disturbances: what is forgiven at least, and beyond which nothing can be judged."""
+"""Relative disturbances: what is forgiven at least, and at most."""
 _LOOSE, _START = 10.0, 1e-5
 """Invariants are forgiven more, and as much as starts may be off."""
 _NOISE = 1e3
@@ -49,21 +49,31 @@ class Sizes:
 def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol: float) -> None:
     """Say so when invariants or the energy balance of a run are off by far more than its tolerance explains."""
     n = run.solution.t.size
-    part = max((_FORGIVEN + _A_STEP * n) * rtol, _LEAST)
-    if n < 2 or part > _MOST or not functions.space.x.numel():
+    part = min(max((_FORGIVEN + _A_STEP * n) * rtol, _LEAST), _MOST)
+    if n < 2 or not functions.space.x.numel():
         return
     x = run.solution.x
     met = np.maximum.reduce(np.abs(x), axis=1)
     if functions.quaternion_states:
         met[functions.quaternion_states] = 1.0
     sizes = Sizes(met, part * met + (_FORGIVEN + _A_STEP * n) * atol, part)
-    some = np.arange(_LOOKS) * (n - 1) // (_LOOKS - 1)
+    some = _looks(run.solution.t)
     as_found, disturbed = _values(functions, run, some, sizes)
     found, spread = np.maximum.reduce(np.abs(as_found), axis=0), np.maximum.reduce(np.abs(disturbed - as_found), axis=0)
     if not math.isfinite(np.add.reduce(spread)):
         return
     if not (np.any(found[2:] > _LOOSE * spread[2:]) and _leaves_constraints(functions, run, sizes)) and functions.energy_told:
-        _look_at_energy(functions, run, sizes, some, as_found[:, :2], float(spread[0] + spread[1]))
+        told = np.abs(disturbed - as_found)[:, :2].sum(axis=1)
+        _look_at_energy(functions, run, sizes, some, as_found[:, :2], told)
+
+
+def _looks(t: np.ndarray) -> np.ndarray:
+    """Steps at which a run is looked at, (8,): half of them equally far apart among the steps, half in time: steps crowd where little can
+    be judged, in a stiff contact, say. The last one is among them.
+    """
+    n, half = t.size, _LOOKS // 2
+    by_time = np.searchsorted(t, t[0] + (t[-1] - t[0]) * (np.arange(1, half + 1) - 0.5) / half)
+    return np.sort(np.concatenate((np.arange(half) * (n - 1) // (half - 1), np.minimum(by_time, n - 1))))
 
 
 def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
@@ -132,25 +142,27 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np
 
 
 def _look_at_energy(
-    functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, energies: np.ndarray, spread: float
+    functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, energies: np.ndarray, spreads: np.ndarray
 ) -> None:
     """Warn if the energy balance is off by more than what is forgiven, and by more than rounding makes of it."""
     T, V = energies.T
     balance = T + V - T[0] - V[0]
     scale = max(float(T.max()), float(V.max() - V.min()))
     if functions.outputs.power_loss.is_zero():
-        doubtful = float(np.abs(balance).max()) > max(sizes.part * scale, spread)
+        doubtful = bool((np.abs(balance) > np.maximum(sizes.part * scale, spreads)).any())
     else:
-        doubtful = _loss_doubtful(functions, run, some, balance, max(sizes.part * scale, spread))
+        doubtful = _loss_doubtful(functions, run, some, balance, np.maximum(sizes.part * scale, spreads))
     if not doubtful:
         return
     every = _balance(functions, run)
-    worst = int(np.argmax(np.abs(every.gap)))
+    least = np.maximum(sizes.part * every.scale, spreads)
+    look = int(np.argmax(np.abs(every.gap[some]) / np.maximum(least, np.finfo(float).tiny)))
+    worst = int(some[look])
     noise = sum(float(np.sum(_rounding(functions, run, k, sizes)[:2])) for k in (0, worst))
-    allowed = max(sizes.part * every.scale, spread, _NOISE * noise)
-    size = float(np.abs(every.gap[worst]))
-    if not size > allowed:
+    allowed = max(float(least[look]), _NOISE * noise)
+    if not np.abs(every.gap[worst]) > allowed:
         return
+    size = float(np.max(np.abs(every.gap)))
     t = run.solution.t
     begin = int(np.argmax(np.abs(every.gap) > 0.1 * size))
     sudden = bool(np.max(np.abs(np.diff(every.gap))) > 0.5 * size)
@@ -163,7 +175,7 @@ def _look_at_energy(
     )  # fmt: skip
 
 
-def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, balance: np.ndarray, allowed: float) -> bool:
+def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, balance: np.ndarray, allowed: np.ndarray) -> bool:
     """Whether the balance, with what is lost by quadrature over the steps' ends, is off by more than such a quadrature can be.
 
     Trapezoidal rule with slopes at the ends (Hermite's cubic); what the slopes bring in is taken for its error. Not judged where the

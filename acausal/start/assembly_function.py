@@ -152,6 +152,15 @@ def row_lengths(J: np.ndarray, search: Search) -> np.ndarray:
     return np.where(size > DEPENDENT * usual, size, usual)
 
 
+def _lengths(J: ca.SX, scale: np.ndarray, size: np.ndarray, known: np.ndarray) -> ca.SX:
+    """Of each row of J(data), columns in units of `scale`, (m, 1): `size` at the reference; one that vanishes there grows with the longest."""
+    if not known.any():
+        return ca.SX(ca.DM(size))
+    rows = [ca.norm_2(ca.densify(J[i, :]).T * ca.DM(scale)) for i in range(size.size)]
+    most = int(np.argmax(np.where(known, size, 0.0)))
+    return ca.vertcat(*(rows[i] if known[i] else float(size[i] / size[most]) * rows[most] for i in range(size.size)))
+
+
 @dataclass(frozen=True)
 class _Stage:
     """Positions or velocities: how y follows from the data (for velocities: and q) near the reference.
@@ -182,7 +191,7 @@ def _called(function: ca.Function, *arguments: ca.MX) -> ca.MX:
 
 def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> _Stage:
     """From a search and what it found at the reference. All that is decided or solved by numbers is without unit: y in units of `scale`,
-    each row divided by the length of its derivatives at the reference.
+    each row divided by the length of its derivatives at the reference, with the data that are asked for: they may have other dimensions.
     """
     y, d = ca.SX.sym("y", found.y.size), ca.SX.sym("data", data.size)
     first = ca.SX(ca.DM(found.first))
@@ -193,18 +202,20 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
         return _Stage(plain)
     J = search.jacobian(found.y, data) * scale
     size = row_lengths(J, search)
-    c = search.residual(y, d) / ca.DM(size)
+    rows = search.residual(y, d)
+    slopes = ca.substitute(ca.jacobian(rows, y), y, ca.SX(ca.DM(found.y)))
+    c = rows / _lengths(slopes, scale, size, size == np.linalg.norm(J, axis=1))
     U, Z = range_and_null_space(J / size[:, None])
-    rows = [ca.mtimes(ca.DM(U.T), c)]
+    square = [ca.mtimes(ca.DM(U.T), c)]
     if search.wish is not None:
         r, factors = search.wish(y, d, first), search.wish_weights(data, found.first, weights)[:, None]
-        slopes = factors * search.wish_jacobian(found.y, data, found.first) * scale
-        most = float(np.max(np.linalg.norm(slopes, axis=1), initial=0.0)) or 1.0
-        B, still = range_and_null_space(slopes / most @ Z)
-        rows.append(ca.mtimes(ca.DM((factors / most * B).T), r))
+        wished = factors * search.wish_jacobian(found.y, data, found.first) * scale
+        most = float(np.max(np.linalg.norm(wished, axis=1), initial=0.0)) or 1.0
+        B, still = range_and_null_space(wished / most @ Z)
+        square.append(ca.mtimes(ca.DM((factors / most * B).T), r))
         Z = Z @ still
-    rows.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
-    solve = _solver(ca.vertcat(*rows), y, d, ca.DM(scale))
+    square.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
+    solve = _solver(ca.vertcat(*square), y, d, ca.DM(scale))
     much = ca.sumsqr(y / ca.DM(scale)) if search.what == "velocity" else 1
     gap = folded_function("open", [y, d], [ca.sumsqr(c) - _OPEN**2 * much])
     return _Stage(plain, solve, gap, search.side)

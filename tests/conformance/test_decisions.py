@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import AcausalError, AccuracyWarning, AssemblyError, LockedError, ParameterError, StartValueError
+from acausal.errors import (
+    AcausalError,
+    AccuracyWarning,
+    AssemblyError,
+    LockedError,
+    MasslessError,
+    ParameterError,
+    StartValueError,
+)
 from components import Gear, PrescribedMotion, Revolute, RigidBody, World
 from tests.assembly_scenes import closed, five_bar
 from tests.scenes import DoublePendulum, bennett_linkage
@@ -186,6 +194,17 @@ def test_a_refusal_names_the_parameter():
     wrong = changed(bennett, BENNETT, WRONG)
     with pytest.raises(LockedError, match=r"With other values of .*is locked"):
         ac.build(bennett.scene).linearize(bennett.start, parameters=wrong)
+
+
+def test_a_value_at_which_a_motion_meets_no_inertia_is_refused_by_name():
+    """A thin rod of length zero is a point on its hinge."""
+    asked = four_bar(GENERAL)
+    model = ac.build(asked.scene)
+    with pytest.raises(MasslessError):
+        ac.build(four_bar((0.0, *GENERAL[1:])).scene)
+    for answer in answers(model, asked, {asked.parameters[0]: 0.0}).values():
+        with pytest.raises(ParameterError, match=r"= 0 m \(built with 0\.4\) no inertia resists .*joint 'a'"):
+            answer()
 
 
 def test_the_table_tells_rows_singular_positions_branches_and_pivots_with_their_margins():

@@ -78,12 +78,12 @@ def test_turned_scenes_move_alike(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_far_away_move_alike(name: str) -> None:
-    """At a million times their size from the origin places are rounded to 1e-10 of the size; what only fits, or has change points, by exact lengths, at a thousand."""
+    """A million of their sizes from the origin: places are rounded to 1e-10 of the size, and nothing else is lost."""
     similar, model, numbers = original(name)
-    distance = 1e3 if model.system.constraints.dependent else 1e6
+    distance = 1e6
     _, moved, found = _moved(name, Units(place=(np.eye(3), distance * np.array([1.0, 0.2, -0.3]))))
     _same_decisions(model, moved)
-    assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * (RTOL + distance * np.finfo(float).eps)
+    assert np.max(np.abs(found - numbers)) < min(1e2 * similar.growth, 3e3) * (RTOL + distance * np.finfo(float).eps)
 
 
 SMALL = Units(length=4.0**-10, mass=4.0**-7, time=4.0**-5)
