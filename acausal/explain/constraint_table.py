@@ -14,8 +14,8 @@ from acausal.explain.integrability.scene import scene_integrability
 from acausal.explain.integrability.velocity_forms import contact_rows, is_linear, rates_only
 from acausal.explain.row_meaning import row_meanings
 from acausal.numerics.vanishing import equilibrated_rank
+from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.scalar.coupling import Held
 from acausal.wording import compact, counted, entry_names
 
@@ -199,6 +199,10 @@ def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
     for held in system.scalar.redundant:
         yield ConstraintEntry(
             held.name, "other positions of flanges", "redundant", False, "it follows from others; the smallest efforts are given"
+        )
+    for held in system.scalar.looped:
+        yield ConstraintEntry(
+            held.name, "other positions of flanges", "redundant", False, "loops hold it already; it transmits nothing"
         )
     for held in rates_only(system):
         if held.of_inputs:
