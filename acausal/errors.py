@@ -93,6 +93,10 @@ class OptionError(AcausalError, ValueError):
     """An argument of a call is out of its range."""
 
 
+class NoRuntimeError(OptionError):
+    """The integrators in C are not there: neither built with the package, nor to be compiled now."""
+
+
 class EquilibriumError(AcausalError):
     """No equilibrium or steady motion was found near the start; the message says what keeps moving."""
 

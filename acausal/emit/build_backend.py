@@ -18,7 +18,7 @@ from typing import Any
 
 from library import BUILT, FLAGS, SOURCES, Variant, variants  # type: ignore[import-not-found]  # beside this file, see pyproject.toml
 from setuptools import build_meta
-from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.bdist_wheel import bdist_wheel  # pyright: ignore[reportMissingModuleSource]  # of the build's own setuptools
 
 _Settings = dict[str, Any] | None
 build_sdist = build_meta.build_sdist

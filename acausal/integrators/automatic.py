@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import warnings
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -9,16 +11,25 @@ import numpy as np
 
 from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
 from acausal.collocation.tableau import Tableau, eigenvectors, gauss_legendre
+from acausal.errors import NoCompilerWarning, NoRuntimeError
 from acausal.integrators.base import AbstractIntegrator, native
+from acausal.integrators.builtin import Cvodes
 from acausal.integrators.gauss import Gauss, default_order, newton_where_slow
 from acausal.integrators.radau import Radau
 from acausal.numerics.rounding import scaled_jacobian
 from acausal.runtime.compiled import Choice, Pace, Slow
+from acausal.wording import callers_level
 
 _LARGEST = 400
 """States up to which eigenvalues are looked at."""
 _FAST = 1.0
 """Decay in a step from which on Gauss, which does not damp it, is the wrong method."""
+
+
+@functools.cache
+def warn_no_compiler(reason: str) -> None:
+    """Say, once in a process for each reason, what is missing."""
+    warnings.warn(f"{reason} CVODES of CasADi integrates instead.", NoCompilerWarning, stacklevel=callers_level())
 
 
 @dataclass(frozen=True)
@@ -40,10 +51,15 @@ class Automatic(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`. The statistics name the methods that ran."""
-        order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
-        tableau = gauss_legendre(order // 2)
+        tolerances = tolerances.with_step(self.step)
+        try:
+            compiled = native(problem)
+        except NoRuntimeError as error:
+            warn_no_compiler(str(error))
+            return Cvodes().integrate(problem, x0, t0, t1, tolerances, progress)
+        tableau = gauss_legendre((self.order or default_order(tolerances.rtol, compiled.lanes)) // 2)
         choice, leave = Choice((tableau,), Newton.WHERE_SLOW), stiffness_of(problem, tableau)
-        first, stiff = native(problem).integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
+        first, stiff = compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
         if not stiff or first.stopped:
             return first
         done = (float(first.t[-1]) - t0) / (t1 - t0)

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
-from acausal.errors import OptionError
+from acausal.errors import ExportError, NoRuntimeError, OptionError
 from acausal.runtime.compiled import CompiledProblem, compile_problem
 
 
@@ -62,14 +62,16 @@ def integrator(name: str, order: int | None = None, step: float | None = None) -
 
 
 def native(problem: Problem) -> CompiledProblem:
-    """The problem's kernels, made here where it has none. Raises `OptionError` where there is no runtime: neither built nor to be compiled."""
-    found = problem.compiled or compile_problem(
-        problem.rhs, problem.invariants, problem.project, problem.clearance, problem.positions
-    )
+    """The problem's kernels, made here where it has none. Raises `NoRuntimeError` where there is no runtime: neither built nor to be compiled."""
+    try:
+        found = problem.compiled or compile_problem(
+            problem.rhs, problem.invariants, problem.project, problem.clearance, problem.positions
+        )
+        why = "no C compiler was found to build it now (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough)"
+    except ExportError as error:
+        found, why = None, f"it cannot be built now. {error}"
     if found is None:
-        raise OptionError(
-            "Gauss and Radau need the runtime in C, which was not built with this installation, and no C compiler was found to build it now "
-            "(cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough). "
-            "Until then, method='cvodes' or method='idas' integrate without it."
+        raise NoRuntimeError(
+            f"The integrators in C were not built with this installation, and {why}. Until then, method='cvodes' and 'idas' are there."
         )
     return found

@@ -35,14 +35,14 @@ class Gauss(AbstractIntegrator):
         self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`."""
-        order, tolerances = self.order or default_order(tolerances.rtol, problem), tolerances.with_step(self.step)
+        compiled, tolerances = native(problem), tolerances.with_step(self.step)
+        order = self.order or default_order(tolerances.rtol, compiled.lanes)
         choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
-        return native(problem).integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
+        return compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
 
 
-def default_order(rtol: float, problem: Problem) -> int:
+def default_order(rtol: float, lanes: int) -> int:
     """Order at which a tolerance is cheapest: stages that fit into the lanes cost no more than one."""
-    lanes = native(problem).lanes
     if lanes >= 4:
         return 16 if rtol < (2e-4 if lanes >= 8 else 1e-5) else 8
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16

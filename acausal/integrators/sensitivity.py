@@ -39,7 +39,7 @@ def integrate_sensitivities(
     x = np.full((x0.size, times.size), np.nan)
     S = np.full((times.size, *directions.dx.shape), np.nan)
     x[:, 0], S[0] = x0, directions.dx
-    tableau = gauss_legendre(default_order(tolerances.rtol, problem) // 2)
+    tableau = gauss_legendre(default_order(tolerances.rtol, compiled.lanes) // 2)
     slow, choice = stiffness_of(problem, tableau), Choice((tableau,), Newton.WHERE_SLOW)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), tolerances, choice, directions)
     status, passages = Status(StatusKind.SUCCESS, float(times[0])), 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import functools
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ import casadi as ca
 
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.dynamics.tree import JointSymbols
-from acausal.errors import ExportError, NoCompilerWarning
+from acausal.errors import ExportError
 from acausal.language.component import energy_unknown
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression
@@ -26,7 +25,6 @@ from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
-from acausal.wording import callers_level
 
 if TYPE_CHECKING:
     from acausal.runtime.compiled import CompiledProblem
@@ -248,23 +246,20 @@ class Functions:
         return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
 
     def native(self, how: How) -> CompiledProblem | None:
-        """Dynamics, invariants, projection and clearance as kernels; None, said once, where there is no runtime, or a compiler fails."""
+        """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""
         if how not in self._native:
-            self._native[how] = self._made(how)
+            from acausal.runtime.compiled import compile_problem
+
+            parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance
+            try:
+                self._native[how] = compile_problem(*parts, self.space.nq, how)
+            except ExportError:  # whoever integrates tries again, and says what is wrong
+                return None
         return self._native[how]
 
     @functools.cached_property
     def _native(self) -> dict[How, CompiledProblem | None]:
         return {}
-
-    def _made(self, how: How) -> CompiledProblem | None:
-        from acausal.runtime.compiled import compile_problem
-
-        try:
-            return compile_problem(self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.space.nq, how)
-        except ExportError as error:
-            warn_no_compiler(str(error))
-            return None
 
     @functools.cached_property
     def clocks(self) -> Clocks | None:
@@ -320,14 +315,6 @@ class Functions:
     def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
         found = [ca.densify(self.space.put(r)) for r in results]
         return folded_function(name, self.space.arguments, found, ["t", "x", "u", "p"], names)
-
-
-@functools.cache
-def warn_no_compiler(reason: str) -> None:
-    """Say, once in a process for each reason, that the integrators cannot be had."""
-    warnings.warn(
-        f"{reason}\nWithout the runtime only method='cvodes' and 'idas' are there.", NoCompilerWarning, stacklevel=callers_level()
-    )
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}
