@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.loops.close_loops import close_loops, sketch_configuration
+from acausal.loops.descent import descends_to_singular_position
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
 from acausal.loops.mobility import locked, shaky
@@ -190,7 +191,11 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank, rank.kept))
+    singular = rank.rank > 0 and (
+        rank.singular_at_start
+        or has_singular_position(walk, start, jacobians, rank.rank, rank.kept)
+        or (group.v.numel() - rank.rank > 1 and descends_to_singular_position(walk, samples, jacobians, rank.rank))
+    )
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(z)[2] for z in samples]

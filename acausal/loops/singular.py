@@ -83,15 +83,19 @@ def _steps(look: _Look, start: np.ndarray, ahead: np.ndarray) -> Iterator[tuple[
         here = look.at(found, ahead)
 
 
+def row_scale(jacobians: list[np.ndarray]) -> np.ndarray:
+    """What is much for each row (m,)."""
+    scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
+    return np.maximum(scale, 1e-6 * np.max(scale))
+
+
 def has_singular_position(walk: Walk, start: np.ndarray, jacobians: list[np.ndarray], rank: int, kept: tuple[int, ...]) -> bool:
     """Whether a walk from the assembled configuration `start`, most of a turn of a hinge to either side, meets a singular position.
 
     `jacobians`: A (m, nv) there and at others; `rank`: its independent rows in general, `kept` for example. At most 120 steps with two
     singular value decompositions each, and 40 more at each place where the singular value has a sharp least.
     """
-    scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
-    scale = np.maximum(scale, 1e-6 * np.max(scale))
-    look = _Look(walk, scale, rank, kept)
+    look = _Look(walk, row_scale(jacobians), rank, kept)
     ahead = np.random.default_rng(1).normal(size=jacobians[0].shape[1])
     for sense in (1.0, -1.0):
         last: list[_Place] = []

@@ -46,7 +46,7 @@ class Walk:
         if silent.any():
             curved = _at(curvature(closing, group.q, silent), parameters, values)
             bends = ca.Function("bends", [group.q, t], [ca.densify(curved)])
-            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), np.array(bends(guess, 0.0)).ravel())
+            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), np.array(bends(guess, 0.0)))
         rng = np.random.default_rng(3)
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, 0.0) for q in probes]

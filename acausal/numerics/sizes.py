@@ -117,17 +117,22 @@ def unknown_sizes(largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, d
 
 
 def curvature(rows: ca.SX, y: ca.SX, places: np.ndarray) -> ca.SX:
-    """Second derivatives of rows (m, 1) along a direction in which all unknowns at `places` (n,) change, each differently."""
-    along = ca.DM(np.where(places, np.random.default_rng(4).uniform(0.5, 1.0, places.size), 0.0))
-    return ca.jtimes(ca.jtimes(rows, y, along), y, along)
+    """Second derivatives (m, k + 1) of rows (m, 1): along each of the k unknowns at `places` (n,), then with all of them changing differently."""
+    together = np.where(places, np.random.default_rng(4).uniform(0.5, 1.0, places.size), 0.0)
+    directions = [*np.eye(places.size)[places], together]
+    return ca.horzcat(*(ca.jtimes(ca.jtimes(rows, y, ca.DM(along)), y, ca.DM(along)) for along in directions))
 
 
-def bent_size(terms: np.ndarray, bends: np.ndarray) -> float:
-    """How far unknowns go that no row changes with to first order, until rows with these `terms` (m,) and second derivatives `bends`
-    (m,) change as much as their terms; 0 where nothing is bent.
+def bent_size(terms: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """How far unknowns (k,) go that no row changes with to first order, until rows with these `terms` (m,) and second derivatives `bends`
+    (m, k + 1) change as much as their terms; 0 where nothing is bent.
+
+    Each by itself where rows bend along it: in a direction of all, differences that happen to be small look straight.
     """
-    ratio = np.sqrt(2 * np.divide(terms, np.abs(bends), out=np.zeros_like(terms), where=(bends != 0) & np.isfinite(bends)))
-    return float(np.max(ratio, initial=0.0))
+    curved = (bends != 0) & np.isfinite(bends)
+    ratio = np.sqrt(2 * np.divide(terms[:, None], np.abs(bends), out=np.zeros(bends.shape), where=curved))
+    reach = np.max(ratio, axis=0, initial=0.0)
+    return np.where(reach[:-1] > 0, reach[:-1], reach[-1])
 
 
 def row_sizes(largest: np.ndarray, unknowns: np.ndarray, terms: np.ndarray, drawn: Drawn | None = None) -> np.ndarray:
