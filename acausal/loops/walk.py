@@ -120,6 +120,7 @@ class Walk:
                 return None
             U, s, Vt = np.linalg.svd(J, full_matrices=False)
             kept = int(np.sum(s > self.dependent * np.max(s, initial=0.0))) if rank is None else rank
+            Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
             inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
             z = z - inverse @ c[:, 0]
             z = z - inverse @ self.at(z)[0][:, 0]

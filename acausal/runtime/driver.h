@@ -316,8 +316,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     int noisy = T->noisy;
     T->noisy = 0;
     double error = error_of(I, S, h);
-    if (S->around) forget_noise(I);
-    if (S->around || (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1)))) return error;
+    if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1))) return error;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     double left = error_of(I, S, h);
@@ -329,7 +328,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
 /* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. */
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
-    if (S->around || T->noisy || !(T->change < INFINITY)) return 0;
+    if (T->noisy || !(T->change < INFINITY)) return 0;
     sample_noise(I, S);
     double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;
