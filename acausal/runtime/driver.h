@@ -319,6 +319,10 @@ static double step_error(Integrator *I, Stages *S, double h) {
     if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1))) return error;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
+    if (S->around) { /* there only states that are nothing but rounding are forgiven */
+        forget_noise(I);
+        return error_of(I, S, h);
+    }
     double left = error_of(I, S, h);
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
     if (T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
@@ -328,7 +332,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
 /* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. */
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
-    if (T->noisy || !(T->change < INFINITY)) return 0;
+    if (S->around || T->noisy || !(T->change < INFINITY)) return 0;
     sample_noise(I, S);
     double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;
