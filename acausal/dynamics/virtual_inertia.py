@@ -74,7 +74,7 @@ def virtual_rotors(
     """
     found: dict[int, list[float]] = {}
     numbers = _numbers(tree, parameters, values)
-    parts = loops.parts()
+    parts = [(rows, _of_whole_links(tree, columns)) for rows, columns in loops.parts()]
     for q, A in zip(samples, loops.jacobians, strict=True):
         met = _articulated(tree, numbers(q))
         wanted = {i: d for rows, columns in parts for i, d in _light(tree, met, A[np.ix_(rows, columns)], columns, loops)}
@@ -238,6 +238,12 @@ def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, loops: Loo
         if max(least[i] / _LIGHT, _FREE * (enough or most)) < d < np.inf:
             found.append((i, d / rate[i] ** 2))
     return found
+
+
+def _of_whole_links(tree: Tree, columns: np.ndarray) -> np.ndarray:
+    """All velocities of the links that some velocities move."""
+    moved = [np.arange(v.start, v.stop) for link in tree.links if np.isin(np.arange((v := link.v).start, v.stop), columns).any()]
+    return np.concatenate(moved) if moved else columns
 
 
 def _owners(tree: Tree, columns: np.ndarray) -> dict[int, np.ndarray]:

@@ -61,7 +61,8 @@ def _tears(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> b
     speed = float(np.max(np.abs(v[:, 0] / c.rates), initial=0.0))
     U, s, _ = np.linalg.svd(A * c.rates)
     s = np.concatenate([s, np.zeros(U.shape[1] - s.size)])
-    return bool(np.any(np.abs(U.T @ bias)[:, 0] > np.where(s < _OFF**0.5, np.maximum(_BENT, _NEAR * s), np.inf) * speed**2))
+    flat = s < _OFF**0.5
+    return bool(np.any(np.abs(U.T @ bias)[flat, 0] > np.maximum(_BENT, _NEAR * s[flat]) * speed**2))
 
 
 def _energy(functions: Functions, problem: Problem, t: float, x: np.ndarray, v: np.ndarray) -> float:

@@ -97,6 +97,9 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
     terms = _rounding(functions, run, worst, sizes)[2:] / _EPS
     allowed = _LOOSE * max(sizes.part, _START)
     off = gaps > allowed * terms[:, None]
+    for k in np.flatnonzero(off.any(axis=1)):  # each row at the step where it is off most
+        terms[k] = np.maximum(terms[k], _rounding(functions, run, int(np.argmax(gaps[k])), sizes)[2 + k] / _EPS)
+        off[k] = gaps[k] > allowed * terms[k] if terms[k] > 0 else False
     off[~np.isfinite(terms)] = False
     if not off.any():
         return False
