@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acausal.loops.singular import row_scale
 from acausal.loops.walk import Walk
 from acausal.numerics.thresholds import SINGULAR
 
@@ -25,46 +24,64 @@ _GAP = 1e-3
 _CLOSED = 1e-8
 
 
-def descends_to_singular_position(walk: Walk, starts: Sequence[np.ndarray], jacobians: list[np.ndarray], rank: int) -> bool:
-    """Whether the smallest of the `rank` singular values falls to zero from one of the assembled configurations `starts` with these
-    `jacobians`.
+def singular_values_down(
+    walk: Walk, starts: Sequence[np.ndarray], scale: np.ndarray, rank: int
+) -> list[tuple[float, np.ndarray]]:
+    """The least singular values that are reached from the assembled configurations `starts`, and where; none after a singular position.
+
+    `scale` (m,): of the rows of A; `rank`: how many are independent in general.
     """
-    scale = row_scale(jacobians)[:, None]
-    return any(_falls(walk, start, scale, rank) for start in starts)
+    found: list[tuple[float, np.ndarray]] = []
+    for start in starts:
+        found.append(_lowest(walk, start, scale[:, None], rank))
+        if found[-1][0] < SINGULAR:
+            break
+    return found
 
 
-def _falls(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> bool:
+def _lowest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> tuple[float, np.ndarray]:
+    here = _smallest(walk, z, scale, rank)
     for _ in range(_MOST_STEPS):
-        U, s, Vt = np.linalg.svd(walk.at(z)[2] / scale)
-        smallest = float(s[rank - 1])
-        if smallest < SINGULAR:
-            return True
-        found = _lower(walk, z, scale, smallest, _slope(walk, z, scale, U[:, rank - 1], Vt[rank - 1], Vt[rank:]), rank)
+        if here < SINGULAR:
+            break
+        moves = _moves(walk, z, scale, rank)
+        found = next((place for move in moves if (place := _lower(walk, z, scale, here, move, rank)) is not None), None)
         if found is None:
-            return False
-        z = found
-    return False
+            break
+        z, here = found, _smallest(walk, found, scale, rank)
+    return here, z
 
 
-def _slope(walk: Walk, z: np.ndarray, scale: np.ndarray, left: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Of the singular value with these vectors, (nv,), along the directions `free` (f, nv) in which the loops let go."""
+def _smallest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> float:
+    return float(np.linalg.svd(walk.at(z)[2] / scale, compute_uv=False)[rank - 1])
+
+
+def _moves(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> list[np.ndarray]:
+    """Changes of z to where the sum of rows that nearly vanishes does: by Newton's method, and down the slope of its size.
+
+    To first order in a move, the sum changes along itself, where it is to vanish, and along the directions in which the loops let go,
+    where it is to stay nothing; whatever else of it changes, other weights of the rows make up for.
+    """
     _, _, A, N = walk.at(z)
-    changes = np.array([left @ ((walk.at(z + N @ (_PROBE * along))[2] - A) / scale) @ right for along in free]) / _PROBE
-    return changes @ free
+    U, s, Vt = np.linalg.svd(A / scale)
+    weights, along, free = U[:, rank - 1], Vt[rank - 1 :].T, Vt[rank:]
+    changed = [weights @ ((walk.at(z + N @ (_PROBE * way))[2] - A) / scale) @ along / _PROBE for way in free]
+    changes = np.array(changed).T
+    if not np.isfinite(changes).all():
+        return []
+    slope = changes[0]
+    wanted = np.append(-s[rank - 1], np.zeros(free.shape[0]))
+    newton = np.linalg.lstsq(changes, wanted, rcond=1e-6)[0]
+    down = -s[rank - 1] * slope / max(float(slope @ slope), np.finfo(float).tiny)
+    return [N @ (move @ free) for move in (newton, down)]
 
 
-def _lower(walk: Walk, z: np.ndarray, scale: np.ndarray, here: float, slope: np.ndarray, rank: int) -> np.ndarray | None:
-    """A closed configuration where the singular value is lower than `here`, down the slope."""
-    steepness = float(np.linalg.norm(slope))
-    if not 0 < steepness < np.inf:
-        return None
-    down = walk.at(z)[3] @ (-slope / steepness)
-    stride = min(_STRIDE, here / steepness)
+def _lower(walk: Walk, z: np.ndarray, scale: np.ndarray, here: float, move: np.ndarray, rank: int) -> np.ndarray | None:
+    """A closed configuration where the singular value is lower than `here`, along a move that would make it nothing."""
+    part = min(1.0, _STRIDE / max(float(np.max(np.abs(move))), np.finfo(float).tiny))
     for _ in range(_MOST_HALVINGS):
-        there = walk.closed(z + stride * down, min(_CLOSED, _GAP * here**2))
-        if there is not None:
-            value = float(np.linalg.svd(walk.at(there)[2] / scale, compute_uv=False)[rank - 1])
-            if value < here - _LEAST_FALL * stride * steepness:
-                return there
-        stride *= 0.5
+        there = walk.closed(z + part * move, min(_CLOSED, _GAP * here**2))
+        if there is not None and _smallest(walk, there, scale, rank) < (1 - _LEAST_FALL * part) * here:
+            return there
+        part *= 0.5
     return None
