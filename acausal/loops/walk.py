@@ -8,7 +8,7 @@ import numpy as np
 from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import assemble
 from acausal.numerics.bound import BoundFunction
-from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
+from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
 
@@ -51,7 +51,8 @@ class Walk:
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, 0.0) for q in probes]
         c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
-        self.unit = unknown_sizes(J, group.turning, c[:, 0] + self._rounding(guess), drawn)
+        instead = _lengths_of_rates(A, N, group.turning)
+        self.unit = unknown_sizes(J, group.turning, c[:, 0] + self._rounding(guess), drawn, instead)
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
@@ -188,6 +189,15 @@ class _Parts:
         self._q[:], self._t[0] = q, t
         parts = np.split(self._bound().copy(), self._ends[:-1])
         return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
+
+
+def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.ndarray:
+    """Sizes (nq,) of coordinates that have arms in rows of the velocities only: where wheels of a cart stand. Zero where there are none."""
+    turns = np.any(N[turning] > 0, axis=0)
+    arms = np.max(A[:, turns], axis=1, initial=0.0)[:, None]
+    heard = A > FAINT * np.max(A, axis=0, initial=0.0)
+    speeds = np.where(turns, 1.0, np.max(np.divide(arms, A, out=np.zeros_like(A), where=heard), axis=0, initial=0.0))
+    return np.max(N * speeds, axis=1, initial=0.0)
 
 
 def _at(expression: ca.SX, parameters: ca.SX, values: np.ndarray) -> ca.SX:
