@@ -47,17 +47,37 @@ class Walk:
             curved = _at(curvature(closing, group.q, silent), parameters, values)
             bends = ca.Function("bends", [group.q, t], [ca.densify(curved)])
             reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), np.array(bends(guess, 0.0)).ravel())
+        own, bent = self._bent(group, t, parameters, values, guess, at_guess[1])
+        reach = np.where(bent > 0, bent, reach)
         rng = np.random.default_rng(3)
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, 0.0) for q in probes]
         c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
-        instead = _lengths_of_rates(A, N, group.turning)
-        self.unit = unknown_sizes(J, group.turning, c[:, 0] + self._rounding(guess), drawn, instead)
+        instead = np.maximum(bent, _lengths_of_rates(A, N, group.turning))
+        terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
+        self.unit = unknown_sizes(J, group.turning, terms, drawn, instead)
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
         self.dependent, self.rank = drawn.dependent(self._rows), drawn.dependent(self._rows, RANK)
         self._velocity = _without_noise(A @ self.rate, self.rate, group, t, parameters, values, probes)
+
+    def _bent(
+        self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray, guess: np.ndarray, J: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of rows (m,) without angles whose slope J changes with place, a rod between particles, and of the unknowns (nq,) in them: how far these go
+        until it is another one. Wherever the origin is. Zero for others.
+        """
+        closing, straight = group.closing, ~group.turning
+        used = ca.DM(ca.jacobian(closing, group.q).sparsity(), 1).full() > 0
+        if not (straight.any() and closing.numel()):
+            return np.zeros(closing.numel()), np.zeros(guess.size)
+        curved = _at(curvature(closing, group.q, straight), parameters, values)
+        bends = np.abs(np.array(ca.Function("bends", [group.q, t], [ca.densify(curved)])(guess, 0.0)).ravel())
+        plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
+        slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
+        own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
+        return own, np.max(own[:, None] * used, axis=0, initial=0.0)
 
     def _rounding(self, q: np.ndarray) -> np.ndarray:
         return self._drawn + finite(self._noise.at(np.append(q, self.time)))
