@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 import acausal as ac
-from acausal.reduce.unit_quaternions import unit_quaternions
+from acausal.parts.unit_quaternions import unit_quaternions
 from components import Free, NonlinearSpring, Revolute, RigidBody, RotationalDamper, RotationalGround, TorqueSource, World
 from tests.analysis_scenes import Motor, Top
 from tests.scenes import DoublePendulum, FourBar, Pendulum, chain

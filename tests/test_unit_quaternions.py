@@ -7,7 +7,7 @@ import pytest
 
 import acausal as ac
 from acausal.charts.rodrigues import ChartCoordinates
-from acausal.reduce.unit_quaternions import unit_quaternions
+from acausal.parts.unit_quaternions import unit_quaternions
 from components import RigidBody, RollingBall, Spherical, World
 
 q = ca.SX.sym("q", 6)

@@ -14,8 +14,8 @@ from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import singular_loops
 from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
+from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.reduce.unit_quaternions import unit_quaternions
 
 
 @dataclass(frozen=True)

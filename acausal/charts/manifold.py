@@ -12,7 +12,7 @@ from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import scaled_rows
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
-from acausal.reduce.unit_quaternions import unit_quaternions
+from acausal.parts.unit_quaternions import unit_quaternions
 
 _POINTS = 8
 _SAME = 1e-11

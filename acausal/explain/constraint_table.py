@@ -14,8 +14,8 @@ from acausal.explain.integrability.scene import scene_integrability
 from acausal.explain.integrability.velocity_forms import contact_rows, is_linear, rates_only
 from acausal.explain.row_meaning import row_meanings
 from acausal.numerics.vanishing import equilibrated_rank
+from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.scalar.coupling import Held
 from acausal.wording import compact, counted, entry_names
 

@@ -18,9 +18,9 @@ from acausal.export.sympy_bridge import operations
 from acausal.export.trigonometric_sums import Algebra, Sum, TooLarge
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
+from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
-from acausal.reduce.unit_quaternions import unit_quaternions
 
 _BUDGET = 150_000
 _SHOWN = 3_000

@@ -2,61 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import AssemblyError
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.loops import LoopRows
+from acausal.loops.nearest_loops import nearest_closed
 from acausal.loops.walk import Walk
-from acausal.numerics.assembly import assemble
+from acausal.numerics.assembly import Residual, assemble, brought_near
 from acausal.numerics.thresholds import EDGE
-from acausal.parts.pose import Pose
 
 _ATTEMPTS = 12
 
 
-def sketch_configuration(system: MechanicalSystem) -> np.ndarray:
-    """First guess for q: from the rough poses of bodies where both ends of a joint have one, else the joint's own start."""
-    guess: list[float] = []
-    groups = system.mechanism.groups
-    for item in system.tree.joints:
-        edge = item.edge
-        a, b = groups[edge.a].sketch, groups[edge.b].sketch
-        if edge.a == 0 or edge.b == 0:
-            a = Pose.identity() if edge.a == 0 else a
-            b = Pose.identity() if edge.b == 0 else b
-        entries = edge.joint.start_q()
-        if a is not None and b is not None:
-            mounting = Pose(edge.joint.mounting(), np.zeros(3))
-            X = (a @ edge.pose_a @ mounting).inverse() @ (b @ edge.pose_b @ mounting)
-            found = edge.joint.coordinates(X)
-            if found is not None and ca.densify(found).is_constant():
-                entries = tuple(float(f) for f in np.array(ca.DM(ca.evalf(found))).ravel())
-        guess += entries
-    return np.array(guess)
+def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn: Callable[[], Residual]) -> np.ndarray:
+    """The configuration z of the group's coordinates nearest to the `guess` q with all its loops closed on the branch meant.
 
-
-def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np.ndarray:
-    """A configuration z of the group's coordinates near the `guess` q with all its loops closed on the branch meant.
-
+    `drawn`: makes the measure of how far one is from the sketch.
     Loops that are driven may close at another time only: the walk is then at that time.
     Raises `AssemblyError` with the smallest gap.
     """
 
     meant = ca.Function("meant", [group.q, t], [ca.vertcat(group.domain, *_signs(group, t))])
+
+    def is_meant(z: np.ndarray) -> bool:
+        return bool(np.all(np.array(meant(z * walk.unit, walk.time)) > EDGE))
+
     rng = np.random.default_rng(0)
     sketch = guess / walk.unit
     smallest, where = np.inf, sketch
-    for attempt in range(_ATTEMPTS):
-        first = sketch if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
+    for first in _beginnings(group, walk, sketch, rng):
         if not all(np.isfinite(part).all() for part in walk.at(first)):  # a wheel that lies flat, the tip of a cone: beside it
             continue
         found = assemble(walk.closing, first, sizes=walk.sizes)
-        right_branch = bool(np.all(np.array(meant(found.y * walk.unit, walk.time)) > EDGE))
+        right_branch = is_meant(found.y)
         if found.converged and right_branch:
-            return found.y
+            if not found.iterations:
+                return found.y
+            return nearest_closed(walk, drawn(), sketch, found.y, is_meant)
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
     if not np.isfinite(smallest) and not all(np.isfinite(part).all() for part in walk.at(where)):
@@ -64,8 +50,8 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np
     if ca.depends_on(group.closing, t):
         for attempt in range(_ATTEMPTS):
             first = where if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
-            z = walk.later(first)
-            if z is not None and np.all(np.array(meant(z * walk.unit, walk.time)) > EDGE):
+            z = walk.later(first, (attempt + 1) // 2 * (-1.0) ** (attempt + 1))
+            if z is not None and is_meant(z):
                 return z
         walk.time = 0.0
     gaps = np.abs(walk.gaps(where))
@@ -75,6 +61,17 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray) -> np
         f"{float(np.max(gaps)):.3g} (m, or sine of an angle){_in_words(worst, own)}. "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
     )
+
+
+def _beginnings(group: LoopGroup, walk: Walk, sketch: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """The sketch, shifted to where it nearly closes, and about both, farther and farther away."""
+    yield sketch
+    near = sketch
+    if not group.turning.all():
+        near = brought_near(walk.closing, sketch, group.turning, walk.sizes)
+        yield near
+    for attempt in range(1, _ATTEMPTS):
+        yield (near if attempt % 2 else sketch) + rng.normal(scale=0.1 * 1.35**attempt, size=sketch.size)
 
 
 def _without_slope(group: LoopGroup, parts: list[np.ndarray]) -> AssemblyError:

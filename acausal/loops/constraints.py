@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,12 +10,14 @@ import casadi as ca
 import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
-from acausal.loops.close_loops import close_loops, sketch_configuration
+from acausal.loops.close_loops import close_loops
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
 from acausal.loops.mobility import locked, shaky
+from acausal.loops.nearest_loops import distance_from_sketch
 from acausal.loops.redundancy import RankReport, independent_rows, needed_rows
 from acausal.loops.singular import has_singular_position
+from acausal.loops.sketch import sketch_configuration
 from acausal.loops.walk import Walk
 
 _SAMPLES = 8
@@ -106,7 +109,7 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
             found.append(_unbound(group, guess))
             continue
         walk = Walk(group, tree.t, parameters, values, guess)
-        start = close_loops(group, walk, tree.t, guess)
+        start = close_loops(group, walk, tree.t, guess, functools.partial(distance_from_sketch, system, group, walk, sketch))
         found.append(_examined(group, walk, start, tree.t, parameters) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
     empty = {name for part in found for name in part.empty}

@@ -23,6 +23,7 @@ class LoopGroup:
     """
 
     loops: tuple[LoopRows, ...]
+    joints: tuple[JointSymbols, ...]
     q: ca.SX
     v: ca.SX
     rates: ca.SX
@@ -93,7 +94,7 @@ def _group(system: MechanicalSystem, loops: tuple[LoopRows, ...], joints: Sequen
     v_places = [i for joint in joints for i in range(joint.v.start, joint.v.stop)]
     none = ca.SX(0, 1)
     return LoopGroup(
-        loops, tree.q[q_places], tree.v[v_places], tree.rates[q_places], tuple(q_places), tuple(v_places),
+        loops, tuple(joints), tree.q[q_places], tree.v[v_places], tree.rates[q_places], tuple(q_places), tuple(v_places),
         ca.vertcat(none, *(j.edge.joint.invariants(tree.q[j.q], tree.t) for j in joints)),
         ca.vertcat(none, *(j.edge.joint.domain(tree.q[j.q]) for j in joints)),
         all_turning(j.edge.joint for j in joints),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+
 import casadi as ca
 import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
-from acausal.numerics.assembly import assemble
+from acausal.numerics.assembly import Residual, assemble
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
@@ -18,6 +20,8 @@ _STRIDES = (0.35, 0.1, 0.03)
 _DIRECTIONS = 4
 _MOVED = 0.1
 _PROBES = 3
+_TIMES = range(-20, 21)
+"""Powers of 4 s."""
 
 
 class Walk:
@@ -29,8 +33,9 @@ class Walk:
 
     def __init__(self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray, guess: np.ndarray) -> None:
         A, closing = ca.jacobian(group.velocity, group.v), group.closing
+        self._arguments, self._values, self._shifts = [group.q, t, parameters], values, group.drawn.shifts
         self._parts = _Parts(
-            [group.q, t, parameters],
+            self._arguments,
             [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v), ca.jacobian(closing, t)],
             values,
         )
@@ -89,6 +94,21 @@ class Walk:
         return Sizes(*ones, lambda z: self._rounding(z * self.unit) / self._rows, self.dependent)
 
     @property
+    def length(self) -> float:
+        """Of the loops [m], that shifts are measured by; where nothing is shifted the longest of the unknowns."""
+        return float(np.max(self._rows[self._shifts], initial=np.max(self.unit)))
+
+    def differences(self, rows: ca.SX) -> Residual:
+        """Some more rows (k, 1) in q, the time and the parameters: z -> the rows and their Jacobian, with units."""
+        parts = _Parts(self._arguments, [rows, ca.jacobian(rows, self._arguments[0])], self._values)
+
+        def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            r, J = parts(z * self.unit, self.time)
+            return r[:, 0], J * self.unit
+
+        return evaluate
+
+    @property
     def empty(self) -> np.ndarray:
         """(m,), rows in the velocities that only hold rounding errors."""
         return np.isinf(self._velocity)
@@ -112,11 +132,22 @@ class Walk:
         c, J = self.at(z)[:2]
         return c[:, 0], J
 
-    def later(self, z: np.ndarray) -> np.ndarray | None:
-        """A configuration near z with closed loops at any time, which then is the walk's own; None where none is found."""
-        self.time = 0.0
-        slope = np.abs(self._parts(z * self.unit, 0.0)[4][:, 0]) / self._rows
-        span = 1 / float(positive(np.array([np.max(slope, initial=0.0)]))[0])
+    @functools.cached_property
+    def span(self) -> float:
+        """Time [s] in which what is driven moves by about the size of the loops: at the start, or where it rests then as soon as it moves."""
+        for time in (0.0, *(4.0**k for k in _TIMES)):
+            slope = np.abs(self._parts(np.zeros(self.unit.size), time)[4][:, 0]) / self._rows
+            fastest = float(np.max(np.nan_to_num(slope), initial=0.0))
+            if fastest * time > _MOVED or (time == 0.0 and fastest > 0):
+                return 1 / fastest
+        return 1.0
+
+    def later(self, z: np.ndarray, spans: float = 0.0) -> np.ndarray | None:
+        """A configuration near z with closed loops at any time, which then is the walk's own; None where none is found.
+
+        Looked for from so many `spans` of the motion that is given.
+        """
+        span = self.span
 
         def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             self.time = span * float(y[-1])
@@ -124,7 +155,7 @@ class Walk:
             by_time = self._parts(y[:-1] * self.unit, self.time)[4] * span / self._rows[:, None]
             return c, np.hstack([J, by_time])
 
-        found = assemble(residual, np.append(z, 0.0), tolerance=_CLOSE_ENOUGH)
+        found = assemble(residual, np.append(z, spans), tolerance=_CLOSE_ENOUGH)
         self.time = span * float(found.y[-1])
         exact = assemble(self.closing, found.y[:-1], sizes=self.sizes) if found.converged else found
         return exact.y if exact.converged else None

@@ -11,7 +11,7 @@ two, goes through the same numbers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,13 +57,14 @@ def assemble(
     tolerance: float = CLOSED,
     limit: int = 100,
     stride: float = STRIDE,
-    nearest: np.ndarray | None = None,
+    nearest: Residual | None = None,
     approach: bool = True,
 ) -> Assembled:
     """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
     `sizes`: of unknowns and rows, ones unless given. `stride`: largest change of an unknown in one iteration, as part of its size.
-    Converges quadratically near a solution. `nearest` (n,): without wishes, go on to the y nearest to it, to about 1e-6.
+    Converges quadratically near a solution. `nearest`: without wishes, go on to where the squares of this residual are least nearby, to
+    about 1e-6.
     `approach`: wishes choose the branch too. Converged when every row is within `tolerance` of its size or within rounding; else y
     is a point of locally least squares. Cost of an iteration: one singular value decomposition (m, n).
     """
@@ -77,9 +78,27 @@ def assemble(
     if found.converged and soft is not None:
         found = _settled(rows, soft, found, _Effort(limit, stride, 1e-10, 40))
     elif found.converged and nearest is not None and found.iterations:
-        at, identity = nearest / unit, np.eye(z.size)
-        found = _settled(rows, lambda z: (z - at, identity), found, _Effort(20, stride, 1e-6, 8))
+        found = _settled(rows, _in_units(nearest, unit), found, _Effort(20, stride, 1e-6, 8))
     return rows.result(found)
+
+
+def brought_near(constraints: Residual, guess: np.ndarray, turning: np.ndarray, sizes: Sizes) -> np.ndarray:
+    """The guess, shifted only: what does not turn goes as far as it takes to meet the constraints as well as can be.
+
+    A search goes a stride at a time, since turns bend its way, and gets nowhere from a sketch that is many times its size away.
+    """
+    moved = np.flatnonzero(~turning)
+
+    def shifted(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        y = guess.copy()
+        y[moved] = part
+        c, J = constraints(y)
+        return c, J[:, moved]
+
+    own = replace(sizes, unknowns=sizes.unknowns[moved], rounding=None)
+    result = guess.copy()
+    result[moved] = assemble(shifted, guess[moved], sizes=own, stride=np.inf).y
+    return result
 
 
 def _in_units(residual: Residual, unit: np.ndarray) -> Residual:

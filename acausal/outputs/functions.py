@@ -20,9 +20,9 @@ from acausal.numerics.folding import folded_function
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.state_space import StateSpace
-from acausal.reduce.unit_quaternions import unit_quaternions
 from acausal.wording import callers_level
 
 if TYPE_CHECKING:

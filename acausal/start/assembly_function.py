@@ -29,7 +29,8 @@ from acausal.numerics.sizes import Drawn, row_sizes
 from acausal.numerics.thresholds import DEPENDENT
 from acausal.outputs.outputs import Outputs
 from acausal.start.initial import InitialState, Start, initial_state
-from acausal.start.start_search import Found, Search
+from acausal.start.start_search import Search
+from acausal.start.unknowns import Found
 
 _OPEN = 1e-9
 """Largest residual that counts as closed, where the derivatives of each row by y in its own units have length 1; of velocities, times theirs."""

@@ -21,8 +21,9 @@ from acausal.start.coordinates import Coordinates
 from acausal.start.initial import InitialState, finished, initial_state, start_data
 from acausal.start.same_branch import Walks
 from acausal.start.start_problem import StartProblem
-from acausal.start.start_search import Found, Search
+from acausal.start.start_search import Search
 from acausal.start.start_values import Start
+from acausal.start.unknowns import Found
 
 _ENOUGH = 10
 """A search may end when each branch was found so often ..."""
@@ -56,7 +57,8 @@ def branches(
     with problem.lock:
         seen = _seen(outputs, told, t0, p, u) if told else None
         clusters, used, closed = _searched(first, seen, searches, seed)
-        made, stopped = _branches(problem, wanted, data, weights, clusters, first)
+        hunt = _Hunt(problem, clusters.coordinates, data, weights, np.random.default_rng(0))
+        made, stopped = _branches(hunt, wanted, clusters, first)
     return Branches(tuple(made), used, closed, stopped)
 
 
@@ -131,8 +133,7 @@ class _Clusters:
             return
         walks = Walks(hunt.rows, self.coordinates, hunt.sizes)
         missed = {id(c): hunt.missed(c.y) for c in self.all}
-        sketch = self.problem.positions.first(self.data)
-        self.all.sort(key=lambda c: (round(missed[id(c)], 6), float(np.sum(walks.coordinates.differences(sketch, c.y) ** 2))))
+        self.all.sort(key=lambda c: (round(missed[id(c)], 6), hunt.distance(c.y)))
         kept: list[tuple[_Cluster, list[np.ndarray]]] = []
         for c in self.all:
             rival = missed[id(c)] > _MET or not hunt.wishes
@@ -158,6 +159,16 @@ class _Hunt:
     def sizes(self) -> Sizes:
         """What is much for coordinates and constraints."""
         return self._positions.sizes(self.data, self._positions.first(self.data))
+
+    @functools.cached_property
+    def apart(self) -> Residual:
+        """How far joints are from the sketch, in parts of what is much."""
+        return self._positions.apart(self.data, self._positions.first(self.data))
+
+    def distance(self, y: np.ndarray) -> float:
+        """From the sketch, root mean square."""
+        away = self.apart(y)[0]
+        return float(np.sqrt(np.mean(away**2))) if away.size else 0.0
 
     @property
     def _positions(self) -> Search:
@@ -207,9 +218,8 @@ class _Hunt:
         freedoms = freedom(self.sizes.scaled(hard(y)[1]), max(RANK, self.sizes.dependent)).shape[1]
         if freedoms:
             soft = search.wish_rows(self.data, first, self.weights)
-            scale = _SKETCH / self.coordinates.scale
             # begun at a closed configuration; wishes then only lead along what is free
-            found = assemble(hard, y, _nearest(soft, first, scale, y), sizes=self.sizes, limit=60, approach=False)
+            found = assemble(hard, y, _nearest(soft, self.apart), sizes=self.sizes, limit=60, approach=False)
             if soft is not None:
                 found = assemble(hard, found.y, soft, sizes=self.sizes, limit=60, approach=False)
             y = self._with_angles_near(found.y, first, hard)
@@ -222,13 +232,15 @@ class _Hunt:
         return turned if gap <= _TURNED * (1 + float(np.max(np.abs(turned / self.sizes.unknowns)))) else y
 
 
-def _nearest(soft: Residual | None, first: np.ndarray, scale: np.ndarray, y: np.ndarray) -> Residual:
+def _nearest(soft: Residual | None, apart: Residual) -> Residual:
+    """Near values, and with less weight the distance from the sketch."""
+
     def wishes(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        away, unit = scale * (y - first), np.diag(scale)
+        away, slopes = apart(y)
         if soft is None:
-            return away, unit
+            return _SKETCH * away, _SKETCH * slopes
         r, J = soft(y)
-        return np.concatenate([r, away]), np.vstack([J, unit])
+        return np.concatenate([r, _SKETCH * away]), np.vstack([J, _SKETCH * slopes])
 
     return wishes
 
@@ -245,28 +257,19 @@ def _seen(outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, 
     return ca.Function("seen", [free], [fixed(free, t0, u, p)])
 
 
-def _branches(
-    problem: StartProblem,
-    wanted: list[np.ndarray],
-    data: np.ndarray,
-    weights: np.ndarray,
-    clusters: _Clusters,
-    first: InitialState,
-) -> tuple[list[Branch], int]:
-    sketch = problem.positions.first(data)
-    here = clusters.coordinates
-    ordered: list[tuple[float, _Cluster, Found]] = []
+def _branches(hunt: _Hunt, wanted: list[np.ndarray], clusters: _Clusters, first: InitialState) -> tuple[list[Branch], int]:
+    problem, data, weights = hunt.problem, hunt.data, hunt.weights
+    ordered: list[tuple[float, float, _Cluster, Found]] = []
     for c in clusters.all:
         moving = problem.velocities.solve(np.concatenate([data, c.y]), weights)
         if moving.converged:
-            far = here.differences(sketch, c.y)
-            ordered.append((float(np.sqrt(np.mean(far**2))) if far.size else 0.0, c, moving))
-    ordered.sort(key=lambda item: item[0])
+            ordered.append((round(hunt.missed(c.y), 6), hunt.distance(c.y), c, moving))
+    ordered.sort(key=lambda item: item[:2])
     result: list[Branch] = []
-    for distance, c, moving in ordered:
-        position = Found(c.y, sketch, first.account.positions.gap, first.account.positions.part, True)
+    for _, distance, c, moving in ordered:
+        position = Found(c.y, problem.positions.first(data), first.account.positions.gap, first.account.positions.part, True)
         state = finished(problem, wanted, weights, data, position, moving)
-        words = _words(here, ordered[0][1].y, c.y) if result else "(nearest to the sketch)"
+        words = _words(clusters.coordinates, ordered[0][2].y, c.y) if result else "(nearest to the sketch)"
         result.append(Branch(state, distance, c.count, c.freedoms, words))
     return result, len(clusters.all) - len(ordered)
 

@@ -11,8 +11,8 @@ from acausal.start.initial import InitialState
 
 @dataclass(frozen=True)
 class Branch:
-    """One way to assemble: its state, distance from the sketch (root mean square over coordinates, in rad and sizes of the
-    mechanism), how many searches ended in it, freedoms that the start values leave, and how it differs from the first branch.
+    """One way to assemble: its state, distance from the sketch (root mean square over the coordinates of all joints, in rad and
+    sizes of the loops), how many searches ended in it, freedoms that the start values leave, and how it differs from the first branch.
     """
 
     state: InitialState

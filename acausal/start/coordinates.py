@@ -9,45 +9,9 @@ import casadi as ca
 import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
-from acausal.dynamics.tree import JointSymbols, Tree
-from acausal.parts.joint import AbstractStepJoint
+from acausal.parts.joint_coordinates import Coordinate, joint_coordinates
 from acausal.parts.pose import symbolic
-from acausal.parts.steps import Turn
-from acausal.parts.turning import turning
 from acausal.reduce.reduce import ReducedSystem
-from acausal.reduce.unit_quaternions import unit_quaternions
-from acausal.wording import entry_names
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """One freedom of a joint in q: an angle, a unit quaternion (4 entries) or any other number. `name`: e.g. `arm.elbow.q`."""
-
-    name: str
-    place: slice
-    unit: str
-    turns: bool
-    """Whether it turns something: an angle or a unit quaternion, measured without a length."""
-    periodic: bool
-    """The same up to full turns."""
-
-    @property
-    def is_rotation(self) -> bool:
-        """Whether it is a unit quaternion, the same up to its sign."""
-        return self.place.stop - self.place.start == 4
-
-    def distance(self, a: np.ndarray, b: np.ndarray) -> float:
-        """How far apart two configurations are in it: [rad] for angles (shortest way) and quaternions, else in its unit."""
-        if self.is_rotation:
-            p, q = a[self.place] / np.linalg.norm(a[self.place]), b[self.place] / np.linalg.norm(b[self.place])
-            return float(4 * np.arcsin(min(1.0, min(np.linalg.norm(p - q), np.linalg.norm(p + q)) / 2)))
-        change = float(b[self.place.start] - a[self.place.start])
-        return float(abs(np.remainder(change + np.pi, 2 * np.pi) - np.pi)) if self.periodic else abs(change)
-
-    def value(self, q: np.ndarray) -> str:
-        """The value in words."""
-        entry = q[self.place]
-        return "(" + ", ".join(f"{x:.4g}" for x in entry) + ")" if self.is_rotation else f"{float(entry[0]):.5g}"
 
 
 @dataclass(frozen=True)
@@ -101,38 +65,12 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     found: list[Coordinate] = []
     counted = {s.element_hash() for s in ca.symvar(coupled)}
     for item in tree.joints:
-        for c in _of_joint(item, tree):
+        for c in joint_coordinates(f"{item.edge.name}.q", item.edge.joint, item.q.start):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
     all = tuple(found)
     size = reach(system, p, values, q, all)
     length = size if 0 < size < np.inf else 1.0
     return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, length))
-
-
-def _of_joint(item: JointSymbols, tree: Tree) -> list[Coordinate]:
-    joint, name, first = item.edge.joint, f"{item.edge.name}.q", item.q.start
-    size, q, names = joint.q.size, tree.q[item.q], entry_names(name, joint.q.size)
-    stepped = isinstance(joint, AbstractStepJoint)
-    units = set(unit_quaternions(joint.invariants(q, tree.t), q).values())
-    angles = (
-        {i for step in joint.steps() if isinstance(step, Turn) for i in range(step.q.start, step.q.stop)}
-        if stepped
-        else set[int]()
-    )
-    turns = turning(joint)
-    result: list[Coordinate] = []
-    i = 0
-    while i < size:
-        if i in units:
-            result.append(
-                Coordinate(f"{name}[{i}:{i + 4}]" if size > 4 else name, slice(first + i, first + i + 4), "rad", True, False)
-            )
-            i += 4
-            continue
-        unit = "rad" if turns[i] else joint.q.unit or ("m" if units or stepped else "")
-        result.append(Coordinate(names[i], slice(first + i, first + i + 1), unit, bool(turns[i]), i in angles))
-        i += 1
-    return result
 
 
 def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:

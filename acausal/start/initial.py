@@ -10,9 +10,10 @@ import numpy as np
 
 from acausal.collocation.problem import Directions
 from acausal.start.start_problem import StartProblem, start_problem
-from acausal.start.start_search import Found, Search
+from acausal.start.start_search import Search
 from acausal.start.start_values import Start, near, start_numbers, start_weight
 from acausal.start.start_values import exactly as exactly
+from acausal.start.unknowns import Found
 
 if TYPE_CHECKING:
     from acausal.outputs.outputs import Outputs

@@ -10,7 +10,8 @@ import numpy as np
 from acausal.errors import AssemblyError, StartValueError
 from acausal.numerics.assembly import Assembled
 from acausal.numerics.sizes import Sizes
-from acausal.start.start_search import Found, Search, Target
+from acausal.start.start_search import Search
+from acausal.start.unknowns import Found, Target
 from acausal.wording import numbers
 
 _TRIED = 6

@@ -20,9 +20,11 @@ from acausal.numerics.sizes import Drawn
 from acausal.numerics.vanishing import vanish
 from acausal.outputs.expression_names import expression_name
 from acausal.parts.free import FreeJoint
-from acausal.start.coordinates import Coordinate, Coordinates, coordinates, turning_states
-from acausal.start.start_search import Closing, Search, Target, Unknowns, start_search
+from acausal.parts.joint_coordinates import Coordinate
+from acausal.start.coordinates import Coordinates, coordinates, turning_states
+from acausal.start.start_search import Search, start_search
 from acausal.start.start_values import Start, check_settable, near
+from acausal.start.unknowns import Closing, Target, Unknowns
 
 if TYPE_CHECKING:
     from acausal.outputs.outputs import Outputs
@@ -122,9 +124,9 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     position, velocity = _closing(outputs)
     turns, rates = turning_states(r)
     at = range(data.numel(), data.numel() + q.numel())
-    positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q)
+    positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q, r)
     moving_q = Unknowns(v, ca.vertcat(data, q), rates, True, at, turns)
-    velocities = start_search("velocity", moving_q, wanted, velocity, at_v, r.rate_start, free_v)
+    velocities = start_search("velocity", moving_q, wanted, velocity, at_v, r.rate_start, free_v, r)
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acausal.loops.close_loops import sketch_configuration
+from acausal.loops.sketch import sketch_configuration
 from acausal.numerics.assembly import freedom
 from acausal.numerics.sizes import positive
 from acausal.numerics.thresholds import DEPENDENT
-from acausal.start.start_search import Found, Search, Target
+from acausal.start.start_search import Search
+from acausal.start.unknowns import Found, Target
 from acausal.wording import compact, numbers, shortened
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.errors import StartValueError
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
-from acausal.start.start_search import Target
+from acausal.start.unknowns import Target
 
 Value = float | Sequence[float] | np.ndarray
 
@@ -55,9 +55,12 @@ def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
     """The value (size,), column by column. Raises `StartValueError` for another size and for what is no finite number."""
     number = value.value if isinstance(value, exactly | near) else value
     try:
-        wanted = np.asarray(number, dtype=float).ravel(order="F")
-    except (TypeError, ValueError):
-        raise StartValueError(f"start value of {target.name} is {number!r}, not a number.") from None
+        raw = np.asarray(number)
+        wanted = raw.astype(float).ravel(order="F") if raw.dtype.kind in "biuf" else None
+    except (TypeError, ValueError):  # rows of different lengths
+        wanted = None
+    if wanted is None:
+        raise StartValueError(f"start value of {target.name} is {number!r}, not a number.")
     if wanted.size != target.size:
         raise StartValueError(
             f"start value of {target.name} needs {target.size} numbers, not {'one' if wanted.size == 1 else wanted.size}."

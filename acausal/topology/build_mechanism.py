@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,6 +20,7 @@ from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 from acausal.parts.steps import Shift, Slide
+from acausal.topology.canonical_order import Name, canonical_order, natural, rounded
 from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
 from acausal.topology.spanning_tree import spanning_tree
@@ -32,16 +34,49 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     """
     forces = tuple(part for part in flat.parts if isinstance(part.component, AbstractForce))
     rigid = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart)]
-    constraints = [(part.path, part.component) for part in flat.parts if isinstance(part.component, AbstractConstraint)]
-    gravity = _gravity(rigid) if constraints or forces or rigid else None
-    groups = rigid_groups(flat)
-    index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
-    edges = [_edge(path, c, groups, index) for path, c in constraints if isinstance(c, AbstractJoint)]
-    held = [_edge(path, c, groups, index) for path, c in constraints if not isinstance(c, AbstractJoint)]
+    joints = [(part.path, part.component) for part in flat.parts if isinstance(part.component, AbstractJoint)]
+    others = [
+        (part.path, part.component)
+        for part in flat.parts
+        if isinstance(part.component, AbstractConstraint) and not isinstance(part.component, AbstractJoint)
+    ]
+    gravity = _gravity(rigid) if joints or others or forces or rigid else None
+    groups, edges, held = _in_order(rigid_groups(flat), joints, others, gravity)
     _check_points([*edges, *held], groups)
+    forces = tuple(sorted(forces, key=functools.partial(_force_key, groups)))
     edges += _free_edges(len(groups), edges, groups)
     found = spanning_tree(groups, edges, _driven(flat, forces))
     return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
+
+
+def _in_order(
+    groups: tuple[Group, ...],
+    joints: Sequence[tuple[str, AbstractJoint]],
+    others: Sequence[tuple[str, AbstractConstraint]],
+    gravity: np.ndarray | None,
+) -> tuple[tuple[Group, ...], list[Edge[AbstractJoint]], list[Edge[AbstractConstraint]]]:
+    """Groups, joints and other constraints in an order with which that of declaration has nothing to do."""
+    order = canonical_order(groups, [*_edges(groups, joints), *_edges(groups, others)], gravity)
+    groups = tuple(groups[k] for k in sorted(range(len(groups)), key=order.groups.__getitem__))
+    edges, held, n = _edges(groups, joints), _edges(groups, others), len(joints)
+    return (
+        groups,
+        [edges[i] for i in sorted(range(n), key=order.edges.__getitem__)],
+        [held[i] for i in sorted(range(len(held)), key=order.edges[n:].__getitem__)],
+    )
+
+
+def _force_key(groups: Sequence[Group], part: Part) -> tuple[str, list[tuple[int, tuple[float, ...]]], Name]:
+    """Kind, where it acts, and name: sums of forces have rounding errors, too."""
+    own = [c for c in part.component.connectors() if isinstance(c, Point)]
+    ends = [(k, group.poses[c].position) for k, group in enumerate(groups) for c in own if c in group.poses]
+    places = sorted((k, tuple(rounded(float(x)) for x in at) if isinstance(at, np.ndarray) else ()) for k, at in ends)
+    return type(part.component).__name__, places, natural(part.path)
+
+
+def _edges(groups: Sequence[Group], joints: Sequence[tuple[str, Kind]]) -> list[Edge[Kind]]:
+    index = {connector: i for i, group in enumerate(groups) for connector in group.poses}
+    return [_edge(path, joint, groups, index) for path, joint in joints]
 
 
 def _driven(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:

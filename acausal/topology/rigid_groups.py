@@ -14,6 +14,7 @@ from acausal.numerics.thresholds import EDGE
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Pose, snapped
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart, Attachment
+from acausal.topology.canonical_order import Name, natural, rounded
 from acausal.topology.mechanism import Group
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def _group(
 ) -> Group:
     import networkx as nx
 
-    members = tuple(part for path, part in parts.items() if path in nodes)
+    members = tuple(sorted((part for path, part in parts.items() if path in nodes), key=_rank))
     root: str | int = _GROUND
     if _GROUND not in nodes:
         root = members[0].path if members else min(n for n in nodes if isinstance(n, int))
@@ -77,6 +78,13 @@ def _group(
         else next((p.path for p in members), flat.connector_paths[next(iter(poses))] if poses else "nothing")
     )
     return Group(name, kind, members, tuple(placed[part.path] for part in members), poses, inertia, _sketch(members, placed))
+
+
+def _rank(part: Part) -> tuple[float, str, Name]:
+    """The heaviest comes first: the group has its name and its frame."""
+    assert isinstance(part.component, AbstractRigidPart)
+    mass = part.component.inertia().mass
+    return -rounded(mass) if isinstance(mass, float) else 0.0, type(part.component).__name__, natural(part.path)
 
 
 def _kind(root: str | int, members: Sequence[Part], inertia: Inertia) -> str:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.weld import Weld
-from acausal.topology.canonical_order import in_order
 from acausal.topology.mechanism import Edge, Group, TreeEdge
 
 if TYPE_CHECKING:
@@ -33,11 +32,10 @@ class SpanningTree:
 
 
 def spanning_tree(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[AbstractJoint]) -> SpanningTree:
-    """Tree and cuts of the graph with these nodes (the first is the ground) and edges.
+    """Tree and cuts of the graph with these nodes (the first is the ground) and edges; where nothing else decides, by their order.
 
     `driven`: joints on whose coordinates something acts: an angle known only up to full turns would not do for them.
     """
-    edges = in_order(groups, edges)
     chosen = _least_freedom(groups, edges, driven)
     split = _Split(list(groups), list(edges), [])
     for i in [i for i in range(len(edges)) if i not in chosen and _keeps_coordinates(edges[i].joint, driven)]:

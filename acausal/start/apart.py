@@ -1,0 +1,36 @@
+"""How far positions are from the sketch, see `joint_distance`; made when first asked for, since most sketches are closed."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.loops.joint_distance import Differences, at_cut, in_tree
+from acausal.parts.joint_coordinates import joint_coordinates
+from acausal.reduce.reduce import ReducedSystem
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Differences between the positions y and the sketch `first`: of the joints of the tree, of those that close loops, of scalar positions."""
+
+    system: ReducedSystem
+    y: ca.SX
+    first: ca.SX
+
+    @functools.cached_property
+    def all(self) -> Differences:
+        """In this order; turns of what gears hold are counted."""
+        r = self.system
+        counted = {s.element_hash() for s in ca.symvar(r.scalar.position)}
+        joints = [c for item in r.tree_joints for c in joint_coordinates(item.edge.name, item.edge.joint, item.q.start)]
+        joints = [replace(c, periodic=c.periodic and self.y[c.place.start].element_hash() not in counted) for c in joints]
+        scalars = list(r.scalar_places[: r.scalar.positions])
+        return Differences.joined([
+            in_tree(joints, self.y, self.first),
+            *(at_cut(loop, None, self.y, ca.SX(ca.DM(r.q_start))) for loop in r.constraints.loops),
+            Differences(self.y[scalars, :] - self.first[scalars, :], np.array(scalars, dtype=int)),
+        ])  # fmt: skip

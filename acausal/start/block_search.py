@@ -1,0 +1,166 @@
+"""The search of one block: down from the sketch, from elsewhere where that fails, and for what is nearer where the sketch was rough."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acausal.numerics.assembly import Assembled, Residual, assemble, brought_near
+from acausal.numerics.rivals import Candidate, nearest_rival
+from acausal.numerics.sizes import Sizes
+from acausal.numerics.thresholds import STRIDE
+from acausal.start.block import Block
+from acausal.start.unknowns import Found
+
+_ATTEMPTS = 24
+_PATIENCE = 30
+"""Steps of a search for what is nearer: it begins no farther from the sketch than what was found."""
+_STEEP, _HALVINGS = 100, 12
+"""Searches down an exponential, where sizes shrink on the way, and times that a beginning on it is halved."""
+_SLOW = 1e-4
+_SIZED = 8
+"""Times that curved rows are measured anew where a search came to."""
+
+
+def solve_block(block: Block, data: np.ndarray, first: np.ndarray, factors: np.ndarray, fastest: float) -> Found:
+    """y of the block nearest to `first`, with `factors` of the wishes; begins anew from up to 24 other places where nothing closes.
+
+    `fastest`: rate of all blocks, beside which much smaller ones are rounding errors.
+    """
+    whole, slowest = np.concatenate([data, first]), _SLOW * fastest
+    sizes, wanted = block.sizes(whole, first, factors)
+    search = _Search(block, data, first, factors, whole, sizes.faster(slowest), wanted, slowest)
+    found, right = search.descend(search.beginning())
+    spent, restarts = found.iterations, 0
+    if not right:
+        found, right, more, restarts = search.begin_anew(found)
+        spent += more
+    if right and spent and not block.unknowns.linear:
+        return search.nearest(found, spent, restarts)
+    return Found(found.y, search.begun, found.gap, found.part, right, spent, restarts)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """With these data, `whole` of them with `first`, and sizes."""
+
+    block: Block
+    data: np.ndarray
+    first: np.ndarray
+    factors: np.ndarray
+    whole: np.ndarray
+    sizes: Sizes
+    wanted: np.ndarray
+    slowest: float
+
+    @property
+    def begun(self) -> np.ndarray:
+        return self.first[self.block.places]
+
+    @property
+    def _stride(self) -> float:
+        return np.inf if self.block.unknowns.linear else STRIDE
+
+    @property
+    def _steep(self) -> bool:
+        """Whether rows of scalar variables may be exponentials, as of diodes."""
+        return self.block.unknowns.linear and self.block.curved
+
+    @property
+    def _hard(self) -> Residual:
+        return self.block.constraints.at(self.whole)
+
+    @functools.cached_property
+    def _soft(self) -> Residual | None:
+        if self.block.wishes is None:
+            return None
+        wishes, weights = self.block.wishes.at(self.whole), self.factors / self.wanted
+
+        def soft(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            r, J = wishes(y)
+            return weights * r, weights[:, None] * J
+
+        return soft
+
+    @functools.cached_property
+    def _known_apart(self) -> Residual | None:
+        return self.block.apart_at(self.whole, self.sizes)
+
+    def _apart(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far from the sketch, in parts of what is much."""
+        if self._known_apart is not None:
+            return self._known_apart(y)
+        unit = self.sizes.unknowns
+        return (y - self.begun) / unit, np.diag(1 / unit)
+
+    def beginning(self) -> np.ndarray:
+        """The sketch; of scalar variables halved until the rows are finite: a diode's exponential is not far beyond its voltage."""
+        guess = self.begun
+        if self._steep:
+            for part in 0.5 ** np.arange(_HALVINGS):
+                if np.isfinite(self._hard(part * self.begun)[1]).all():
+                    return part * self.begun
+        return guess
+
+    def descend(self, guess: np.ndarray, approach: bool = True, limit: int = 100) -> tuple[Assembled, bool]:
+        """One search, and whether it closed on the side that is meant. `approach`: wishes choose the branch too."""
+        of, hard = self.sizes, self._hard
+        found = assemble(
+            hard, guess, self._soft, sizes=of, limit=limit, stride=self._stride, nearest=self._apart, approach=approach
+        )
+        for _ in range(_STEEP if self._steep else _SIZED):
+            there = of
+            if self.block.curved:
+                there = self.block.sizes_at(found.y, self.data, self.first, self.factors).faster(self.slowest)
+            if not (found.converged or self._steep) or not (there.rows < 0.5 * of.rows).any():
+                return found, found.converged and self.block.is_meant(found.y, self.whole)
+            on = assemble(
+                hard, found.y, None if found.converged else self._soft, sizes=there, stride=self._stride, approach=False
+            )
+            found, of = replace(on, iterations=found.iterations + on.iterations), there
+        return replace(found, converged=False), False
+
+    def begin_anew(self, best: Assembled) -> tuple[Assembled, bool, int, int]:
+        """What closes first, or else came nearest to that, and whether it closed; the steps it took, and beginnings."""
+        rng, spent = np.random.default_rng(0), 0
+        if not (self.block.unknowns.linear or self.block.unknowns.turning.all()):
+            near = brought_near(self._hard, self.begun, self.block.unknowns.turning, self.sizes)
+            found, right = self.descend(near)
+            if right:
+                return found, True, found.iterations, 1
+        for attempt in range(_ATTEMPTS):
+            # a push out of the place where the search ended, then another beginning, farther and farther from the sketch
+            from_best = attempt % 2 == 0 and not best.converged and best.part < np.inf
+            size = 0.2 if from_best else min(0.1 * 1.25**attempt, 3.0)
+            kick = rng.normal(scale=size, size=self.begun.size) * self.sizes.unknowns
+            found, right = self.descend((best.y if from_best else self.begun) + kick)
+            spent += found.iterations
+            if right:
+                return found, True, spent, attempt + 1
+            if found.part < best.part:
+                best = found
+        return best, False, spent, _ATTEMPTS
+
+    def nearest(self, found: Assembled, spent: int, restarts: int) -> Found:
+        """The best of what was found and of its rivals."""
+        unit, hard = self.sizes.unknowns, self._hard
+
+        def candidate(y: np.ndarray) -> Candidate:
+            missed = 0.0 if self._soft is None else float(np.linalg.norm(self._soft(y)[0]))
+            return Candidate(y / unit, missed, self._apart(y)[0])
+
+        def close(z: np.ndarray) -> Candidate | None:
+            rival, right = self.descend(z * unit, False, _PATIENCE)
+            return candidate(rival.y) if right else None
+
+        def slopes(z: np.ndarray) -> np.ndarray:
+            return self.sizes.scaled(hard(z * unit)[1])
+
+        first = candidate(found.y)
+        best = nearest_rival(first, self.begun / unit, close, slopes, self.sizes.dependent)
+        if best is first:
+            return Found(found.y, self.begun, found.gap, found.part, True, spent, restarts)
+        left = np.abs(hard(best.z * unit)[0])
+        return Found(best.z * unit, self.begun, np.max(left), np.max(left / self.sizes.rows), True, spent, restarts)
