@@ -349,8 +349,7 @@ def shaken_pendulum(of: Units) -> Similar:
     s: Any = ac.System()
     t = ac.time * of.rate
     s.world, s.ball, s.rod = of.world(0, 0, -9.81), Spherical(), RigidBody.rod(of.mass, of.vector(0, 0, -1), radius=0.1 * of.length)
-    s.table = PrescribedMotion(position=of.length * ca.vertcat(0.1 * ca.sin(3 * t.sx), 0, 0.05 * ca.cos(2 * t.sx)) if False else (0.1 * of.length * ca.sin(3.0 * t), 0.0, 0.05 * of.length * ca.cos(2.0 * t)), angle=0.3 * ca.sin(t), axis="x")
-    joined(s, (of.base(s.world), s.table, s.ball.frame_a)) if False else None
+    s.table = PrescribedMotion((0.1 * of.length * ca.sin(3 * t), 0.0, 0.05 * of.length * ca.cos(2 * t)), 0.3 * ca.sin(t), "x")
     s.connect(of.base(s.world), s.table.frame_a)
     s.connect(s.table.frame_b, s.ball.frame_a)
     s.connect(s.ball.frame_b, s.rod.frame)
@@ -445,18 +444,16 @@ def bevel_gear(of: Units) -> Similar:
 def points_on_strings(of: Units) -> Similar:
     """Three particles on rods and springs, with drag that grows with the square of the speed."""
     s: Any = ac.System()
-    s.world, s.a, s.b, s.c = of.world(0, 0, -9.81), *(Particle(m * of.mass, position=at(of, *x)) for m, x in ((1, (0.8, 0, -0.6)), (0.5, (0.8, 0.3, -1.2)), (2, (1.3, 0, -0.7))))
+    s.world, s.a, s.b, s.c = of.world(0, 0, -9.81), *(Particle(m * of.mass, position=at(of, *x)) for m, x in ((1, (0.8, 0, -0.6)), (0.5, (0.8, 0.42, -1.16)), (2, (1.3, 0, -0.7))))
     s.rod, s.rod2, s.spring = Rod(of.length), Rod(0.7 * of.length), SpringDamper(40 * of.stiffness, 0.5 * of.length, 0.2 * of.stiffness * of.time)
     s.drag = NonlinearDamper(lambda length, rate: 0.3 * of.mass / of.length * rate * ca.fabs(rate))
-    s.law = NonlinearSpring(lambda length: 10 * of.torque * (length / of.length) ** 4)
+    s.law = NonlinearSpring(lambda length: 2 * of.torque * (length / of.length) ** 4)
     for part, one, two in ((s.rod, of.base(s.world), s.a.point), (s.rod2, s.a.point, s.b.point), (s.spring, s.a.point, s.c.point), (s.drag, of.base(s.world, 0, 0, 1), s.b.point), (s.law, s.b.point, s.c.point)):
         ends = (part.frame_a, part.frame_b) if isinstance(part, Rod) else (part.point_a, part.point_b)
         s.connect(one, ends[0])
         s.connect(two, ends[1])
-    R, p = of.place
-    where = lambda x: of.length * (R @ np.array(x) + p)  # noqa: E731
-    start = {s.c.point.position: where((1.3, 0, -0.7)), s.a.point.position: ac.near(where((0.8, 0, -0.6))), s.b.point.position: ac.near(where((0.8, 0.3, -1.2)))}
-    start |= {s.c.point.velocity: (0, 0, 0)}
+    start = {s.a.point.position: at(of, 0.8, 0, -0.6), s.b.point.position: at(of, 0.8, 0.42, -1.16), s.c.point.position: at(of, 1.3, 0, -0.7)}
+    start |= {point.velocity: (0, 0, 0) for point in (s.a.point, s.b.point, s.c.point)}
     d = s.a.point.position - s.b.point.position, s.c.point.position - s.b.point.position
     return Similar(s, start, of.time, ((d[0].T @ d[0], of.length**2), (d[0].T @ d[1], of.length**2), (d[1].T @ d[1], of.length**2)))
 
@@ -515,25 +512,27 @@ def crane(of: Units) -> Similar:
 
 @more
 def scissors(of: Units) -> Similar:
-    """Three crossed pairs of bars under a table: two loops in a row, and a slide at the foot."""
+    """Two crossed bars under a table that stays level: a loop over two slides, with a redundant row."""
     s: Any = ac.System()
     s.world = of.world(0, 0, -9.81)
-    s.left, s.right = ([RigidBody.rod(of.mass, of.vector(1, 0, 0)) for _ in range(2)] for _ in range(2))
-    s.middle, s.side, s.other = ([Revolute("y") for _ in range(2)] for _ in range(3))
-    s.foot, s.slide, s.base = Revolute("y"), Prismatic("x"), Revolute("y")
-    ends = [(of.base(s.world), s.base, s.left[0].frame), (of.base(s.world), s.slide, s.foot.frame_a)]
+    s.left, s.right, s.table = RigidBody.rod(of.mass, of.vector(1, 0, 0)), RigidBody.rod(of.mass, of.vector(1, 0, 0)), RigidBody.box(3 * of.mass, of.vector(1, 0.5, 0.1))
+    s.base, s.middle, s.foot, s.head, s.pin = (Revolute("y") for _ in range(5))
+    s.slide, s.rail, s.spring = Prismatic("x"), Prismatic("x"), Spring(300 * of.stiffness)
+    joined(
+        s,
+        (of.base(s.world), s.base, s.left.frame),
+        (s.left.at(of.vector(0.5, 0, 0)), s.middle, s.right.at(of.vector(0.5, 0, 0))),
+        (s.table.frame, s.pin, s.right.tip),
+        (s.table.frame, s.rail, s.head.frame_a),
+    )
     s.connect(of.base(s.world), s.slide.frame_a)
     s.connect(s.slide.frame_b, s.foot.frame_a)
-    s.connect(s.foot.frame_b, s.right[0].frame)
-    joined(s, ends[0])
-    for k in range(2):
-        joined(s, (s.left[k].at(of.vector(0.5, 0, 0)), s.middle[k], s.right[k].at(of.vector(0.5, 0, 0))))
-    joined(s, (s.left[0].tip, s.side[0], s.right[1].frame), (s.right[0].tip, s.other[0], s.left[1].frame))
-    s.spring = Spring(200 * of.stiffness)
-    s.connect(s.spring.point_a, s.left[1].tip)
-    s.connect(s.spring.point_b, s.right[1].tip)
-    start = {s.base.q: -0.6, s.slide.q: ac.near(1.6 * of.length), s.foot.q: ac.near(-2.5), s.base.v: 0.3 * of.rate}
-    return Similar(s, start, 0.5 * of.time, ((s.base.q, 1.0), (s.slide.q, of.length), (s.side[0].q, 1.0)))
+    s.connect(s.foot.frame_b, s.right.frame)
+    s.connect(s.head.frame_b, s.left.tip)
+    s.connect(s.spring.point_a, of.base(s.world))
+    s.connect(s.spring.point_b, s.right.frame)
+    start = {s.base.q: -0.6, s.slide.q: ac.near(0.8 * of.length), s.foot.q: ac.near(-2.5), s.base.v: 0.3 * of.rate}
+    return Similar(s, start, 0.3 * of.time, ((s.base.q, 1.0), (s.slide.q, of.length), (s.middle.q, 1.0)))
 
 
 @more
@@ -558,7 +557,7 @@ def geared_bars(of: Units) -> Similar:
 
 
 @more
-def shapes_that_pass(of: Units) -> Similar:
+def four_bar_on_a_strut(of: Units) -> Similar:
     """The four-bar with a spring and a damper in its hinges' flanges, seen by reactions."""
     s = four_bar_scene(of)
     s.strut = SpringDamper(100 * of.stiffness, 0.3 * of.length, 2 * of.stiffness * of.time)
