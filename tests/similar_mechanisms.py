@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -59,7 +58,6 @@ from components import (
     TranslationalSpring,
     Universal,
     VoltageSource,
-    World,
 )
 from tests.similar import Similar, Units, four_bar_scene, joined
 
@@ -162,12 +160,19 @@ def elastic_arm(of: Units) -> Similar:
     s.world, s.hub, s.load = of.world(0, 0, -9.81), Revolute("y"), RigidBody.ball(0.3 * of.mass, 0.05 * of.length)
     modulus, density = 3e7 * of.mass / of.length / of.time**2, 800 * of.mass / of.length**3
     s.beam = FlexibleBeam(
-        of.length, Section.circle(0.02 * of.length), youngs_modulus=modulus, density=density, bending=(2, 2), modes="craig-bampton"
+        of.length,
+        Section.circle(0.02 * of.length),
+        youngs_modulus=modulus,
+        density=density,
+        bending=(2, 2),
+        modes="craig-bampton",
     )
     joined(s, (of.base(s.world), s.hub, s.beam.frame_a))
     s.connect(s.beam.frame_b, s.load.frame)
     tip = s.beam.deflection(1.0)
-    return Similar(s, {s.hub.q: 0.3, s.hub.v: 1 * of.rate}, 0.3 * of.time, ((s.hub.q, 1.0), (tip, of.length), (s.beam.q, of.length)))
+    return Similar(
+        s, {s.hub.q: 0.3, s.hub.v: 1 * of.rate}, 0.3 * of.time, ((s.hub.q, 1.0), (tip, of.length), (s.beam.q, of.length))
+    )
 
 
 def volts(of: Units) -> float:
@@ -205,7 +210,11 @@ def planetary_drive(of: Units) -> Similar:
     s: Any = ac.System()
     s.world, s.gear = of.world(0, 0, -9.81), PlanetaryGear(2.5)
     s.sun, s.ring, s.motor = Inertia(0.03 * of.inertia), Inertia(0.2 * of.inertia), TorqueSource(0.4 * of.torque)
-    s.hinge, s.rod, s.damper = Revolute("y"), RigidBody.rod(of.mass, of.vector(0, 0, -1)), RotationalDamper(0.1 * of.torque * of.time)
+    s.hinge, s.rod, s.damper = (
+        Revolute("y"),
+        RigidBody.rod(of.mass, of.vector(0, 0, -1)),
+        RotationalDamper(0.1 * of.torque * of.time),
+    )
     s.still = RotationalGround()
     joined(s, (of.base(s.world), s.hinge, s.rod.frame))
     s.connect(s.motor.flange, s.sun.flange_a)
@@ -214,7 +223,9 @@ def planetary_drive(of: Units) -> Similar:
     s.connect(s.hinge.flange, s.gear.carrier)
     s.connect(s.still.flange, s.damper.flange_a)
     s.connect(s.damper.flange_b, s.ring.flange_a)
-    return Similar(s, {s.hinge.q: 0.4, s.sun.w: 3 * of.rate}, of.time, ((s.hinge.q, 1.0), (s.sun.w, of.rate), (s.ring.w, of.rate)))
+    return Similar(
+        s, {s.hinge.q: 0.4, s.sun.w: 3 * of.rate}, of.time, ((s.hinge.q, 1.0), (s.sun.w, of.rate), (s.ring.w, of.rate))
+    )
 
 
 @more
@@ -288,7 +299,11 @@ def delta_robot(of: Units) -> Similar:
     s.world, s.plate = of.world(0, 0, -9.81), RigidBody.cylinder(of.mass, 0.1 * of.length, 0.03 * of.length)
     s.arms = [RigidBody.rod(0.5 * of.mass, of.vector(0.4, 0, 0)) for _ in range(3)]
     s.rods = [RigidBody.rod(0.2 * of.mass, of.vector(0, 0, -1.0), radius=0.01 * of.length) for _ in range(6)]
-    s.shoulders, s.cardans, s.balls = [Revolute("y") for _ in range(3)], [Universal("x", "y") for _ in range(6)], [Spherical() for _ in range(6)]
+    s.shoulders, s.cardans, s.balls = (
+        [Revolute("y") for _ in range(3)],
+        [Universal("x", "y") for _ in range(6)],
+        [Spherical() for _ in range(6)],
+    )
     R, p = of.place
     for k in range(3):
         a = 2 * np.pi * k / 3
@@ -318,12 +333,12 @@ def andrews(of: Units) -> Similar:
     ]  # fmt: skip
     s.K = [RigidBody(m * of.mass, inertia(of, i / 2, i / 2, i), of.vector(*c, 0)) for m, i, c in K]
     s.joints = [Revolute("z") for _ in range(10)]
-    O, F, B, A5, A7, G, H, E3, E4, E6 = s.joints
+    C, F, B, A5, A7, G, H, E3, E4, E6 = s.joints
     k1, k2, k3, k4, k5, k6, k7 = s.K
     E = k3.at(of.vector(0, -0.035, 0))
     joined(
         s,
-        (of.base(s.world), O, k1.frame),
+        (of.base(s.world), C, k1.frame),
         (k1.at(of.vector(0.007, 0, 0)), F, k2.frame),
         (of.base(s.world, -0.03635, 0.03273, 0), B, k3.frame),
         (of.base(s.world, -0.06934, -0.00227, 0), A5, k5.frame),
@@ -334,12 +349,15 @@ def andrews(of: Units) -> Similar:
         (E, E4, k4.at(of.vector(0, -0.02, 0))),
         (E, E6, k6.at(of.vector(0.02, 0, 0))),
     )
-    s.spring, s.motor = Spring(4530.0 * of.stiffness, 0.07785 * of.length), Torque(of.vector(0, 0, 0.033 * of.torque / of.length), resolved_in="body")
+    s.spring, s.motor = (
+        Spring(4530.0 * of.stiffness, 0.07785 * of.length),
+        Torque(of.vector(0, 0, 0.033 * of.torque / of.length), resolved_in="body"),
+    )
     s.connect(s.spring.point_a, k3.at(of.vector(0.02, -0.018, 0)))
     s.connect(s.spring.point_b, of.base(s.world, 0.014, 0.072, 0))
     s.connect(s.motor.frame, k1.frame)
     rough = {F: 0.0, B: 0.46, G: 0.22, A5: 0.49, H: -0.22, A7: 1.23}
-    start = {O.q: -0.06171389, **{j.q: ac.near(a) for j, a in rough.items()}}
+    start = {C.q: -0.06171389, **{j.q: ac.near(a) for j, a in rough.items()}}
     return Similar(s, start, 0.02 * of.time, tuple((j.q, 1.0) for j in s.joints[:7]))
 
 
@@ -348,7 +366,11 @@ def shaken_pendulum(of: Units) -> Similar:
     """Hangs from a frame that is led along and turned."""
     s: Any = ac.System()
     t = ac.time * of.rate
-    s.world, s.ball, s.rod = of.world(0, 0, -9.81), Spherical(), RigidBody.rod(of.mass, of.vector(0, 0, -1), radius=0.1 * of.length)
+    s.world, s.ball, s.rod = (
+        of.world(0, 0, -9.81),
+        Spherical(),
+        RigidBody.rod(of.mass, of.vector(0, 0, -1), radius=0.1 * of.length),
+    )
     s.table = PrescribedMotion((0.1 * of.length * ca.sin(3 * t), 0.0, 0.05 * of.length * ca.cos(2 * t)), 0.3 * ca.sin(t), "x")
     s.connect(of.base(s.world), s.table.frame_a)
     s.connect(s.table.frame_b, s.ball.frame_a)
@@ -361,14 +383,23 @@ def rolling_ball_in_a_plate(of: Units) -> Similar:
     """A ball between the floor and a plate that slides: two contacts in a loop."""
     s: Any = ac.System()
     s.world, s.low, s.high = of.world(0, 0, -9.81), RollingBall(0.2 * of.length), RollingBall(0.2 * of.length)
-    s.ball, s.plate, s.slide = RigidBody.ball(of.mass, 0.2 * of.length), RigidBody.box(2 * of.mass, of.vector(1, 1, 0.1)), Planar("z")
+    s.ball, s.plate, s.slide = (
+        RigidBody.ball(of.mass, 0.2 * of.length),
+        RigidBody.box(2 * of.mass, of.vector(1, 1, 0.1)),
+        Planar("z"),
+    )
     joined(s, (of.base(s.world), s.low, s.ball.frame), (of.base(s.world, 0, 0, 0.4), s.slide, s.plate.frame))
     s.connect(s.plate.at((0, 0, 0), rotation=("x", np.pi)), s.high.frame_a)
     s.connect(s.high.frame_b, s.ball.frame)
     s.spring = Spring(30 * of.stiffness)
     s.connect(s.spring.point_a, of.base(s.world, 0.5, 0.2, 0.4))
     s.connect(s.spring.point_b, s.plate.frame)
-    return Similar(s, {s.slide.v: [*(of.speed * np.array([0.3, 0.1])), 0.4 * of.rate]}, 0.5 * of.time, ((s.slide.q[0:2], of.length), (s.slide.q[2], 1.0), (s.low.v, of.rate)))
+    return Similar(
+        s,
+        {s.slide.v: [*(of.speed * np.array([0.3, 0.1])), 0.4 * of.rate]},
+        0.5 * of.time,
+        ((s.slide.q[0:2], of.length), (s.slide.q[2], 1.0), (s.low.v, of.rate)),
+    )
 
 
 @more
@@ -377,7 +408,12 @@ def rolling_torus(of: Units) -> Similar:
     s.world, s.contact = of.world(0, 0, -9.81), RollingTorus(0.3 * of.length, 0.1 * of.length)
     s.body = RigidBody(of.mass, inertia(of, 0.03, 0.05, 0.03))
     joined(s, (of.base(s.world), s.contact, s.body.frame))
-    return Similar(s, {s.contact.v: [0.2 * of.rate, 4 * of.rate, 0.1 * of.rate]}, of.time, ((s.contact.v, of.rate), (s.contact.q[3:5], of.length)))
+    return Similar(
+        s,
+        {s.contact.v: [0.2 * of.rate, 4 * of.rate, 0.1 * of.rate]},
+        of.time,
+        ((s.contact.v, of.rate), (s.contact.q[3:5], of.length)),
+    )
 
 
 @more
@@ -401,7 +437,11 @@ def wheel_set(of: Units) -> Similar:
 def strut(of: Units) -> Similar:
     """A bar on a hinge, held by a damper between two point masses on a ram: loop of cardan, slide and ball."""
     s: Any = ac.System()
-    s.world, s.hinge, s.bar = of.world(0, -9.81, 0), Revolute("z"), RigidBody.rod(3 * of.mass, of.vector(0.7, 0, 0), radius=0.03 * of.length)
+    s.world, s.hinge, s.bar = (
+        of.world(0, -9.81, 0),
+        Revolute("z"),
+        RigidBody.rod(3 * of.mass, of.vector(0.7, 0, 0), radius=0.03 * of.length),
+    )
     line = np.array((0.7, 1.2, 0)) / np.hypot(0.7, 1.2)
     s.cardan, s.ram, s.ball = Universal("z", tuple(np.cross(line, (0, 0, 1)))), Prismatic(tuple(line)), Spherical()
     s.lower, s.upper = Fixed(of.vector(*(0.2 * line))), Fixed(of.vector(*(-0.2 * line)))
@@ -410,7 +450,7 @@ def strut(of: Units) -> Similar:
     joined(
         s,
         (of.base(s.world, 0, 0.3, 0), s.hinge, s.bar.frame),
-        (of.base(s.world, 0, -0.9, 0), s.cardan, s.lower.frame_a),
+        (of.base(s.world, 0, -0.9, 0.1), s.cardan, s.lower.frame_a),
         (s.lower.frame_a, s.ram, s.upper.frame_a),
         (s.upper.frame_a, s.ball, s.bar.at(of.vector(0.7, 0, 0))),
     )
@@ -427,7 +467,10 @@ def bevel_gear(of: Units) -> Similar:
     s: Any = ac.System()
     s.world, s.carrier, s.free = of.world(0, 0, 0), RigidBody.box(7.7 * of.mass, of.vector(0.3, 0.4, 0.5)), Free()
     s.first, s.second, s.gear = Revolute("x"), Revolute("y"), Gear(10.0)
-    s.pinion, s.wheel = RigidBody(3.0 * of.mass, inertia(of, 0.11, 0.06, 0.06)), RigidBody(5.0 * of.mass, inertia(of, 0.9, 1.7, 0.9))
+    s.pinion, s.wheel = (
+        RigidBody(3.0 * of.mass, inertia(of, 0.11, 0.06, 0.06)),
+        RigidBody(5.0 * of.mass, inertia(of, 0.9, 1.7, 0.9)),
+    )
     joined(
         s,
         (of.base(s.world), s.free, s.carrier.frame),
@@ -444,18 +487,40 @@ def bevel_gear(of: Units) -> Similar:
 def points_on_strings(of: Units) -> Similar:
     """Three particles on rods and springs, with drag that grows with the square of the speed."""
     s: Any = ac.System()
-    s.world, s.a, s.b, s.c = of.world(0, 0, -9.81), *(Particle(m * of.mass, position=at(of, *x)) for m, x in ((1, (0.8, 0, -0.6)), (0.5, (0.8, 0.42, -1.16)), (2, (1.3, 0, -0.7))))
-    s.rod, s.rod2, s.spring = Rod(of.length), Rod(0.7 * of.length), SpringDamper(40 * of.stiffness, 0.5 * of.length, 0.2 * of.stiffness * of.time)
+    s.world, s.a, s.b, s.c = (
+        of.world(0, 0, -9.81),
+        *(
+            Particle(m * of.mass, position=at(of, *x))
+            for m, x in ((1, (0.8, 0, -0.6)), (0.5, (0.8, 0.42, -1.16)), (2, (1.3, 0, -0.7)))
+        ),
+    )
+    s.rod, s.rod2, s.spring = (
+        Rod(of.length),
+        Rod(0.7 * of.length),
+        SpringDamper(40 * of.stiffness, 0.5 * of.length, 0.2 * of.stiffness * of.time),
+    )
     s.drag = NonlinearDamper(lambda length, rate: 0.3 * of.mass / of.length * rate * ca.fabs(rate))
     s.law = NonlinearSpring(lambda length: 2 * of.torque * (length / of.length) ** 4)
-    for part, one, two in ((s.rod, of.base(s.world), s.a.point), (s.rod2, s.a.point, s.b.point), (s.spring, s.a.point, s.c.point), (s.drag, of.base(s.world, 0, 0, 1), s.b.point), (s.law, s.b.point, s.c.point)):
+    for part, one, two in (
+        (s.rod, of.base(s.world), s.a.point),
+        (s.rod2, s.a.point, s.b.point),
+        (s.spring, s.a.point, s.c.point),
+        (s.drag, of.base(s.world, 0, 0, 1), s.b.point),
+        (s.law, s.b.point, s.c.point),
+    ):
         ends = (part.frame_a, part.frame_b) if isinstance(part, Rod) else (part.point_a, part.point_b)
         s.connect(one, ends[0])
         s.connect(two, ends[1])
-    start = {s.a.point.position: at(of, 0.8, 0, -0.6), s.b.point.position: at(of, 0.8, 0.42, -1.16), s.c.point.position: at(of, 1.3, 0, -0.7)}
+    start = {
+        s.a.point.position: at(of, 0.8, 0, -0.6),
+        s.b.point.position: at(of, 0.8, 0.42, -1.16),
+        s.c.point.position: at(of, 1.3, 0, -0.7),
+    }
     start |= {point.velocity: (0, 0, 0) for point in (s.a.point, s.b.point, s.c.point)}
     d = s.a.point.position - s.b.point.position, s.c.point.position - s.b.point.position
-    return Similar(s, start, of.time, ((d[0].T @ d[0], of.length**2), (d[0].T @ d[1], of.length**2), (d[1].T @ d[1], of.length**2)))
+    return Similar(
+        s, start, of.time, ((d[0].T @ d[0], of.length**2), (d[0].T @ d[1], of.length**2), (d[1].T @ d[1], of.length**2))
+    )
 
 
 @more
@@ -496,8 +561,16 @@ def rssr(of: Units) -> Similar:
 def crane(of: Units) -> Similar:
     """Slides in three directions, a cylindrical joint, a load on a spring, wind."""
     s: Any = ac.System()
-    s.world, s.gantry, s.hook, s.load = of.world(0, 0, -9.81), CartesianTranslation(), Cylindrical("y"), RigidBody.box(2 * of.mass, of.vector(0.3, 0.2, 0.1))
-    s.trolley, s.holds = RigidBody.box(5 * of.mass, of.vector(0.3, 0.3, 0.1)), [SpringDamper(200 * of.stiffness, 0.5 * of.length, 3 * of.stiffness * of.time) for _ in range(3)]
+    s.world, s.gantry, s.hook, s.load = (
+        of.world(0, 0, -9.81),
+        CartesianTranslation(),
+        Cylindrical("y"),
+        RigidBody.box(2 * of.mass, of.vector(0.3, 0.2, 0.1)),
+    )
+    s.trolley, s.holds = (
+        RigidBody.box(5 * of.mass, of.vector(0.3, 0.3, 0.1)),
+        [SpringDamper(200 * of.stiffness, 0.5 * of.length, 3 * of.stiffness * of.time) for _ in range(3)],
+    )
     s.wind = Force(tuple(of.mass * of.length / of.time**2 * x for x in along(of, 3, 1, 0)))
     joined(s, (of.base(s.world), s.gantry, s.trolley.frame), (s.trolley.frame, s.hook, s.load.at(of.vector(0, 0, 0.6))))
     for hold, x in zip(s.holds, ((1, 0, 0), (0, 1, 0.1), (0, 0, 1)), strict=True):
@@ -507,7 +580,12 @@ def crane(of: Units) -> Similar:
     s.connect(of.base(s.world, 0, -1, -1), s.damper.point_a)
     s.connect(s.damper.point_b, s.load.frame)
     s.connect(s.wind.point, s.load.frame)
-    return Similar(s, {s.gantry.q: of.length * np.array([0.1, 0, -0.1]), s.hook.v: [2 * of.rate, 0.1 * of.speed]}, of.time, ((s.gantry.q, of.length), (s.hook.q[0], 1.0), (s.hook.q[1], of.length)))
+    return Similar(
+        s,
+        {s.gantry.q: of.length * np.array([0.1, 0, -0.1]), s.hook.v: [2 * of.rate, 0.1 * of.speed]},
+        of.time,
+        ((s.gantry.q, of.length), (s.hook.q[0], 1.0), (s.hook.q[1], of.length)),
+    )
 
 
 @more
@@ -515,20 +593,24 @@ def scissors(of: Units) -> Similar:
     """Two crossed bars under a table that stays level: a loop over two slides, with a redundant row."""
     s: Any = ac.System()
     s.world = of.world(0, 0, -9.81)
-    s.left, s.right, s.table = RigidBody.rod(of.mass, of.vector(1, 0, 0)), RigidBody.rod(of.mass, of.vector(1, 0, 0)), RigidBody.box(3 * of.mass, of.vector(1, 0.5, 0.1))
+    s.left, s.right, s.table = (
+        RigidBody.rod(of.mass, of.vector(1, 0, 0)),
+        RigidBody.rod(of.mass, of.vector(1, 0, 0)),
+        RigidBody.box(3 * of.mass, of.vector(1, 0.5, 0.1)),
+    )
     s.base, s.middle, s.foot, s.head, s.pin = (Revolute("y") for _ in range(5))
     s.slide, s.rail, s.spring = Prismatic("x"), Prismatic("x"), Spring(300 * of.stiffness)
+    s.shoe, s.block = (RigidBody.box(0.1 * of.mass, of.vector(0.1, 0.1, 0.1)) for _ in range(2))
     joined(
         s,
         (of.base(s.world), s.base, s.left.frame),
         (s.left.at(of.vector(0.5, 0, 0)), s.middle, s.right.at(of.vector(0.5, 0, 0))),
         (s.table.frame, s.pin, s.right.tip),
-        (s.table.frame, s.rail, s.head.frame_a),
+        (s.table.frame, s.rail, s.block.frame),
+        (s.block.frame, s.head, s.left.tip),
+        (of.base(s.world), s.slide, s.shoe.frame),
+        (s.shoe.frame, s.foot, s.right.frame),
     )
-    s.connect(of.base(s.world), s.slide.frame_a)
-    s.connect(s.slide.frame_b, s.foot.frame_a)
-    s.connect(s.foot.frame_b, s.right.frame)
-    s.connect(s.head.frame_b, s.left.tip)
     s.connect(s.spring.point_a, of.base(s.world))
     s.connect(s.spring.point_b, s.right.frame)
     start = {s.base.q: -0.6, s.slide.q: ac.near(0.8 * of.length), s.foot.q: ac.near(-2.5), s.base.v: 0.3 * of.rate}
@@ -564,4 +646,6 @@ def four_bar_on_a_strut(of: Units) -> Similar:
     s.connect(s.strut.point_a, s.crank.tip)
     s.connect(s.strut.point_b, of.base(s.world, 1, 0, 0))
     force = s.a.frame_a.force
-    return Similar(s, {s.a.q: 0.9, s.a.v: 2 * of.rate}, of.time, ((s.a.q, 1.0), (force.T @ force, (of.mass * of.length / of.time**2) ** 2)))
+    return Similar(
+        s, {s.a.q: 0.9, s.a.v: 2 * of.rate}, of.time, ((s.a.q, 1.0), (force.T @ force, (of.mass * of.length / of.time**2) ** 2))
+    )

@@ -246,7 +246,7 @@ def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.n
     """Sizes (nq,) of coordinates that have arms in rows of the velocities only: where wheels of a cart stand. Zero where there are none."""
     turns = np.any(N[turning] > 0, axis=0)
     arms = np.max(A[:, turns], axis=1, initial=0.0)[:, None]
-    heard = A > FAINT * np.max(A, axis=0, initial=0.0)
+    heard = FAINT * np.max(A, axis=0, initial=0.0) < A
     speeds = np.where(turns, 1.0, np.max(np.divide(arms, A, out=np.zeros_like(A), where=heard), axis=0, initial=0.0))
     return np.max(N * speeds, axis=1, initial=0.0)
 

@@ -14,6 +14,7 @@ import pytest
 import acausal as ac
 from tests.scenes import rotation
 from tests.similar import SCENES, Similar, Units
+from tests.similar_mechanisms import MORE
 
 RTOL = 1e-10
 
@@ -25,9 +26,9 @@ def original(name: str) -> tuple[Similar, ac.Model, np.ndarray]:
 
 
 def _moved(name: str, of: Units) -> tuple[Similar, ac.Model, np.ndarray]:
-    similar = SCENES[name](of)
+    similar = (SCENES | MORE)[name](of)
     model = ac.build(similar.scene)
-    run = model.simulate(similar.end, similar.start, rtol=RTOL, samples=7, progress=False)
+    run = model.simulate(similar.end, similar.start, rtol=RTOL, samples=7, progress=False, compiled=name in SCENES)
     return similar, model, similar.numbers(run)
 
 
@@ -117,3 +118,26 @@ def test_scenes_of_different_size_in_one_system_move_as_each_alone(big: str, sma
         expected = alone.numbers(apart.simulate(end, alone.start, rtol=RTOL, samples=5, progress=False))
         assert np.max(np.abs(similar.numbers(run) - expected)) < 1e2 * similar.growth * RTOL
     assert model.degrees_of_freedom == freedoms
+
+
+ONES = (Units(length=4.0**-15), Units(mass=4.0**15), Units(time=4.0**7))
+TURNED, FAR = (rotation(7), np.array([3.0, -2.0, 1.0])), (np.eye(3), 1e6 * np.array([1.0, 0.2, -0.3]))
+OTHERS = (
+    Units(1e-9, 1e9, 1.0, TURNED),
+    Units(3e4, 1.0, 1e-3, TURNED),
+    Units(1e-3, 1e-6, 10.0, FAR),
+    Units(1e9, 1e-9, 3e5, TURNED),
+)
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_other_kinds_of_parts_and_loops_move_alike(name: str) -> None:
+    """By the same bits in units of powers of four; to rounding in others, turned or a million of their sizes away."""
+    similar, model, numbers = original(name)
+    k = list(MORE).index(name)
+    _, same, found = _moved(name, ONES[k % len(ONES)])
+    _same_decisions(model, same)
+    assert np.array_equal(found, numbers), np.max(np.abs(found - numbers))
+    _, other, found = _moved(name, OTHERS[k % len(OTHERS)])
+    _same_decisions(model, other)
+    assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * RTOL
