@@ -59,7 +59,7 @@ from components import (
     Universal,
     VoltageSource,
 )
-from tests.similar import Similar, Units, four_bar_scene, joined
+from tests.similar import Similar, Units, joined
 
 MORE: dict[str, Callable[[Units], Similar]] = {}
 
@@ -151,28 +151,6 @@ def elastic_slider_crank(of: Units) -> Similar:
     s.connect(s.main.flange, s.drive.flange)
     start = {s.main.q: 0.0, s.pin.q: 0.0, s.guide.q: ac.near(0.45 * of.length)}
     return Similar(s, start, 0.5 * of.time, ((s.guide.q, of.length), (s.rod.q, of.length), (s.pin.q, 1.0)))
-
-
-@more
-def elastic_arm(of: Units) -> Similar:
-    """A beam in space, clamped at a hub that turns freely, with a load at its tip."""
-    s: Any = ac.System()
-    s.world, s.hub, s.load = of.world(0, 0, -9.81), Revolute("y"), RigidBody.ball(0.3 * of.mass, 0.05 * of.length)
-    modulus, density = 3e7 * of.mass / of.length / of.time**2, 800 * of.mass / of.length**3
-    s.beam = FlexibleBeam(
-        of.length,
-        Section.circle(0.02 * of.length),
-        youngs_modulus=modulus,
-        density=density,
-        bending=(2, 2),
-        modes="craig-bampton",
-    )
-    joined(s, (of.base(s.world), s.hub, s.beam.frame_a))
-    s.connect(s.beam.frame_b, s.load.frame)
-    tip = s.beam.deflection(1.0)
-    return Similar(
-        s, {s.hub.q: 0.3, s.hub.v: 1 * of.rate}, 0.3 * of.time, ((s.hub.q, 1.0), (tip, of.length), (s.beam.q, of.length))
-    )
 
 
 def volts(of: Units) -> float:
@@ -290,35 +268,6 @@ def three_rrr(of: Units) -> Similar:
     start: dict[Any, Any] = {foot.q: 2 * np.pi * k / 3 + 2.5 for k, foot in enumerate(s.feet)}
     start |= {knee.q: ac.near(1.4) for knee in s.knees} | {s.feet[0].v: 0.5 * of.rate}
     return Similar(s, start, 0.5 * of.time, tuple((j.q, 1.0) for j in (*s.feet, *s.knees)))
-
-
-@more
-def delta_robot(of: Units) -> Similar:
-    """Three arms, each with two rods on ball joints, each free to turn about itself no more: universal at one end."""
-    s: Any = ac.System()
-    s.world, s.plate = of.world(0, 0, -9.81), RigidBody.cylinder(of.mass, 0.1 * of.length, 0.03 * of.length)
-    s.arms = [RigidBody.rod(0.5 * of.mass, of.vector(0.4, 0, 0)) for _ in range(3)]
-    s.rods = [RigidBody.rod(0.2 * of.mass, of.vector(0, 0, -1.0), radius=0.01 * of.length) for _ in range(6)]
-    s.shoulders, s.cardans, s.balls = (
-        [Revolute("y") for _ in range(3)],
-        [Universal("x", "y") for _ in range(6)],
-        [Spherical() for _ in range(6)],
-    )
-    R, p = of.place
-    for k in range(3):
-        a = 2 * np.pi * k / 3
-        turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
-        base = s.world.at(tuple(of.length * (R @ (turn @ np.array([0.2, 0, 0])) + p)), R @ turn)
-        joined(s, (base, s.shoulders[k], s.arms[k].frame))
-        for i, y in enumerate((0.08, -0.08)):
-            n = 2 * k + i
-            joined(
-                s,
-                (s.arms[k].at(of.vector(0.4, y, 0)), s.cardans[n], s.rods[n].frame),
-                (s.plate.at(of.vector(*(turn @ np.array([0.08, y, 0])))), s.balls[n], s.rods[n].tip),
-            )
-    start: dict[Any, Any] = {j.q: 0.1 * (k + 1) for k, j in enumerate(s.shoulders)}
-    return Similar(s, start, 0.3 * of.time, (*((j.q, 1.0) for j in s.shoulders), *((c.q, 1.0) for c in s.cardans)))
 
 
 @more
@@ -636,16 +585,3 @@ def geared_bars(of: Units) -> Similar:
     s.connect(s.gear.flange_b, s.joints[4].flange)
     start = {s.joints[0].v: 2 * of.rate, s.joints[1].q: ac.near(-1.2), s.joints[3].q: ac.near(1.2)}
     return Similar(s, start, 0.5 * of.time, tuple((j.q, 1.0) for j in s.joints))
-
-
-@more
-def four_bar_on_a_strut(of: Units) -> Similar:
-    """The four-bar with a spring and a damper in its hinges' flanges, seen by reactions."""
-    s = four_bar_scene(of)
-    s.strut = SpringDamper(100 * of.stiffness, 0.3 * of.length, 2 * of.stiffness * of.time)
-    s.connect(s.strut.point_a, s.crank.tip)
-    s.connect(s.strut.point_b, of.base(s.world, 1, 0, 0))
-    force = s.a.frame_a.force
-    return Similar(
-        s, {s.a.q: 0.9, s.a.v: 2 * of.rate}, of.time, ((s.a.q, 1.0), (force.T @ force, (of.mass * of.length / of.time**2) ** 2))
-    )

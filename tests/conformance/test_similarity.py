@@ -120,7 +120,7 @@ def test_scenes_of_different_size_in_one_system_move_as_each_alone(big: str, sma
     assert model.degrees_of_freedom == freedoms
 
 
-ONES = (Units(length=4.0**-15), Units(mass=4.0**15), Units(time=4.0**7))
+ONES = (Units(time=4.0**7), Units(length=4.0**-15), Units(mass=4.0**15), Units(length=4.0**15), Units(time=4.0**-9))
 TURNED, FAR = (rotation(7), np.array([3.0, -2.0, 1.0])), (np.eye(3), 1e6 * np.array([1.0, 0.2, -0.3]))
 OTHERS = (
     Units(1e-9, 1e9, 1.0, TURNED),
