@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -15,10 +15,10 @@ import numpy as np
 from acausal.arguments import ascending, finite, listed
 from acausal.collocation.problem import Tolerances
 from acausal.dynamics.system import mechanical_system
-from acausal.errors import AssemblyError, LockedError, ModelError
+from acausal.errors import AssemblyError, LockedError, MasslessError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
-from acausal.language.flatten import FlatSystem, flatten
+from acausal.language.flatten import flatten
 from acausal.loops.constraints import analyse_constraints
 from acausal.outputs.functions import Functions, operations
 from acausal.outputs.outputs import Outputs
@@ -26,6 +26,7 @@ from acausal.parts.part_check import check_parts
 from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.reduce.state_space import state_space, whole_state_space
 from acausal.simulate.events import when
+from acausal.start.decided import OtherDecisions, check_decided
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.topology.build_mechanism import build_mechanism
@@ -40,12 +41,14 @@ if TYPE_CHECKING:
     from acausal.analysis.prescribed import Given
     from acausal.charts.minimal import MinimalModel
     from acausal.explain.constraint_table import ConstraintTable
+    from acausal.explain.decision_table import DecisionTable
     from acausal.simulate.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulate.simulation import InputValue, Progress
     from acausal.simulate.trajectory import Trajectory
     from acausal.start.branches import Branches
 
 
+T = TypeVar("T")
 _KEPT = 32
 """Values of parameters for which loops stay examined."""
 
@@ -101,43 +104,106 @@ class Model:
         parameters: Mapping[Parameter, float] | None = None,
     ) -> InitialState:
         """Consistent states x, and the p that belongs to them, from start values; see `simulate` for the arguments and errors."""
-        here = self._at(parameters)
+        here = self._with_loops_at(parameters)  # not `_at`: x belongs to `functions`, which others use
         found, space = here._whole_start(start, t0, inputs, parameters), here.functions.space
         return replace(found, x=space.restricted(found.x), p=space.extended(t0, found.x, found.p))
 
     def _at(self, parameters: Mapping[Parameter, float] | None) -> Model:
-        """The model for these values of the parameters: this one, unless its loops then have other independent rows or singular positions.
+        """The model for these values of the parameters: this one, unless what was decided at its own values does not hold at these.
+
+        That are independent rows and singular positions of loops, pivots of scalar equations, what follows from what, and what is much
+        for each unknown, where a value is many times another one.
+        """
+        from acausal.simulate.simulation import given_values
+
+        if not parameters:
+            return self
+        values = given_values(self.functions, parameters)
+        here = self._with_loops_of(values)
+        decisions = here.functions.decisions
+        if decisions.near(values) and decisions.hold(values):
+            return here
+        other = self._kept("all", values, here._decided)
+        other.functions.decisions.check(values)
+        return other
+
+    def _with_loops_at(self, parameters: Mapping[Parameter, float] | None) -> Model:
+        """This model, unless its loops have other independent rows or singular positions for these values of the parameters.
 
         Raises `LockedError` where nothing can move with them. Costs a search for singular positions where the loops depend on
         parameters with values that are new.
         """
-        from acausal.simulate.simulation import parameter_values
+        from acausal.simulate.simulation import given_values
 
-        if not parameters or not self.system.constraints.parameters:
+        return self._with_loops_of(given_values(self.functions, parameters)) if parameters else self
+
+    def _with_loops_of(self, values: np.ndarray) -> Model:
+        """The same for values of all parameters (np,)."""
+        s = self.system
+        if s.constraints.unchanged(values):
             return self
-        values = parameter_values(self.functions, parameters)
-        if self.system.constraints.holds(values):
-            return self
-        places = list(self.system.constraints.parameters)
-        key = values[places].tobytes()
+        places = list(s.constraints.parameters)
+        at = s.p_values.copy()
+        at[places] = values[places]
+        return self._kept("loops", at, self._examined)
+
+    def _kept(self, what: str, values: np.ndarray, made: Callable[[np.ndarray], Model]) -> Model:
+        """The model made for these values, in which `what` was decided; made once."""
+        key = what, values.tobytes()
         if key not in self._others:
             if len(self._others) >= _KEPT:
                 self._others.clear()
-            self._others[key] = self._examined(values, [self.parameter_names[i] for i in places])
+            self._others[key] = made(values)
         return self._others[key]
 
-    def _examined(self, values: np.ndarray, names: Sequence[str]) -> Model:
+    def _examined(self, values: np.ndarray) -> Model:
         s = self.system
+        if s.constraints.hold(values):
+            return self
         try:
-            found = analyse_constraints(s.mechanics, s.p, values)
+            found = analyse_constraints(s.mechanics, s.p, values, known=s.constraints)
+            return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values, constraints=found))
         except AssemblyError:
             return self  # the search for a start says what does not close
+        except (LockedError, MasslessError) as error:
+            names = [self.parameter_names[i] for i in s.constraints.parameters]
+            raise type(error)(f"With other values of {compact(names)}: {error}") from None
+
+    def _answered(self, parameters: Mapping[Parameter, float] | None, answer: Callable[[Model], T]) -> T:
+        """`answer` of the model for these parameters. Where its loops are not what they were taken for at the call's own time and place, they
+        are examined there, and it is that of the model which is made then. Raises `OtherDecisions` where that does not help.
+        """
+        here = self._at(parameters)
+        try:
+            return answer(here)
+        except OtherDecisions as found:
+            place = found
+        return answer(here._examined_near(place))
+
+    def _examined_near(self, place: OtherDecisions) -> Model:
+        """Made for another time and place."""
+        s = self.system
+        try:
+            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time, s.constraints)
+        except AssemblyError:
+            raise place from None
         except LockedError as error:
-            raise LockedError(f"With other values of {compact(names)}: {error}") from None
-        return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values))
+            raise LockedError(f"At t = {place.time:.6g} s, where this begins: {error}") from None
+        return self._kept(
+            f"loops {found.choice}", place.values, lambda _: Model(reduce_system(s.mechanics, at=place.values, constraints=found))
+        )
+
+    def _decided(self, values: np.ndarray) -> Model:
+        """Reduced again at these values (np,); itself, which says what does not hold, where that does not help or other freedoms are left."""
+        try:
+            other = Model(reduce_system(self.system.mechanics, at=values))
+        except ModelError:
+            return self
+        same = other.system.x.numel() == self.system.x.numel() and other.degrees_of_freedom == self.degrees_of_freedom
+        return other if same and not other.functions.decisions.complaint(values) else self
 
     @functools.cached_property
-    def _others(self) -> dict[bytes, Model]:
+    def _others(self) -> dict[tuple[str, bytes], Model]:
         """Models for other values of parameters."""
         return {}
 
@@ -183,8 +249,9 @@ class Model:
         """
         from acausal.start.branch_search import branches
 
-        p, u = self._given(t0, inputs, parameters)
-        return branches(self._at(parameters).functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
+        here = self._at(parameters)
+        p, u = here._given(t0, inputs, parameters)
+        return branches(here.functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
 
     def assembly_function(
         self,
@@ -204,13 +271,17 @@ class Model:
         are exact in any order, redundant constraints allowed. The branch is that of `initial_state` with these arguments, followed
         to the values asked for in steps as short as it takes, the first a part in `steps` of the way (1: all at once); what start values
         leave free changes as little as it can from there. NaN where something cannot close there or on the way, where a hinge's axes
-        would point against one another, or where no step is short enough for angles to change by less than 1 rad. Errors as for `initial_state`, `OptionError`.
+        would point against one another, or where no step is short enough for angles to change by less than 1 rad. Outputs that forces
+        enter are by the equations for these arguments (see `decisions`). Errors as for `initial_state`, `OptionError`.
         """
         from acausal.start.assembly_function import assembly_function
 
-        p, u = self._given(t0, inputs, parameters)
-        wanted = self.functions.space.x if outputs is None else outputs
-        return assembly_function(self.functions.outputs, wanted, wrt, start_mapping(start), t0, p, u, steps, name)
+        def answer(here: Model) -> ca.Function:
+            p, u = here._given(t0, inputs, parameters)
+            wanted = here.functions.space.x if outputs is None else outputs
+            return assembly_function(here.functions.outputs, wanted, wrt, start_mapping(start), t0, p, u, steps, name)
+
+        return answer(self._with_loops_at(parameters)) if outputs is None else self._answered(parameters, answer)
 
     def simulate(
         self,
@@ -250,7 +321,7 @@ class Model:
         from acausal.simulate.simulation import Options, simulate
 
         options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure, order, step, progress, events)
-        return simulate(self._at(parameters).functions, t0, end, start, inputs, parameters, options)
+        return self._answered(parameters, lambda m: simulate(m.functions, t0, end, start, inputs, parameters, options))
 
     def sensitivities(
         self,
@@ -273,9 +344,8 @@ class Model:
         from acausal.simulate.simulation import sensitivity_run
 
         tolerances = Tolerances(rtol, atol or 0.0, None, max_steps)
-        return sensitivity_run(
-            self._at(parameters).functions, times, wrt, start or {}, inputs or {}, parameters or {}, tolerances, compiled
-        )
+        given = start or {}, inputs or {}, parameters or {}
+        return self._answered(parameters, lambda m: sensitivity_run(m.functions, times, wrt, *given, tolerances, compiled))
 
     def trajectory_function(
         self,
@@ -298,32 +368,11 @@ class Model:
         """
         from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 
-        held, fixed = inputs or {}, parameters or {}
-        wrt = listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
-
-        def run(begin: Start, values: Mapping[Parameter, float], given: Mapping[Input, float]) -> Sensitivities:
-            return self.sensitivities(
-                times,
-                wrt,
-                begin,
-                rtol=rtol,
-                atol=atol,
-                inputs={**held, **given},
-                parameters={**fixed, **values},
-                compiled=compiled,
-            )
-
-        return TrajectoryFunction(
-            name,
-            Motion(
-                self.functions,
-                run,
-                ascending(times, "trajectory_function: `times`"),
-                outputs,
-                tuple(wrt),
-                dict(start_mapping(start)),
-            ),
-        )
+        wrt = tuple(listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
+        at = ascending(times, "trajectory_function: `times`")
+        run = functools.partial(self.sensitivities, at.tolist(), wrt, rtol=rtol, atol=atol, compiled=compiled)
+        held = dict(inputs or {}), dict(parameters or {})
+        return TrajectoryFunction(name, Motion(self.functions, run, *held, at, outputs, wrt, dict(start_mapping(start))))
 
     def linearize(
         self,
@@ -347,7 +396,13 @@ class Model:
 
         if start is not None and not isinstance(start, Mapping) and self.functions.space.elimination.symbols:
             start = self._whole_states(t, start, parameters)
-        return linearize(self._whole, operating_point(self._whole, start, t, inputs, parameters), states, outputs)
+
+        def answer(here: Model) -> Linearization:
+            point = operating_point(here._whole, start, t, inputs, parameters)
+            check_decided(here.system, point.t, point.x, point.p)
+            return linearize(here._whole, point, states, outputs)
+
+        return self._answered(parameters, answer)
 
     def _whole_states(
         self, t: float, x: Sequence[float] | np.ndarray, parameters: Mapping[Parameter, float] | None
@@ -376,8 +431,12 @@ class Model:
         """
         from acausal.charts.minimal import minimal_model
 
-        found = self._whole_start(start, t0, inputs, parameters)
-        return minimal_model(self._whole, t0, found, found.p, prefer, steps)
+        def answer(here: Model) -> MinimalModel:
+            found = here._whole_start(start, t0, inputs, parameters)
+            check_decided(here.system, t0, found.x, found.p)
+            return minimal_model(here._whole, t0, found, found.p, prefer, steps)
+
+        return self._answered(parameters, answer)
 
     def equilibrium(
         self,
@@ -399,7 +458,16 @@ class Model:
         """
         from acausal.analysis.equilibrium import equilibrium
 
-        return equilibrium(self._whole, start, free, steady, t, inputs, parameters)
+        def answer(here: Model) -> Equilibrium:
+            found = equilibrium(here._whole, start, free, steady, t, inputs, parameters)
+            there = here._at(found.parameters)  # of those that were free
+            if there is not here:
+                found = equilibrium(there._whole, start, free, steady, t, inputs, parameters)
+                there.functions.decisions.check(found.point.p)
+            check_decided(there.system, found.point.t, found.x, found.point.p)
+            return found
+
+        return self._answered(parameters, answer)
 
     def inverse_dynamics(
         self,
@@ -421,13 +489,15 @@ class Model:
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics
 
-        return inverse_dynamics(self._whole, times, motions, unknowns, start, inputs, parameters)
+        return self._answered(
+            parameters, lambda m: inverse_dynamics(m._whole, times, motions, unknowns, start, inputs, parameters)
+        )
 
     def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
         """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.
 
         a: of a position its second, of a velocity its first derivative (in general the first one on which the forces act). x must be
-        consistent. The least forces where there is a choice. Raises `OptionError`, `MotionError`.
+        consistent; NaN where t, x and p would need other equations (see `decisions`). The least forces where there is a choice. Raises `OptionError`, `MotionError`.
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics_function
 
@@ -438,11 +508,13 @@ class Model:
 
         `method`: "gauss" (even order) or "radau" (odd order). With a fixed `h` [s] the function has no argument h. Loops are closed again
         after the step, in positions and velocities, as `simulate` does.
-        `residual`: what is left of the stage equations, to be checked. Raises `OptionError` for an order that does not exist.
+        `residual`: what is left of the stage equations, to be checked; infinite also where p or t are such that the model would need other
+        equations (see `decisions`). Raises `OptionError` for an order that does not exist.
         """
         from acausal.integrators.step import step_function
 
-        return step_function(self.functions.explicit_dynamics, self.functions.projection, method=method, order=order, h=h)
+        f = self.functions
+        return step_function(f.explicit_dynamics, f.projection, method=method, order=order, h=h, holds=f.holds)
 
     def graph(self) -> Any:
         """The mechanism as a networkx multigraph: nodes are rigid groups, edges joints, cut joints and forces."""
@@ -466,6 +538,16 @@ class Model:
 
         return constraint_table(self.system)
 
+    @functools.cached_property
+    def decisions(self) -> DecisionTable:
+        """What was decided by numbers, at which values and by which margin: rows of loops that follow from others, singular positions, branches,
+        coordinates in closed form, coefficients that were divided by. Every call looks at its own parameters, start and time again; it is
+        refused, or answered by a model decided anew, where one does not hold.
+        """
+        from acausal.explain.decision_table import decision_table
+
+        return decision_table(self.functions)
+
     def equations(self) -> Any:
         """The equations of motion as sympy equations, for small scenes; see `acausal.export.sympy_equations`."""
         from acausal.export.sympy_equations import equations
@@ -484,15 +566,16 @@ class Model:
         """Write a program in C that simulates the model from `start` and needs nothing else; returns the folder."""
         from acausal.export.simulator import export_simulator
 
-        return export_simulator(self.functions, folder, self.initial_state(start, parameters=parameters))
+        here = self._at(parameters)
+        return export_simulator(here.functions, folder, here.initial_state(start, parameters=parameters))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _reduced, (self.system.mechanics.flat,)  # made again from its parts: the same functions, compiled code and all
+        return Model, (self.system,)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
         """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
-        flat = self.system.mechanics.flat
-        return _reduced(copy.deepcopy(flat, memo)) if any(id(part.component) in memo for part in flat.parts) else self
+        system = copy.deepcopy(self.system, memo)
+        return self if system is self.system else Model(system)
 
     def __repr__(self) -> str:
         return f"<Model {self}>"
@@ -512,10 +595,6 @@ class Model:
         )
 
 
-def _reduced(flat: FlatSystem) -> Model:
-    return Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
-
-
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
     if not isinstance(scene, System):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
@@ -533,9 +612,9 @@ def build(scene: System) -> Model:
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
     check_parts(flat)
-    model = _reduced(flat)
+    model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:
-        raise LockedError(
-            f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. Add a joint or a free body."
-        )
+        scalar = "Without inertia and mass everything is where its springs balance: add an Inertia, a SlidingMass, or a motion that is given."
+        hint = scalar if model.system.solved else "Add a joint or a free body."
+        raise LockedError(f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. {hint}")
     return model

@@ -1,4 +1,4 @@
-"""Scenes and models that are pickled and copied: other symbols, the same scene, the same bits."""
+"""Scenes, models and motions that are pickled and copied: other symbols, the same scene, the same bits."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import pytest
 
 import acausal as ac
 from acausal.errors import UnknownVariableError
+from acausal.loops.constraints import analyse_constraints
+from acausal.reduce.reduce import reduce_system
 from components import Prismatic, Revolute, RigidBody, Spring, World
 from examples.bicycle import Bicycle
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage, chain
@@ -41,6 +43,18 @@ def test_copies_of_a_scene_and_its_model_give_the_same_bits(make):
         assert other.state_names == model.state_names
     assert np.array_equal(motion(model_again), expected)
     assert np.array_equal(motion(ac.build(copied)), expected)
+
+
+def test_a_system_that_was_examined_elsewhere_is_made_again_there():
+    scene = FourBar()
+    usual = ac.build(scene).system
+    values, place = usual.p_values, usual.samples[-1]
+    elsewhere = analyse_constraints(usual.mechanics, usual.p, values, place, 0.5, usual.constraints)
+    system = reduce_system(usual.mechanics, at=values, constraints=elsewhere)
+    assert not np.array_equal(system.q_start, usual.q_start)
+    for other in (pickle.loads(pickle.dumps(system)), copy.deepcopy((scene, system))[1]):
+        assert other is not system and other.constraints.time == 0.5
+        assert np.array_equal(other.q_start, system.q_start)
 
 
 def test_a_copy_has_symbols_of_its_own_and_its_model_knows_them():
@@ -95,6 +109,51 @@ def test_symbols_in_formulas_and_time_are_kept():
         assert np.array_equal(motion(model), expected)
         changed = model.simulate(0.2, {other.rail.q: 0.1}, parameters={other.stiffness: 10.0}, samples=5, compiled=False).x
         assert np.max(np.abs(changed - expected)) > 1e-3
+
+
+@pytest.mark.parametrize("make", [DoublePendulum, AdjustableFourBar, Oscillator, geared_motor])
+def test_motions_starts_and_functions_are_read_elsewhere_with_the_same_bits(make):
+    scene = make()
+    run = ac.build(scene).simulate(0.2, rtol=1e-9, samples=5)
+    watched = [joint.edge.joint.q for joint in run.outputs.system.tree_joints][:2]
+    again, names = pickle.loads(pickle.dumps((run, watched)))
+    copied = copy.deepcopy(run)
+    for other, variables in ((again, names), (copied, watched)):
+        assert np.array_equal(other.x, run.x) and np.array_equal(other.initial.x, run.initial.x)
+        for mine, its in zip(watched, variables, strict=True):
+            assert np.array_equal(other[its], run[mine])
+        np.testing.assert_allclose(other.at(0.13).x, run.at(0.13).x, rtol=1e-12, atol=1e-14)
+        assert (str(other), str(other.initial), other.constraint_error()) == (str(run), str(run.initial), run.constraint_error())
+    assert again.functions.explicit_dynamics.serialize() == run.functions.explicit_dynamics.serialize()
+    start = pickle.loads(pickle.dumps(run.initial))
+    assert np.array_equal(start.x, run.initial.x) and str(start) == str(run.initial)
+
+
+def test_a_motion_copied_with_its_scene_is_read_by_the_copy():
+    scene = FourBar()
+    run = ac.build(scene).simulate(0.2, rtol=1e-9, samples=5, events=[ac.when(scene.a.q - 0.05)])
+    other, its_run = copy.deepcopy((scene, run))
+    assert np.array_equal(its_run[other.d.q], run[scene.d.q])
+    assert [event.time for event in its_run.events] == [event.time for event in run.events]
+    with pytest.raises(UnknownVariableError):
+        its_run[scene.d.q]  # pyright: ignore[reportUnusedExpression]  # it raises
+
+
+def test_a_motion_as_a_function_gives_the_same_elsewhere():
+    scene = AdjustableFourBar()
+    f = ac.build(scene).trajectory_function([0.0, 0.1, 0.2], scene.a.q, [scene.length], {scene.a.q: 1.0})
+    for other in (pickle.loads(pickle.dumps(f)), copy.deepcopy(f)):
+        assert float(other(1.05)[2]) == float(f(1.05)[2])
+        assert np.array_equal(np.array(other.jacobian()(1.05, 0)), np.array(f.jacobian()(1.05, 0)))
+
+
+def test_a_motion_is_read_in_another_process_with_the_same_bits(tmp_path):
+    scene = FourBar()
+    run = ac.build(scene).simulate(0.2, {scene.a.q: 1.0}, rtol=1e-9, samples=5)
+    (tmp_path / "run.pickle").write_bytes(pickle.dumps((scene, run)))
+    code = f"import pickle; s, r = pickle.load(open({str(tmp_path / 'run.pickle')!r}, 'rb')); print(r[s.d.q].tobytes().hex())"
+    out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert out.strip() == run[scene.d.q].tobytes().hex()
 
 
 def test_a_model_comes_out_of_another_process(tmp_path):

@@ -61,7 +61,8 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
         new = {force: name for made in added.values() for force, name in made}
         mechanics = outputs.system.mechanics
         mechanism = replace(mechanics.mechanism, flat=replace(mechanics.flat, names={**mechanics.flat.names, **new}))
-        system = reduce_system(replace(mechanics, mechanism=mechanism), extra)
+        decided = outputs.system.p_values, outputs.system.constraints
+        system = reduce_system(replace(mechanics, mechanism=mechanism), extra, *decided)
         functions = Functions(Outputs(system), whole_state_space(system))
     inputs = functions.outputs.system.flat.inputs
     places = {

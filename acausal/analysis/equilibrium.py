@@ -89,16 +89,23 @@ class Equilibrium:
         """ "asymptotically stable", "unstable" or "neutral" in first order. Of a steady motion in all its states, the ignorable ones too; where
         their linear system changes on the way, "unstable" if what was asked to be steady is, and "undecided" otherwise.
         """
-        from acausal.analysis.linearize import linearize_invariants
-
         try:
             whole = self.linearize()
         except OptionError:  # a loop in a singular position
             return "undecided"
         if whole.constant or not self.lasting or not self.steady.numel():
             return whole.stability
-        part = linearize_invariants(self.functions, self.point, self.steady)
-        return "unstable" if part is not None and part.stability == "unstable" else "undecided"
+        return "unstable" if self.steady_stability == "unstable" else "undecided"
+
+    @functools.cached_property
+    def steady_stability(self) -> str:
+        """The same of what was asked to be steady alone, and of the rates of it that it needs: a distance, an angle of lean, a speed. What else
+        changes may do anything. "undecided" where nothing was asked for, or where four rates are not enough.
+        """
+        from acausal.analysis.linearize import linearize_invariants
+
+        part = linearize_invariants(self.functions, self.point, self.steady) if self.steady.numel() else None
+        return "undecided" if part is None else part.stability
 
     @property
     def moved(self) -> tuple[tuple[str, float, float], ...]:
@@ -115,9 +122,10 @@ class Equilibrium:
         kind = "steady motion" if self.steady.numel() else "equilibrium"
         if not self.lasting:
             kind += " at this instant only: it does not go on; name more variables in `steady`"
-        rows = [
-            f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {self.stability}"
-        ]
+        words = self.stability
+        if words == "undecided" and self.steady_stability != "undecided":
+            words += f" in all its states, {self.steady_stability} in what is steady"
+        rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {words}"]
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
         if self.dimension:
             rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")

@@ -22,6 +22,7 @@ from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.inputs import InputValue, input_signal
 from acausal.simulate.simulation import parameter_values
+from acausal.start.decided import check_decided
 from acausal.start.start_values import Start, near, softened, start_mapping
 
 
@@ -128,6 +129,7 @@ def inverse_dynamics(
     sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
     guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}
     began = operating_point(functions, guess, float(t[0]), inputs, parameters)
+    check_decided(functions.outputs.system, began.t, began.x, p)
     found = Servo(actuation, wanted, began, input_signal(functions, inputs or {})).run(t)
     return InverseDynamics(actuation, t, found.x, found.u, p, found.free)
 
@@ -158,6 +160,8 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
         )
     missing = -ca.substitute(gap, w, ca.SX.zeros(w.numel()))
     force = ca.solve(B, missing) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, missing)
+    if actuation.functions.holds is not None:
+        force = ca.if_else(actuation.functions.holds(s.t, s.x, s.u, s.p) >= 0, force, np.nan)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
     return folded_function("inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -66,7 +67,7 @@ class ChartEquations:
 
         c0 = c_map.coordinates(q0, q0)
         c0 = c0 + ca.mtimes(ca.SX(ca.sparsify(ca.DM(self._invariant))), k.y[:n] - c0[free])
-        known = Known(c0[rest] / unit, ca.vertcat(t0, c0[free], p0, q0))
+        known = Known(_column(c0, rest) / unit, ca.vertcat(t0, c0[free], p0, q0))
         positions = follow(closing, known, ca.vertcat(k.t, k.y[:n], k.p, q0), self.steps)
         c = _merged(k.y[:n], free, unit * positions.z, rest)
         q = c_map.configuration(c, q0)
@@ -77,7 +78,7 @@ class ChartEquations:
             t, q, w, p = ca.vertsplit(known, [0, 1, 1 + nq, 1 + nq + len(free_w), known.numel()])
             return m.rate(t, q, _merged(w, free_w, unit_w * z, rest_w), p) / size_w
 
-        at = Known(w0[rest_w] / unit_w, ca.vertcat(t0, q0, w0[free_w], p0))
+        at = Known(_column(w0, rest_w) / unit_w, ca.vertcat(t0, q0, w0[free_w], p0))
         rates = follow(moving, at, ca.vertcat(k.t, q, k.y[n:], k.p), self.steps)
         w = _merged(k.y[n:], free_w, unit_w * rates.z, rest_w)
         return _Point(c, q, w, positions, rates)
@@ -184,6 +185,11 @@ def _gain(rows: ca.SX, column: ca.SX, free: tuple[int, ...], sizes: np.ndarray, 
         return ca.SX(0)
     J = ca.jacobian(rows, column) * ca.DM(units[None, :] / sizes[:, None])
     return ca.sumsqr(solve_rows(J[:, rest], -J[:, list(free)]))
+
+
+def _column(whole: ca.SX, places: Sequence[int]) -> ca.SX:
+    """Entries of a column, a column also where there are none."""
+    return ca.vertcat(ca.SX(0, 1), *(whole[i] for i in places))
 
 
 def _others(chosen: tuple[int, ...], count: int) -> list[int]:

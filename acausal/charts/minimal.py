@@ -19,6 +19,7 @@ from acausal.errors import OptionError
 from acausal.language.expression import Input, Parameter, Variable
 from acausal.numerics.folding import folded_function
 from acausal.start.assembly_function import start_units
+from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState, Start
 from acausal.start.states import consistent_states
 
@@ -202,6 +203,7 @@ def minimal_model(
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
     state = consistent_states(atlas.functions, x, t, p)
+    check_decided(atlas.functions.outputs.system, t, state, p)
     for begin in atlas.manifold.coordinates.units:
         state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])
     return choose_chart(atlas.manifold, t, state, p, prefer)

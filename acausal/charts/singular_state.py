@@ -25,8 +25,10 @@ def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) ->
     def rows(t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.array(functions.constraint_jacobian(t, x, s.u_defaults, p))
 
-    samples = [rows(0.0, np.concatenate([q, s.rate_start]), s.p_values) for q in s.samples]
+    samples = [rows(s.constraints.time, np.concatenate([q, s.rate_start]), s.p_values) for q in s.samples]
     here = rows(t, x, p)
+    if not np.isfinite(here).all():
+        return 1.0, np.zeros(s.tree_velocities)
     largest = np.max(np.abs([here, *samples]), axis=0)
     turns = s.mechanics.tree.turning[1]
     units = unknown_sizes(largest, turns, np.zeros(len(here)), Drawn.exact(len(here)))

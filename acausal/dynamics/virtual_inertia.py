@@ -14,7 +14,8 @@ with closed loops, 1 / (M + E'dE) and 1 / d - E W_closed E' are known to roundin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import functools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -73,10 +74,10 @@ def virtual_rotors(
     elimination of articulated bodies in numbers for each sample, and some singular value decompositions for each group of loops.
     """
     found: dict[int, list[float]] = {}
-    numbers = _numbers(tree, parameters, values)
+    data = _link_data(tree, parameters)
     parts = [(rows, _of_whole_links(tree, columns)) for rows, columns in loops.parts()]
     for q, A in zip(samples, loops.jacobians, strict=True):
-        met = _articulated(tree, numbers(q))
+        met = _articulated(tree, _parts(data, q, values))
         wanted = {i: d for rows, columns in parts for i, d in _light(tree, met, A[np.ix_(rows, columns)], columns, loops)}
         wanted = {i: met.largest(i) for i in met.lost} | wanted
         for i, d in wanted.items():
@@ -85,41 +86,75 @@ def virtual_rotors(
     return {i: float(4.0 ** np.round(0.5 * np.log2(np.median(found[i])))) for i in sorted(found)}
 
 
-def _massless(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> tuple[int, ...]:
-    """Links whose motion meets no inertia at a configuration."""
-    return _articulated(tree, _numbers(tree, parameters, values)(q)).lost
-
-
 def check_tree_inertia(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> None:
     """Raise `MasslessError` for a motion that meets no inertia wherever it is, as a point mass on a line through a ball joint.
 
     What is zero by structure is found without this. Looks at two places beside q (nq,), only where there are points, thin rods or
     elastic bodies: undeformed, they may be thin, or have a joint's motion among their shapes.
     """
-    elastic = [joint.q for joint in tree.joints if isinstance(joint.edge.joint, AbstractElasticBody)]
-    if len(tree.links) > _MOST_LINKS or not (elastic or any(_is_thin(group.inertia) for group in tree.mechanism.groups)):
+    if not (_elastic(tree) or any(_is_thin(group.inertia) for group in tree.mechanism.groups)):
         return
-    rng, much = np.random.default_rng(6), _sizes(tree, parameters, q, values)
-    places = [q + 0.3 * much * rng.uniform(-1, 1, q.size) for _ in range(2)]
-    for place, amplitudes in ((place, part) for place in places for part in elastic):
-        place[amplitudes] = 0.0
-    one, two = (_massless(tree, parameters, place, values) for place in places)
-    for i in sorted(set(one) & set(two)):
+    for i in TreeInertia(tree, parameters, q).massless(values):
         raise massless(tree.links[i])
 
 
-def _sizes(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True)
+class TreeInertia:
+    """What motions of the tree meet at any values of the `parameters` (np, 1), near a configuration q (nq,)."""
+
+    tree: Tree
+    parameters: ca.SX
+    q: np.ndarray
+
+    def massless(self, values: np.ndarray) -> tuple[int, ...]:
+        """Links whose motion meets no inertia at two places beside q; none of very many links."""
+        tree, q = self.tree, self.q
+        if len(tree.links) > _MOST_LINKS:
+            return ()
+        rng, much = np.random.default_rng(6), _much(tree, self._near, q, values)
+        places = [q + 0.3 * much * rng.uniform(-1, 1, q.size) for _ in range(2)]
+        for place, amplitudes in ((place, part) for place in places for part in _elastic(tree)):
+            place[amplitudes] = 0.0
+        one, two = (_articulated(tree, _parts(self._data, place, values)).lost for place in places)
+        return tuple(sorted(set(one) & set(two)))
+
+    def depends_on(self, places: Sequence[int]) -> bool:
+        """Whether the parameters at these places have to do with it."""
+        return not self._used.isdisjoint(places)
+
+    @functools.cached_property
+    def _used(self) -> set[int]:
+        """Places of the parameters that have to do with it."""
+        by = self._data[0].jac_sparsity(0, 2) if self.parameters.numel() else ca.Sparsity(0, 0)
+        return set(by.get_col())
+
+    @functools.cached_property
+    def _data(self) -> LinkData:
+        return _link_data(self.tree, self.parameters)
+
+    @functools.cached_property
+    def _near(self) -> ca.Function:
+        return _lengths(self.tree, self.parameters)
+
+
+def _elastic(tree: Tree) -> list[slice]:
+    """Places in q of amplitudes."""
+    return [joint.q for joint in tree.joints if isinstance(joint.edge.joint, AbstractElasticBody)]
+
+
+def _lengths(tree: Tree, parameters: ca.SX) -> ca.Function:
+    """(q, t, p) -> distances of links from their parents, and their radii of gyration, squared; where there is no mass 0 / 0."""
+    near = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
+    wide = [ca.SX(ca.trace(symbolic(link.inertia.second_moment))) / link.inertia.mass for link in tree.links]
+    return ca.Function("near", [tree.q, tree.t, parameters], [ca.vertcat(ca.SX(0, 1), *near), ca.vertcat(ca.SX(0, 1), *wide)])
+
+
+def _much(tree: Tree, lengths: ca.Function, q: np.ndarray, values: np.ndarray) -> np.ndarray:
     """What is much for each entry of q (nq,): 1 for turns, else a length near the joint; 1 where there is none in the whole tree."""
     turns, much = tree.turning[0], np.ones(q.size)
     if turns.all():
         return much
-    near = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
-    # radii of gyration, squared; where there is no mass 0 / 0
-    wide = [ca.SX(ca.trace(symbolic(link.inertia.second_moment))) / link.inertia.mass for link in tree.links]
-    offsets, spread = (
-        np.nan_to_num(np.array(part).ravel(), posinf=0.0)
-        for part in ca.Function("near", [tree.q, tree.t, parameters], [ca.vertcat(*near), ca.vertcat(*wide)])(q, 0.0, values)
-    )
+    offsets, spread = (np.nan_to_num(np.array(part).ravel(), posinf=0.0) for part in lengths(q, 0.0, values))
     own = np.maximum(offsets, np.sqrt(np.maximum(spread, 0.0)))
     around = own.copy()
     for i, link in enumerate(tree.links):
@@ -142,7 +177,10 @@ def _is_thin(inertia: Inertia) -> bool:
     return bool(levels[0] <= 1e-12 * max(np.trace(second), 1e-300))
 
 
-def _link_data(tree: Tree, parameters: ca.SX) -> tuple[ca.Function, list[tuple[int, int]]]:
+LinkData = tuple[ca.Function, list[tuple[int, int]]]
+
+
+def _link_data(tree: Tree, parameters: ca.SX) -> LinkData:
     """(q, t, p) -> for each link X (6, 6) that carries its parent's acceleration to it, its motion subspace, its inertia (6, 6), and
     what its motion meets besides: (6, n), (n, n); all in one column, with the shapes of its parts.
     """
@@ -158,15 +196,11 @@ def _link_data(tree: Tree, parameters: ca.SX) -> tuple[ca.Function, list[tuple[i
     return ca.Function("links", [tree.q, tree.t, parameters], [column]), [part.shape for part in parts]
 
 
-def _numbers(tree: Tree, parameters: ca.SX, values: np.ndarray) -> Callable[[np.ndarray], list[np.ndarray]]:
-    data, shapes = _link_data(tree, parameters)
-    ends = np.cumsum([m * n for m, n in shapes])[:-1]
-
-    def at(q: np.ndarray) -> list[np.ndarray]:
-        parts = np.split(np.array(data(q, 0.0, values)).ravel(), ends)
-        return [part.reshape(shape, order="F") for part, shape in zip(parts, shapes, strict=True)]
-
-    return at
+def _parts(data: LinkData, q: np.ndarray, values: np.ndarray) -> list[np.ndarray]:
+    """These in numbers."""
+    function, shapes = data
+    parts = np.split(np.array(function(q, 0.0, values)).ravel(), np.cumsum([m * n for m, n in shapes])[:-1])
+    return [part.reshape(shape, order="F") for part, shape in zip(parts, shapes, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -200,6 +200,10 @@ def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
         yield ConstraintEntry(
             held.name, "other positions of flanges", "redundant", False, "it follows from others; the smallest efforts are given"
         )
+    for held in system.scalar.looped:
+        yield ConstraintEntry(
+            held.name, "other positions of flanges", "redundant", False, "loops hold it already; it transmits nothing"
+        )
     for held in rates_only(system):
         if held.of_inputs:
             yield ConstraintEntry(held.name, f"other velocities of {_whose(held)}", "rheonomic", True, "given by an input")

@@ -81,7 +81,7 @@ def _exported(f: Functions) -> list[ca.Function]:
         f.constraint_position,
         f.constraint_velocity,
     ]
-    return found + [extra for extra in (f.invariants, f.projection) if extra is not None]
+    return found + [extra for extra in (f.invariants, f.projection, f.holds) if extra is not None]
 
 
 def _derivatives(function: ca.Function) -> list[ca.Function]:

@@ -153,6 +153,7 @@ def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
         *(f".{name} = {size}" for name, size in sizes.items()),
         f".constants = {start.assembly.numel_out(1)}, .depends = depends, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
+        *([] if start.holds is None else [f".holds = {_plain(start.holds)}"]),
         f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}, .positions = {f.space.nq}",
         *(f".{name} = {name}" for name in ("state_names", *values, *own)),
     ]

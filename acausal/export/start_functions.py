@@ -32,12 +32,13 @@ _TAIL = "\n#pragma GCC diagnostic pop\n#pragma GCC visibility pop\n"
 class StartFunctions:
     """`assembly`: data (start values, t0, u, p without constants) -> (x, constants of integration), NaN where there is no such start; `depends`:
     on which of the data. `gaps`: (t, x, u, p) -> how far positions and velocities are from closing, and how large the velocities are, without
-    unit; None without constraints. `names`, `values`: of the start values.
+    unit; None without constraints. `holds`: (t, x, u, p) -> not negative where what was decided holds. `names`, `values`: of the start values.
     """
 
     assembly: ca.Function
     depends: tuple[bool, ...]
     gaps: ca.Function | None
+    holds: ca.Function | None
     names: tuple[str, ...]
     values: tuple[float, ...]
 
@@ -56,6 +57,7 @@ def start_functions(functions: Functions, initial: InitialState) -> StartFunctio
         ca.Function("assembly", [data], [ca.densify(x), ca.densify(constants)]),
         _depends(functions, initial),
         _gaps(functions, initial),
+        functions.holds,
         names,
         tuple(account.data[: len(names)].tolist()),
     )
@@ -108,7 +110,7 @@ def _gaps(functions: Functions, initial: InitialState) -> ca.Function | None:
 def start_c(start: StartFunctions) -> str:
     """A header with C of the functions, for inclusion after simulator.h."""
     generator = ca.CodeGenerator("start", {"casadi_int": "long long int"})
-    for function in (start.assembly, start.gaps):
+    for function in (start.assembly, start.gaps, start.holds):
         if function is not None:
             generator.add(function)
     with tempfile.TemporaryDirectory() as folder:

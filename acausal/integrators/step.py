@@ -14,13 +14,20 @@ _PROJECTIONS = 3
 
 
 def step_function(
-    rhs: ca.Function, project: ca.Function | None = None, *, method: str = "gauss", order: int = 4, h: float | None = None
+    rhs: ca.Function,
+    project: ca.Function | None = None,
+    *,
+    method: str = "gauss",
+    order: int = 4,
+    h: float | None = None,
+    holds: ca.Function | None = None,
 ) -> ca.Function:
     """(t, x, u, p, h) -> (x_next, residual), without the last argument for a fixed `h`: one step of Gauss (even order) or Radau IIA (odd order) collocation.
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
     `project`: (t, x, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`.
+    `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite.
     The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
     order = whole_number(order, "step: the order", 1)
@@ -57,6 +64,7 @@ def step_function(
         after = project(tm + hm, after, pm)
     left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
+    nan_safe = nan_safe if holds is None else ca.if_else(holds(tm, xm, um, pm) >= 0, nan_safe, np.inf)
     name, arguments, results = f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe]
     free = ca.Function(name, arguments, results, ["t", "x", "u", "p", "h"], ["x_next", "residual"])
     if h is None:

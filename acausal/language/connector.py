@@ -162,8 +162,12 @@ class Electrical(Connector):
     """A pin: electric potential `v` [V], current `i` [A] into the component."""
 
     domain = "electrical"
-    v = Variable("V", "potential")
-    i = Variable("A", "current into the component")
+    v = Variable("V", "potential", if_undetermined="A circuit without a Ground has no zero of potential: connect one to it.")
+    i = Variable(
+        "A",
+        "current into the component",
+        if_undetermined="Ideal sources, or Grounds, side by side leave open which share of a current each takes: keep one of them.",
+    )
 
 
 class Signal(Connector):

@@ -31,7 +31,7 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
     def is_meant(z: np.ndarray) -> bool:
         return bool(np.all(np.array(meant(z * walk.unit, walk.time)) > EDGE))
 
-    rng = np.random.default_rng(0)
+    rng, time = np.random.default_rng(0), walk.time
     sketch = guess / walk.unit
     smallest, where = np.inf, sketch
     for first in _beginnings(group, walk, sketch, rng):
@@ -53,7 +53,7 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
             z = walk.later(first, (attempt + 1) // 2 * (-1.0) ** (attempt + 1))
             if z is not None and is_meant(z):
                 return z
-        walk.time = 0.0
+        walk.time = time
     gaps = np.abs(walk.gaps(where))
     worst, own = _worst_loop(group.loops, gaps)
     raise AssemblyError(

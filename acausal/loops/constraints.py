@@ -11,18 +11,33 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.loops.close_loops import close_loops
+from acausal.loops.examined import Examined, Margin
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
 from acausal.loops.mobility import locked, shaky
 from acausal.loops.nearest_loops import distance_from_sketch
 from acausal.loops.redundancy import RankReport, independent_rows, needed_rows
-from acausal.loops.singular import has_singular_position
+from acausal.loops.singular import row_scale, singular_values_along
 from acausal.loops.sketch import sketch_configuration
-from acausal.loops.walk import Walk
+from acausal.loops.walk import Walk, WalkFunctions
+from acausal.numerics.thresholds import SINGULAR
 
 _SAMPLES = 8
 _OPENED = 3
 _OPENING = 0.2
+
+
+@dataclass(frozen=True)
+class Loops:
+    """Rows of all loops, and functions for walks of each group of joints, whatever the parameters are."""
+
+    loops: tuple[LoopRows, ...]
+    walks: tuple[WalkFunctions, ...]
+
+
+def _symbolic(system: MechanicalSystem, parameters: ca.SX) -> Loops:
+    loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
+    return Loops(loops, tuple(WalkFunctions(group, system.tree.t, parameters) for group in loop_groups(system, loops)))
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,17 +73,50 @@ class Constraints:
     """Places of the parameters on which the loops depend."""
     values: np.ndarray
     """All parameters where the above was found."""
+    examined: tuple[Examined, ...]
+    """Groups of loops, each on its own."""
+    symbolic: Loops
+    near: np.ndarray | None
+    """The configuration (nq,) from which was looked; None where it is that of the sketch."""
+    time: float
+    """When it was looked [s]."""
 
-    def holds(self, values: np.ndarray) -> bool:
+    def unchanged(self, values: np.ndarray) -> bool:
         """Whether the loops are the same for these values of the parameters (np,)."""
         places = list(self.parameters)
         return np.array_equal(self.values[places], values[places])
 
+    def hold(self, values: np.ndarray) -> bool:
+        """Whether the same rows are independent for these values of the parameters (np,), and none nearly depend on others, as far as some
+        looks along a walk can tell. Costs milliseconds.
+        """
+        return all(part.holds(values) for part in self.examined)
+
+    def margins(self, q: np.ndarray, time: float, values: np.ndarray) -> list[Margin]:
+        """Of each group of loops, at a configuration (nq,) with closed loops and for these values of the parameters."""
+        return [part.margin(q[list(part.group.q_places)], time, values) for part in self.examined]
+
+    def decided_at(self, q: np.ndarray, time: float, values: np.ndarray) -> bool:
+        """Whether the rows that are kept are independent at a configuration (nq,), and the others follow from them."""
+        return all(part.decided(m) for part, m in zip(self.examined, self.margins(q, time, values), strict=True))
+
     def decides_as(self, other: Constraints) -> bool:
         """Whether the same rows are kept, and singular positions are met or not."""
-        return (self.kept_index, self.rank.rank, self.damped, self.singular) == (
-            other.kept_index, other.rank.rank, other.damped, other.singular
-        )  # fmt: skip
+        return self.choice == other.choice
+
+    @property
+    def choice(self) -> tuple[int, ...]:
+        """What was decided, in numbers."""
+        return self.rank.rank, self.damped, self.singular, *self.kept_index
+
+    @property
+    def dropped(self) -> ca.SX:
+        """Positions (n, 1) of rows that are not used, since they follow from the others."""
+        positions, first, used = list[ca.SX](), 0, set(self.kept_index)
+        for rows in self.loops:
+            positions += [rows.position[k] for k in range(rows.position.numel()) if first + k not in used]
+            first += rows.velocity.numel()
+        return ca.vertcat(ca.SX(0, 1), *positions)
 
     @property
     def dependent(self) -> bool:
@@ -94,23 +142,34 @@ def joint_invariants(system: MechanicalSystem) -> ca.SX:
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
 
-def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.ndarray) -> Constraints:
+def analyse_constraints(
+    system: MechanicalSystem,
+    parameters: ca.SX,
+    values: np.ndarray,
+    near: np.ndarray | None = None,
+    time: float = 0.0,
+    known: Constraints | None = None,
+) -> Constraints:
     """Close the loops numerically, find the redundant rows, keep the others.
 
+    Looks from the configuration `near` (nq,), that of the sketch unless given, at this `time` [s]. `known`: of the same system, with other
+    values; what does not depend on them is taken from there.
     Raises `AssemblyError` when a loop cannot close, `LockedError` when no freedom is left.
     """
     tree = system.tree
-    loops = tuple(loop_rows(edge, system.placement) for edge in system.mechanism.cuts)
-    sketch = sketch_configuration(system)
-    found: list[_Examined] = []
-    for group in loop_groups(system, loops):
+    symbolic = _symbolic(system, parameters) if known is None else known.symbolic
+    loops = symbolic.loops
+    sketch = sketch_configuration(system) if near is None else near
+    found: list[Examined] = []
+    for asked in symbolic.walks:
+        group = asked.group
         guess = sketch[list(group.q_places)]
         if not (group.names or group.invariants.numel() or group.domain.numel()):
             found.append(_unbound(group, guess))
             continue
-        walk = Walk(group, tree.t, parameters, values, guess)
+        walk = Walk(asked, values, guess, time)
         start = close_loops(group, walk, tree.t, guess, functools.partial(distance_from_sketch, system, group, walk, sketch))
-        found.append(_examined(group, walk, start, tree.t, parameters) if group.names else _unbound(group, start * walk.unit))
+        found.append(_examined(walk, start, values) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
     empty = {name for part in found for name in part.empty}
     loops = tuple(rows.without(empty) for rows in loops)
@@ -138,48 +197,18 @@ def analyse_constraints(system: MechanicalSystem, parameters: ca.SX, values: np.
         tuple(name for name in names if name in kept), tuple(chosen), tuple(name for name in names if name not in kept),
         tuple(name for rows in loops for name in rows.dropped), report, any(part.damped for part in found),
         any(part.singular for part in found), samples, beside, rates, _influences(loops, parameters), np.array(values, dtype=float),
+        tuple(part for part in found if part.walk is not None), symbolic, near, time,
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Examined:
-    """What is known of a group: assembled configurations of its coordinates, independent rows, the rows to be used."""
-
-    group: LoopGroup
-    samples: list[np.ndarray]
-    opened: list[np.ndarray]
-    """Configurations beside these."""
-    rank: RankReport
-    chosen: tuple[int, ...]
-    damped: bool
-    singular: bool
-    A: np.ndarray
-    """Rows in the velocities at the start."""
-    rates: np.ndarray
-    """How much each velocity is."""
-    timed: bool
-    """Whether the time enters."""
-    empty: tuple[str, ...] = ()
-    """Rows that only hold rounding errors, whatever the parameters."""
-
-
-def _unbound(group: LoopGroup, start: np.ndarray) -> _Examined:
+def _unbound(group: LoopGroup, start: np.ndarray) -> Examined:
     """Joints without rows of loops."""
-    return _Examined(
-        group,
-        [start],
-        [start],
-        RankReport((), 0, 0),
-        (),
-        False,
-        False,
-        np.zeros((0, group.v.numel())),
-        np.ones(group.v.numel()),
-        False,
-    )
+    n = group.v.numel()
+    return Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, n)), np.ones(n), False)
 
 
-def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, parameters: ca.SX) -> _Examined:
+def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
+    group, t, parameters = walk.symbolic.group, walk.symbolic.t, walk.symbolic.parameters
     samples: list[np.ndarray] = []
     jacobians: list[np.ndarray] = []
     rank = RankReport((), 0, 0)
@@ -193,13 +222,15 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    singular = rank.rank > 0 and (rank.singular_at_start or has_singular_position(walk, start, jacobians, rank.rank, rank.kept))
+    scale = row_scale(jacobians)
+    trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else []
+    singular = rank.singular_at_start or any(smallest < SINGULAR for smallest, _ in trail)
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(z)[2] for z in samples]
     beside = _opened(samples)
     chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(z)[2] for z in beside)], walk.rank)
-    return _Examined(
+    return Examined(
         group,
         [z * walk.unit for z in samples],
         [z * walk.unit for z in beside],
@@ -210,7 +241,12 @@ def _examined(group: LoopGroup, walk: Walk, start: np.ndarray, t: ca.SX, paramet
         walk.rows(start),
         walk.rate,
         timed,
-        _empty(group, walk, parameters),
+        _empty(walk),
+        walk,
+        scale,
+        tuple((smallest, z * walk.unit) for smallest, z in trail),
+        _influences(group.loops, parameters),
+        values,
     )
 
 
@@ -220,13 +256,14 @@ def _influences(loops: Sequence[LoopRows], parameters: ca.SX) -> tuple[int, ...]
     return tuple(i for i in range(parameters.numel()) if parameters[i].element_hash() in used)
 
 
-def _empty(group: LoopGroup, walk: Walk, parameters: ca.SX) -> tuple[str, ...]:
+def _empty(walk: Walk) -> tuple[str, ...]:
+    group, t, parameters = walk.symbolic.group, walk.symbolic.t, walk.symbolic.parameters
     rows = [rows.velocity[k] for rows in group.loops for k in range(len(rows.names))]
     places = [rows.position[k] if k < rows.position.numel() else ca.SX(0) for rows in group.loops for k in range(len(rows.names))]
     return tuple(
         name
         for name, row, place, empty in zip(group.names, rows, places, walk.empty, strict=True)
-        if empty and not ca.depends_on(ca.vertcat(row, place), parameters)
+        if empty and not ca.depends_on(ca.vertcat(row, place), ca.vertcat(t, parameters))
     )
 
 
@@ -236,7 +273,7 @@ def _opened(samples: Sequence[np.ndarray]) -> list[np.ndarray]:
     return [z + _OPENING * rng.uniform(-1, 1, z.size) for z in samples[:_OPENED]]
 
 
-def _check_locked(found: Sequence[_Examined], freedoms: int) -> None:
+def _check_locked(found: Sequence[Examined], freedoms: int) -> None:
     """Locked loops may be carried by what moves; nothing moves where all joints are in such loops. Raises `LockedError`."""
     stuck = [part for part in found if part.rank.rank >= part.group.v.numel() > 0 and not part.timed]
     if stuck and sum(part.group.v.numel() for part in stuck) == freedoms:

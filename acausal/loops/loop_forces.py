@@ -102,7 +102,7 @@ class LoopForces:
         size = np.sqrt([self.rotors[i] for i in link_of])
         least: list[tuple[float, int]] = []
         for q in self.constraints.samples:
-            levels, axes = np.linalg.eigh(np.array(function(q, 0.0, values)) * np.outer(size, size))
+            levels, axes = np.linalg.eigh(np.array(function(q, self.constraints.time, values)) * np.outer(size, size))
             k = int(np.argmin(np.abs(levels)))
             least.append((float(np.abs(levels[k])), link_of[int(np.argmax(np.abs(axes[:, k])))]))
         # a singular position lets go of more than the loops do elsewhere
@@ -211,7 +211,9 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
         return LoopForces(mechanics, constraints, none, ca.SX(0, 0), np.zeros(0), np.zeros(0), {}, articulated_inertias(tree))
     samples = constraints.samples[:: max(1, len(constraints.samples) // 2)]
     rows = ca.Function("rows", [tree.q, tree.t, parameters], [ca.densify(A)])
-    loops = LoopMotions(tuple(np.array(rows(q, 0.0, values)) for q in samples), constraints.rates, constraints.singular)
+    loops = LoopMotions(
+        tuple(np.array(rows(q, constraints.time, values)) for q in samples), constraints.rates, constraints.singular
+    )
     rotors = virtual_rotors(tree, parameters, samples, loops, values)
     inertias = articulated_inertias(tree, rotors)
     flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
@@ -239,7 +241,7 @@ def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndar
     tree, constraints = forces.mechanics.tree, forces.constraints
     function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
     closed, beside = (
-        np.max([np.array(function(q, 0.0, values)).ravel() for q in places], axis=0)
+        np.max([np.array(function(q, constraints.time, values)).ravel() for q in places], axis=0)
         for places in (constraints.samples, constraints.opened)
     )
     return 4.0 ** np.round(0.5 * np.log2(np.where(closed > _ROUNDING * beside, closed, beside)))

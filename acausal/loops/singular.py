@@ -7,7 +7,7 @@ then finds the determinant of the constraints and the direction of the motion wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,50 +83,64 @@ def _steps(look: _Look, start: np.ndarray, ahead: np.ndarray) -> Iterator[tuple[
         here = look.at(found, ahead)
 
 
-def has_singular_position(walk: Walk, start: np.ndarray, jacobians: list[np.ndarray], rank: int, kept: tuple[int, ...]) -> bool:
-    """Whether a walk from the assembled configuration `start`, most of a turn of a hinge to either side, meets a singular position.
-
-    `jacobians`: A (m, nv) there and at others; `rank`: its independent rows in general, `kept` for example. At most 120 steps with two
-    singular value decompositions each, and 40 more at each place where the singular value has a sharp least.
-    """
+def row_scale(jacobians: Sequence[np.ndarray]) -> np.ndarray:
+    """Largest lengths (m,) of the rows of A (m, nv) at some configurations."""
     scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
-    scale = np.maximum(scale, 1e-6 * np.max(scale))
+    return np.maximum(scale, 1e-6 * np.max(scale))
+
+
+def singular_values_along(
+    walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]
+) -> list[tuple[float, np.ndarray]]:
+    """Smallest singular values of A, and where, on a walk from the assembled configuration `start`, most of a turn of a hinge to either side, as
+    far as the first singular position: those of its places, and the least ones between them.
+
+    `scale` (m,): of the rows of A; `rank`: its independent rows in general, `kept` for example. At most 120 steps with two singular value
+    decompositions each, and 40 more at each place where the singular value has a sharp least.
+    """
     look = _Look(walk, scale, rank, kept)
-    ahead = np.random.default_rng(1).normal(size=jacobians[0].shape[1])
+    ahead = np.random.default_rng(1).normal(size=walk.rate.size)
+    found: list[tuple[float, np.ndarray]] = []
     for sense in (1.0, -1.0):
         last: list[_Place] = []
         for place, along in _steps(look, start, sense * ahead):
             last = [*last[-2:], place]
-            if place.smallest < SINGULAR or _is_met(look, last, along):
-                return True
-    return False
+            for one in (place, *_least(look, last, along)):
+                found.append((one.smallest, one.z))
+                if one.smallest < SINGULAR:
+                    return found
+    return found
 
 
-def _is_met(look: _Look, last: list[_Place], along: np.ndarray) -> bool:
-    """Whether a singular position lies between the last places, where the singular value has a tip or the determinant changes sign."""
+def _least(look: _Look, last: list[_Place], along: np.ndarray) -> list[_Place]:
+    """Where the singular value is least between the last places, if it has a tip there or the determinant changes sign: a singular position, or
+    close to one.
+    """
     if len(last) > 1 and last[-1].side * last[-2].side < 0:
         a, c = last[-2:]
         b = look.between(a, c, 0.5, along)
     elif len(last) > 2 and _is_tip(*last):
         a, b, c = last
     else:
-        return False
+        return []
     p, q, r = 0.0, 0.5, 1.0
+    least: list[_Place] = []
     for _ in range(_MOST_CUTS):
-        if b is None or not (a.side * c.side < 0 or _is_tip(a, b, c)):
-            return False
-        if b.smallest < SINGULAR:
-            return True
+        if b is None:
+            return least
+        least = [min((*least, b), key=lambda place: place.smallest)]
+        if b.smallest < SINGULAR or not (a.side * c.side < 0 or _is_tip(a, b, c)):
+            return least
         # golden section of the larger part
         before = q - p > r - q
         new = look.between(a, b, 1 - _GOLDEN, along) if before else look.between(b, c, _GOLDEN, along)
         if new is None:
-            return False
+            return least
         where = q - _GOLDEN * (q - p) if before else q + _GOLDEN * (r - q)
         four = [(p, a), (where, new), (q, b), (r, c)] if before else [(p, a), (q, b), (where, new), (r, c)]
-        least = 1 if four[1][1].smallest < four[2][1].smallest else 2
-        (p, a), (q, b), (r, c) = four[least - 1 : least + 2]
-    return False
+        middle = 1 if four[1][1].smallest < four[2][1].smallest else 2
+        (p, a), (q, b), (r, c) = four[middle - 1 : middle + 2]
+    return least
 
 
 def _is_tip(a: _Place, b: _Place, c: _Place) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -24,39 +25,77 @@ _TIMES = range(-20, 21)
 """Powers of 4 s."""
 
 
+@dataclass(frozen=True)
+class WalkFunctions:
+    """What a walk asks of a group of loops at any time `t` and values of the `parameters`, as CasADi functions."""
+
+    group: LoopGroup
+    t: ca.SX
+    parameters: ca.SX
+
+    @functools.cached_property
+    def _expressions(self) -> list[ca.SX]:
+        """Closing residuals, their derivatives by q, rows in the velocities, N of q' = N v, and what time changes in the residuals."""
+        group, closing = self.group, self.group.closing
+        A, N = ca.jacobian(group.velocity, group.v), ca.jacobian(group.rates, group.v)
+        return [closing, ca.jacobian(closing, group.q), A, N, ca.jacobian(closing, self.t)]
+
+    @functools.cached_property
+    def shapes(self) -> list[tuple[int, int]]:
+        """Of the parts of `parts`."""
+        return [part.shape for part in self._expressions]
+
+    @functools.cached_property
+    def parts(self) -> ca.Function:
+        """(q, t, p) -> all of these in a column."""
+        column = ca.densify(ca.vertcat(*(ca.vec(part) for part in self._expressions)))
+        return ca.Function("walk", [self.group.q, self.t, self.parameters], [column])
+
+    @functools.cached_property
+    def noise(self) -> ca.Function:
+        """(q and t, p) -> sizes of the terms of the closing residuals."""
+        argument = ca.vertcat(self.group.q, self.t)
+        return ca.Function("noise", [argument, self.parameters], [ca.densify(rounded(self.group.closing))])
+
+    @functools.cached_property
+    def terms(self) -> ca.Function:
+        """(q, v, t, p) -> sizes of the terms of the rows in the velocities."""
+        group = self.group
+        return ca.Function("terms", [group.q, group.v, self.t, self.parameters], [ca.densify(rounded(group.velocity))])
+
+    def bends(self, places: np.ndarray) -> ca.Function:
+        """(q, t, p) -> second derivatives of the closing residuals by the coordinates at `places` (nq,)."""
+        bent = curvature(self.group.closing, self.group.q, places)
+        return ca.Function("bends", [self.group.q, self.t, self.parameters], [ca.densify(bent)])
+
+
 class Walk:
     """Assembled configurations z of a group of loops one after the other, for parameters of these `values`, at the time `time`.
 
-    z = q / `unit` (nq,): lengths are measured by the group's own lever arms; velocities of the size `rate` (nv,) change z by 1 in a second. A: the rows of the loops in the velocities, these and
-    the rows divided by what is much for them.
+    z = q / `unit` (nq,): lengths are measured by the group's own lever arms; velocities of the size `rate` (nv,) change z by 1 in a second.
+    A: the rows of the loops in the velocities, these and the rows divided by what is much for them.
     """
 
-    def __init__(self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray, guess: np.ndarray) -> None:
-        A, closing = ca.jacobian(group.velocity, group.v), group.closing
-        self._arguments, self._values, self._shifts = [group.q, t, parameters], values, group.drawn.shifts
-        self._parts = _Parts(
-            self._arguments,
-            [closing, ca.jacobian(closing, group.q), A, ca.jacobian(group.rates, group.v), ca.jacobian(closing, t)],
-            values,
-        )
-        self._noise = BoundFunction.of(
-            ca.Function("noise", [ca.vertcat(group.q, t)], [ca.densify(_at(rounded(closing), parameters, values))])
-        )
-        self.time = 0.0
-        self._drawn = np.zeros(closing.numel())
+    def __init__(self, symbolic: WalkFunctions, values: np.ndarray, guess: np.ndarray, time: float = 0.0) -> None:
+        group = symbolic.group
+        self.symbolic, self.guess = symbolic, guess
+        self._values = values
+        self._parts = _Parts(symbolic.parts, symbolic.shapes, values)
+        self._noise = _bound(symbolic.noise, guess.size, values)
+        self.time = time
+        self._drawn = np.zeros(symbolic.noise.numel_out(0))
         drawn = group.drawn
-        at_guess = self._parts(guess, 0.0)
+        at_guess = self._parts(guess, time)
         silent = ~group.turning & ~np.any(np.nan_to_num(at_guess[1]), axis=0)
         reach = np.where(group.turning, 1.0, 0.0)
         if silent.any():
-            curved = _at(curvature(closing, group.q, silent), parameters, values)
-            bends = ca.Function("bends", [group.q, t], [ca.densify(curved)])
-            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), np.array(bends(guess, 0.0)).ravel())
-        own, bent = self._bent(group, t, parameters, values, guess, at_guess[1])
+            bends = np.array(symbolic.bends(silent)(guess, time, values)).ravel()
+            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), bends)
+        own, bent = self._bent(at_guess[1])
         reach = np.where(bent > 0, bent, reach)
         rng = np.random.default_rng(3)
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
-        found = [self._parts(q, 0.0) for q in probes]
+        found = [self._parts(q, time) for q in probes]
         c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
         instead = np.maximum(bent, _lengths_of_rates(A, N, group.turning))
         terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
@@ -65,20 +104,20 @@ class Walk:
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
         self.dependent, self.rank = drawn.dependent(self._rows), drawn.dependent(self._rows, RANK)
-        self._velocity = _without_noise(A @ self.rate, self.rate, group, t, parameters, values, probes)
+        terms = np.nan_to_num(
+            np.max([np.array(symbolic.terms(q, self.rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
+        )
+        self._velocity = _without_noise(A @ self.rate, terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes)
 
-    def _bent(
-        self, group: LoopGroup, t: ca.SX, parameters: ca.SX, values: np.ndarray, guess: np.ndarray, J: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Lengths of rows (m,) without angles whose slope J changes with place, a rod between particles, and of the unknowns (nq,) in them: how far these go
-        until it is another one. Wherever the origin is. Zero for others.
+    def _bent(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of rows (m,) without angles whose slope J at the guess changes with place, as a rod between particles has it, and of the
+        unknowns (nq,) in them: how far these go until it is another one, wherever the origin is. Zero for others.
         """
-        closing, straight = group.closing, ~group.turning
-        used = ca.DM(ca.jacobian(closing, group.q).sparsity(), 1).full() > 0
-        if not (straight.any() and closing.numel()):
-            return np.zeros(closing.numel()), np.zeros(guess.size)
-        curved = _at(curvature(closing, group.q, straight), parameters, values)
-        bends = np.abs(np.array(ca.Function("bends", [group.q, t], [ca.densify(curved)])(guess, 0.0)).ravel())
+        group, straight = self.symbolic.group, ~self.symbolic.group.turning
+        if not (straight.any() and group.closing.numel()):
+            return np.zeros(group.closing.numel()), np.zeros(self.guess.size)
+        used = ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
+        bends = np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values)).ravel())
         plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
         slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
         own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
@@ -86,6 +125,11 @@ class Walk:
 
     def _rounding(self, q: np.ndarray) -> np.ndarray:
         return self._drawn + finite(self._noise.at(np.append(q, self.time)))
+
+    @property
+    def sizes_of_velocities(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is much for each velocity (nv,), and for each row in them (m,), infinite for rows of rounding errors."""
+        return self.rate, self._velocity
 
     @property
     def sizes(self) -> Sizes:
@@ -96,11 +140,17 @@ class Walk:
     @property
     def length(self) -> float:
         """Of the loops [m], that shifts are measured by; where nothing is shifted the longest of the unknowns."""
-        return float(np.max(self._rows[self._shifts], initial=np.max(self.unit)))
+        return float(np.max(self._rows[self.symbolic.group.drawn.shifts], initial=np.max(self.unit)))
 
     def differences(self, rows: ca.SX) -> Residual:
         """Some more rows (k, 1) in q, the time and the parameters: z -> the rows and their Jacobian, with units."""
-        parts = _Parts(self._arguments, [rows, ca.jacobian(rows, self._arguments[0])], self._values)
+        symbolic = self.symbolic
+        q = symbolic.group.q
+        J = ca.jacobian(rows, q)
+        column = ca.densify(ca.vertcat(rows, ca.vec(J)))
+        parts = _Parts(
+            ca.Function("differences", [q, symbolic.t, symbolic.parameters], [column]), [rows.shape, J.shape], self._values
+        )
 
         def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             r, J = parts(z * self.unit, self.time)
@@ -226,15 +276,14 @@ class Walk:
 
 
 class _Parts:
-    """Several matrices of q and t in one call."""
+    """Several matrices of q and t, functions of (q, t, p), in one call."""
 
-    def __init__(self, arguments: list[ca.SX], parts: list[ca.SX], values: np.ndarray) -> None:
-        self._shapes = [part.shape for part in parts]
-        self._ends = np.cumsum([m * n for m, n in self._shapes])
-        self._q, self._t = np.empty(arguments[0].numel()), np.zeros(1)
-        column = ca.densify(ca.vertcat(*(ca.vec(part) for part in parts)))
+    def __init__(self, function: ca.Function, shapes: list[tuple[int, int]], values: np.ndarray) -> None:
+        self._shapes = shapes
+        self._ends = np.cumsum([m * n for m, n in shapes])
+        self._q, self._t = np.empty(function.size1_in(0)), np.zeros(1)
         given = (self._q, self._t, np.array(values, dtype=float))
-        self._bound = BoundFunction(ca.Function("walk", arguments, [column]), given, np.empty(column.numel()))
+        self._bound = BoundFunction(function, given, np.empty(function.numel_out(0)))
 
     def __call__(self, q: np.ndarray, t: float) -> list[np.ndarray]:
         self._q[:], self._t[0] = q, t
@@ -251,20 +300,11 @@ def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.n
     return np.max(N * speeds, axis=1, initial=0.0)
 
 
-def _at(expression: ca.SX, parameters: ca.SX, values: np.ndarray) -> ca.SX:
-    return ca.substitute(expression, parameters, ca.DM(values)) if parameters.numel() else expression
+def _bound(function: ca.Function, size: int, values: np.ndarray) -> BoundFunction:
+    """A function of (q and t, parameters) bound, with these values of the parameters."""
+    return BoundFunction(function, (np.empty(size + 1), np.array(values, dtype=float)), np.empty(function.numel_out(0)))
 
 
-def _without_noise(
-    sizes: np.ndarray,
-    rate: np.ndarray,
-    group: LoopGroup,
-    t: ca.SX,
-    parameters: ca.SX,
-    values: np.ndarray,
-    probes: list[np.ndarray],
-) -> np.ndarray:
+def _without_noise(sizes: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Sizes (m,) of rows in the velocities; infinite where a row only holds rounding errors and so is no constraint."""
-    terms = ca.Function("terms", [group.q, group.v, t, parameters], [ca.densify(rounded(group.velocity))])
-    noise = np.nan_to_num(np.max([np.array(terms(q, rate, 0.0, values)).ravel() for q in probes], axis=0))
-    return np.where(sizes > CLOSED * (noise + Drawn.joined([rows.drawn for rows in group.loops]).sizes), positive(sizes), np.inf)
+    return np.where(sizes > CLOSED * noise, positive(sizes), np.inf)

@@ -63,13 +63,18 @@ def vanish(rows: ca.SX, fixed: ca.SX | None = None, values: np.ndarray | None = 
 
 def equilibrated(A: np.ndarray) -> np.ndarray:
     """A with rows and columns divided by their largest entries until all are about 1: units are gone (Ruiz 2001). Zero rows stay."""
-    A = np.array(A, dtype=float)
-    if not A.size:
-        return A
-    for _ in range(_SWEEPS):
-        rows, columns = np.sqrt(np.abs(A).max(axis=1)), np.sqrt(np.abs(A).max(axis=0))
-        A = A / np.where(rows > 0, rows, 1.0)[:, None] / np.where(columns > 0, columns, 1.0)
-    return A
+    rows, columns = equilibration(A)
+    return A / rows[:, None] / columns
+
+
+def equilibration(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """By what rows (n,) and columns (m,) of A are divided in `equilibrated`."""
+    r, c = np.ones(A.shape[0]), np.ones(A.shape[1])
+    for _ in range(_SWEEPS if A.size else 0):
+        B = np.abs(A) / r[:, None] / c
+        rows, columns = np.sqrt(B.max(axis=1)), np.sqrt(B.max(axis=0))
+        r, c = r * np.where(rows > 0, rows, 1.0), c * np.where(columns > 0, columns, 1.0)
+    return r, c
 
 
 def equilibrated_rank(A: np.ndarray) -> int:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -22,7 +23,8 @@ from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
-from acausal.reduce.state_space import StateSpace
+from acausal.reduce.holds import holds
+from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
 from acausal.wording import callers_level
 
 if TYPE_CHECKING:
@@ -42,10 +44,28 @@ class Functions:
     outputs: Outputs
     space: StateSpace
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Functions, (self.outputs, self.space)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Functions:
+        """Itself, unless the scene is copied along with it."""
+        system = copy.deepcopy(self.outputs.system, memo)
+        if system is self.outputs.system:
+            return self
+        return Functions(Outputs(system), (state_space if self.space.elimination.symbols else whole_state_space)(system))
+
     @functools.cached_property
     def decisions(self) -> Decisions:
         """What the reduction decided by the values of parameters."""
         return Decisions(self.space)
+
+    @functools.cached_property
+    def holds(self) -> ca.Function | None:
+        """(t, x, u, p) -> margin, not negative where what was decided by numbers holds: which rows of loops are independent, what follows from what,
+        pivots. NaN counts as negative. None where no parameter and no time can change it.
+        """
+        margin = holds(self.space)
+        return None if margin is None else self._function("holds", [margin], ["margin"])
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -143,12 +163,18 @@ class Functions:
 
     @functools.cached_property
     def watched(self) -> ca.Function:
-        """(t, x, u, p) -> kinetic energy, potential energy [J], and all invariants."""
+        """(t, x, u, p) -> kinetic energy, potential energy [J], all invariants, and loop rows that follow from these."""
         space = self.space
         t, x, _, p = space.arguments
         energies = space.put(ca.vertcat(self.outputs.kinetic_energy, self.outputs.potential_energy))
         rows = ca.SX(0, 1) if self.invariants is None else self.invariants(t, x, p)
-        return folded_function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows))])
+        following = space.put(self.outputs.system.constraints.dropped)
+        return folded_function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
+
+    @functools.cached_property
+    def kept_invariants(self) -> int:
+        """How many invariants there are."""
+        return 0 if self.invariants is None else self.invariants.numel_out(0)
 
     @functools.cached_property
     def watched_at_once(self) -> ca.Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -24,6 +25,13 @@ class Outputs:
     """Translates a user's expressions for one reduced system."""
 
     system: ReducedSystem
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Outputs, (self.system,)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Outputs:
+        system = copy.deepcopy(self.system, memo)
+        return self if system is self.system else Outputs(system)
 
     @functools.cached_property
     def start_problems(self) -> dict[Hashable, Any]:

@@ -32,6 +32,10 @@ class Elimination:
     rates: tuple[int, ...]
     constants: ca.SX
     sources: ca.SX
+    pivots: tuple[float, ...] = ()
+    """What was divided by for each coordinate, as part of the largest coefficient of its relation."""
+    zero: float = DEPENDENT
+    """Below this they count as zero."""
 
     @classmethod
     def none(cls) -> Elimination:
@@ -52,6 +56,8 @@ class _Relation:
     coefficients: ca.SX
     rest: ca.SX
     pivot: int = -1
+    size: float = 0.0
+    """Of the pivot, as part of the largest coefficient of the row as it was given."""
 
     def solved(self, y: ca.SX, rest: ca.SX) -> ca.SX:
         """The pivot's entry of y (n, 1), with `rest` for the part that is not in y."""
@@ -102,7 +108,7 @@ def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, param
     return Elimination(
         (*(tree.q[k] for k, _ in places), *(tree.v[j] for _, j in places)), (*positions, *rates),
         tuple(k for k, _ in places), tuple(j for _, j in places),
-        ca.vertcat(ca.SX(0, 1), *constants), ca.vertcat(ca.SX(0, 1), *sources),
+        ca.vertcat(ca.SX(0, 1), *constants), ca.vertcat(ca.SX(0, 1), *sources), tuple(r.size for r in known),
     )  # fmt: skip
 
 
@@ -158,5 +164,6 @@ def _joined(known: Sequence[_Relation], row: _Relation, numbers: _Numbers) -> li
     # a coefficient that no parameter changes cannot become zero
     choice = np.where(fixed, left, 0.0) if np.any(left[fixed] > DEPENDENT * size) else left
     able = np.flatnonzero(choice >= 0.999 * np.max(choice))
-    row = replace(row, pivot=int(max(able, key=lambda k: (not numbers.turns[k], k))))  # a length is a radius times an angle
+    pivot = int(max(able, key=lambda k: (not numbers.turns[k], k)))  # a length is a radius times an angle
+    row = replace(row, pivot=pivot, size=float(left[pivot]) / size)
     return [*(other.without(row) for other in known), row]

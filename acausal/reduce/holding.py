@@ -69,9 +69,42 @@ def holding(system: Reduced, positions: list[np.ndarray]) -> Holding:
     Equations that only say what scalar states are take nothing: with rows R, and L of the loops, that is
     rank (L, R by joints and scalar states) - rank L - rank (R by scalar states).
     """
-    scalar, tree = system.scalar, system.mechanics.tree
+    scalar = system.scalar
     if not scalar.held:
         return Holding(0, 0)
+    found = [_ranks(*blocks[:3]) + _ranks(*blocks[3:]) for blocks in _rows(system, positions)]
+    if not found:
+        return Holding(sum(h.depth == 1 for h in scalar.held), scalar.position.numel())
+    both, loop, states_alone, alone, both_q, loop_q, states_q, _ = np.max(found, axis=0)
+    return Holding(int(both - loop - states_alone), int(both_q - loop_q - states_q), int(loop + alone - both))
+
+
+def looped(system: Reduced, positions: list[np.ndarray]) -> list[int]:
+    """Places of scalar equations between positions that closed loops hold already, wherever these are assembled. As few as leave all others independent."""
+    scalar = system.scalar
+    velocities = [h for h in scalar.held if h.depth == 1]
+    rates = {h.number for h in scalar.held if h.depth > 1 and not ca.depends_on(h.residual, system.t)}
+    points = _rows(system, positions)
+    kept, found = list(range(len(velocities))), list[int]()
+
+    def together(rows: list[int]) -> list[int]:
+        return [_ranks(loops, joints[rows], states[rows])[0] for loops, joints, states, *_ in points]
+
+    whole = together(kept)
+    for k in reversed(range(len(velocities))):
+        rest = [i for i in kept if i != k]
+        alone = [_ranks(loops, joints[kept], states[kept])[1::2] for loops, joints, states, *_ in points]
+        if all(loop + own <= both for (loop, own), both in zip(alone, whole, strict=True)):
+            break
+        if velocities[k].number in rates and together(rest) == whole:
+            kept = rest
+            found.append(velocities[k].equation)
+    return found
+
+
+def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]]:
+    """Slopes of the velocity equations of loops by velocities, of scalar equations by those and by scalar states, then the same of positions; where finite."""
+    scalar, tree = system.scalar, system.mechanics.tree
     n = scalar.positions
     states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
     velocity = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.depth == 1))
@@ -82,17 +115,14 @@ def holding(system: Reduced, positions: list[np.ndarray]) -> Holding:
     ]  # fmt: skip
     function = ca.Function("rows", [system.t, system.x, system.u, system.p], [ca.densify(part) for part in parts])
     rng = np.random.default_rng(6)
-    found: list[list[int]] = []
+    found: list[list[np.ndarray]] = []
     for q in positions:
         rates = system.rate_start + rng.uniform(-1, 1, system.rate_start.size)
         x = np.concatenate([q, rates])
         blocks = [np.array(part) for part in function(0.0, x, system.u_defaults + rng.uniform(), system.p_values)]
         if all(np.isfinite(block).all() for block in blocks):
-            found.append(_ranks(*blocks[:3]) + _ranks(*blocks[3:]))
-    if not found:
-        return Holding(velocity.numel(), scalar.position.numel())
-    both, loop, states_alone, alone, both_q, loop_q, states_q, _ = np.max(found, axis=0)
-    return Holding(int(both - loop - states_alone), int(both_q - loop_q - states_q), int(loop + alone - both))
+            found.append(blocks)
+    return found
 
 
 def closed_positions(system: Reduced) -> list[np.ndarray]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from acausal.dynamics.forward_dynamics import forward_dynamics
-from acausal.dynamics.system import MechanicalSystem
+from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols
 from acausal.errors import LockedError
 from acausal.language.connector import Electrical
@@ -19,9 +22,10 @@ from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
-from acausal.reduce.holding import Holding, closed_positions, holding
+from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
+from acausal.topology.build_mechanism import build_mechanism
 from acausal.wording import compact, counted, grouped
 
 
@@ -54,6 +58,28 @@ class ReducedSystem:
     clearance: ca.SX | None
     """Zero where branches of the motion cross, see `LoopForces.clearance`; None where they never do."""
     scalar: ScalarPart
+    extra: ca.SX | None = None
+    """More joint forces, by which an analysis has extended the scene."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Made again from its parts, where and with the values where it was decided: the same expressions, other symbols."""
+        if self.extra is not None:
+            raise TypeError("A system that inverse dynamics has extended by forces cannot be pickled; pickle the model.")
+        return _made_again, (self.mechanics.flat, *self._decided_at)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ReducedSystem:
+        """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
+        flat = self.mechanics.flat
+        return (
+            _made_again(copy.deepcopy(flat, memo), *self._decided_at)
+            if any(id(p.component) in memo for p in flat.parts)
+            else self
+        )
+
+    @property
+    def _decided_at(self) -> tuple[np.ndarray, np.ndarray | None, float]:
+        """Values of parameters, and the configuration and time from which loops were examined."""
+        return self.p_values, self.constraints.near, self.constraints.time
 
     def __str__(self) -> str:
         c = self.constraints
@@ -116,7 +142,7 @@ class ReducedSystem:
     def closing(self) -> ca.SX:
         """All constraints of positions and joint invariants, redundant ones too, for assembly."""
         loops = [rows.position for rows in self.constraints.loops]
-        return ca.vertcat(self.constraints.joint_invariants, *loops, self.scalar.position)
+        return ca.vertcat(self.constraints.joint_invariants, *loops, self.scalar.closing)
 
     @property
     def velocity_closing(self) -> ca.SX:
@@ -149,19 +175,25 @@ class ReducedSystem:
         return holding(self, self.closed_positions)
 
 
-def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: np.ndarray | None = None) -> ReducedSystem:
+def reduce_system(
+    mechanics: MechanicalSystem,
+    extra: ca.SX | None = None,
+    at: np.ndarray | None = None,
+    constraints: Constraints | None = None,
+    without: Collection[int] = (),
+) -> ReducedSystem:
     """Accelerations, multipliers, scalar states and invariants of a scene. `extra`: more joint forces (nv, 1), by q, t and inputs.
-    `at`: values of the parameters for which loops are examined, those of the scene unless given.
+    `at`: values of the parameters at which everything is decided, those of the scene unless given. `constraints`: of loops, where these have been
+    examined for the same values. `without`: places of scalar equations that loops hold already.
 
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
-    flat, tree = mechanics.flat, mechanics.tree
+    unread, flat, tree = mechanics, mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
-    values = np.array([parameter.value for parameter in flat.parameters])
-    examined = values if at is None else at
-    constraints = analyse_constraints(mechanics, p, examined)
+    values = np.array([parameter.value for parameter in flat.parameters]) if at is None else at
+    constraints = analyse_constraints(mechanics, p, values) if constraints is None else constraints
     tau = ca.SX.sym("tau", tree.v.numel())
-    forces = loop_forces(mechanics, constraints, p, examined)
+    forces = loop_forces(mechanics, constraints, p, values)
     v_dot, multipliers = forces.closed(
         forward_dynamics(
             mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias
@@ -170,7 +202,7 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: n
     step = projection(forces, ca.SX(0, 1))
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
-    scalar = add_scalar_domains(mechanics, tau, v_dot, closing)
+    scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing, without)
     if mechanics.readings.borrowed:
         mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
     rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
@@ -189,10 +221,19 @@ def reduce_system(mechanics: MechanicalSystem, extra: ca.SX | None = None, at: n
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar, extra,
     )  # fmt: skip
+    again = looped(system, system.closed_positions) if system.holding.again and not without else []
+    if again:
+        return reduce_system(unread, extra, at, constraints, again)
     _check_free(system)
     return system
+
+
+def _made_again(flat: FlatSystem, values: np.ndarray, near: np.ndarray | None, t: float) -> ReducedSystem:
+    mechanics = mechanical_system(build_mechanism(flat), time.sx)
+    p = stacked([parameter.sx for parameter in flat.parameters])
+    return reduce_system(mechanics, at=values, constraints=analyse_constraints(mechanics, p, values, near, t))
 
 
 def _check_free(system: ReducedSystem) -> None:

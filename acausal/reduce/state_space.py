@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,9 @@ class StateSpace:
     p: ca.SX
     places: tuple[int, ...]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (state_space if self.elimination.symbols else whole_state_space), (self.system,)
+
     @property
     def arguments(self) -> list[ca.SX]:
         """t, x, u, p."""
@@ -48,12 +52,22 @@ class StateSpace:
         open_rows = self._open(rows, self.system.p_values)
         return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
 
+    @functools.cached_property
+    def vanishing(self) -> ca.SX:
+        """Invariants (n, 1) in x and p that the elimination has made zero."""
+        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants)
+        return self.put(rows[[int(i) for i in np.flatnonzero(~self._open(rows, self.system.p_values))]])
+
     def complaint(self, values: np.ndarray) -> str:
         """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""
         followers = ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.system.scalar.redundant))
         rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
         if not self.elimination.symbols:
             rows = followers
+        looped = self.system.scalar.looped
+        changed = np.flatnonzero(values != self.system.p_values).tolist()
+        if looped and ca.depends_on(self.system.closing, self.system.p[changed]):
+            return f"it is open whether loops still hold what these say: {compact(dict.fromkeys(h.name for h in looped), 4)}"
         lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
         if not lost.any():
             return ""

@@ -85,15 +85,16 @@ def _written(part: Part) -> Iterable[Equation]:
         yield entry
 
 
-def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]]) -> Collection:
-    """All scalar equations of a scene; `driven` are connected flanges of joints, with the joints' names."""
-    return _Collector(flat, driven).run()
+def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray) -> Collection:
+    """All scalar equations of a scene; `driven` are connected flanges of joints, with the joints' names; `values` (np,) of the parameters."""
+    return _Collector(flat, driven, values).run()
 
 
 class _Collector:
-    def __init__(self, flat: FlatSystem, driven: Sequence[tuple[Connector, str]]) -> None:
+    def __init__(self, flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray) -> None:
         self.flat = flat
         self.driven = driven
+        self.values = dict(zip(flat.parameters, values.tolist(), strict=True))
         self.elements: dict[Symbol, tuple[Symbol, ...]] = {}
         self.names: dict[Symbol, str] = {}
         self.owners: dict[Symbol, Part] = {}
@@ -282,14 +283,14 @@ class _Collector:
         return EquationSet(
             tuple(equations), tuple(u for key, u in unknowns.items() if key not in outer), tuple(derivatives),
             (*(s.sx for s in self.known), *(s.sx for s in rates), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
-            tuple((s.sx, s.value) for s in parameters), self._limits(parameters),
+            tuple((s.sx, self.values[s]) for s in parameters), self._limits(parameters),
             tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(s.of, s.of.name)) for s in rates),
             tuple(unknowns[f.position.element_hash()] for f in flanges), self._rate_symbol,
         )  # fmt: skip
 
     def _limits(self, parameters: Sequence[Parameter]) -> np.ndarray:
         """Values (k, n) of these parameters: one of them 0, large or small, the others as usual; without those that parts refuse."""
-        present = np.array([s.value for s in self.flat.parameters])
+        present = np.array(list(self.values.values()))
         places = [self.flat.parameters.index(s) for s in parameters]
         found: list[np.ndarray] = []
         usual = np.where(present != 0, present, np.median(np.abs(present[present != 0])) if present.any() else 1.0)

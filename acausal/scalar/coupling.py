@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
+import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.language.connector import Connector
@@ -14,11 +15,12 @@ from acausal.language.equation import input_rate
 from acausal.language.expression import InputRate, Symbol, Variable, time
 from acausal.loops.loops import relative_pose
 from acausal.parts.joint import AbstractJoint
-from acausal.scalar.collection import Collection, Flange, collect, has_scalar_parts
+from acausal.scalar.collection import Collection as Collected
+from acausal.scalar.collection import Flange, collect, has_scalar_parts
 from acausal.scalar.diagnosis import no_rate
-from acausal.scalar.equations import ScalarEquation
+from acausal.scalar.equations import EquationSet, ScalarEquation
 from acausal.scalar.reduction import Invariant, ReducedEquations, algebraic_rates, reduce_equations
-from acausal.scalar.redundancy import needed
+from acausal.scalar.redundancy import needed, without_efforts
 from acausal.scalar.solution import AlgebraicBlock, LinearBlock
 
 
@@ -38,7 +40,8 @@ class Held:
     """One scalar equation, or a derivative of it, that is kept as an invariant: its `residual` in t, x and p, and what it is called.
 
     `depth`: 1 among velocities, 2 and more among positions. `number`: of the equation; its derivatives share it. `of_joints`: without
-    scalar states. `of_inputs`: with inputs, whose course is not known to a projection; only the rates of such a one are kept.
+    scalar states. `of_inputs`: with inputs, whose course is not known to a projection; only the rates of such a one are kept. `equation`: its place
+    among the scene's scalar equations.
     """
 
     residual: ca.SX
@@ -47,6 +50,7 @@ class Held:
     of_joints: bool
     of_inputs: bool
     name: str
+    equation: int = -1
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ class ScalarPart:
     `states`: first the `positions` that equations tie to coordinates of joints or to one another, without velocities. `held`: the invariants, those
     of positions first; `residuals`: of nonlinear blocks. `correction`: (dq, dv, dstates), one Newton step towards them. `tau` (nv, 1): joint
     forces. `blocks`: the linear blocks that were solved. `input_rates`: of the inputs whose rates are needed.
-    `redundant`: equations between positions that follow from others.
+    `redundant`: equations between positions that follow from others. `looped`: those that follow from closed loops of joints, where these are
+    assembled as the equations say; what they would transmit is zero.
     """
 
     states: tuple[Symbol, ...]
@@ -70,12 +75,18 @@ class ScalarPart:
     blocks: tuple[LinearBlock, ...] = ()
     input_rates: tuple[InputRate, ...] = ()
     redundant: tuple[Held, ...] = ()
+    looped: tuple[Held, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
 
     @property
     def position(self) -> ca.SX:
         """Invariants of coordinates and scalar positions (n, 1)."""
         return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth > 1))
+
+    @property
+    def closing(self) -> ca.SX:
+        """What is met when positions are assembled (n, 1): invariants, and equations that loops hold from there on."""
+        return ca.vertcat(self.position, *(h.residual for h in self.looped))
 
     @property
     def velocity(self) -> ca.SX:
@@ -95,21 +106,28 @@ class ScalarPart:
 
 
 def add_scalar_domains(
-    mechanics: MechanicalSystem, tau: ca.SX, v_dot: ca.SX, closing: tuple[ca.SX, ca.SX] | None = None
+    mechanics: MechanicalSystem,
+    tau: ca.SX,
+    v_dot: ca.SX,
+    values: np.ndarray,
+    closing: tuple[ca.SX, ca.SX] | None = None,
+    looped: Collection[int] = (),
 ) -> ScalarPart:
-    """Reduces the scalar equations of a scene. `v_dot` (nv, 1) depends on the joint forces, whose symbol is `tau` (nv, 1).
+    """Reduces the scalar equations of a scene. `v_dot` (nv, 1) depends on the joint forces, whose symbol is `tau` (nv, 1). `values` (np,): of the
+    parameters, by which pivots are chosen.
 
-    `closing`: (dq, dv), one step towards closed loops. Where efforts depend on the joints' own accelerations (a rotor geared to a joint), they
+    `closing`: (dq, dv), one step towards closed loops. `looped`: places of equations that loops hold already. Where efforts depend on the joints' own accelerations (a rotor geared to a joint), they
     are affine in them, and the accelerations are affine in the efforts: both together are one linear block. Raises the errors of
     `reduce_equations`.
     """
     if not has_scalar_parts(mechanics.flat):
         return ScalarPart((), 0, ca.SX(0, 1), {}, ca.SX.zeros(tau.numel()))
     driven = _driven(mechanics)
-    collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven])
+    collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven], values)
     kept = needed(collection.system, collection.efforts, collection.positions)
-    reduced = reduce_equations(kept.system)
-    return _Coupling(mechanics, tau, v_dot, closing, driven, collection, reduced, kept.redundant).result()
+    free = without_efforts(kept.system, looped, collection.efforts)
+    reduced, dropped = reduce_equations(free), tuple(kept.system.equations[k] for k in looped)
+    return _Coupling(mechanics, tau, v_dot, closing, driven, collection, free, reduced, kept.redundant, dropped).result()
 
 
 @dataclass(frozen=True)
@@ -119,9 +137,11 @@ class _Coupling:
     v_dot: ca.SX
     closing: tuple[ca.SX, ca.SX] | None
     driven: tuple[Driven, ...]
-    collection: Collection
+    collection: Collected
+    system: EquationSet
     reduced: ReducedEquations
     redundant: tuple[ScalarEquation, ...]
+    looped: tuple[ScalarEquation, ...]
 
     def result(self) -> ScalarPart:
         values, blocks = self.reduced.values, self.reduced.algebraic
@@ -145,8 +165,8 @@ class _Coupling:
         return ScalarPart(
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
-            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self._redundant(),
-            self.collection.names,
+            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self._followers(self.redundant),
+            self._followers(self.looped), self.collection.names,
         )  # fmt: skip
 
     @property
@@ -244,22 +264,25 @@ class _Coupling:
             for i, residual in zip(self.reduced.invariants, residuals, strict=True)
         ]
 
-    def _redundant(self) -> tuple[Held, ...]:
-        """In states: zero, whatever these are."""
-        residuals = [equation.residual for equation in self.redundant]
+    def _followers(self, equations: Sequence[ScalarEquation]) -> tuple[Held, ...]:
+        """Equations that follow from others, in states."""
+        residuals = [equation.residual for equation in equations]
         values = [
             (s, self.reduced.values[s.element_hash()])
             for s in ca.symvar(ca.vertcat(ca.SX(0, 1), *residuals))
             if s.element_hash() in self.reduced.values
         ]
         found = self._at_rest(self._resolved(_put(values, residuals)))
-        return tuple(Held(r, 2, -1, True, False, str(e)) for r, e in zip(found, self.redundant, strict=True))
+        return tuple(Held(r, 2, -1, True, False, str(e)) for r, e in zip(found, equations, strict=True))
 
     def _held_as(self, i: Invariant, residual: ca.SX, number: int) -> Held:
         inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}
-        return Held(
-            residual, i.depth, number, not i.states, any(s.element_hash() in inputs for s in ca.symvar(residual)), str(i.source)
-        )
+        of_inputs = any(s.element_hash() in inputs for s in ca.symvar(residual))
+        return Held(residual, i.depth, number, not i.states, of_inputs, str(i.source), self._places[id(i.source)])
+
+    @functools.cached_property
+    def _places(self) -> dict[int, int]:
+        return {id(equation): k for k, equation in enumerate(self.system.equations)}
 
     def _correction(
         self, held: Sequence[Held], residuals: Sequence[ca.SX], second: list[tuple[ca.SX, ca.SX]]

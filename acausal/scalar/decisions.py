@@ -13,12 +13,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.vanishing import equilibrated_rank
+from acausal.numerics.vanishing import equilibrated, equilibrated_rank, equilibration
 from acausal.scalar.solution import LinearBlock
 from acausal.wording import compact
 
 _SOLVED = 1e-9
 """What formulas may leave of an equation, of the sum of its terms."""
+_BACKWARD = 1e-12
+"""What they may leave of any equation where all units are gone, of what is much: an unknown that is zero has no terms of any size."""
+_SINGULAR = 1e-9
 _POINTS = 2
 _LARGEST = 500
 """Unknowns of a block whose rank is taken."""
@@ -30,6 +33,18 @@ class LinearDecisions:
 
     blocks: tuple[LinearBlock, ...]
     p: ca.SX
+
+    @property
+    def zero(self) -> float:
+        """A block whose `margins` are below this has no inverse."""
+        return _SINGULAR
+
+    def margins(self, values: np.ndarray) -> list[float]:
+        """Of each block: the smallest singular value of its matrix beside the largest, rows and columns brought to one size."""
+        if not self.blocks:
+            return []
+        spectra = [[np.linalg.svd(equilibrated(m), compute_uv=False) for m in matrices] for matrices in self._at(values)[0]]
+        return [min(float(s[-1] / s[0]) for s in found) for found in spectra]
 
     @functools.cached_property
     def _function(self) -> ca.Function:
@@ -66,9 +81,13 @@ class LinearDecisions:
 
 
 def _left(matrix: np.ndarray, right: np.ndarray, solution: np.ndarray) -> np.ndarray:
+    """Of each row, 0 where nothing but rounding is."""
     with np.errstate(all="ignore"):
-        terms = np.abs(matrix) @ np.abs(solution) + np.abs(right)
-        return np.abs(matrix @ solution - right) / np.where(terms > 0, terms, 1.0)
+        terms, left = np.abs(matrix) @ np.abs(solution) + np.abs(right), np.abs(matrix @ solution - right)
+        rows, columns = equilibration(matrix)
+        much = np.max(np.abs(solution[:, 0]) * columns) + np.max(np.abs(right[:, 0]) / rows)
+        rounding = left[:, 0] / rows <= _BACKWARD * much
+        return np.where(rounding[:, None], 0.0, left / np.where(terms > 0, terms, 1.0))
 
 
 def linear_decisions(blocks: Sequence[LinearBlock], p: ca.SX) -> LinearDecisions:

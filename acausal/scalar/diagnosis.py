@@ -67,13 +67,22 @@ def named(unknowns: Iterable[Unknown]) -> str:
 
 def singular(system: EquationSet, sources: Iterable[ScalarEquation], unknowns: Iterable[Unknown]) -> UnderdeterminedError:
     """A block whose matrix has no inverse: some of its equations follow from the others."""
-    unknowns = list(unknowns)
+    sources, unknowns = list(sources), list(unknowns)
     labels = list(dict.fromkeys(str(e) for e in sources))
-    hints = " ".join(dict.fromkeys(u.hint for u in unknowns if u.hint))
+    hints = _of_zeros(system, sources) or " ".join(dict.fromkeys(u.hint for u in unknowns if u.hint))
     return UnderdeterminedError(
         f"The equations {', '.join(labels[:_NAMED])} depend on one another and do not determine {named(unknowns)}. "
         f"{hints or 'Two parts may fix the same thing; put an element with compliance or resistance between, or remove one.'} {system.totals}"
     )
+
+
+def _of_zeros(system: EquationSet, sources: Sequence[ScalarEquation]) -> str:
+    """What parameters with the value 0 have to do with it."""
+    used = {s.element_hash() for source in sources for s in ca.symvar(source.residual)}
+    zeros = [system.name(s) for s, value in system.values if value == 0 and s.element_hash() in used]
+    if not zeros:
+        return ""
+    return f"In them {compact(zeros, _NAMED)} {'is' if len(zeros) == 1 else 'are'} 0: give another value, or the number 0 in the parameter's place, with which the equation has another form."
 
 
 def no_rate(system: EquationSet, symbol: ca.SX, source: ScalarEquation) -> ModelError:

@@ -22,6 +22,8 @@ from acausal.numerics.vanishing import equilibrated, equilibrated_rank
 
 _LARGE, _SMALL = 0.5, 1e-3
 _ZERO = 1e-11
+_GENERAL = 3
+"""The first sample points: parameters as they are, and in general position."""
 _LARGEST = 60
 """Unknowns of a block for which limits of parameters without a solution are told apart."""
 _MOST_BY_QR = 12
@@ -69,15 +71,48 @@ def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int
     n = right.numel()
     rows = _rows(matrix, sample, constants)
     b = [right[i] for i in range(n)]
+    solved, open_rows = _triangular(rows, n, b, _MOST_BY_QR)
+    x: dict[int, ca.SX] = {}
+    if open_rows:
+        _solve_rest(rows, sorted(open_rows), sorted(set(range(n)) - {j for _, j, _ in solved}), b, x, matrix, sample)
+    for i, j, row in reversed(solved):
+        total = b[i]
+        for k, entry in row.items():
+            if k != j:
+                total = total - entry.value * x[k]
+        x[j] = total / row[j].value
+    return [x[j] for j in range(n)]
+
+
+def dependent_rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[dict[int, ca.SX]]:
+    """Weights of rows of a matrix (n, m) whose sum is zero, at whatever values of parameters; independent sums."""
+    n, m = matrix.shape
+    rows = _rows(matrix, lambda values: np.array(sample(values))[:, :_GENERAL], constants)
+    names = ca.SX.sym("row", n)
+    sums = ca.vertsplit(names) if n else []
+    _, open_rows = _triangular(rows, m, sums, n)
+    found: list[dict[int, ca.SX]] = []
+    for i in sorted(open_rows):
+        if not rows[i]:
+            weights = ca.sparsify(ca.jacobian(sums[i], names))
+            found.append({k: weights[0, k] for k in weights.sparsity().get_col()})
+    return found
+
+
+def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[list[tuple[int, int, Row]], set[int]]:
+    """(row, pivot, entries) in the order of elimination, and rows without a pivot; `rows` and right-hand sides `b` change.
+
+    Where more than `most` rows are left pivots that are large at the present values only are taken, too.
+    """
     solved: list[tuple[int, int, Row]] = []
     users: list[set[int]] = [set() for _ in range(n)]
     for i, row in enumerate(rows):
         for j in row:
             users[j].add(i)
     scale = _column_sizes(rows, n)
-    open_rows = set(range(n))
+    open_rows = set(range(len(rows)))
     for points in (slice(None), slice(0, 1)):
-        if len(open_rows) <= _MOST_BY_QR and points.stop:
+        if len(open_rows) <= most and points.stop:
             break
         heap = [(len(rows[i]), i) for i in open_rows]
         heapq.heapify(heap)
@@ -95,16 +130,7 @@ def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int
             for other in sorted(users[j]):
                 b[other] = _eliminate(rows, i, j, other, users, b)
                 heapq.heappush(heap, (len(rows[other]), other))
-    x: dict[int, ca.SX] = {}
-    if open_rows:
-        _solve_rest(rows, sorted(open_rows), sorted(set(range(n)) - {j for _, j, _ in solved}), b, x, matrix, sample)
-    for i, j, row in reversed(solved):
-        total = b[i]
-        for k, entry in row.items():
-            if k != j:
-                total = total - entry.value * x[k]
-        x[j] = total / row[j].value
-    return [x[j] for j in range(n)]
+    return solved, open_rows
 
 
 def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
@@ -112,7 +138,7 @@ def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
     where = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     values = [matrix[i, j] for i, j in where]
     samples = np.array([np.atleast_1d(numbers) for numbers in sample(values)])
-    for (i, j), value, numbers in zip(where, values, samples[:, _regular(where, samples, len(rows))], strict=True):
+    for (i, j), value, numbers in zip(where, values, samples[:, _regular(where, samples, *matrix.shape)], strict=True):
         if value.is_zero():
             continue
         free = {s.element_hash() for s in ca.symvar(value)}
@@ -121,9 +147,9 @@ def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
     return rows
 
 
-def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int) -> np.ndarray:
-    """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one."""
-    if samples.shape[1] == 1 or n > _LARGEST:
+def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int, columns: int) -> np.ndarray:
+    """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one; all for other matrices."""
+    if samples.shape[1] == 1 or n > _LARGEST or n != columns:
         return np.arange(samples.shape[1])
     A = np.zeros((n, n))
     kept = [0]

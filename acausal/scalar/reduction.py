@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from acausal.errors import ModelError
+from acausal.errors import ModelError, UnderdeterminedError
 from acausal.scalar.alias import Simplified, eliminate_aliases
 from acausal.scalar.chains import Level
 from acausal.scalar.diagnosis import check_regular, no_jerk, no_rate, singular
 from acausal.scalar.differentiation import Differentiation
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, check
+from acausal.scalar.hidden import hidden_sums
 from acausal.scalar.index_reduction import Offsets, differentiation_counts
 from acausal.scalar.matching import blocks, match, underdetermined
 from acausal.scalar.naming import Names
@@ -98,7 +99,9 @@ class _Reduction:
         self.rate = Differentiation(system, self.names)
 
     def run(self) -> ReducedEquations:
-        rows = self._rows()
+        return self._reduced(self._rows())
+
+    def _reduced(self, rows: list[_Row]) -> ReducedEquations:
         highest = self.chains.orders()
         roots = sorted(highest)
         place = {root: j for j, root in enumerate(roots)}
@@ -114,7 +117,43 @@ class _Reduction:
         self._check_outer(offsets, rows)
         stages = [self._stages(row, offsets.equations[i]) for i, row in enumerate(rows)]
         chosen = self._dummies(stages, orders, offsets, roots)
-        return self._solved(stages, chosen, offsets, roots)
+        try:
+            return self._solved(stages, chosen, offsets, roots)
+        except UnderdeterminedError as error:
+            shown = self._shown(rows, offsets, roots)
+            if shown is None:
+                raise
+            try:
+                return self._reduced(shown)
+            except ModelError:
+                raise error from None
+
+    def _shown(self, rows: Sequence[_Row], offsets: Offsets, roots: Sequence[int]) -> list[_Row] | None:
+        """The rows with sums in the place of some, in which the highest derivatives cancel; None where there are no such sums."""
+        place = {root: j for j, root in enumerate(roots)}
+        matrix = ca.SX(len(rows), len(roots))
+        for i, row in enumerate(rows):
+            for root, order in row.levels:
+                if order + offsets.equations[i] == offsets.unknowns[place[root]]:
+                    level = self.names[root, order]
+                    matrix[i, place[root]] = level.factor * ca.jacobian(row.residual, level.unknown.symbol)
+        constants = {s.element_hash() for s, rate in self.system.known_rates if rate.is_zero()}
+        sums = hidden_sums(matrix, offsets.equations, Solution(self.system, lambda s, e: False).sample, constants)
+        found = list(rows)
+        for k, weights in sums:
+            least = offsets.equations[k]
+            total = ca.SX(0)
+            for i, weight in weights.items():
+                total += weight * self._stages(rows[i], offsets.equations[i] - least)[-1].residual
+            gone = [
+                level
+                for level in self._row(total, rows[k].source).levels
+                if level[1] + least == offsets.unknowns[place[level[0]]]
+            ]
+            symbols = [self.names.symbol(level) for level in gone]
+            left = ca.substitute([total], symbols, [ca.SX(0)] * len(symbols))[0] if symbols else total
+            found[k] = self._row(left, rows[k].source)
+        return found if sums else None
 
     def _rows(self) -> list[_Row]:
         """What is left after elimination, in the symbols of levels."""

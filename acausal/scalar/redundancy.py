@@ -7,12 +7,13 @@ efforts have no share in that direction, which is the equation that takes the re
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
+from acausal.errors import LockedError
 from acausal.numerics.vanishing import vanish
 from acausal.scalar.dependent import Elimination
 from acausal.scalar.equations import EquationSet, ScalarEquation
@@ -50,6 +51,24 @@ def needed(system: EquationSet, flows: Mapping[int, ca.SX], positions: set[int])
         redundant.append(equations[k])
         equations[k] = replace(equations[k], residual=shares)
     return Needed(replace(system, equations=tuple(equations)), tuple(redundant))
+
+
+def without_efforts(system: EquationSet, places: Collection[int], flows: Mapping[int, ca.SX]) -> EquationSet:
+    """With the equations at these places replaced: instead of holding positions x by g(x) = 0 they transmit nothing, sum dg/dx times the efforts is 0.
+
+    Raises `LockedError` for one that has no efforts.
+    """
+    equations = list(system.equations)
+    for k in places:
+        residual = equations[k].residual
+        own = [s for s in ca.symvar(residual) if s.element_hash() in flows]
+        share = sum((ca.jacobian(residual, s) * flows[s.element_hash()] for s in own), ca.SX(0))
+        if share.is_zero():
+            raise LockedError(
+                f"Equation {equations[k]} holds joints that loops hold already. Remove it, or put a spring between."
+            )
+        equations[k] = replace(equations[k], residual=share)
+    return replace(system, equations=tuple(equations))
 
 
 def _dropped(sums: Sequence[Mapping[int, float]], parts: Sequence[int]) -> list[int]:

@@ -81,7 +81,7 @@ class Solution:
             found = [-rest if float(matrix) == 1 else rest if float(matrix) == -1 else -rest / matrix]
         else:
             try:
-                found = solve_linear(matrix, -ca.densify(rest), self._sample, self._constants)
+                found = solve_linear(matrix, -ca.densify(rest), self.sample, self._constants)
             except SingularMatrixError as error:
                 raise singular(self.system, (sources[i] for i in error.rows), (unknowns[j] for j in error.columns)) from None
         if not matrix.is_constant():
@@ -106,7 +106,7 @@ class Solution:
             AlgebraicBlock(tuple(unknowns[u] for u in plan.torn), ca.vertcat(*left), tuple(sources[e] for e in plan.residuals))
         )
 
-    def _sample(self, expressions: list[ca.SX]) -> np.ndarray:
+    def sample(self, expressions: list[ca.SX]) -> np.ndarray:
         """Values (n, k) at the present parameters, at other ones, and at their limits; anything else random. NaN where there is none."""
         column = ca.vertcat(ca.SX(0, 1), *expressions)
         symbols = ca.symvar(column)

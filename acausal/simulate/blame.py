@@ -22,10 +22,9 @@ _NEAR = 1e-5
 
 
 def condition(functions: Functions, row: int) -> str:
-    """An invariant by the states that it holds together."""
-    assert functions.invariants is not None
-    rows, columns = functions.invariants.jac_sparsity(0, 1).get_triplet()
-    states = [functions.state_names[c] for r, c in zip(rows, columns, strict=True) if r == row]
+    """An invariant, or a loop row that follows from others, by the states that it holds together."""
+    rows, columns = functions.watched.jac_sparsity(0, 1).get_triplet()
+    states = [functions.state_names[c] for r, c in zip(rows, columns, strict=True) if r == row + 2]
     return f"the condition between {compact(states)}"
 
 

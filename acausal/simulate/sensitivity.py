@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,14 +18,14 @@ from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
+from acausal.simulate.inputs import InputValue
+from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
 from acausal.start.start_problem import start_problem
 
 Wanted = Parameter | Input | Expression
 _NO_MOTION = (SimulationError, AssemblyError, StartValueError, ParameterError)
 """What values can do to a motion: wrong requests are told by other errors, or before."""
-Run = Callable[[Start, Mapping[Parameter, float], Mapping[Input, float]], "Sensitivities"]
-"""Derivatives of a motion for other start values, parameters and inputs."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,6 +89,7 @@ def sensitivities(
     x0, directions = initial_derivatives(
         functions.outputs, start, float(t[0]), p, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
     )  # fmt: skip
+    check_decided(functions.outputs.system, float(t[0]), x0, p)
     if space.elimination.symbols:
         problem = replace(problem, parameters=space.extended(float(t[0]), x0, p))
         directions = replace(
@@ -153,9 +155,17 @@ class TrajectoryFunction(ca.Callback):
         motion.functions.outputs.resolve(motion.outputs)
         start_problem(motion.functions.outputs, motion.start)
         _columns(motion.functions, motion.wrt, motion.start)
-        self._motion = motion
+        self._name, self._motion = name, motion
         self._derivatives: list[ca.Callback] = []
         self.construct(name, {})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return TrajectoryFunction, (self._name, self._motion)
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> TrajectoryFunction:
+        m = self._motion
+        alone = copy.deepcopy(m.functions, memo) is m.functions
+        return TrajectoryFunction(self._name, m if alone else copy.deepcopy(m, memo))
 
     def get_n_in(self) -> int:
         """One."""
@@ -213,10 +223,15 @@ class _TrajectoryJacobian(ca.Callback):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Outputs (size, m) at fixed times and their derivatives (size * m, n), as a function of the values of `wrt`."""
+    """Outputs (size, m) at fixed times and their derivatives (size * m, n), as a function of the values of `wrt`.
+
+    `sensitivities`: of a motion, by its start, and `inputs` and `parameters`, which are these where `wrt` does not say otherwise.
+    """
 
     functions: Functions
-    run: Run
+    sensitivities: Callable[..., Sensitivities]
+    inputs: Mapping[Input, InputValue]
+    parameters: Mapping[Parameter, float]
     times: np.ndarray
     outputs: Expression | ca.SX
     wrt: tuple[Wanted, ...]
@@ -249,8 +264,7 @@ class Motion:
 
     def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         start = dict(self.start)
-        parameters: dict[Parameter, float] = {}
-        inputs: dict[Input, float] = {}
+        parameters, inputs = dict(self.parameters), dict(self.inputs)
         at = 0
         for item in self.wrt:
             size = self._size(item)
@@ -265,7 +279,7 @@ class Motion:
         try:
             if not np.isfinite(values).all():
                 raise ParameterError("no motion belongs to values that are not finite")
-            found = self.run(start, parameters, inputs)
+            found = self.sensitivities(start, parameters=parameters, inputs=inputs)
         except _NO_MOTION:
             return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
         value, slopes = found.total_derivative(self.outputs)

@@ -31,6 +31,7 @@ from acausal.simulate.trouble import (
     warn_if_singular,
 )
 from acausal.simulate.watch import warn_if_inaccurate
+from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.wording import callers_level
@@ -95,6 +96,7 @@ def simulate(
     p, space = problem.parameters, functions.space
     jumps = check_given_motions(functions.given_motions, t0, t1, p)
     whole = initial_state(functions.outputs, start_mapping(start), t0, p, problem.inputs(np.array([t0]))[:, 0])
+    check_decided(functions.outputs.system, t0, whole.x, p)
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
     check_branch(functions, problem, t0, t1, initial.x)
@@ -194,7 +196,15 @@ def _guards(functions: Functions, events: Sequence[when]) -> Guards:
 
 
 def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
-    """All parameters (np,), with the given ones replaced. Raises `UnknownVariableError`, `ParameterError`."""
+    """All parameters (np,), with the given ones replaced, for which the model was made. Raises `UnknownVariableError`, `ParameterError`."""
+    values = given_values(functions, parameters)
+    if parameters:
+        functions.decisions.check(values)
+    return values
+
+
+def given_values(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
+    """All parameters (np,), with the given ones replaced, as parts allow them. Raises `UnknownVariableError`, `ParameterError`."""
     known = functions.outputs.system.flat.parameters
     values = functions.outputs.system.p_values.copy()
     for parameter, value in dictionary(parameters, "parameters", "{scene.mass: 2.0}").items():
@@ -203,7 +213,6 @@ def parameter_values(functions: Functions, parameters: Mapping[Parameter, float]
         values[known.index(parameter)] = number(value, functions.outputs.name(parameter))
     if parameters:
         functions.outputs.system.flat.conditions.check(values[: len(known)])
-        functions.decisions.check(values)
     return values
 
 

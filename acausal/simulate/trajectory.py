@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import html
 from collections.abc import Sequence
@@ -38,6 +39,17 @@ class Trajectory:
     initial: InitialState
     t: np.ndarray
     watched: tuple[when, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """With the states at `t` as they are: elsewhere the same bits are read, whatever would be interpolated or compiled there."""
+        return _read, (self.functions, self.problem, self.solution, self.initial, self.t, self.watched, self.x)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Trajectory:
+        """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
+        if copy.deepcopy(self.functions, memo) is self.functions:
+            return self
+        _, parts = self.__reduce__()
+        return _read(*copy.deepcopy(parts, memo))
 
     @functools.cached_property
     def events(self) -> tuple[Event, ...]:
@@ -208,6 +220,20 @@ class Trajectory:
             f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
             f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms"
         )
+
+
+def _read(
+    functions: Functions,
+    problem: Problem,
+    solution: Solution,
+    initial: InitialState,
+    t: np.ndarray,
+    watched: tuple[when, ...],
+    x: np.ndarray,
+) -> Trajectory:
+    run = Trajectory(functions, problem, solution, initial, t, watched)
+    run.__dict__["x"] = x
+    return run
 
 
 def _unit(expression: Expression) -> str:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Status, StatusKind
-from acausal.errors import AcausalError, AssemblyError, ContactWarning, JumpWarning, SingularWarning
+from acausal.errors import AcausalError, AccuracyWarning, AssemblyError, ContactWarning, JumpWarning, SingularWarning
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
@@ -123,25 +123,43 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
 
 
 def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
-    """Say so when a joint did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in."""
+    """Say so when a joint did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in.
+
+    And when loops left what a gear says that they were to hold.
+    """
+    scalar = functions.outputs.system.scalar
+    late = _first_missed(functions, run, scalar.given)
+    if late:
+        names = compact(h.name for h in scalar.held if h.of_inputs)
+        warnings.warn(
+            f"By t = {late[0]:.6g} s what an input prescribes is missed by {late[1]:.3g}: {names}. The motion follows the input's rate; a jump is not "
+            "in it, and a rate of its own must belong to the value. Give a smooth course.",
+            JumpWarning, stacklevel=callers_level(),
+        )  # fmt: skip
+    left = _first_missed(functions, run, ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped)))
+    if left:
+        warnings.warn(
+            f"By t = {left[0]:.6g} s loops have left what {compact(h.name for h in scalar.looped)} say, by {left[1]:.3g}: the motion went on to another "
+            "branch of a singular position, which they do not allow. The motion from there on is not reliable.",
+            AccuracyWarning, stacklevel=callers_level(),
+        )  # fmt: skip
+
+
+def _first_missed(functions: Functions, run: Trajectory, rows: ca.SX) -> tuple[float, float] | None:
+    """When and by how much a run first missed one of these rows, by more than a part of its terms; None if it did not."""
     system, space = functions.outputs.system, functions.space
-    rows = system.scalar.given
     if not rows.numel():
-        return
+        return None
     terms = ca.fabs(ca.jacobian(rows, system.x)) @ ca.fabs(system.x) + ca.fabs(ca.jacobian(rows, system.u)) @ ca.fabs(system.u)
     both = folded_function("given", space.arguments, [ca.densify(space.put(part)) for part in (rows, terms)])
     t = run.solution.t
     p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
     gap, size = (np.abs(np.array(part)) for part in both(t[None, :], run.solution.x, run.problem.inputs(t), p))
     missed = gap > _MISSED * np.max(size, axis=1, keepdims=True, initial=0.0)
-    if missed.any():
-        k = int(np.flatnonzero(missed.any(axis=0))[0])
-        names = compact(h.name for h in system.scalar.held if h.of_inputs)
-        warnings.warn(
-            f"By t = {t[k]:.6g} s what an input prescribes is missed by {np.max(gap[:, k]):.3g}: {names}. The motion follows the input's rate; a jump is not "
-            "in it, and a rate of its own must belong to the value. Give a smooth course.",
-            JumpWarning, stacklevel=callers_level(),
-        )  # fmt: skip
+    if not missed.any():
+        return None
+    k = int(np.flatnonzero(missed.any(axis=0))[0])
+    return float(t[k]), float(np.max(gap[:, k]))
 
 
 _LOOKS = 16

@@ -111,7 +111,9 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
     row = int(np.argmax(np.where(off, gaps, 0.0).max(axis=1) / np.maximum(terms, np.finfo(float).tiny)))
     begin = int(np.argmax(off[row]))
     t, size = run.solution.t, float(gaps[row].max())
-    if functions.outputs.system.constraints.damped:
+    if row >= functions.kept_invariants:
+        cause = "It followed from the others where the loop was examined, and does not here: other constraints may be redundant, or none."
+    elif functions.outputs.system.constraints.damped:
         cause = "Some rows of these loops depend on one another only where they are assembled exactly."
     elif begin == 0:
         cause = "The start itself is assembled no better than that: lengths of very different sizes may stand in one loop."

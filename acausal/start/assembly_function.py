@@ -28,6 +28,7 @@ from acausal.numerics.folding import folded_function
 from acausal.numerics.sizes import Drawn, row_sizes
 from acausal.numerics.thresholds import DEPENDENT
 from acausal.outputs.outputs import Outputs
+from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_search import Search
 from acausal.start.unknowns import Found
@@ -59,6 +60,7 @@ def assembly_function(
             f"assembly_function: the outputs are {result!r}. Give a variable or an expression, or None for all states."
         )
     reference = initial_state(outputs, start, t0, p, u)
+    check_decided(outputs.system, t0, reference.x, p)
     places = _places(outputs, (wrt,) if isinstance(wrt, Expression) else wrt, start)
     data = reference.account.data
     values = ca.MX.sym("values", len(places))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import threading
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -42,8 +43,17 @@ class StartProblem:
     positions: Search
     velocities: Search
     got: BoundFunction | None
+    asked: tuple[tuple[Expression, bool], ...] = ()
+    """Variables, and whether their values are met exactly."""
     lock: threading.Lock = field(default_factory=threading.Lock)
     """Bound functions serve one thread at a time."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _start_problem, (self.outputs, self.asked)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> StartProblem:
+        outputs = copy.deepcopy(self.outputs, memo)
+        return self if outputs is self.outputs else _start_problem(outputs, copy.deepcopy(self.asked, memo))
 
     @functools.cached_property
     def coordinates(self) -> Coordinates:
@@ -67,7 +77,7 @@ class StartProblem:
 
 def _turns_fully(r: ReducedSystem, k: int) -> bool:
     """Whether a full turn of entry k of x leaves all equations between positions as they are."""
-    rows = r.scalar.position
+    rows = r.scalar.closing
     turned = ca.substitute(rows, r.x[k], r.x[k] + 2 * np.pi)
     return vanish(turned - rows, r.p, r.p_values)
 
@@ -131,7 +141,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
         got = BoundFunction.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
-    return StartProblem(outputs, tuple(targets), positions, velocities, got)
+    return StartProblem(outputs, tuple(targets), positions, velocities, got, what)
 
 
 def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> list[Target]:
@@ -159,14 +169,14 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     position = (
         ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
         *((words, rows.position.numel()) for words, rows in joints),
-        ("the equations of gears and sources", r.scalar.position.numel()),
+        ("the equations of gears and sources", r.scalar.closing.numel()),
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
         ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
     )
     none = ca.SX(0, 1)
-    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.position.numel())
+    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel())
     known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel())])
     return (
         Closing(r.closing, position, ca.vertcat(none, *signs), known),

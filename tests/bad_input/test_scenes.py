@@ -13,6 +13,7 @@ from components import (
     Constant,
     Fixed,
     Gear,
+    Ground,
     Inertia,
     Integrator,
     NonlinearDamper,
@@ -22,13 +23,18 @@ from components import (
     PrescribedMotion,
     Prismatic,
     RackAndPinion,
+    Resistor,
     Revolute,
     RigidBody,
     Rod,
     RollingDisk,
+    RotationalGround,
+    RotationalSpring,
     Spherical,
     Table,
     TorqueSensor,
+    TorqueSource,
+    VoltageSource,
     World,
 )  # fmt: skip
 from tests.bad_input.messages import Wrong, four_bar, pendulum_with
@@ -291,3 +297,26 @@ def test_conditions_choose_in_functions_of_time():
     scene.connect(scene.free.frame_b, scene.lower.frame)
     run = ac.build(scene).simulate(0.9)
     assert np.allclose(run[scene.hinge.q], run.t**3, atol=1e-12)
+
+
+def test_circuits_that_leave_something_open_are_told_what():
+    def ring(grounds: int) -> ac.System:
+        scene = ac.System()
+        scene.source, scene.load, scene.grounds = VoltageSource(1.0), Resistor(1.0), [Ground() for _ in range(grounds)]
+        scene.connect(scene.source.pin_a, scene.load.pin_a)
+        scene.connect(scene.source.pin_b, scene.load.pin_b, *(ground.pin for ground in scene.grounds))
+        return scene
+
+    with pytest.raises(errors.UnderdeterminedError, match=r"potential: connect one"):
+        ac.build(ring(0))
+    with pytest.raises(errors.UnderdeterminedError, match=r"grounds.*Grounds, side by side.*keep one"):
+        ac.build(ring(2))
+
+
+def test_springs_without_inertia_are_told_what_is_missing():
+    scene = ac.System()
+    scene.wall, scene.spring, scene.push = RotationalGround(), RotationalSpring(1.0), TorqueSource(1.0)
+    scene.connect(scene.wall.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.push.flange)
+    with pytest.raises(errors.LockedError, match=r"spring.*add an Inertia"):
+        ac.build(scene)

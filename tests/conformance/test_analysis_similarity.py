@@ -221,6 +221,9 @@ def test_a_circular_orbit_is_unstable_only_where_its_radius_runs_away(power: int
     start = {place: scale * np.array([0.6, 0.8, 0.0]), velocity: scale * np.array([-0.8, 0.6, 0.0])}
     found = ac.build(scene).equilibrium(start, steady=[np.sqrt(place.T @ place)])
     assert found.lasting and found.stability == stability and f"stability: {stability}" in str(found)
+    # the distance swings about the circle's, or runs away
+    assert found.steady_stability == ("unstable" if power < -2 else "neutral")
+    assert ("neutral in what is steady" in str(found)) == (stability == "undecided")
 
 
 def test_the_same_orbit_in_polar_coordinates_is_neutral():

@@ -7,6 +7,7 @@ number with a unit is compared somewhere with one without.
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ POWERS = {"length": (-15, -3, 2, 15), "mass": (-15, 15), "time": (-4, 1, 9)}
 def test_same_bits_in_units_of_powers_of_four(name: str, quantity: str) -> None:
     _, model, numbers = original(name)
     powers = POWERS[quantity]
-    _, scaled, found = _moved(name, Units(**{quantity: 4.0 ** powers[len(name) % len(powers)]}))
+    _, scaled, found = _moved(name, replace(Units(), **{quantity: 4.0 ** powers[len(name) % len(powers)]}))
     _same_decisions(model, scaled)
     assert np.array_equal(found, numbers), np.max(np.abs(found - numbers))
 

@@ -23,6 +23,7 @@ typedef struct {
     const double *condition_values;
     PlainFunction assembly;         /* data (conditions, t, u, p without constants) -> x, constants; NaN where there is no such start */
     PlainFunction gaps;             /* t, x, u, p -> gaps of positions, of velocities; size of velocities. run is 0 without constraints */
+    PlainFunction holds;            /* t, x, u, p -> not negative where what the model decided holds. run is 0 where nothing can change it */
     const char *depends;            /* on which of the data the start depends */
 } Model;
 

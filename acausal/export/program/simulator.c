@@ -81,6 +81,13 @@ static SimulatorStatus assemble(double t0, const double *conditions, const doubl
     return SIMULATOR_SUCCESS;
 }
 
+static SimulatorStatus decided(double t0, const double *x, const double *u, const double *p) {
+    double margin = 0;
+    if (!model.holds.run) return SIMULATOR_SUCCESS;
+    if (!called(&model.holds, (const double *const[]){&t0, x, u, p}, (double *const[]){&margin}, 4, 1)) return SIMULATOR_OUT_OF_MEMORY;
+    return margin >= 0 ? SIMULATOR_SUCCESS : SIMULATOR_OTHER_MODEL;
+}
+
 static SimulatorStatus closed(double t0, const double *x, const double *u, const double *p) {
     double gaps[3] = {0, 0, 0};
     if (!model.gaps.run) return SIMULATOR_SUCCESS;
@@ -92,7 +99,9 @@ int simulator_start(double t0, const double *conditions, const double *u, double
     double *own = malloc(sizeof(double) * (size_t)(model.parameters + 1));
     if (!own) return SIMULATOR_OUT_OF_MEMORY;
     memcpy(own, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
-    SimulatorStatus status = assemble(t0, conditions ? conditions : model.condition_values, u ? u : model.input_values, own, x);
+    const double *given = u ? u : model.input_values;
+    SimulatorStatus status = assemble(t0, conditions ? conditions : model.condition_values, given, own, x);
+    if (status == SIMULATOR_SUCCESS) status = decided(t0, x, given, own);
     if (p) memcpy(p, own, sizeof(double) * (size_t)model.parameters);
     free(own);
     return (int)status;
@@ -178,6 +187,7 @@ static int conclude(SimulatorReport *report, const Integrator *I, enum Code code
 static const char *without_start(SimulatorStatus status) {
     switch (status) {
     case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
+    case SIMULATOR_OTHER_MODEL: return "With these values other equations are needed: export a model that is built with them.";
     case SIMULATOR_NON_FINITE: return "The start values are not finite.";
     case SIMULATOR_INPUT_FAILED: return "The inputs could not be computed.";
     default: return "Not enough memory.";
@@ -222,6 +232,7 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
             begun = SIMULATOR_NON_FINITE;
         }
     if (x0 && begun == SIMULATOR_SUCCESS) begun = closed(t0, I.x, I.u, parameters);
+    if (begun == SIMULATOR_SUCCESS) begun = decided(t0, I.x, I.u, parameters);
     if (begun != SIMULATOR_SUCCESS) {
         free(own);
         return finished(report, begun, without_start(begun));

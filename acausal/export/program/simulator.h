@@ -60,7 +60,8 @@ typedef enum {
     SIMULATOR_INPUT_FAILED,   /* options->input returned 0 */
     SIMULATOR_OUT_OF_MEMORY,
     SIMULATOR_BAD_ARGUMENT,   /* nothing was done */
-    SIMULATOR_OPEN_START      /* the start does not close the loops, or there is none for these values */
+    SIMULATOR_OPEN_START,     /* the start does not close the loops, or there is none for these values */
+    SIMULATOR_OTHER_MODEL     /* with these values other equations would be needed, e.g. other constraints are independent */
 } SimulatorStatus;
 
 typedef struct {
@@ -94,7 +95,8 @@ SimulatorOptions simulator_defaults(void);
 
 /* The start state x (model_states numbers) at time t0 [s] that meets the conditions (0: the exported values) with inputs u and parameters p
    (0: the exported values), on the branch of the exported start; constants of integration in p, if there are any, are set. Returns
-   SIMULATOR_SUCCESS, SIMULATOR_OPEN_START where it cannot be assembled, or SIMULATOR_OUT_OF_MEMORY. */
+   SIMULATOR_SUCCESS, SIMULATOR_OPEN_START where it cannot be assembled, SIMULATOR_OTHER_MODEL where what was exported does not hold, or
+   SIMULATOR_OUT_OF_MEMORY. */
 int simulator_start(double t0, const double *conditions, const double *u, double *p, double *x);
 
 /* The motion from time t0 [s] on, at n times in ascending order, not before t0; the last one is the end of the run.

@@ -1,0 +1,158 @@
+"""What was found about a group of loops, and by how much it holds elsewhere: at another time, configuration, or with other parameters.
+
+Rows are independent where the smallest of their singular values is not zero, and others follow from them where the next one is: both are
+numbers without unit, and say how far a decision is from being another one.
+"""
+
+from __future__ import annotations
+
+import functools
+import threading
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from acausal.loops.loop_groups import LoopGroup
+from acausal.loops.redundancy import RankReport
+from acausal.loops.walk import Walk
+from acausal.numerics.thresholds import SINGULAR
+
+_LOOKS = 8
+"""Places of a walk that are looked at again with other values."""
+_KEPT = 8
+"""Values of parameters for which a walk is kept."""
+_SHRUNK = 0.5
+"""What may be lost of a margin before an examination is made again."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """`independent`: smallest singular value of the kept rows, each divided by its usual length; `follows`: the largest one that counts as
+    zero; `rank`: how many do not, of the singular values above `zero`."""
+
+    independent: float
+    follows: float
+    rank: int
+    zero: float
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What is known of a group: assembled configurations of its coordinates, independent rows, the rows to be used."""
+
+    group: LoopGroup
+    samples: list[np.ndarray]
+    opened: list[np.ndarray]
+    """Configurations beside these."""
+    rank: RankReport
+    chosen: tuple[int, ...]
+    damped: bool
+    singular: bool
+    A: np.ndarray
+    """Rows in the velocities at the start."""
+    rates: np.ndarray
+    """How much each velocity is."""
+    timed: bool
+    """Whether the time enters."""
+    empty: tuple[str, ...] = ()
+    """Rows that only hold rounding errors, whatever the parameters and the time."""
+    walk: Walk | None = None
+    """With the values of parameters and the time at which this was found."""
+    scale: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Usual lengths of the rows (m,)."""
+    trail: tuple[tuple[float, np.ndarray], ...] = ()
+    """Smallest singular values on a walk, and where."""
+    parameters: tuple[int, ...] = ()
+    """Places of the parameters on which the group depends."""
+    values: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """All parameters where this was found."""
+    lock: threading.Lock = field(default_factory=threading.Lock, compare=False)
+    """Kernels serve one thread at a time."""
+
+    @functools.cached_property
+    def usual(self) -> Margin:
+        """At the first configuration with closed loops that has as many independent rows as usual; the smallest of the walk where none has."""
+        found = [self.margin(q, self.walk.time, self.values) for q in self.samples if self.walk is not None]
+        return next((m for m in found if m.independent >= SINGULAR), found[0])
+
+    @property
+    def least(self) -> float:
+        """The smallest singular value that was met."""
+        return min((smallest for smallest, _ in self.trail), default=1.0)
+
+    def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
+        """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,)."""
+        with self.lock:
+            walk = self._walk(values)
+            scale = np.where(walk.empty, np.max(self.scale), self.scale)
+            if self.timed and time != walk.time and walk.empty.any():  # what is empty now may not be then
+                walk = Walk(walk.symbolic, values, q, time)
+            before, walk.time = walk.time, time
+            A = walk.at(q / walk.unit)[2] / scale[:, None]
+            walk.time = before
+        return self._margin(A, walk)
+
+    def _walk(self, values: np.ndarray) -> Walk:
+        """With these values of the parameters, as far as the group depends on them; some are kept."""
+        assert self.walk is not None
+        key = values[list(self.parameters)].tobytes()
+        if key not in self._walks:
+            if len(self._walks) >= _KEPT:
+                self._walks.clear()
+            own = np.array_equal(values[list(self.parameters)], self.values[list(self.parameters)])
+            self._walks[key] = self.walk if own else Walk(self.walk.symbolic, values, self.walk.guess, self.walk.time)
+        return self._walks[key]
+
+    @functools.cached_property
+    def _walks(self) -> dict[bytes, Walk]:
+        return {}
+
+    def _margin(self, A: np.ndarray, walk: Walk) -> Margin:
+        if not np.isfinite(A).all():
+            return Margin(0.0, np.inf, 0, walk.rank)
+        every, r = np.linalg.svd(A, compute_uv=False), self.rank.rank
+        kept = every if r == len(A) else np.linalg.svd(A[list(self.rank.kept)], compute_uv=False) if r else np.ones(1)
+        rank = int(np.add.reduce(every > walk.rank))
+        return Margin(float(kept[-1]), float(every[r]) if r < every.size else 0.0, rank, walk.rank)
+
+    def decided(self, margin: Margin) -> bool:
+        """Whether the same rows follow from the others, and those are independent but for singular positions that are known."""
+        return margin.rank <= self.rank.rank and (self.singular or margin.independent >= SINGULAR)
+
+    def holds(self, values: np.ndarray) -> bool:
+        """Whether everything is decided alike with other values of parameters (np,), surely: no singular value changes by more than the rows
+        do (Weyl 1912), and at some places of the walk these change by less than half of the smallest one.
+        """
+        if np.array_equal(values[list(self.parameters)], self.values[list(self.parameters)]):
+            return True
+        if self.singular or not self.trail or self.walk is None:
+            return False
+        with self.lock:
+            there, here = self._rows(self._walk(values)), self._usual_rows
+        allowed = _SHRUNK * self.least
+        return len(there) == len(here) and all(
+            np.linalg.norm(A - B) < allowed and self._margin(A, self.walk).rank == self.rank.rank
+            for A, B in zip(there, here, strict=True)
+        )
+
+    @functools.cached_property
+    def _looks(self) -> list[np.ndarray]:
+        """The most critical places of the walk (nq,), and others along it."""
+        order = sorted(range(len(self.trail)), key=lambda k: self.trail[k][0])
+        spread = np.linspace(0, len(order) - 1, _LOOKS).astype(int)
+        return [self.trail[k][1] for k in sorted({*order[: _LOOKS // 2], *spread.tolist()})]
+
+    @functools.cached_property
+    def _usual_rows(self) -> list[np.ndarray]:
+        assert self.walk is not None
+        return self._rows(self.walk)
+
+    def _rows(self, walk: Walk) -> list[np.ndarray]:
+        """At the places that are looked at, closed for the values of the walk; fewer where one cannot be closed."""
+        rows: list[np.ndarray] = []
+        for q in self._looks:
+            z = walk.closed(q / walk.unit)
+            if z is None:
+                break
+            rows.append(walk.at(z)[2] / self.scale[:, None])
+        return rows

@@ -1,0 +1,80 @@
+"""Gears between joints that a loop ties already: they agree with it and transmit nothing, or are named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import acausal as ac
+from acausal.errors import LockedError, ParameterError, StartValueError
+from components import Gear, Inertia, Revolute, RigidBody, World
+
+G, LENGTH = 9.81, 0.5
+
+
+def parallelogram(joints: tuple[int, int] | None, *ratios: float | ac.Parameter, idler: float = 0.02) -> ac.System:
+    """Two upright cranks of 0.5 m and a coupler of 1 m; a gear between two of the joints (two cranks, then the ends of the coupler), or
+    two gears and an idler between them."""
+    scene = ac.System()
+    scene.world, scene.coupler = World(), RigidBody.rod(2.0, (1, 0, 0))
+    scene.cranks, scene.hinges = [RigidBody.rod(m, (0, 0, LENGTH)) for m in (1.0, 1.5)], [Revolute("y") for _ in range(4)]
+    for k, foot in enumerate((scene.world.frame, scene.world.at((1, 0, 0)))):
+        scene.connect(foot, scene.hinges[k].frame_a)
+        scene.connect(scene.hinges[k].frame_b, scene.cranks[k].frame)
+    scene.connect(scene.cranks[0].tip, scene.hinges[2].frame_a)
+    scene.connect(scene.hinges[2].frame_b, scene.coupler.frame)
+    scene.connect(scene.coupler.tip, scene.hinges[3].frame_a)
+    scene.connect(scene.hinges[3].frame_b, scene.cranks[1].tip)
+    if joints is None:
+        return scene
+    first, last = (scene.hinges[k].flange for k in joints)
+    scene.ratios, scene.gears = list(ratios), [Gear(ratio) for ratio in ratios]
+    scene.idlers = [Inertia(idler) for _ in ratios[1:]]
+    scene.connect(first, scene.gears[0].flange_a)
+    for before, between, after in zip(scene.gears, scene.idlers, scene.gears[1:], strict=False):
+        scene.connect(before.flange_b, between.flange_a)
+        scene.connect(between.flange_b, after.flange_a)
+    scene.connect(scene.gears[-1].flange_b, last)
+    return scene
+
+
+def angle(times: np.ndarray, start: float, rate: float, more: float = 0.0) -> np.ndarray:
+    """Of the cranks, by hand; `more` is inertia on their shaft [kg m^2]."""
+    inertia, moment = (1.0 + 1.5) * LENGTH**2 / 3 + 2.0 * LENGTH**2 + more, ((1.0 + 1.5) / 2 + 2.0) * LENGTH * G
+    law = lambda t, y: [y[1], moment * np.sin(y[0]) / inertia]  # noqa: E731
+    return solve_ivp(law, (0, times[-1]), [start, rate], "DOP853", times, rtol=1e-12, atol=1e-12).y[0]
+
+
+@pytest.mark.parametrize(
+    ("joints", "ratios", "more"),
+    [((0, 1), (1.0,), 0.0), ((0, 2), (-1.0,), 0.0), ((2, 3), (-1.0,), 0.0), ((1, 0), (-0.5, -2.0), 0.02 * 4)],
+    ids=["cranks", "crank and coupler", "ends of the coupler", "idler"],
+)
+def test_a_gear_that_says_what_a_parallelogram_does_changes_nothing_but_for_its_idler(joints, ratios, more):
+    scene = parallelogram(joints, *ratios)
+    model = ac.build(scene)
+    table = model.constraints()
+    assert model.degrees_of_freedom == table.configuration_freedom == 1
+    assert sum(entry.kind == "redundant" for entry in table) == 1
+    run = model.simulate(1.0, {scene.hinges[0].q: 0.3, scene.hinges[0].v: 6.0}, rtol=1e-11)  # through both flat positions
+    for hinge in scene.hinges[:2]:
+        np.testing.assert_allclose(run[hinge.q], angle(run.t, 0.3, 6.0, more), atol=1e-8)
+    assert run.energy_error() < 1e-8
+    # one gear of a train drives the idler, the other one transmits nothing
+    assert min(np.max(np.abs(run[gear.flange_b.tau])) for gear in scene.gears) < 1e-12
+
+
+def test_a_gear_that_a_parallelogram_does_not_allow_is_named():
+    for joints, ratio in (((0, 1), 2.0), ((0, 1), -1.0), ((0, 3), -1.0)):
+        with pytest.raises(LockedError, match="gears"):
+            ac.build(parallelogram(joints, ratio))
+    scene = parallelogram((0, 1), ac.Parameter(1.0))
+    model = ac.build(scene)
+    with pytest.raises(StartValueError, match="hinges"):
+        model.initial_state({scene.hinges[0].q: 0.3, scene.hinges[1].q: 0.4})
+    with pytest.raises(ParameterError, match=r"gears\[0\].ratio = 2 \(built with 1\).*equation 1 of gears"):
+        model.simulate(1.0, parameters={scene.ratios[0]: 2.0})
+    x, holds = model.initial_state({scene.hinges[0].q: 0.3}).x, model.functions.holds
+    assert holds is not None and holds(0, x, [], [1.0]) >= 0 > holds(0, x, [], [2.0])
+    assert "it transmits nothing" in str(model.decisions)
