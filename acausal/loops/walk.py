@@ -107,7 +107,10 @@ class Walk:
         terms = np.nan_to_num(
             np.max([np.array(symbolic.terms(q, self.rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
         )
-        self._velocity = _without_noise(A @ self.rate, terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes)
+        terms = terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes
+        self._velocity = _without_noise(A @ self.rate, terms)
+        self.noise = ROUNDING * terms / self._velocity
+        """What rounding makes of the rows in the velocities (m,), in parts of what is much for them."""
 
     def _bent(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lengths of rows (m,) without angles whose slope J at the guess changes with place, as a rod between particles has it, and of the
@@ -117,7 +120,7 @@ class Walk:
         if not (straight.any() and group.closing.numel()):
             return np.zeros(group.closing.numel()), np.zeros(self.guess.size)
         used = ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
-        bends = np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values)).ravel())
+        bends = np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values))[:, -1])
         plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
         slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
         own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
