@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.loops.close_loops import close_loops
+from acausal.loops.descent import singular_values_down
 from acausal.loops.examined import Examined, Margin
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
@@ -224,6 +225,8 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         raise shaky(group.loops, group.v.numel(), rank.rank)
     scale = row_scale(jacobians)
     trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else []
+    if 0 < rank.rank < group.v.numel() - 1 and all(smallest >= SINGULAR for smallest, _ in trail):
+        trail += singular_values_down(walk, samples, scale, rank.rank)
     singular = rank.singular_at_start or any(smallest < SINGULAR for smallest, _ in trail)
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)

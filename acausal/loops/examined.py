@@ -90,7 +90,7 @@ class Examined:
             before, walk.time = walk.time, time
             A = walk.at(q / walk.unit)[2] / scale[:, None]
             walk.time = before
-        return self._margin(A, walk)
+        return self._margin(A, walk, float(np.max(walk.noise / scale, initial=0.0)))
 
     def _walk(self, values: np.ndarray) -> Walk:
         """With these values of the parameters, as far as the group depends on them; some are kept."""
@@ -107,13 +107,14 @@ class Examined:
     def _walks(self) -> dict[bytes, Walk]:
         return {}
 
-    def _margin(self, A: np.ndarray, walk: Walk) -> Margin:
+    def _margin(self, A: np.ndarray, walk: Walk, noise: float = 0.0) -> Margin:
         if not np.isfinite(A).all():
             return Margin(0.0, np.inf, 0, walk.rank)
         every, r = np.linalg.svd(A, compute_uv=False), self.rank.rank
         kept = every if r == len(A) else np.linalg.svd(A[list(self.rank.kept)], compute_uv=False) if r else np.ones(1)
-        rank = int(np.add.reduce(every > walk.rank))
-        return Margin(float(kept[-1]), float(every[r]) if r < every.size else 0.0, rank, walk.rank)
+        least = max(walk.rank, noise)
+        rank = int(np.add.reduce(every > least))
+        return Margin(float(kept[-1]), float(every[r]) if r < every.size else 0.0, rank, least)
 
     def decided(self, margin: Margin) -> bool:
         """Whether the same rows follow from the others, and those are independent but for singular positions that are known."""

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import Residual, assemble
 from acausal.numerics.bound import BoundFunction
-from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
+from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
 
@@ -89,13 +89,17 @@ class Walk:
         silent = ~group.turning & ~np.any(np.nan_to_num(at_guess[1]), axis=0)
         reach = np.where(group.turning, 1.0, 0.0)
         if silent.any():
-            bends = np.array(symbolic.bends(silent)(guess, time, values)).ravel()
+            bends = np.array(symbolic.bends(silent)(guess, time, values))
             reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), bends)
+        own, bent = self._bent(at_guess[1])
+        reach = np.where(bent > 0, bent, reach)
         rng = np.random.default_rng(3)
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, time) for q in probes]
         c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
-        self.unit = unknown_sizes(J, group.turning, c[:, 0] + self._rounding(guess), drawn)
+        instead = np.maximum(bent, _lengths_of_rates(A, N, group.turning))
+        terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
+        self.unit = unknown_sizes(J, group.turning, terms, drawn, instead)
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
@@ -103,7 +107,24 @@ class Walk:
         terms = np.nan_to_num(
             np.max([np.array(symbolic.terms(q, self.rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
         )
-        self._velocity = _without_noise(A @ self.rate, terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes)
+        terms = terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes
+        self._velocity = _without_noise(A @ self.rate, terms)
+        self.noise = ROUNDING * terms / self._velocity
+        """What rounding makes of the rows in the velocities (m,), in parts of what is much for them."""
+
+    def _bent(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of rows (m,) without angles whose slope J at the guess changes with place, as a rod between particles has it, and of the
+        unknowns (nq,) in them: how far these go until it is another one, wherever the origin is. Zero for others.
+        """
+        group, straight = self.symbolic.group, ~self.symbolic.group.turning
+        if not (straight.any() and group.closing.numel()):
+            return np.zeros(group.closing.numel()), np.zeros(self.guess.size)
+        used = ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
+        bends = np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values))[:, -1])
+        plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
+        slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
+        own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
+        return own, np.max(own[:, None] * used, axis=0, initial=0.0)
 
     def _rounding(self, q: np.ndarray) -> np.ndarray:
         return self._drawn + finite(self._noise.at(np.append(q, self.time)))
@@ -204,6 +225,7 @@ class Walk:
                 return None
             U, s, Vt = np.linalg.svd(J, full_matrices=False)
             kept = int(np.sum(s > self.dependent * np.max(s, initial=0.0))) if rank is None else rank
+            Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
             inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
             z = z - inverse @ c[:, 0]
             z = z - inverse @ self.at(z)[0][:, 0]
@@ -271,6 +293,15 @@ class _Parts:
         self._q[:], self._t[0] = q, t
         parts = np.split(self._bound().copy(), self._ends[:-1])
         return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
+
+
+def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.ndarray:
+    """Sizes (nq,) of coordinates that have arms in rows of the velocities only: where wheels of a cart stand. Zero where there are none."""
+    turns = np.any(N[turning] > 0, axis=0)
+    arms = np.max(A[:, turns], axis=1, initial=0.0)[:, None]
+    heard = FAINT * np.max(A, axis=0, initial=0.0) < A
+    speeds = np.where(turns, 1.0, np.max(np.divide(arms, A, out=np.zeros_like(A), where=heard), axis=0, initial=0.0))
+    return np.max(N * speeds, axis=1, initial=0.0)
 
 
 def _bound(function: ca.Function, size: int, values: np.ndarray) -> BoundFunction:

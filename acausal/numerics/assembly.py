@@ -171,6 +171,7 @@ def _step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float = DEPEND
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     if s.size == 0 or s[0] == 0.0:
         return np.zeros(J.shape[1])
+    Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
     a = U.T @ c
     kept = s > dependent * max(1.0, s[0])
     step = -(a[kept] / s[kept]) @ Vt[kept]

@@ -15,7 +15,7 @@ import numpy as np
 from acausal.numerics.thresholds import CLOSED, DEPENDENT
 
 _SAFETY = 1e3
-_FAINT = 1e-6
+FAINT = 1e-6
 """A derivative by an unknown counts beside others by the same unknown where it is above this part of them."""
 
 
@@ -92,42 +92,51 @@ def positive(sizes: np.ndarray) -> np.ndarray:
     return np.where((sizes > 0) & (sizes < np.inf), sizes, 1.0)
 
 
-def unknown_sizes(largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, drawn: Drawn) -> np.ndarray:
+def unknown_sizes(
+    largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, drawn: Drawn, instead: np.ndarray | None = None
+) -> np.ndarray:
     """What is much for each unknown (n,): 1 where `turning` (n,), which are angles and quaternions.
 
     `largest` (m, n): magnitudes of the derivatives of the rows, the largest at several places; `terms` (m,): sizes of the rows' terms,
-    which count where rows have no lever arms. Unknowns without any of these have the distances in the loops as sizes.
+    which count where rows have no lever arms. Unknowns without any of these have the sizes `instead` (n,) where these are positive, or
+    the distances in the loops.
     """
     n = turning.size
     sizes = np.where(turning, 1.0, 0.0)
-    if turning.all() or not largest.shape[0]:
+    if turning.all():
         return np.ones(n)
     faint = drawn.shifts[:, None] & ~turning & (largest < CLOSED)  # shifts by shifts: sines of angles
     largest = np.where(faint, 0.0, largest)
-    heard = (largest > _FAINT * np.max(largest, axis=0)) & ~turning
+    heard = (largest > FAINT * np.max(largest, axis=0, initial=0.0)) & ~turning
     arms = np.max(largest[:, turning], axis=1, initial=0.0)
     arms = np.where(arms > CLOSED * terms, arms, 0.0)  # others are rounding errors of rows that do not change with angles
     for sources in (arms, terms):
-        ratio = np.where(heard, sources[:, None] / np.where(heard, largest, 1.0), 0.0).max(axis=0)
+        ratio = np.where(heard, sources[:, None] / np.where(heard, largest, 1.0), 0.0).max(axis=0, initial=0.0)
         ratio = np.where(np.isfinite(ratio), ratio, 0.0)
         unknown = (sizes == 0) & ~turning
         sizes[unknown] = ratio[unknown]
+    sizes = sizes if instead is None else np.where(sizes > 0, sizes, instead)
     known = sizes[~turning & (sizes > 0)]
     return positive(np.where(sizes > 0, sizes, known.max() if known.size else np.max(drawn.far, initial=0.0)))
 
 
 def curvature(rows: ca.SX, y: ca.SX, places: np.ndarray) -> ca.SX:
-    """Second derivatives of rows (m, 1) along a direction in which all unknowns at `places` (n,) change, each differently."""
-    along = ca.DM(np.where(places, np.random.default_rng(4).uniform(0.5, 1.0, places.size), 0.0))
-    return ca.jtimes(ca.jtimes(rows, y, along), y, along)
+    """Second derivatives (m, k + 1) of rows (m, 1): along each of the k unknowns at `places` (n,), then with all of them changing differently."""
+    together = np.where(places, np.random.default_rng(4).uniform(0.5, 1.0, places.size), 0.0)
+    directions = [*np.eye(places.size)[places], together]
+    return ca.horzcat(*(ca.jtimes(ca.jtimes(rows, y, ca.DM(along)), y, ca.DM(along)) for along in directions))
 
 
-def bent_size(terms: np.ndarray, bends: np.ndarray) -> float:
-    """How far unknowns go that no row changes with to first order, until rows with these `terms` (m,) and second derivatives `bends`
-    (m,) change as much as their terms; 0 where nothing is bent.
+def bent_size(terms: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """How far unknowns (k,) go that no row changes with to first order, until rows with these `terms` (m,) and second derivatives `bends`
+    (m, k + 1) change as much as their terms; 0 where nothing is bent.
+
+    Each by itself where rows bend along it: in a direction of all, differences that happen to be small look straight.
     """
-    ratio = np.sqrt(2 * np.divide(terms, np.abs(bends), out=np.zeros_like(terms), where=(bends != 0) & np.isfinite(bends)))
-    return float(np.max(ratio, initial=0.0))
+    curved = (bends != 0) & np.isfinite(bends)
+    ratio = np.sqrt(2 * np.divide(terms[:, None], np.abs(bends), out=np.zeros(bends.shape), where=curved))
+    reach = np.max(ratio, axis=0, initial=0.0)
+    return np.where(reach[:-1] > 0, reach[:-1], reach[-1])
 
 
 def row_sizes(largest: np.ndarray, unknowns: np.ndarray, terms: np.ndarray, drawn: Drawn | None = None) -> np.ndarray:

@@ -47,6 +47,10 @@ def _result(code: int, arguments: list[tuple[ca.SX, ca.SX]]) -> tuple[ca.SX, ca.
     result = _applied(code, values)
     if code in (ca.OP_ADD, ca.OP_SUB):
         return result, sizes[0] + sizes[1]
+    if code in (ca.OP_MUL, ca.OP_DIV) and values[1].is_constant():
+        return result, _applied(code, [sizes[0], ca.fabs(values[1])])  # as nothing is said of a factor of one, which is left out
+    if code == ca.OP_MUL and values[0].is_constant():
+        return result, ca.fabs(values[0]) * sizes[1]
     if code == ca.OP_MUL:
         return result, ca.fabs(values[0]) * sizes[1] + ca.fabs(values[1]) * sizes[0]
     if code == ca.OP_SQ:

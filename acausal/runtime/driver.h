@@ -316,10 +316,13 @@ static double step_error(Integrator *I, Stages *S, double h) {
     int noisy = T->noisy;
     T->noisy = 0;
     double error = error_of(I, S, h);
-    if (S->around) forget_noise(I);
-    if (S->around || (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1)))) return error;
+    if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1))) return error;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
+    if (S->around) { /* there only states that are nothing but rounding are forgiven */
+        forget_noise(I);
+        return error_of(I, S, h);
+    }
     double left = error_of(I, S, h);
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
     if (T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);

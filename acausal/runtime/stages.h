@@ -281,6 +281,8 @@ static void set_scale(Integrator *I, double h, double reach) {
     T->reach = reach;
 }
 
+static void along_branch(Integrator *I, const V *in, const V *K, V *out);
+
 /* What rounding makes of the rates at the stages: how much they change when the states change by a unit or two of their last place. The
    largest change is left out: there the rates may jump. */
 static void sample_noise(Integrator *I, const Stages *S) {
@@ -294,11 +296,12 @@ static void sample_noise(Integrator *I, const Stages *S) {
             for (long i = 0; i < I->nx; i++)
                 for (long l = 0; l < LANES; l++) in[1 + i][l] *= 1 + EPS * ((double)((draw = draw * 1664525u + 1013904223u) >> 30) - 1.5);
             run_kernel(&I->rhs, in, T->rhs_c, T->rates[k], T->work);
+            if (S->around) along_branch(I, in, T->rates[k], T->rates[k]);
         }
         for (long i = 0; i < I->nx; i++)
             for (long l = 0; l < LANES; l++) {
                 double change = fabs(T->rates[0][i][l] - T->rates[1][i][l]);
-                if (!(change < INFINITY)) continue;
+                if (!(change < INFINITY) || (S->around && S->tau[b * LANES + l] > 0)) continue;
                 T->noise[i] += change;
                 T->most[i] = fmax(T->most[i], change);
             }

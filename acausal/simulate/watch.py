@@ -15,9 +15,11 @@ import numpy as np
 from acausal.errors import AccuracyWarning
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.rounding import Rounding
+from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import WATCHED, Functions
 from acausal.simulate.blame import condition, energy_cause
 from acausal.simulate.trajectory import Trajectory
+from acausal.start.coordinates import turning_states
 from acausal.wording import callers_level
 
 _EPS = float(np.finfo(float).eps)
@@ -98,8 +100,11 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
     allowed = _LOOSE * max(sizes.part, _START)
     off = gaps > allowed * terms[:, None]
     for k in np.flatnonzero(off.any(axis=1)):  # each row at the step where it is off most
-        terms[k] = np.maximum(terms[k], _rounding(functions, run, int(np.argmax(gaps[k])), sizes)[2 + k] / _EPS)
-        off[k] = gaps[k] > allowed * terms[k] if terms[k] > 0 else False
+        most = int(np.argmax(gaps[k]))
+        terms[k] = np.maximum(terms[k], _rounding(functions, run, most, sizes)[2 + k] / _EPS)
+        # an angle that is nothing by symmetry drifts by what is nothing too
+        least = allowed * terms[k] + _rounding_of_turns(functions, run, most)[2 + k]
+        off[k] = gaps[k] > least if terms[k] > 0 else False
     off[~np.isfinite(terms)] = False
     if not off.any():
         return False
@@ -142,6 +147,15 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np
     for _ in range(2):  # of velocities, then of positions
         spread = np.maximum(spread, h * np.nan_to_num(rates(t, x, u, p, spread=spread)))
     return Rounding(functions.watched)(t, x, u, p, spread=spread)
+
+
+def _rounding_of_turns(functions: Functions, run: Trajectory, k: int) -> np.ndarray:
+    """What energies and invariants at step k change by where angles, of which 1 rad is much, are rounded."""
+    t, x, p, space = float(run.solution.t[k]), run.solution.x[:, k], run.problem.parameters, functions.space
+    turns, rates = turning_states(space.system)
+    spread = _EPS * np.append(turns, np.zeros(rates.size))[list(space.places)]
+    u = run.problem.inputs(np.array([t]))[:, 0]
+    return ROUNDING / _EPS * np.nan_to_num(Rounding(functions.watched)(t, x, u, p, spread=spread))
 
 
 def _look_at_energy(

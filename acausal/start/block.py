@@ -162,7 +162,9 @@ class Block:
             silent = ~of.turning & ~np.any(np.nan_to_num(J), axis=0)
             if silent.any():
                 bent = curvature(self.hard, of.y, silent)
-                bends = np.array(ca.Function("bends", [ca.vertcat(of.y, self.whole)], [bent])(np.concatenate([y, data]))).ravel()
+                bends = np.array(
+                    ca.Function("bends", [ca.vertcat(of.y, self.whole)], [ca.densify(bent)])(np.concatenate([y, data]))
+                )
                 reach[silent] = bent_size(np.abs(c) + self._rounding(y, data), bends)
         return [(y + reach * change, data) for change in _scatter(y.size)]
 

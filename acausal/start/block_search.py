@@ -20,6 +20,8 @@ _PATIENCE = 30
 _STEEP, _HALVINGS = 100, 12
 """Searches down an exponential, where sizes shrink on the way, and times that a beginning on it is halved."""
 _SLOW = 1e-4
+_NOTHING = 1e-3 * float(np.finfo(float).eps)
+"""Part of an unknown that no row of its loops feels."""
 _SIZED = 8
 """Times that curved rows are measured anew where a search came to."""
 
@@ -38,8 +40,14 @@ def solve_block(block: Block, data: np.ndarray, first: np.ndarray, factors: np.n
         found, right, more, restarts = search.begin_anew(found)
         spent += more
     if right and spent and not block.unknowns.linear:
-        return search.nearest(found, spent, restarts)
+        nearest = search.nearest(found, spent, restarts)
+        return replace(nearest, y=_without_noise(nearest.y, search.begun, sizes.unknowns))
     return Found(found.y, search.begun, found.gap, found.part, right, spent, restarts)
+
+
+def _without_noise(y: np.ndarray, begun: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Zeros where the search began at zero and only rounding led away: an integrator would follow such a number with all its digits."""
+    return np.where((begun == 0) & (np.abs(y) < _NOTHING * sizes), 0.0, y)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ number with a unit is compared somewhere with one without.
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import acausal as ac
 from tests.scenes import rotation
 from tests.similar import SCENES, Similar, Units
+from tests.similar_mechanisms import MORE
 
 RTOL = 1e-10
 
@@ -25,9 +27,9 @@ def original(name: str) -> tuple[Similar, ac.Model, np.ndarray]:
 
 
 def _moved(name: str, of: Units) -> tuple[Similar, ac.Model, np.ndarray]:
-    similar = SCENES[name](of)
+    similar = (SCENES | MORE)[name](of)
     model = ac.build(similar.scene)
-    run = model.simulate(similar.end, similar.start, rtol=RTOL, samples=7, progress=False)
+    run = model.simulate(similar.end, similar.start, rtol=RTOL, samples=7, progress=False, compiled=name in SCENES)
     return similar, model, similar.numbers(run)
 
 
@@ -46,7 +48,7 @@ POWERS = {"length": (-15, -3, 2, 15), "mass": (-15, 15), "time": (-4, 1, 9)}
 def test_same_bits_in_units_of_powers_of_four(name: str, quantity: str) -> None:
     _, model, numbers = original(name)
     powers = POWERS[quantity]
-    _, scaled, found = _moved(name, Units(**{quantity: 4.0 ** powers[len(name) % len(powers)]}))
+    _, scaled, found = _moved(name, replace(Units(), **{quantity: 4.0 ** powers[len(name) % len(powers)]}))
     _same_decisions(model, scaled)
     assert np.array_equal(found, numbers), np.max(np.abs(found - numbers))
 
@@ -117,3 +119,26 @@ def test_scenes_of_different_size_in_one_system_move_as_each_alone(big: str, sma
         expected = alone.numbers(apart.simulate(end, alone.start, rtol=RTOL, samples=5, progress=False))
         assert np.max(np.abs(similar.numbers(run) - expected)) < 1e2 * similar.growth * RTOL
     assert model.degrees_of_freedom == freedoms
+
+
+ONES = (Units(time=4.0**7), Units(length=4.0**-15), Units(mass=4.0**15), Units(length=4.0**15), Units(time=4.0**-9))
+TURNED, FAR = (rotation(7), np.array([3.0, -2.0, 1.0])), (np.eye(3), 1e6 * np.array([1.0, 0.2, -0.3]))
+OTHERS = (
+    Units(1e-9, 1e9, 1.0, TURNED),
+    Units(3e4, 1.0, 1e-3, TURNED),
+    Units(1e-3, 1e-6, 10.0, FAR),
+    Units(1e9, 1e-9, 3e5, TURNED),
+)
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_other_kinds_of_parts_and_loops_move_alike(name: str) -> None:
+    """By the same bits in units of powers of four; to rounding in others, turned or a million of their sizes away."""
+    similar, model, numbers = original(name)
+    k = list(MORE).index(name)
+    _, same, found = _moved(name, ONES[k % len(ONES)])
+    _same_decisions(model, same)
+    assert np.array_equal(found, numbers), np.max(np.abs(found - numbers))
+    _, other, found = _moved(name, OTHERS[k % len(OTHERS)])
+    _same_decisions(model, other)
+    assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * RTOL

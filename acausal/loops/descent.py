@@ -1,0 +1,87 @@
+"""Singular positions of loops with several freedoms, looked for by going where the constraints are ever less independent.
+
+Where one freedom is left a walk comes through all positions; where more are left it passes singular ones by. Their distance is what the
+smallest singular value measures, so each is reached by following its slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acausal.loops.walk import Walk
+from acausal.numerics.thresholds import SINGULAR
+
+_STRIDE = 0.35
+_MOST_STEPS = 60
+_MOST_HALVINGS = 6
+_LEAST_FALL = 0.1
+"""Of what the slope promises."""
+_PROBE = 1e-6
+_GAP = 1e-3
+"""Loops are closed to this times the square of the singular value: what is open moves places by the gap over it."""
+_CLOSED = 1e-8
+
+
+def singular_values_down(
+    walk: Walk, starts: Sequence[np.ndarray], scale: np.ndarray, rank: int
+) -> list[tuple[float, np.ndarray]]:
+    """The least singular values that are reached from the assembled configurations `starts`, and where; none after a singular position.
+
+    `scale` (m,): of the rows of A; `rank`: how many are independent in general.
+    """
+    found: list[tuple[float, np.ndarray]] = []
+    for start in starts:
+        found.append(_lowest(walk, start, scale[:, None], rank))
+        if found[-1][0] < SINGULAR:
+            break
+    return found
+
+
+def _lowest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> tuple[float, np.ndarray]:
+    here = _smallest(walk, z, scale, rank)
+    for _ in range(_MOST_STEPS):
+        if here < SINGULAR:
+            break
+        moves = _moves(walk, z, scale, rank)
+        found = next((place for move in moves if (place := _lower(walk, z, scale, here, move, rank)) is not None), None)
+        if found is None:
+            break
+        z, here = found, _smallest(walk, found, scale, rank)
+    return here, z
+
+
+def _smallest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> float:
+    return float(np.linalg.svd(walk.at(z)[2] / scale, compute_uv=False)[rank - 1])
+
+
+def _moves(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> list[np.ndarray]:
+    """Changes of z to where the sum of rows that nearly vanishes does: by Newton's method, and down the slope of its size.
+
+    To first order in a move, the sum changes along itself, where it is to vanish, and along the directions in which the loops let go,
+    where it is to stay nothing; whatever else of it changes, other weights of the rows make up for.
+    """
+    _, _, A, N = walk.at(z)
+    U, s, Vt = np.linalg.svd(A / scale)
+    weights, along, free = U[:, rank - 1], Vt[rank - 1 :].T, Vt[rank:]
+    changed = [weights @ ((walk.at(z + N @ (_PROBE * way))[2] - A) / scale) @ along / _PROBE for way in free]
+    changes = np.array(changed).T
+    if not np.isfinite(changes).all():
+        return []
+    slope = changes[0]
+    wanted = np.append(-s[rank - 1], np.zeros(free.shape[0]))
+    newton = np.linalg.lstsq(changes, wanted, rcond=1e-6)[0]
+    down = -s[rank - 1] * slope / max(float(slope @ slope), np.finfo(float).tiny)
+    return [N @ (move @ free) for move in (newton, down)]
+
+
+def _lower(walk: Walk, z: np.ndarray, scale: np.ndarray, here: float, move: np.ndarray, rank: int) -> np.ndarray | None:
+    """A closed configuration where the singular value is lower than `here`, along a move that would make it nothing."""
+    part = min(1.0, _STRIDE / max(float(np.max(np.abs(move))), np.finfo(float).tiny))
+    for _ in range(_MOST_HALVINGS):
+        there = walk.closed(z + part * move, min(_CLOSED, _GAP * here**2))
+        if there is not None and _smallest(walk, there, scale, rank) < (1 - _LEAST_FALL * part) * here:
+            return there
+        part *= 0.5
+    return None

@@ -1,0 +1,101 @@
+"""Loops of rods in space with several freedoms: motions go straight through isolated singular positions, or are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from components import Particle, Rod, World
+from components.bodies import RigidBody
+from tests.scenes import rotation
+
+G = 9.81
+LINKS = ("OA", "OB", "CP", "AP", "BP", "AQ", "BQ")
+
+
+def inversor(angle: float) -> dict[str, np.ndarray]:
+    """Peaucellier's linkage in the plane, arms of 1 m, a rhombus of 0.4 m, a crank of 0.5 m at this angle."""
+    C = np.array([0.5, 0, 0])
+    P = C + 0.5 * np.array([np.cos(angle), np.sin(angle), 0])
+    r = float(np.linalg.norm(P))
+    along = P / r
+    far = (1 - 0.16 + r * r) / (2 * r)
+    aside = np.sqrt(1 - far**2) * np.array([-along[1], along[0], 0])
+    return {"O": np.zeros(3), "C": C, "P": P, "A": far * along + aside, "B": far * along - aside, "Q": along * 0.84 / r}
+
+
+class Inversor(ac.System):
+    """The linkage of rods without mass between particles, which nothing but gravity holds in its plane; all turned by `R`."""
+
+    def __init__(self, angle: float, R: np.ndarray, length: float = 1.0) -> None:
+        places = {name: length * (R @ place) for name, place in inversor(angle).items()}
+        self.world = World(tuple(R @ (0, -G, 0)))
+        self.A, self.B, self.P, self.Q = (Particle(1.0, position=tuple(places[name])) for name in "ABPQ")
+        points = {name: getattr(self, name).point for name in "ABPQ"} | {
+            name: self.world.at(tuple(places[name])) for name in "OC"
+        }
+        self.rods = [Rod(float(np.linalg.norm(places[a] - places[b]))) for a, b in LINKS]
+        for rod, (a, b) in zip(self.rods, LINKS, strict=True):
+            self.connect(points[a], rod.frame_a)
+            self.connect(rod.frame_b, points[b])
+
+
+@pytest.mark.parametrize("R", [np.eye(3), rotation(3)], ids=["level", "turned"])
+@pytest.mark.parametrize("angle", [1.22, 0.52])
+def test_a_linkage_of_rods_goes_through_its_flat_position(angle: float, R: np.ndarray):
+    """Where the rhombus is a line; with energy as the tolerance says, the straight line drawn, in steps as few as on other loops."""
+    scene = Inversor(angle, R)
+    model = ac.build(scene)
+    assert model.system.constraints.singular
+    assert model.degrees_of_freedom == 5
+    for rtol, energy, steps in ((1e-6, 1e-5, 100), (1e-9, 1e-9, 250), (1e-12, 2e-10, 500)):
+        run = model.simulate(3.0, rtol=rtol, samples=51)
+        drawn = run[scene.Q.point.position] @ R
+        assert np.min(np.linalg.norm(drawn - run[scene.P.point.position] @ R, axis=1)) < 0.2
+        assert np.max(np.abs(drawn[:, 0] - 0.84)) < 1e-9
+        assert run.at(run.solution.t).energy_error() < energy
+        assert run.statistics.steps < steps
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+def test_rods_between_particles_in_a_plane_can_move_out_of_it(length: float):
+    """Their heights change nothing to first order, and less in some rows than in others."""
+    assert ac.build(Inversor(1.22, np.eye(3), length)).degrees_of_freedom == 5
+
+
+class Plate(ac.System):
+    """A plate on three parallel rods of 1 m, drawn at an angle from hanging straight down."""
+
+    def __init__(self, angle: float, azimuth: float) -> None:
+        self.side = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+        self.world = World(None)
+        self.plate = RigidBody(1.0, (0.25, 0.3, 0.5), position=tuple(self.place(np.array([angle]))[0]))
+        self.rods = [Rod(1.0) for _ in range(3)]
+        for k, rod in enumerate(self.rods):
+            corner = (np.cos(0.2 + 2 * np.pi * k / 3), np.sin(0.2 + 2 * np.pi * k / 3), 0)
+            self.connect(self.world.at(corner), rod.frame_a)
+            self.connect(rod.frame_b, self.plate.at(corner))
+
+    def place(self, angle: np.ndarray) -> np.ndarray:
+        return np.sin(angle)[:, None] * self.side - np.cos(angle)[:, None] * np.array([0, 0, 1.0])
+
+
+def test_a_plate_on_three_rods_goes_through_its_flat_position():
+    """Where all rods lie in the plate: fifteen times, while it goes round evenly."""
+    scene = Plate(0.6, 0.3)
+    model = ac.build(scene)
+    v = 5.0 * (np.cos(0.6) * scene.side + np.array([0, 0, np.sin(0.6)]))
+    start = {scene.plate.frame.velocity[k]: float(v[k]) for k in range(3)}
+    for rtol, error in ((1e-6, 1e-5), (1e-9, 1e-8), (1e-12, 1e-10)):
+        run = model.simulate(10.0, start, rtol=rtol, samples=51)
+        assert np.max(np.abs(run[scene.plate.frame.position] - scene.place(0.6 + 5.0 * run.t))) < error
+        assert run.energy_error() < error
+        assert run.statistics.steps < 200
+
+
+def test_isolated_singular_positions_are_found_wherever_the_sketch_is():
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        angle, azimuth = rng.uniform(0.05, 1.5), rng.uniform(0, 6)
+        assert ac.build(Plate(angle, azimuth)).system.constraints.singular, (angle, azimuth)
