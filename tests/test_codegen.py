@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 from scipy.special import erfinv
 
 import acausal as ac
-from acausal.emit import compiler
+from acausal.emit import compiler, library
 from acausal.emit.emit import Source, emit, translation_units
-from acausal.errors import ExportError, NoCompilerWarning
+from acausal.errors import ExportError, NoCompilerWarning, NoRuntimeError
+from acausal.integrators import automatic
 from acausal.outputs import functions as lower
-from acausal.runtime import kernels
+from acausal.runtime import kernels, load
 from acausal.runtime.compiled import CompiledProblem
 from acausal.runtime.kernels import Compilation, How, Kernel, Wanted
 from acausal.runtime.load import compiled_runtime
@@ -740,31 +741,70 @@ def test_a_compiler_that_fails_once_does_not_change_the_number_of_lanes(cache: P
     assert _value(command) == 10.0
 
 
+_KEPT = (compiler.compiler, load.runtime, automatic.warn_no_compiler)
+"""What a process remembers of compilers."""
+
+
 @pytest.fixture
 def no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A machine without any."""
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setitem(sys.modules, "ziglang", None)
-    forgetful = (compiler.compiler, lower.warn_no_compiler)
-    for function in forgetful:
+    for function in _KEPT:
         function.cache_clear()
     yield
-    for function in forgetful:
+    for function in _KEPT:
         function.cache_clear()
 
 
-def test_without_a_compiler_models_run_on_the_virtual_machine(no_compiler: None) -> None:
-    """To the same numbers, and it is said once."""
+@pytest.fixture
+def nothing_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An installation without libraries of its own."""
+    monkeypatch.setattr(load, "variants", lambda: ())
+
+
+def _built(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Libraries of the package for all processors, as an installation makes them."""
+    monkeypatch.setattr(library, "BUILT", folder)
+    for variant in library.variants():
+        options = (*variant.flags(COMMAND), *library.FLAGS, f"-DLANES={variant.lanes}", "-shared", "-o", str(variant.file))
+        compiler.run_compiler([*COMMAND, *options, str(library.SOURCES / "runtime.c"), "-lm"])
+
+
+@pytest.mark.slow
+def test_without_a_compiler_the_libraries_of_the_package_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """The one for this processor, with the bits of one that is compiled here; an edited source makes them strangers."""
+    scene = FourBar()
+    compiled = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0})
+    _built(tmp_path, monkeypatch)
+    request.getfixturevalue("no_compiler")
     assert compiler.compiler() is None
+    found = load.runtime()
+    assert found is not None and found.lanes == compiled_runtime(COMMAND).library.widest()
+    run = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0})
+    assert (run[scene.c.q] == compiled[scene.c.q]).all()
+    monkeypatch.setattr(library, "sources_hash", lambda: "edited")
+    load.runtime.cache_clear()
+    assert load.runtime() is None
+
+
+def test_without_compiler_and_libraries_casadis_integrators_run(no_compiler: None, nothing_built: None) -> None:
+    """It is said once; what needs the runtime says what is missing."""
     scene, other = FourBar(), Pendulum()
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        run = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0})
+        run = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0}, rtol=1e-7)
         ac.build(other).simulate(0.2, {other.hinge.q: 0.3})
     assert [warning.category for warning in said] == [NoCompilerWarning]
-    slow = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0}, compiled=False)
-    assert (run[scene.c.q] == slow[scene.c.q]).all()
+    assert "ziglang" in str(said[0].message) and run.statistics.method == "cvodes"
+    assert run.energy_error() < 1e-4
+    with pytest.raises(NoRuntimeError, match=r"no C compiler was found.*method='cvodes'"):
+        ac.build(other).simulate(0.2, {other.hinge.q: 0.3}, method="gauss")
+    with pytest.raises(NoRuntimeError, match="ziglang"):
+        ac.build(other).sensitivities([0.0, 0.1], [other.hinge.q])
 
 
 def test_the_compiler_is_the_one_that_is_asked_for(no_compiler: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -781,15 +821,16 @@ def test_the_compiler_is_the_one_that_is_asked_for(no_compiler: None, tmp_path: 
     assert compiler.compiler() == (sys.executable, "-m", "ziglang", "cc")
 
 
-def test_with_a_compiler_that_fails_models_run_on_the_virtual_machine(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_compiler_that_cannot_build_the_runtime_is_quoted(
+    cache: Path, nothing_built: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """For example without the C library's headers: the warning says what the compiler said."""
+    """For example without the C library's headers: the warning says what the compiler said, and CasADi integrates."""
     broken = tmp_path / "broken-cc"
     broken.write_text("#!/bin/sh\necho 'fatal error: math.h: No such file' >&2\nexit 1\n")
     broken.chmod(0o755)
     monkeypatch.setenv("CC", f"{broken} -some -option")
-    compiler.compiler.cache_clear()
+    for function in _KEPT:
+        function.cache_clear()
     try:
         assert compiler.compiler() == (str(broken), "-some", "-option")
         scene = Pendulum()
@@ -797,4 +838,5 @@ def test_with_a_compiler_that_fails_models_run_on_the_virtual_machine(
             run = ac.build(scene).simulate(0.2, {scene.hinge.q: 0.3})
         assert run.t[-1] == 0.2
     finally:
-        compiler.compiler.cache_clear()
+        for function in _KEPT:
+            function.cache_clear()

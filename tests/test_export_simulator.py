@@ -113,7 +113,7 @@ def test_a_stiff_model_makes_gauss_solve_by_newton(exported):
 
 @pytest.mark.slow
 def test_lanes_do_not_matter(exported):
-    model, _, end, program = exported("four_bar")
+    _, _, end, program = exported("four_bar")
     native = printed(program, end, 40, 1e-13)[1]
     for lanes in {2, 4, 8}:
         other = compiled(program.parent, f"-DLANES={lanes}", program=f"lanes{lanes}")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Iterator, Sequence
 from itertools import product
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -13,8 +15,9 @@ from numpy.typing import NDArray
 
 import acausal as ac
 from acausal.emit.statements import BINARY, UNARY
+from acausal.runtime import compiled as problems
 from acausal.runtime.compiled import CompiledProblem
-from acausal.runtime.kernels import How, Kernel, Kernels, Wanted
+from acausal.runtime.kernels import Compilation, How, Kernel, Kernels, Wanted
 from acausal.runtime.load import Runtime, runtime
 from tests.scenes import FourBar, Pendulum, chain
 
@@ -98,3 +101,32 @@ def test_kernels_of_models_have_the_bits_of_compiled_ones(scene: type[ac.System]
             points = np.random.default_rng(4).normal(0, 1, (interpreted.inputs, 24))
             points = np.repeat(points[:, :1], 24, axis=1) if one.np else points
             assert np.array_equal(*(_bits(_values(kernel, points, library)) for kernel in (interpreted, compiled)))
+
+
+def _motions(taken: list[Kernels], eager: bool, patch: pytest.MonkeyPatch) -> list[Array]:
+    """Of a four-bar by two methods; `eager`: compiled at once, when kernels have been in use for a slice."""
+    if eager:
+        patch.setattr(Compilation, "begin", Compilation._work)
+    take = Kernels._take_compiled
+    patch.setattr(Kernels, "_take_compiled", lambda own: (taken.append(own), take(own)))
+    scene = FourBar()
+    model = ac.build(scene)
+    native = model.functions.native(How.AUTO)
+    assert native is not None
+    for kernels in (native.kernels, native.jvp):
+        kernels._cost = 1e-9 if eager else math.inf
+    start = {scene.a.q: -0.5, scene.a.v: 3.0}
+    return [model.simulate(5.0, start, rtol=1e-10, method=method).solution.x for method in ("gauss", "radau")]
+
+
+def test_compiled_kernels_take_over_unseen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the middle of a run, with loops and with Newton: not a bit changes."""
+    monkeypatch.setenv("ACAUSAL_CACHE", str(tmp_path))
+    monkeypatch.setattr(problems, "_SLICE", 1e-4)
+    runs: list[list[Array]] = []
+    for eager in (False, True):
+        taken: list[Kernels] = []
+        with monkeypatch.context() as patch:
+            runs.append(_motions(taken, eager, patch))
+        assert len(taken) == (2 if eager else 0)
+    assert all(np.array_equal(one, other) for one, other in zip(*runs, strict=True))

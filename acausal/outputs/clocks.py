@@ -52,7 +52,7 @@ class Clocks:
         if not self.steady.all():
             found += self._sampled(np.array(found), t0, t1, p)
         least = np.spacing(max(abs(t0), abs(t1)))
-        times = np.unique([t for t in found if t0 + 4 * _ASIDE * least < t < t1 - 4 * _ASIDE * least])
+        times = np.unique([t for t in found if t0 - _ASIDE * least <= t <= t1 + _ASIDE * least])
         times = times[np.concatenate([[True], np.diff(times) > 4 * _ASIDE * least])] if times.size else times
         return times[:, None] + _ASIDE * least * np.array([-1.0, 1.0])
 

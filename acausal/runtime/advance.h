@@ -47,20 +47,24 @@ int begin(Integrator *I) {
     return 1;
 }
 
-/* Where the next step must end: before the next break that lies ahead, or at the end. */
-static double next_stop(Integrator *I) {
-    while (I->next_break < I->break_count && I->breaks[2 * I->next_break] <= I->t) I->next_break++;
-    return I->next_break < I->break_count ? fmin(I->end, I->breaks[2 * I->next_break]) : I->end;
-}
-
 /* To the far side of a break: what the rates were before says nothing of what they are now. */
 static void cross_break(Integrator *I) {
     struct State *T = I->state;
     I->t = fmin(I->end, I->breaks[2 * I->next_break++ + 1]);
+    if (I->t == I->end) I->times[I->steps] = I->t;
     T->last_h = 0;
     T->start_known = 0;
     T->jacobian_fresh = 0;
     I->error = 0;
+}
+
+/* Where the next step must end: before the next break that lies ahead, or at the end. */
+static double next_stop(Integrator *I) {
+    while (I->next_break < I->break_count && I->breaks[2 * I->next_break] <= I->t) {
+        if (I->t < I->breaks[2 * I->next_break + 1]) cross_break(I);
+        else I->next_break++;
+    }
+    return I->next_break < I->break_count ? fmin(I->end, I->breaks[2 * I->next_break]) : I->end;
 }
 
 static enum Code run_steps(Integrator *I) {
@@ -75,6 +79,7 @@ static enum Code run_steps(Integrator *I) {
         if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
         double end = I->end, stop = next_stop(I);
+        if (I->t >= end) break;
         I->end = stop;
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         I->end = end;

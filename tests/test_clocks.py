@@ -1,0 +1,69 @@
+"""Switches that time alone decides end steps: short pulses, kinks and sawteeth are integrated as their closed forms."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from components import Force, Particle, Prismatic, World
+
+T = ac.time.sx
+
+
+def _speed(force: ca.SX, end: float, t0: float = 0.0, **options: object) -> tuple[float, int]:
+    """Of a particle of 1 kg that is pushed along a rail, and how many steps that took."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.push, scene.bead = World((0, 0, 0)), Prismatic("x"), Force((force, 0, 0)), Particle(1.0)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.bead.point, scene.push.point)
+    run = ac.build(scene).simulate(end, {}, t0=t0, samples=3, **options)
+    return float(run[scene.rail.v][-1]), run.statistics.steps
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("method", ["auto", "radau"])
+def test_pulses_are_never_stepped_over(width: float, method: str) -> None:
+    """10 N between 3 s and a little later, in 100 s."""
+    pulse = ca.if_else(ca.logic_and(T > 3, 3 + width > T), 10, 0)
+    speed, steps = _speed(pulse, 100.0, method=method)
+    assert abs(speed - 10 * width) < 1e-12
+    assert steps < 60
+
+
+def test_a_pulse_that_lasts_as_long_as_a_parameter_says() -> None:
+    scene = ac.System()
+    scene.width = ac.Parameter(0.1, "s")
+    scene.world, scene.rail, scene.bead = World((0, 0, 0)), Prismatic("x"), Particle(1.0)
+    scene.push = Force((ca.if_else(scene.width.sx > T, 10, 0), 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.bead.point, scene.push.point)
+    model = ac.build(scene)
+    for width in (0.1, 1e-4, 7.3):
+        run = model.simulate(10.0, parameters={scene.width: width}, samples=2)
+        assert abs(run[scene.rail.v][-1] - 10 * width) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("force", "exact", "most"),
+    [
+        (ca.fabs(T - 2), 2.0 + 4.5, 20),
+        (ca.fmin(ca.fmax(T - 1, 0), 1), 0.5 + 3.0, 25),
+        (ca.if_else(ca.fmod(T, 0.1) < 0.05, 1.0, -1.0), 0.0, 120),
+        (ca.floor(T), 10.0, 40),
+        (ca.fabs(ca.sin(np.pi * T)), 10 / np.pi, 60),
+        (ca.if_else(T**2 > 7, 1.0, 0.0), 5 - np.sqrt(7), 20),
+        (ca.sign(T - 4.0), 1.0 - 4.0, 15),
+    ],
+    ids=["modulus", "ramp", "square", "stairs", "rectified", "late", "sign"],
+)
+def test_kinks_and_jumps_end_steps(force: ca.SX, exact: float, most: int) -> None:
+    speed, steps = _speed(force, 5.0, rtol=1e-12)
+    assert abs(speed - exact) < 1e-12
+    assert steps <= most
+
+
+def test_switches_before_the_start_do_not_matter() -> None:
+    speed, _ = _speed(ca.if_else(T > 3, 1.0, 5.0), 5.0, t0=3.5, rtol=1e-12)
+    assert abs(speed - 1.5) < 1e-13
