@@ -110,7 +110,7 @@ class ExportError(AcausalError):
 
 
 class NoCompilerWarning(UserWarning):
-    """There is no C compiler; simulations run on CasADi's virtual machine."""
+    """The integrators in C are not there, nor a compiler to build them; CasADi's own take their place."""
 
 
 class RoundingWarning(UserWarning):

@@ -315,8 +315,8 @@ class Model:
         `AccuracyWarning` says by how much, since when and why. Energy is left out where parts of one's own do not say what they store and
         lose, and all of it with a fixed `step`.
         Raises `StartValueError`, `UnknownVariableError`, `ParameterError`, and `SimulationError` (with what was computed) unless
-        `raise_on_failure` is off. `compiled`: as C, made once and kept in a cache folder; off, or without a C compiler, on CasADi's
-        virtual machine (slower). Ctrl-C raises `KeyboardInterrupt`, whose `run` is what was computed.
+        `raise_on_failure` is off. `compiled`: kernels are interpreted, and compiled in the background where that pays, to the same
+        bits; off, CasADi's virtual machine evaluates them (slower, and an independent check). Ctrl-C raises `KeyboardInterrupt`, whose `run` is what was computed.
         """
         from acausal.simulate.simulation import Options, simulate
 

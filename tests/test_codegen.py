@@ -804,7 +804,7 @@ def test_without_compiler_and_libraries_casadis_integrators_run(no_compiler: Non
     with pytest.raises(NoRuntimeError, match=r"no C compiler was found.*method='cvodes'"):
         ac.build(other).simulate(0.2, {other.hinge.q: 0.3}, method="gauss")
     with pytest.raises(NoRuntimeError, match="ziglang"):
-        ac.build(other).sensitivities([0.0, 0.1], [other.hinge.q])
+        ac.build(other).sensitivities([0.0, 0.1], [other.hinge.q], {other.hinge.q: 0.3})
 
 
 def test_the_compiler_is_the_one_that_is_asked_for(no_compiler: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

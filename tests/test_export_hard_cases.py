@@ -17,7 +17,6 @@ FLAGS = ("-O0", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-Wno-p
 """Compiled in a hurry: optimisation does not change bits."""
 NAMES = (
     "spring_1e4",  # a coordinate is nothing but rounding
-    "switched_force",  # starts with a jump, from rest
     "rattleback_first",
     "four_bars_through_singularity",
 )

@@ -71,7 +71,8 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
     """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
 
     `initial`: what it starts from, with the values of its parameters. The numbers are those of `model.simulate` with method "gauss" or
-    "radau", to the bit where compiler and processor are the same. Raises
+    "radau", to the bit where compiler and processor are the same; only where the dynamics switch at times (pulses, ramps) does `simulate` know
+    when, and end steps there. Raises
     `ExportError` for functions that have no C, and when a file cannot be written.
     """
     target = Path(folder)

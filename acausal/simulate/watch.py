@@ -186,7 +186,7 @@ def _look_at_energy(
     off = f"{size / every.scale:.2g} of the largest energy that moves" if every.scale > 0 else "and nothing moves"
     warnings.warn(
         f"The energy balance of the motion is off by {size:.3g} J, {off}, where the tolerance allows {sizes.part:.2g}; it goes off at "
-        f"t = {t[begin]:.6g} s. {energy_cause(functions, run, begin, sudden)} The motion is not reliable unless the energies are told "
+        f"t = {t[max(begin - 1, 0)]:.6g} s. {energy_cause(functions, run, begin, sudden)} The motion is not reliable unless the energies are told "
         "wrongly; look at run.energy_error() and run.energy.",
         AccuracyWarning, stacklevel=callers_level(),
     )  # fmt: skip
