@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import acausal as ac
-from components import Prismatic, Revolute, RigidBody, Spherical, Universal, World
+from components import PrescribedMotion, Prismatic, Revolute, RigidBody, Spherical, Universal, World
 
 
 def closed(scene: ac.System, *ends: tuple[ac.Frame, Revolute | Prismatic | Spherical | Universal, ac.Frame]) -> ac.System:
@@ -168,3 +168,19 @@ def rssr() -> ac.System:
         (scene.rod.tip, scene.c, scene.rocker.tip),
         (scene.world.at((0.8, 0.5, 0.1)), scene.d, scene.rocker.frame),
     )
+
+
+def two_rods_to_a_driven_pivot(distance: object) -> ac.System:
+    """Two rods, 1.3 m together, reach from the origin to a pivot that is driven to `distance` along x."""
+    scene = ac.System()
+    scene.world, scene.drive = World(None), PrescribedMotion(position=(distance, 0, 0))
+    scene.a, scene.b, scene.c = (Revolute("z") for _ in range(3))
+    scene.one, scene.two = RigidBody.rod(1.0, (0.7, 0, 0)), RigidBody.rod(1.0, (0.6, 0, 0))
+    closed(
+        scene,
+        (scene.world.frame, scene.a, scene.one.frame),
+        (scene.one.tip, scene.b, scene.two.frame),
+        (scene.two.tip, scene.c, scene.drive.frame_b),
+    )
+    scene.connect(scene.world.frame, scene.drive.frame_a)
+    return scene

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import functools
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -14,6 +17,8 @@ import pytest
 from numpy.typing import NDArray
 
 import acausal as ac
+from acausal.emit.compiler import cached_library, compiler
+from acausal.emit.library import SOURCES
 from acausal.emit.statements import BINARY, UNARY
 from acausal.runtime import compiled as problems
 from acausal.runtime.compiled import CompiledProblem
@@ -33,11 +38,48 @@ def library() -> Runtime:
     return found
 
 
+EVALUATION = """
+#include <string.h>
+#include "runtime.h"
+#include "interpreter.h"
+
+/* Results of a kernel for LANES points; in, c, out, w: room for it. */
+EXPORT void evaluate(const Kernel *k, const V *in, V *c, V *out, V *w) {
+    prepare_kernel(k, in, c, w);
+    run_kernel(k, in, c, out, w);
+}
+"""
+
+
+@functools.cache
+def _evaluation(options: tuple[str, ...]) -> ctypes.CDLL:
+    headers = b"".join((SOURCES / name).read_bytes() for name in ("runtime.h", "lanes.h", "interpreter.h", "vector_math.h"))
+    command = compiler()
+    assert command is not None
+    path = cached_library(
+        hashlib.sha256(EVALUATION.encode() + headers).hexdigest(), [EVALUATION], command=command, options=options
+    )
+    return ctypes.CDLL(str(path))
+
+
+def _room(values: int, lanes: int) -> Array:
+    """(values, lanes), aligned."""
+    whole = np.zeros((values + 1) * lanes + 8)
+    first = -whole.ctypes.data % 64 // 8
+    return whole[first : first + values * lanes].reshape(values, lanes)
+
+
 def _values(kernel: Kernel, points: Array, library: Runtime) -> Array:
-    """Results (outputs, n) at points (inputs, n), by the runtime."""
-    inputs, outputs = np.ascontiguousarray(points), np.empty((kernel.outputs, points.shape[1]))
-    assert library.library.evaluate_kernel(ctypes.byref(kernel), points.shape[1], inputs.ctypes.data, outputs.ctypes.data) == 0
-    return outputs
+    """Results (outputs, n) at points (inputs, n), as the runtime runs kernels."""
+    lanes, n = library.lanes, points.shape[1]
+    x, c, y, w = (_room(size, lanes) for size in (kernel.inputs, kernel.constants, kernel.outputs, kernel.work))
+    found = np.empty((kernel.outputs, n))
+    for k in range(0, n, lanes):
+        part = points[:, k : k + lanes]
+        x[:] = np.pad(part, ((0, 0), (0, lanes - part.shape[1])), mode="edge")
+        _evaluation(library.options).evaluate(ctypes.byref(kernel), *(ctypes.c_void_p(a.ctypes.data) for a in (x, c, y, w)))
+        found[:, k : k + lanes] = y[:, : part.shape[1]]
+    return found
 
 
 def _bits(x: Array) -> NDArray[np.uint64]:
@@ -130,3 +172,19 @@ def test_compiled_kernels_take_over_unseen(tmp_path: Path, monkeypatch: pytest.M
             runs.append(_motions(taken, eager, patch))
         assert len(taken) == (2 if eager else 0)
     assert all(np.array_equal(one, other) for one, other in zip(*runs, strict=True))
+
+
+def test_runs_by_the_virtual_machine_do_not_disturb_one_another() -> None:
+    """Its functions have arrays of their own: side by side in threads each motion is that of a run alone."""
+    scene = FourBar()
+    model = ac.build(scene)
+
+    def end(speed: float) -> Array:
+        start = {scene.a.q: -0.5, scene.a.v: speed}
+        return model.simulate(1.0, start, rtol=1e-9, compiled=False).solution.x[:, -1]
+
+    speeds = [1.0, 2.0, 3.0, 4.0]
+    alone = [end(speed) for speed in speeds]
+    with ThreadPoolExecutor(len(speeds)) as pool:
+        together = list(pool.map(end, speeds))
+    assert np.array_equal(alone, together)

@@ -11,8 +11,8 @@ import pytest
 import acausal as ac
 from acausal import errors
 from acausal.numerics.terms import rounded
-from components import Particle, PrescribedMotion, Prismatic, Revolute, RigidBody, Screw, World
-from tests.assembly_scenes import closed
+from components import Particle, Prismatic, Revolute, RigidBody, Screw, World
+from tests.assembly_scenes import closed, two_rods_to_a_driven_pivot
 from tests.scenes import FourBar
 from tests.similar import SCENES, Units
 
@@ -89,18 +89,7 @@ def test_a_nut_is_found_far_along_its_screw():
 
 def test_a_loop_that_closes_later_can_be_built():
     """Two rods of 1.3 m together reach a driven pivot, 3 m away at first, after 3.4 s."""
-    scene = ac.System()
-    scene.world, scene.drive = World(None), PrescribedMotion(position=(3.0 - 0.5 * ac.time, 0, 0))
-    scene.a, scene.b, scene.c = (Revolute("z") for _ in range(3))
-    scene.one, scene.two = RigidBody.rod(1.0, (0.7, 0, 0)), RigidBody.rod(1.0, (0.6, 0, 0))
-    closed(
-        scene,
-        (scene.world.frame, scene.a, scene.one.frame),
-        (scene.one.tip, scene.b, scene.two.frame),
-        (scene.two.tip, scene.c, scene.drive.frame_b),
-    )
-    scene.connect(scene.world.frame, scene.drive.frame_a)
-    model = ac.build(scene)
+    model = ac.build(two_rods_to_a_driven_pivot(3.0 - 0.5 * ac.time))
     assert model.simulate(5.2, t0=5.0, compiled=False, samples=3).constraint_error() < 1e-12
     with pytest.raises(errors.AssemblyError, match="cannot close"):
         model.initial_state()

@@ -17,7 +17,6 @@ from acausal.numerics.assembly import assemble
 from components import (
     Diode,
     Particle,
-    PrescribedMotion,
     Prismatic,
     Resistor,
     Revolute,
@@ -29,7 +28,7 @@ from components import (
     VoltageSource,
     World,
 )
-from tests.assembly_scenes import closed, five_bar, rssr, slider_crank, stewart_platform
+from tests.assembly_scenes import closed, five_bar, rssr, slider_crank, stewart_platform, two_rods_to_a_driven_pivot
 from tests.scenes import FourBar, bennett_linkage
 from tests.test_electrical import series
 from tests.test_singular_loops import FourBars
@@ -235,18 +234,7 @@ def test_a_body_drawn_far_away_is_assembled(distance):
 @pytest.mark.parametrize("period", [0.01, 10.0, 3e4])
 def test_a_loop_closes_at_a_time_to_which_a_drive_at_rest_leads(period):
     """Two rods reach the pivot only while it passes: it begins at rest, out of reach."""
-    scene = ac.System()
-    scene.world = World(None)
-    scene.drive = PrescribedMotion(position=(2.0 * np.cos(ac.time * 2 * np.pi / period), 0, 0))
-    scene.a, scene.b, scene.c = (Revolute("z") for _ in range(3))
-    scene.one, scene.two = RigidBody.rod(1.0, (0.7, 0, 0)), RigidBody.rod(1.0, (0.6, 0, 0))
-    closed(
-        scene,
-        (scene.world.frame, scene.a, scene.one.frame),
-        (scene.one.tip, scene.b, scene.two.frame),
-        (scene.two.tip, scene.c, scene.drive.frame_b),
-    )
-    scene.connect(scene.world.frame, scene.drive.frame_a)
+    scene = two_rods_to_a_driven_pivot(2.0 * np.cos(ac.time * 2 * np.pi / period))
     state = ac.build(scene).initial_state(t0=0.2 * period)
     assert np.isfinite(state.x).all()
 

@@ -13,7 +13,7 @@ from acausal.charts.chart import Choice
 from acausal.charts.implicit import Followed, Known, follow, solve_rows
 from acausal.charts.manifold import Manifold
 from acausal.numerics.folding import folded_function
-from acausal.runtime.compiled import CompiledProblem, compile_problem
+from acausal.runtime.compiled import CompiledProblem, SharedProblems, compile_problem
 from acausal.runtime.kernels import How
 
 
@@ -134,13 +134,11 @@ class ChartEquations:
 
     def native(self, how: How) -> CompiledProblem | None:
         """The dynamics as kernels; None without a runtime."""
-        if how not in self._native:
-            self._native[how] = compile_problem(self.dynamics, how=how)
-        return self._native[how]
+        return self._native.of(how, lambda: compile_problem(self.dynamics, how=how))
 
     @functools.cached_property
-    def _native(self) -> dict[How, CompiledProblem | None]:
-        return {}
+    def _native(self) -> SharedProblems:
+        return SharedProblems()
 
     @functools.cached_property
     def _limits(self) -> ca.SX:

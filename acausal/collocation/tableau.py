@@ -112,8 +112,3 @@ def integrated_legendre(theta: np.ndarray, count: int) -> np.ndarray:
     for k in range(1, count):
         Q[:, k] = (P[:, k + 1] - P[:, k - 1]) / (2 * (2 * k + 1))
     return Q
-
-
-def legendre_values(theta: np.ndarray, count: int) -> np.ndarray:
-    """(n, count): Legendre polynomials of [0, 1] at theta."""
-    return legendre.legvander(2 * theta - 1, count - 1)

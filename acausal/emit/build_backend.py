@@ -6,17 +6,14 @@ installs without libraries, and says so: the first compiler that is found later 
 
 from __future__ import annotations
 
-import importlib.util
 import os
-import shlex
-import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
-from library import BUILT, FLAGS, SOURCES, Variant, variants  # type: ignore[import-not-found]  # beside this file, see pyproject.toml
+from library import BUILT, FLAGS, SOURCES, Variant, compiler_at_hand, variants  # type: ignore[import-not-found]  # beside this file, see pyproject.toml
 from setuptools import build_meta
 from setuptools.command.bdist_wheel import bdist_wheel  # pyright: ignore[reportMissingModuleSource]  # of the build's own setuptools
 
@@ -62,7 +59,7 @@ def build_editable(wheel_directory: str, config_settings: _Settings = None, meta
 
 def build_libraries() -> None:
     """The libraries of all variants that the compiler can build."""
-    command = _compiler() or (_zig() if importlib.util.find_spec("ziglang") else None)
+    command = compiler_at_hand()
     if command is None:
         print("acausal: no C compiler was found; its runtime is built when one is there.", file=sys.stderr)
         return
@@ -86,17 +83,5 @@ def _build(variant: Variant, command: tuple[str, ...]) -> None:
             print(f"acausal: its runtime cannot be built for {variant.architecture}:\n{result.stderr[-2000:]}", file=sys.stderr)
 
 
-def _compiler() -> tuple[str, ...] | None:
-    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        words = shlex.split(name)
-        if words and shutil.which(words[0]):
-            return tuple(words)
-    return None
-
-
-def _zig() -> tuple[str, ...]:
-    return sys.executable, "-m", "ziglang", "cc"
-
-
 def _compiler_from_pypi() -> list[str]:
-    return [] if _compiler() else ["ziglang>=0.13"]
+    return [] if compiler_at_hand() else ["ziglang>=0.13"]

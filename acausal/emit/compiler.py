@@ -11,16 +11,14 @@ import hashlib
 import importlib.metadata
 import os
 import platform
-import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from acausal.emit.library import FLAGS, SOURCES, suffix
+from acausal.emit.library import FLAGS, SOURCES, compiler_at_hand, suffix
 from acausal.errors import ExportError
 
 NATIVE = "-march=native"
@@ -29,16 +27,8 @@ NATIVE = "-march=native"
 
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
-    """The C compiler that is used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none."""
-    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        words = shlex.split(name)
-        if words and shutil.which(words[0]):
-            return tuple(words)
-    try:
-        import ziglang  # noqa: F401  # pyright: ignore[reportMissingImports, reportUnusedImport]
-    except ImportError:
-        return None
-    return (sys.executable, "-m", "ziglang", "cc")
+    """The C compiler that is used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none. Looked for once."""
+    return compiler_at_hand()
 
 
 def cache_folder() -> Path:

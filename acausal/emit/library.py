@@ -6,7 +6,11 @@ It imports nothing beside Python's own modules, since it is needed before anythi
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import os
 import platform
+import shlex
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +54,22 @@ def sources_hash() -> str:
     """Of everything that the library is made from."""
     files = [*sorted(SOURCES.glob("*.[ch]")), Path(__file__)]
     return hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()[:24]
+
+
+def compiler_at_hand() -> tuple[str, ...] | None:
+    """The C compiler that is used: $CC, cc, gcc, clang, or ziglang from PyPI; None if there is none."""
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        words = shlex.split(name)
+        if words and shutil.which(words[0]):
+            return tuple(words)
+    return (sys.executable, "-m", "ziglang", "cc") if _has_ziglang() else None
+
+
+def _has_ziglang() -> bool:
+    try:
+        return importlib.util.find_spec("ziglang") is not None
+    except ValueError:  # a module without a specification
+        return True
 
 
 def suffix() -> str:

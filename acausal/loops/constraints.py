@@ -97,10 +97,6 @@ class Constraints:
         """Of each group of loops, at a configuration (nq,) with closed loops and for these values of the parameters."""
         return [part.margin(q[list(part.group.q_places)], time, values) for part in self.examined]
 
-    def decided_at(self, q: np.ndarray, time: float, values: np.ndarray) -> bool:
-        """Whether the rows that are kept are independent at a configuration (nq,), and the others follow from them."""
-        return all(part.decided(m) for part, m in zip(self.examined, self.margins(q, time, values), strict=True))
-
     def decides_as(self, other: Constraints) -> bool:
         """Whether the same rows are kept, and singular positions are met or not."""
         return self.choice == other.choice

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -67,13 +68,7 @@ class Clocks:
 
         states, found = state(times), list[float]()
         for k in np.flatnonzero(np.any(np.diff(states, axis=1) != 0, axis=0)):
-            before, after = float(times[k]), float(times[k + 1])
-            while before < (middle := 0.5 * (before + after)) < after:
-                if np.array_equal(state(np.array([middle]))[:, 0], states[:, k]):
-                    before = middle
-                else:
-                    after = middle
-            found.append(after)
+            found.append(parted(lambda t: state(np.array([t]))[:, 0], float(times[k]), float(times[k + 1]))[1])
         return found
 
 
@@ -103,8 +98,8 @@ def clocks(function: ca.Function) -> Clocks | None:
     )
 
 
-def switches(expression: ca.SX) -> list[ca.SX]:
-    """Every operation inside an expression whose result jumps or bends."""
+def switches(expression: ca.SX, operations: tuple[int, ...] = SWITCHES) -> list[ca.SX]:
+    """Every operation of these kinds inside an expression."""
     stack, seen, found = [expression[i] for i in range(expression.numel())], set[int](), list[ca.SX]()
     while stack:
         node = stack.pop()
@@ -112,7 +107,18 @@ def switches(expression: ca.SX) -> list[ca.SX]:
             continue
         seen.add(node.element_hash())
         if node.n_dep():
-            if node.op() in SWITCHES:
+            if node.op() in operations:
                 found.append(node)
             stack += [node.dep(i) for i in range(node.n_dep())]
     return found
+
+
+def parted(state: Callable[[float], np.ndarray], before: float, after: float) -> tuple[float, float]:
+    """Neighbouring numbers between two times, at the first of which the state is still that of `before`."""
+    first = state(before)
+    while before < (middle := 0.5 * (before + after)) < after:
+        if np.array_equal(state(middle), first):
+            before = middle
+        else:
+            after = middle
+    return before, after

@@ -27,7 +27,7 @@ from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
 
 if TYPE_CHECKING:
-    from acausal.runtime.compiled import CompiledProblem
+    from acausal.runtime.compiled import CompiledProblem, SharedProblems
     from acausal.runtime.kernels import How
 
 WATCHED = 16
@@ -247,19 +247,19 @@ class Functions:
 
     def native(self, how: How) -> CompiledProblem | None:
         """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""
-        if how not in self._native:
-            from acausal.runtime.compiled import compile_problem
+        from acausal.runtime.compiled import compile_problem
 
-            parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance
-            try:
-                self._native[how] = compile_problem(*parts, self.space.nq, how)
-            except ExportError:  # whoever integrates tries again, and says what is wrong
-                return None
-        return self._native[how]
+        parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance
+        try:
+            return self._native.of(how, lambda: compile_problem(*parts, self.space.nq, how))
+        except ExportError:  # whoever integrates tries again, and says what is wrong
+            return None
 
     @functools.cached_property
-    def _native(self) -> dict[How, CompiledProblem | None]:
-        return {}
+    def _native(self) -> SharedProblems:
+        from acausal.runtime.compiled import SharedProblems
+
+        return SharedProblems()
 
     @functools.cached_property
     def clocks(self) -> Clocks | None:

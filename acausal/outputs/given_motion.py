@@ -11,10 +11,11 @@ import numpy as np
 from acausal.errors import JumpWarning, ParameterError
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
+from acausal.outputs.clocks import parted, switches
 from acausal.outputs.outputs import Outputs
 from acausal.wording import callers_level
 
-_SWITCHES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
+_JUMPING = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
 _SAMPLES = 1001
 _JUMP = 1e-6
 """Change of a value across one instant, relative to its largest value, above which it is a jump."""
@@ -43,9 +44,9 @@ def given_motions(outputs: Outputs) -> tuple[GivenMotion, ...]:
                 continue
             column = ca.densify(ca.vertcat(value, ca.jtimes(value, system.t, ca.SX(1))))
             course = ca.Function("course", [system.t, system.p], [column])
-            nodes = _switches(column)
-            switches = ca.Function("switches", [system.t, system.p], [ca.vertcat(*nodes)]) if nodes else None
-            found.append(GivenMotion(part, given, course, switches))
+            nodes = switches(column, _JUMPING)
+            decided = ca.Function("switches", [system.t, system.p], [ca.vertcat(*nodes)]) if nodes else None
+            found.append(GivenMotion(part, given, course, decided))
     return tuple(found)
 
 
@@ -71,37 +72,16 @@ def _check_value(motion: GivenMotion, found: np.ndarray, t0: float) -> None:
         )
 
 
-def _switches(expression: ca.SX) -> list[ca.SX]:
-    """Every comparison, sign and step inside the expression."""
-    stack, seen, found = [expression[i] for i in range(expression.numel())], set[int](), list[ca.SX]()
-    while stack:
-        node = stack.pop()
-        if node.element_hash() in seen:
-            continue
-        seen.add(node.element_hash())
-        if node.n_dep():
-            if node.op() in _SWITCHES:
-                found.append(node)
-            stack += [node.dep(i) for i in range(node.n_dep())]
-    return found
-
-
-def _warn_of_jump(motion: GivenMotion, switches: ca.Function, t0: float, t1: float, p: np.ndarray) -> bool:
+def _warn_of_jump(motion: GivenMotion, decided: ca.Function, t0: float, t1: float, p: np.ndarray) -> bool:
     course = motion.course
     times = np.linspace(t0, t1, _SAMPLES)
-    states = np.array(switches(times[None, :], np.repeat(p[:, None], times.size, axis=1)))
+    states = np.array(decided(times[None, :], np.repeat(p[:, None], times.size, axis=1)))
     size = np.maximum(
         np.finfo(float).tiny,
         np.max(np.abs(np.nan_to_num(np.array(course(times[None, :], np.repeat(p[:, None], times.size, axis=1))))), axis=1),
     )
     for k in np.flatnonzero(np.any(np.diff(states, axis=1) != 0, axis=0)):
-        before, after = float(times[k]), float(times[k + 1])
-        state = states[:, k]
-        while before < (middle := 0.5 * (before + after)) < after:
-            if np.array_equal(np.array(switches(middle, p)).ravel(), state):
-                before = middle
-            else:
-                after = middle
+        before, after = parted(lambda t: np.array(decided(t, p)), float(times[k]), float(times[k + 1]))
         jump = np.abs(np.array(course(after, p)) - np.array(course(before, p))).ravel()
         if np.any(jump > _JUMP * size):
             n = jump.size // 2

@@ -415,3 +415,18 @@ def compile_problem(
     """
     library = runtime()
     return None if library is None else CompiledProblem(rhs, invariants, project, clearance, positions, how, library)
+
+
+class SharedProblems:
+    """Kernels of one problem, made when first asked for. Those that CasADi evaluates belong to one integration at a time, and are not kept."""
+
+    def __init__(self) -> None:
+        self._kept: dict[How, CompiledProblem | None] = {}
+
+    def of(self, how: How, make: Callable[[], CompiledProblem | None]) -> CompiledProblem | None:
+        """The kept ones, or what `make` gives."""
+        if how is How.CASADI:
+            return make()
+        if how not in self._kept:
+            self._kept[how] = make()
+        return self._kept[how]

@@ -63,7 +63,6 @@ def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
     library.exchange.argtypes = [pointer, number, pointer]
     library.dense.argtypes = [pointer, number, pointer, pointer]
     library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
-    library.evaluate_kernel.argtypes = [pointer, number, pointer, pointer]
     library.lanes.restype = library.widest.restype = number
     library.finish.restype = library.use_newton.restype = None
     return Runtime(library, library.lanes(), options)

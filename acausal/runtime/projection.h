@@ -27,24 +27,6 @@ static int project(Integrator *I, double t, double *x) {
     return changed;
 }
 
-/* Results (outputs, n) of a kernel at points (inputs, n), side by side in lanes. What depends on parameters only is that of the first point. */
-int evaluate_kernel(const Kernel *k, long n, const double *points, double *results) {
-    size_t values = (size_t)(k->inputs + k->outputs + k->constants + k->work + 4);
-    char *raw = malloc(sizeof(V) * values + 64);
-    if (!raw) return OUT_OF_MEMORY;
-    V *in = (V *)(raw + (64 - (size_t)raw % 64)), *out = in + k->inputs + 1, *c = out + k->outputs + 1, *w = c + k->constants + 1;
-    for (long m = 0; m < n; m += LANES) {
-        for (long i = 0; i < k->inputs; i++)
-            for (long l = 0; l < LANES; l++) in[i][l] = points[i * n + (m + l < n ? m + l : n - 1)];
-        if (m == 0) prepare_kernel(k, in, c, w);
-        run_kernel(k, in, c, out, w);
-        for (long i = 0; i < k->outputs; i++)
-            for (long l = 0; l < LANES && m + l < n; l++) results[i * n + m + l] = out[i][l];
-    }
-    free(raw);
-    return REACHED_END;
-}
-
 /* The same for n states (n, nx) at times t, side by side in lanes, three corrections; states that come out not finite stay as they are. */
 int project_states(const Kernel *k, long nx, long np, const double *p, long n, const double *t, double *x) {
     size_t values = (size_t)(k->inputs + k->outputs + k->constants + k->work + 4);

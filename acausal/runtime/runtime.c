@@ -18,9 +18,10 @@
 
 long lanes(void) { return LANES; }
 
+#ifndef ONLY_COMPILED_KERNELS
 /* The most lanes for which this processor has registers, and all that compilers use with them. */
 long widest(void) {
-#if defined(__x86_64__) && !defined(ONLY_COMPILED_KERNELS)
+#if defined(__x86_64__)
     if (!(__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))) return 2;
     if (!(__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq"))) return 4;
     return __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd") ? 8 : 4;
@@ -28,3 +29,4 @@ long widest(void) {
     return LANES;
 #endif
 }
+#endif

@@ -93,7 +93,8 @@ EXPORT void use_newton(Integrator *I);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
-EXPORT int evaluate_kernel(const Kernel *k, long n, const double *points, double *results);
 EXPORT long lanes(void);
+#ifndef ONLY_COMPILED_KERNELS
 EXPORT long widest(void);
+#endif
 #endif

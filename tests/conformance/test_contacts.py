@@ -20,6 +20,13 @@ def contacts() -> list[type[AbstractJoint]]:
     return [cls for cls in catalogue() if cls.only_pushes]
 
 
+def as_constraint(joint: AbstractJoint) -> tuple[ca.SX, ca.SX, ca.SX, Pose, Pose]:
+    """Symbols q, v and t of the contact as a joint, its mounting, and the pose between its ends that its constraint is given."""
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    M = Pose(joint.mounting(), np.zeros(3))
+    return q, v, t, M, M.inverse() @ joint.pose(q, t) @ M
+
+
 def test_contacts_are_found():
     assert len(contacts()) >= 5
 
@@ -28,9 +35,7 @@ def test_contacts_are_found():
 def test_motion_in_the_tree_keeps_the_touch_and_does_not_slip(cls):
     """What the contact asks as a constraint holds along its motion as a joint: no gap opens, and nothing slips."""
     joint, rng = make(cls), np.random.default_rng(1)
-    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
-    M = Pose(joint.mounting(), np.zeros(3))
-    X = M.inverse() @ joint.pose(q, t) @ M
+    q, v, t, M, X = as_constraint(joint)
     _, twist = composed(joint, q, v, t)
     turned = symbolic(M.rotation).T
     gap = joint.closure(X, t)
@@ -89,9 +94,7 @@ def test_contact_bears_the_weight_at_rest(cls):
 def test_rows_are_independent_and_their_wrenches_do_no_work(cls):
     """As a constraint: as many rows as velocities miss to six, none that follows from others, none with power in a motion of the contact."""
     joint, rng = make(cls), np.random.default_rng(3)
-    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
-    M = Pose(joint.mounting(), np.zeros(3))
-    X = M.inverse() @ joint.pose(q, t) @ M
+    q, v, t, M, X = as_constraint(joint)
     R, p = symbolic(X.rotation), symbolic(X.position)
     w, d = ca.SX.sym("w", 3), ca.SX.sym("d", 3)
     moved = joint.closure(Pose(R @ (ca.SX.eye(3) + ca.skew(w)), p + R @ d), t)

@@ -13,8 +13,6 @@
 #define finish SIMULATOR_NAME(simulator_finish)
 #define dense SIMULATOR_NAME(simulator_dense)
 #define project_states SIMULATOR_NAME(simulator_project_states)
-#define widest SIMULATOR_NAME(simulator_widest)
-#define evaluate_kernel SIMULATOR_NAME(simulator_evaluate_kernel)
 #define lanes SIMULATOR_NAME(simulator_lanes)
 #define model SIMULATOR_NAME(simulator_model)
 #endif
