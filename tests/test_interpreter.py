@@ -20,10 +20,10 @@ import acausal as ac
 from acausal.emit.compiler import cached_library, compiler
 from acausal.emit.library import SOURCES
 from acausal.emit.statements import BINARY, UNARY
-from acausal.runtime import compiled as problems
-from acausal.runtime.compiled import CompiledProblem
+from acausal.runtime import native as problems
 from acausal.runtime.kernels import Compilation, How, Kernel, Kernels, Wanted
 from acausal.runtime.load import Runtime, runtime
+from acausal.runtime.native import NativeProblem
 from tests.scenes import FourBar, Pendulum, chain
 
 Array = NDArray[np.float64]
@@ -128,10 +128,10 @@ def test_what_depends_on_parameters_only_is_prepared(library: Runtime) -> None:
     _same([Wanted("prepared", f, (1,))], np.random.default_rng(3).uniform(0.2, 2, (3, 1)), library)
 
 
-def _problems(model: ac.Model, library: Runtime) -> Iterator[CompiledProblem]:
+def _problems(model: ac.Model, library: Runtime) -> Iterator[NativeProblem]:
     f = model.functions
     for how in (How.INTERPRETED, How.COMPILED):
-        yield CompiledProblem(f.explicit_dynamics, f.invariants, f.projection, f.clearance, f.space.nq, how, library)
+        yield NativeProblem(f.explicit_dynamics, f.invariants, f.projection, f.clearance, f.space.nq, how, library)
 
 
 @pytest.mark.parametrize("scene", [Pendulum, FourBar, lambda: chain(6)], ids=["pendulum", "four-bar", "chain"])

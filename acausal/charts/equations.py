@@ -13,8 +13,8 @@ from acausal.charts.chart import Choice
 from acausal.charts.implicit import Followed, Known, follow, solve_rows
 from acausal.charts.manifold import Manifold
 from acausal.numerics.folding import folded_function
-from acausal.runtime.compiled import CompiledProblem, SharedProblems, compile_problem
 from acausal.runtime.kernels import How
+from acausal.runtime.native import NativeProblem, SharedProblems, native_problem
 
 
 @dataclass(frozen=True, repr=False)
@@ -132,9 +132,9 @@ class ChartEquations:
         p = ca.vertcat(k.p, k.r, self._limits)
         return folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))])
 
-    def native(self, how: How) -> CompiledProblem | None:
+    def native(self, how: How) -> NativeProblem | None:
         """The dynamics as kernels; None without a runtime."""
-        return self._native.of(how, lambda: compile_problem(self.dynamics, how=how))
+        return self._native.of(how, lambda: native_problem(self.dynamics, how=how))
 
     @functools.cached_property
     def _native(self) -> SharedProblems:

@@ -38,8 +38,8 @@ class Problem:
     """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
 
     `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
-    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `compiled`: kernels of the
-    same functions (a `CompiledProblem`), made by whoever integrates where they are missing. `guards`: zeros to be located. `met`:
+    towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `native`: kernels of the
+    same functions (a `NativeProblem`), made by whoever integrates where they are missing. `guards`: zeros to be located. `met`:
     (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;
     None where they never do. `positions`: how many states are, the first ones. `breaks`: (n, 2) times [s] before and after which rates are smooth,
     in order, and between which nothing happens.
@@ -51,7 +51,7 @@ class Problem:
     inputs: Callable[[np.ndarray], np.ndarray]
     parameters: np.ndarray
     constant_inputs: np.ndarray | None = None
-    compiled: Any = None
+    native: Any = None
     guards: Guards | None = None
     met: np.ndarray | None = None
     clearance: ca.Function | None = None
@@ -59,9 +59,9 @@ class Problem:
     breaks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For copies and files: without the compiled code, which belongs to this process."""
+        """For copies and files: without the kernels, which belong to this process."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return Problem, tuple((values | {"compiled": None}).values())
+        return Problem, tuple((values | {"native": None}).values())
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from acausal.export.start_functions import StartFunctions, start_c, start_functi
 from acausal.numerics.bound import copied_states
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
-from acausal.runtime.compiled import directional_derivative, projection_with_invariants
+from acausal.runtime.native import directional_derivative, projection_with_invariants
 from acausal.simulate.inputs import input_signal
 from acausal.start.initial import InitialState
 

@@ -17,7 +17,7 @@ from acausal.integrators.builtin import Cvodes
 from acausal.integrators.gauss import Gauss, default_order, newton_where_slow
 from acausal.integrators.radau import Radau
 from acausal.numerics.rounding import scaled_jacobian
-from acausal.runtime.compiled import Choice, Pace, Slow
+from acausal.runtime.native import Choice, Pace, Slow
 from acausal.wording import callers_level
 
 _LARGEST = 400

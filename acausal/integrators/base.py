@@ -14,7 +14,7 @@ import numpy as np
 
 from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
 from acausal.errors import ExportError, NoRuntimeError, OptionError
-from acausal.runtime.compiled import CompiledProblem, compile_problem
+from acausal.runtime.native import NativeProblem, native_problem
 
 
 class AbstractIntegrator(ABC):
@@ -61,10 +61,10 @@ def integrator(name: str, order: int | None = None, step: float | None = None) -
     return known[name](**given)
 
 
-def native(problem: Problem) -> CompiledProblem:
+def native(problem: Problem) -> NativeProblem:
     """The problem's kernels, made here where it has none. Raises `NoRuntimeError` where there is no runtime: neither built nor to be compiled."""
     try:
-        found = problem.compiled or compile_problem(
+        found = problem.native or native_problem(
             problem.rhs, problem.invariants, problem.project, problem.clearance, problem.positions
         )
         why = "no C compiler was found to build it now (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough)"

@@ -11,7 +11,7 @@ from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tol
 from acausal.collocation.tableau import radau_iia
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator, native
-from acausal.runtime.compiled import Choice
+from acausal.runtime.native import Choice
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from acausal.integrators.automatic import stiffness_of
 from acausal.integrators.base import native
 from acausal.integrators.gauss import default_order
 from acausal.integrators.radau import Radau
-from acausal.runtime.compiled import Choice, Run
+from acausal.runtime.native import Choice, Run
 
 
 @dataclass(frozen=True)

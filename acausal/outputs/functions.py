@@ -27,8 +27,8 @@ from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
 
 if TYPE_CHECKING:
-    from acausal.runtime.compiled import CompiledProblem, SharedProblems
     from acausal.runtime.kernels import How
+    from acausal.runtime.native import NativeProblem, SharedProblems
 
 WATCHED = 16
 """Points at which `watched_at_once` and `power_loss_at_once` are evaluated together."""
@@ -245,19 +245,19 @@ class Functions:
         found = ca.densify(self.space.put(s.clearance))
         return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
 
-    def native(self, how: How) -> CompiledProblem | None:
+    def native(self, how: How) -> NativeProblem | None:
         """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""
-        from acausal.runtime.compiled import compile_problem
+        from acausal.runtime.native import native_problem
 
         parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance
         try:
-            return self._native.of(how, lambda: compile_problem(*parts, self.space.nq, how))
+            return self._native.of(how, lambda: native_problem(*parts, self.space.nq, how))
         except ExportError:  # whoever integrates tries again, and says what is wrong
             return None
 
     @functools.cached_property
     def _native(self) -> SharedProblems:
-        from acausal.runtime.compiled import SharedProblems
+        from acausal.runtime.native import SharedProblems
 
         return SharedProblems()
 

@@ -66,8 +66,8 @@ class Trajectory:
         project = self.functions.projection
         if project is None:
             return x
-        if self.problem.compiled is not None:
-            return self.problem.compiled.projected(self.t, x, self.problem.parameters)
+        if self.problem.native is not None:
+            return self.problem.native.projected(self.t, x, self.problem.parameters)
         p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
         projected = x
         for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them

@@ -10,8 +10,8 @@ import numpy as np
 from acausal.collocation.problem import Newton, Problem, Tolerances
 from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.gauss import default_order
-from acausal.runtime.compiled import Choice, Run
 from acausal.runtime.kernels import How
+from acausal.runtime.native import Choice, Run
 from benchmarks.peers.base import AbstractPeer, Prepared
 from benchmarks.scenes import Built
 

@@ -1,4 +1,4 @@
-"""A problem compiled for the C runtime, and its integration."""
+"""A problem as kernels for the C runtime, and its integration."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Outcome:
     left: bool = False
 
 
-class CompiledProblem:
+class NativeProblem:
     """rhs, invariants and projection of a problem as kernels. Integrations with it may run side by side in threads."""
 
     def __init__(
@@ -189,7 +189,7 @@ class Run:
 
     def __init__(
         self,
-        compiled: CompiledProblem,
+        native: NativeProblem,
         problem: Problem,
         x0: np.ndarray,
         t0: float,
@@ -199,13 +199,13 @@ class Run:
         directions: Directions | None = None,
     ) -> None:
         self.started = time.perf_counter()
-        self.compiled, self.choice = compiled, choice
+        self.native, self.choice = native, choice
         self.error: BaseException | None = None
-        template, self._table = compiled.template(choice)
+        template, self._table = native.template(choice)
         core = self.core = Integrator.from_buffer_copy(template)
         self.x = np.array(x0, dtype=float)
         self._p = np.ascontiguousarray(problem.parameters, dtype=float)
-        self._u = np.zeros(max(1, compiled.nu))
+        self._u = np.zeros(max(1, native.nu))
         self._inputs = problem.inputs
         self._rhs = problem.rhs
         self._rounding_callback = RoundingFunction(self._round)
@@ -213,21 +213,21 @@ class Run:
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, tolerances.rtol, tolerances.atol
         core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
-        if compiled.nu:
+        if native.nu:
             if problem.constant_inputs is not None:
                 self._u[:] = problem.constant_inputs
             else:
                 self._callback = InputFunction(self._input)
                 core.input = self._callback
         self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
-        self._use(compiled.kernels, "rhs", *(["projection"] if compiled.ng else []), *(["clearance"] if compiled.crosses else []))
+        self._use(native.kernels, "rhs", *(["projection"] if native.ng else []), *(["clearance"] if native.crosses else []))
         self._breaks = np.ascontiguousarray(problem.breaks, dtype=float)
         core.breaks, core.break_count = _address(self._breaks), self._breaks.shape[0]
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:
             self._follow(directions)
-        if not compiled.library.begin(ctypes.byref(core)):
+        if not native.library.begin(ctypes.byref(core)):
             raise MemoryError("integration: not enough memory.")
         if problem.met is not None:
             size = np.ctypeslib.as_array(core.size, self.x.shape)
@@ -235,7 +235,7 @@ class Run:
 
     def __del__(self) -> None:
         if hasattr(self, "core"):
-            self.compiled.library.finish(ctypes.byref(self.core))
+            self.native.library.finish(ctypes.byref(self.core))
 
     def _follow(self, directions: Directions) -> None:
         core = self.core
@@ -243,13 +243,13 @@ class Run:
         self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (directions.du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
-        self._use(self.compiled.variation, "variation", *(["projected"] if self.compiled.ng else []))
+        self._use(self.native.variation, "variation", *(["projected"] if self.native.ng else []))
 
     def _watch(self, guards: Guards) -> None:
         n, core = len(guards.directions), self.core
         self._guards = (ctypes.c_long * n)(*guards.directions), (ctypes.c_long * n)(*guards.stops)
         core.guards = n
-        self._use(self.compiled.guard(guards.function), "guard")
+        self._use(self.native.guard(guards.function), "guard")
         core.guard_direction, core.guard_stops = self._guards
         self._guard_function = guards.function
         self._guard_callback = GuardRoundingFunction(self._round_guards)
@@ -268,7 +268,7 @@ class Run:
             kernels.spent(seconds)
             if kernels.version != version:
                 for name, kernel in zip(names, kernels.current, strict=True):
-                    if not self.compiled.library.exchange(ctypes.byref(self.core), KERNELS.index(name), ctypes.byref(kernel)):
+                    if not self.native.library.exchange(ctypes.byref(self.core), KERNELS.index(name), ctypes.byref(kernel)):
                         raise MemoryError("integration: not enough memory.")
                 self._in_use[k] = kernels, kernels.version, names
 
@@ -284,17 +284,17 @@ class Run:
 
     def _round(self, t: float, x: Any, h: float, rates: Any) -> int:
         try:
-            here = np.ctypeslib.as_array(x, (self.compiled.nx,))
+            here = np.ctypeslib.as_array(x, (self.native.nx,))
             found = rounding_of_rates(self._rhs, t, here, self._inputs(np.array([t]))[:, 0], self._p, h)
         except BaseException as error:  # it must not cross the C code; raised again after it
             self.error = error
             return 0
-        np.ctypeslib.as_array(rates, (self.compiled.nx,))[:] = found
+        np.ctypeslib.as_array(rates, (self.native.nx,))[:] = found
         return 1
 
     def _round_guards(self, t: float, x: Any, values: Any) -> int:
         try:
-            here, size = (np.ctypeslib.as_array(a, (self.compiled.nx,)) for a in (x, self.core.size))
+            here, size = (np.ctypeslib.as_array(a, (self.native.nx,)) for a in (x, self.core.size))
             u = self._inputs(np.array([t]))[:, 0]
             found = rounding_of(self._guard_function, t, here, u, self._p, np.spacing(size))
         except BaseException as error:  # it must not cross the C code; raised again after it
@@ -305,7 +305,7 @@ class Run:
 
     def advance(self, end: float, progress: Progress | None = None, slow: Slow | None = None) -> Outcome:
         """Run until `end`, or what stops it before."""
-        core, advance, reference = self.core, self.compiled.library.advance, ctypes.byref(self.core)
+        core, advance, reference = self.core, self.native.library.advance, ctypes.byref(self.core)
         core.end = end
         t0, shown, newton = core.t, self.started, False
         seen = time.perf_counter()
@@ -314,16 +314,16 @@ class Run:
                 seen, before = time.perf_counter(), seen
                 self._spent(seen - before)
                 if code == Code.NEEDS_JACOBIAN:
-                    self._use(self.compiled.jvp, "jvp")
+                    self._use(self.native.jvp, "jvp")
                 elif code == Code.SLOW and slow is not None:
                     size = np.ctypeslib.as_array(core.size, self.x.shape).copy()
                     answer = slow(Pace(core.t, self.x.copy(), size, core.h, core.slowness, core.contraction, newton))
                     if answer == "leave":
                         return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
                     if answer == "newton":
-                        self._use(self.compiled.jvp, "jvp")
+                        self._use(self.native.jvp, "jvp")
                         newton = True
-                        self.compiled.library.use_newton(reference)
+                        self.native.library.use_newton(reference)
                 elif progress is not None and seen - shown > 0.2:
                     shown = seen
                     progress((core.t - t0) / (end - t0))
@@ -348,7 +348,7 @@ class Run:
 
     def solution(self, status: Status, stopped: bool = False) -> Solution:
         """What has been computed so far."""
-        core, nx = self.core, self.compiled.nx
+        core, nx = self.core, self.native.nx
         n = core.steps + 1
         if nx == 0:
             t, x = np.array([core.t, core.end] if core.end > core.t else [core.t]), np.zeros((0, 2 if core.end > core.t else 1))
@@ -368,12 +368,12 @@ class Run:
 
     def dense(self, times: np.ndarray) -> np.ndarray:
         """States (nx, n) at times (n,) between the first and the last step."""
-        nx = self.compiled.nx
+        nx = self.native.nx
         order = np.argsort(times, kind="stable")
         wanted = np.ascontiguousarray(times[order], dtype=float)
         found = np.empty((wanted.size, nx))
         if nx:
-            code = self.compiled.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
+            code = self.native.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
             if code == Code.INPUT_FAILED and self.error is not None:
                 raise self.error
         result = np.empty((nx, wanted.size))
@@ -401,29 +401,29 @@ def projection_with_invariants(invariants: ca.Function, project: ca.Function) ->
     return ca.Function("projection", symbols, results, {"cse": True})
 
 
-def compile_problem(
+def native_problem(
     rhs: ca.Function,
     invariants: ca.Function | None = None,
     project: ca.Function | None = None,
     clearance: ca.Function | None = None,
     positions: int = 0,
     how: How = How.AUTO,
-) -> CompiledProblem | None:
+) -> NativeProblem | None:
     """Kernels for `Problem`s with these functions; None where the runtime cannot be had.
 
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
     library = runtime()
-    return None if library is None else CompiledProblem(rhs, invariants, project, clearance, positions, how, library)
+    return None if library is None else NativeProblem(rhs, invariants, project, clearance, positions, how, library)
 
 
 class SharedProblems:
     """Kernels of one problem, made when first asked for. Those that CasADi evaluates belong to one integration at a time, and are not kept."""
 
     def __init__(self) -> None:
-        self._kept: dict[How, CompiledProblem | None] = {}
+        self._kept: dict[How, NativeProblem | None] = {}
 
-    def of(self, how: How, make: Callable[[], CompiledProblem | None]) -> CompiledProblem | None:
+    def of(self, how: How, make: Callable[[], NativeProblem | None]) -> NativeProblem | None:
         """The kept ones, or what `make` gives."""
         if how is How.CASADI:
             return make()
