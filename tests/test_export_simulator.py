@@ -130,8 +130,8 @@ USE = r"""
 #include <stdio.h>
 #include <string.h>
 #include "simulator.h"
-static int push(double t, double *u) { u[0] = 3 - 2 * t; return 1; }
-static int none(double t, double *u) { return t < 0.5 || !u; }
+static int push(void *user, double t, double *u) { u[0] = *(double *)user - 2 * t; return 1; }
+static int none(void *user, double t, double *u) { return t < 0.5 || !u || user; }
 static void show(const char *name, SimulatorReport *r, const double *x) {
     printf("%s;%d;%s;%s;%ld;%ld;%.17g", name, (int)r->status, r->message, r->failed_state ? r->failed_state : "", r->samples, r->steps, r->time);
     for (int i = 0; i < 6; i++) printf(";%.17g", x[i]);
@@ -144,7 +144,8 @@ int main(void) {
     simulate(0, 0, 0, 0, 0, 3, times, x, &r); show("default", &r, x);
     simulate(0, 1, x0, u, p, 3, times, x, &r); show("values", &r, x);
     SimulatorOptions o = simulator_defaults();
-    o.input = push; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("input", &r, x);
+    double three = 3;
+    o.input = push; o.user = &three; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("input", &r, x);
     o.step = 0.03; o.order = 8; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("fixed", &r, x);
     o.method = SIMULATOR_RADAU; o.order = 5; o.step = 0.02; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("radau", &r, x);
     o = simulator_defaults(); o.max_steps = 4; memset(x, 0, sizeof x);

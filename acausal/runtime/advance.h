@@ -1,57 +1,112 @@
-/* Allocates and prepares. Returns 0 when memory is short. The caller calls `finish` in any case. */
-int begin(Integrator *I) {
+/* Values of the inputs where a kernel has its arguments. */
+static void give_inputs(const Integrator *I, V *in) {
+    for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = v_all(I->u[i]);
+}
+
+static int make_guards(Integrator *I) {
+    struct State *T = I->state;
+    if (!arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + I->nx + I->nu)) return 0;
+    T->guard_values = reserve_doubles(I, POINTS * I->guards);
+    T->chebyshev = reserve_doubles(I, POINTS * POINTS);
+    T->guard_noise = reserve_doubles(I, I->guards);
+    T->guard_states = reserve(I, sizeof(struct GuardState) * (size_t)I->guards);
+    if (I->counted) return 1;
+    if (!T->guard_values || !T->guard_noise || !T->guard_states || !T->chebyshev) return 0;
+    chebyshev_cosines(T->chebyshev);
+    give_inputs(I, T->guard_in);
+    return 1;
+}
+
+/* Vectors of the states; `most`: stages that a method has. */
+static int make_vectors(Integrator *I, long most) {
+    struct State *T = I->state;
     long n = I->nx;
-    struct State *T = I->state = reserve(I, sizeof(struct State));
-    if (!T) return 0;
-    T->stages = reserve(I, sizeof(Stages) * (size_t)I->methods);
-    if (!T->stages || !arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu)) return 0;
-    for (long i = 0; i < I->nu; i++) T->point_in[1 + n + i] = v_all(I->u[i]);
-    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n)) return 0;
-    if (present(&I->clearance)) {
-        if (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I)) return 0;
-    }
-    if (I->guards) {
-        if (!arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + n + I->nu)) return 0;
-        T->guard_values = reserve_doubles(I, POINTS * I->guards);
-        T->chebyshev = reserve_doubles(I, POINTS * POINTS);
-        T->guard_noise = reserve_doubles(I, I->guards);
-        T->guard_states = reserve(I, sizeof(struct GuardState) * (size_t)I->guards);
-        if (!T->guard_values || !T->guard_noise || !T->guard_states || !T->chebyshev) return 0;
-        chebyshev_cosines(T->chebyshev);
-        for (long i = 0; i < I->nu; i++) T->guard_in[1 + n + i] = v_all(I->u[i]);
-    }
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise, &T->most, &T->least};
-    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++)
-        if (!(*vectors[k] = reserve_doubles(I, n + 1))) return 0;
+    int all = 1;
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise, &T->most, &T->aside, &T->least};
+    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) all = (*vectors[k] = reserve_doubles(I, n + 1)) && all;
     T->copied = reserve(I, (size_t)n + 1);
-    if (!T->copied) return 0;
-    for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;
     T->own = reserve(I, sizeof(long) * (size_t)(n + 1));
-    if (!T->own) return 0;
+    T->disturbed = reserve_lanes(I, I->rhs.inputs + 1);
+    for (int k = 0; k < 2; k++) all = (T->rates[k] = reserve_lanes(I, n + 1)) && all;
+    T->last_a = reserve_doubles(I, most * n + 1);
+    if (I->counted) return 1;
+    if (!all || !T->copied || !T->own || !T->disturbed || !T->last_a) return 0;
+    for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;
     for (long i = 0, k = 0; i < n; i++)
         if (!T->copied[i]) T->own[k++] = i;
     for (long i = 0; i < n; i++) T->size[i] = fabs(I->x[i]);
     I->size = T->size;
-    T->patience = DOUBTS;
-    T->disturbed = reserve_lanes(I, I->rhs.inputs + 1);
-    for (int k = 0; k < 2; k++) T->rates[k] = reserve_lanes(I, n + 1);
-    if (!T->disturbed || !T->rates[0] || !T->rates[1]) return 0;
-    long most = 0;
+    return 1;
+}
+
+/* What is otherwise made when it is needed, where all memory there is is a caller's block. */
+static int make_rest(Integrator *I, long most) {
+    long method = I->method;
+    int made = make_last_step(I, most) || I->counted;
+    for (I->method = 0; I->method < I->methods; I->method++) made = made && stages_of(I);
+    I->method = method;
+    return made && (I->newton == NEVER || make_newton(I)) && (!I->fine || fine_stages(I, I->fine));
+}
+
+static int make_parts(Integrator *I) {
+    struct State *T = I->state;
+    long n = I->nx, most = 0;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
-    T->last_a = reserve_doubles(I, most * n + 1);
-    if (!T->last_a) return 0;
+    if (!arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu)) return 0;
+    if (!I->counted) give_inputs(I, T->point_in);
+    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n)) return 0;
+    if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I))) return 0;
+    if (I->guards && !make_guards(I)) return 0;
+    if (!make_vectors(I, most) || (I->directions && !make_sensitivity(I))) return 0;
+    return !(I->block || I->counted) || make_rest(I, most);
+}
+
+/* Allocates and prepares; where the caller gave a block, in it, also anew. Returns 0 when memory is short. The caller calls `finish` in
+   any case. */
+int begin(Integrator *I) {
+    I->used = 0;
+    I->steps = I->first = I->events = 0;
+    if (I->methods > METHODS) return 0;
+    struct State *T = I->state = reserve(I, sizeof(struct State));
+    if (!T || !make_parts(I)) return 0;
+    T->patience = DOUBTS;
     T->newton_now = I->newton == ALWAYS;
-    if (I->directions && !make_sensitivity(I)) return 0;
     T->asked = 4;
     return 1;
+}
+
+/* Bytes of a block in which an integration with kernels, methods, sizes and guards like these can begin. */
+size_t needed(const Integrator *I) {
+    struct State state = {0};
+    Integrator counted = *I;
+    counted.counted = 1;
+    counted.used = 64; /* to align the block */
+    counted.state = &state;
+    reserve(&counted, sizeof state);
+    make_parts(&counted);
+    return counted.used;
+}
+
+/* An integration in whose block another one, with all that is in it, has been copied from `block`. */
+void moved_integration(Integrator *I, const char *block) {
+    redirect(&I->state, &I->state + 1, block, I->room, I->block);
+    struct State *T = I->state;
+    redirect(T, &T->made, block, I->room, I->block);
+    for (long k = 0; k <= METHODS; k++) {
+        Stages *S = k < METHODS ? &T->stages[k] : &T->refining;
+        redirect(S, &S->method, block, I->room, I->block);
+    }
+    redirect(&I->size, &I->size + 1, block, I->room, I->block);
+    redirect(&I->event_times, &I->event_directions + 1, block, I->room, I->block);
+    redirect(&I->times, &I->offset + 1, block, I->room, I->block);
 }
 
 /* To the far side of a break: what the rates were before says nothing of what they are now. */
 static void cross_break(Integrator *I) {
     struct State *T = I->state;
     I->t = fmin(I->end, I->breaks[2 * I->next_break++ + 1]);
-    if (I->t == I->end) I->times[I->steps] = I->t;
+    if (I->t == I->end) I->times[I->steps - I->first] = I->t;
     T->last_h = 0;
     T->start_known = 0;
     T->jacobian_fresh = 0;
@@ -69,10 +124,10 @@ static double next_stop(Integrator *I) {
 
 static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
-    double deadline = now() + I->slice;
+    double deadline = I->slice > 0 ? now() + I->slice : 0;
     if (!T->begun) {
         if (!keep(I, 0)) return OUT_OF_MEMORY;
-        if (I->end > I->t && I->nx && I->step == 0 && !first_step(I)) return INPUT_FAILED;
+        if (I->end > I->t && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
         T->begun = 1;
     }
     while (I->t < I->end && I->nx) {
@@ -91,7 +146,7 @@ static enum Code run_steps(Integrator *I) {
             T->hard = 0;
             return SLOW;
         }
-        if (now() > deadline && I->t < I->end) return PAUSED;
+        if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }
     return REACHED_END;
 }

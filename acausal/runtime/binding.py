@@ -13,7 +13,7 @@ from acausal.runtime.kernels import Kernel
 
 _Double = ctypes.POINTER(ctypes.c_double)
 _Long = ctypes.POINTER(ctypes.c_long)
-InputFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double)
+InputFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, _Double)
 RoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, ctypes.c_double, _Double)
 GuardRoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, _Double)
 
@@ -97,12 +97,18 @@ class Integrator(ctypes.Structure):
         ("times", _Double),
         ("states", _Double),
         ("coefficients", _Double),
+        ("sizes", _Double),
         ("stage_count", _Long),
         ("offset", _Long),
         ("directions", ctypes.c_long),
         ("S", ctypes.c_void_p),
         ("du", ctypes.c_void_p),
         ("dp", ctypes.c_void_p),
+        ("user", ctypes.c_void_p),
+        ("block", ctypes.c_void_p),
+        ("room", ctypes.c_size_t),
+        ("used", ctypes.c_size_t),
+        *((name, ctypes.c_long) for name in ("counted", "first", "event_room")),
     ]  # fmt: skip
 
 

@@ -1,19 +1,22 @@
 /* Dense output. A Gauss step of s stages is accurate to order 2 s at its end but only s + 1 inside. Fixed-point iteration on more
    nodes, started from the collocation polynomial, brings the inside up to the end's accuracy. */
 
+/* The step, of those that are kept, that a time lies in. */
 static long step_of(const Integrator *I, double t) {
-    long low = 0, high = I->steps - 1;
+    long low = I->first, high = I->steps - 1;
     while (low < high) {
         long middle = (low + high + 1) / 2;
-        if (I->times[middle] <= t) low = middle;
+        if (I->times[middle - I->first] <= t) low = middle;
         else high = middle - 1;
     }
     return low;
 }
 
-/* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of step k. */
+/* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of step k: the same whenever they are asked for, and the
+   steps that come after it do not see it. */
 static int refine_step(Integrator *I, Stages *F, long k) {
     struct State *T = I->state;
+    k -= I->first;
     double t = I->times[k], h = I->times[k + 1] - t, P[64];
     const double *x = I->states + k * I->nx, *a = I->coefficients + I->offset[k];
     long s = I->stage_count[k];
@@ -26,8 +29,13 @@ static int refine_step(Integrator *I, Stages *F, long k) {
             F->K[j / LANES][i][j % LANES] = sum;
         }
     }
-    int newton = T->newton_now, noisy = T->noisy;
-    T->newton_now = T->noisy = 0;
+    int newton = T->newton_now, noisy = T->noisy, unheard = T->unheard;
+    double *met = T->size;
+    memcpy(T->aside, T->noise, sizeof(double) * (size_t)I->nx);
+    T->size = I->sizes + k * I->nx;
+    T->newton_now = 0;
+    forget_noise(I);
+    T->noisy = 0;
     set_scale(I, h, h);
     set_factor(I, h);
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
@@ -43,7 +51,9 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     }
     T->newton_now = newton;
     T->noisy = noisy;
-    if (!noisy) forget_noise(I);
+    T->unheard = unheard;
+    T->size = met;
+    memcpy(T->noise, T->aside, sizeof(double) * (size_t)I->nx);
     legendre_coefficients(I, F, F->K);
     return 1;
 }
@@ -51,8 +61,9 @@ static int refine_step(Integrator *I, Stages *F, long k) {
 static int fine_stages(Integrator *I, const Method *fine) {
     struct State *T = I->state;
     if (T->fine) return 1;
-    T->fine = reserve(I, sizeof(Stages));
-    return T->fine && make_stages(I, T->fine, fine);
+    if (!make_stages(I, &T->refining, fine)) return 0;
+    T->fine = &T->refining;
+    return 1;
 }
 
 /* x (nx) on a step of size h from `start`, with Legendre coefficients a (nx, width) of the rates, of which s count. */
@@ -73,13 +84,13 @@ int dense(Integrator *I, long n, const double *t, double *x) {
     long nx = I->nx, refined = -1;
     if (fine && !fine_stages(I, fine)) return OUT_OF_MEMORY;
     for (long m = 0; m < n; m++) {
-        if (I->steps == 0) {
+        if (I->steps == I->first) {
             memcpy(x + m * nx, I->states, sizeof(double) * (size_t)nx);
             continue;
         }
-        long k = step_of(I, t[m]), s = I->stage_count[k], width = s;
-        const double *a = I->coefficients + I->offset[k], *start = I->states + k * nx;
-        double h = I->times[k + 1] - I->times[k], theta = (t[m] - I->times[k]) / h;
+        long k = step_of(I, t[m]), row = k - I->first, s = I->stage_count[row], width = s;
+        const double *a = I->coefficients + I->offset[row], *start = I->states + row * nx;
+        double h = I->times[row + 1] - I->times[row], theta = (t[m] - I->times[row]) / h;
         if (theta == 0 || theta == 1) {
             memcpy(x + m * nx, start + (theta == 1 ? nx : 0), sizeof(double) * (size_t)nx);
             continue;

@@ -1,5 +1,6 @@
 /* The loop over steps. */
 
+/* Of a clock [s]. */
 static double now(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
@@ -21,24 +22,55 @@ static int grow(void *array, size_t bytes) {
     return new != 0;
 }
 
-/* Keep the state, and the coefficients of the step that led to it (none for the start). */
-static int keep(Integrator *I, const Stages *S) {
+/* Room for one step, where a caller's block is all the memory there is. */
+static int make_last_step(Integrator *I, long stages) {
+    I->times = reserve_doubles(I, 2);
+    I->states = reserve_doubles(I, 2 * I->nx);
+    I->sizes = reserve_doubles(I, I->nx);
+    I->coefficients = reserve_doubles(I, stages * I->nx);
+    I->stage_count = reserve(I, sizeof(long));
+    I->offset = reserve(I, sizeof(long));
+    I->event_times = reserve_doubles(I, I->event_room);
+    I->event_guards = reserve(I, sizeof(long) * (size_t)I->event_room);
+    I->event_directions = reserve(I, sizeof(long) * (size_t)I->event_room);
+    I->state->event_capacity = I->event_room;
+    return I->times && I->states && I->sizes && I->coefficients && I->stage_count && I->offset && I->event_times && I->event_guards && I->event_directions;
+}
+
+/* Room for one more step. */
+static int make_room(Integrator *I) {
     struct State *T = I->state;
     long k = I->steps, n = I->nx;
-    if (k + 1 >= T->capacity) {
-        long c = T->capacity = k < 64 ? 128 : 2 * k;
-        if (!grow(&I->times, sizeof(double) * (size_t)c) || !grow(&I->states, sizeof(double) * (size_t)(c * n) + 8)) return 0;
-        if (!grow(&I->stage_count, sizeof(long) * (size_t)c) || !grow(&I->offset, sizeof(long) * (size_t)c)) return 0;
+    if (I->block) {
+        if (k < 2) return 1;
+        I->first = k - 1;
+        I->times[0] = I->times[1];
+        memcpy(I->states, I->states + n, sizeof(double) * (size_t)n);
+        T->coefficient_count = 0;
+        return 1;
     }
+    if (k + 1 < T->capacity) return 1;
+    long c = T->capacity = k < 64 ? 128 : 2 * k;
+    return grow(&I->times, sizeof(double) * (size_t)c) && grow(&I->states, sizeof(double) * (size_t)(c * n) + 8) &&
+           grow(&I->sizes, sizeof(double) * (size_t)(c * n) + 8) && grow(&I->stage_count, sizeof(long) * (size_t)c) &&
+           grow(&I->offset, sizeof(long) * (size_t)c);
+}
+
+/* Keep the state, and the coefficients of the step that led to it (none for the start), with the sizes that states have had. */
+static int keep(Integrator *I, const Stages *S) {
+    struct State *T = I->state;
+    if (!make_room(I)) return 0;
+    long k = I->steps - I->first, n = I->nx;
     I->times[k] = I->t;
     memcpy(I->states + k * n, I->x, sizeof(double) * (size_t)n);
     if (!S) return 1;
     long s = S->s, width = S->blocks * LANES, at = T->coefficient_count;
-    if (at + s * n > T->coefficient_capacity) {
+    if (!I->block && at + s * n > T->coefficient_capacity) {
         T->coefficient_capacity = 2 * (at + s * n) + 1024;
         if (!grow(&I->coefficients, sizeof(double) * (size_t)T->coefficient_capacity)) return 0;
     }
     for (long i = 0; i < n; i++) memcpy(I->coefficients + at + i * s, S->a + i * width, sizeof(double) * (size_t)s);
+    memcpy(I->sizes + (k - 1) * n, T->size, sizeof(double) * (size_t)n);
     I->stage_count[k - 1] = s;
     I->offset[k - 1] = at;
     T->coefficient_count = at + s * n;

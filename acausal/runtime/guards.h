@@ -45,7 +45,7 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
         }
         if (I->input)
             for (int l = 0; l < LANES; l++) {
-                if (!I->input(in[0][l], I->u)) return 0;
+                if (!I->input(I->user, in[0][l], I->u)) return 0;
                 for (long i = 0; i < I->nu; i++) in[1 + I->nx + i][l] = I->u[i];
             }
         run_kernel(&I->guard, in, T->guard_c, T->guard_out, T->work);
@@ -92,9 +92,10 @@ static int is_monotone(const double *c) {
 }
 
 static int found(Integrator *I, long guard, double time, int direction) {
-    int wanted = I->guard_direction[guard];
+    long wanted = I->guard_direction[guard];
     if (wanted && direction && direction != wanted) return 1;
     if (I->events >= I->state->event_capacity) {
+        if (I->block) return 0;
         long c = I->state->event_capacity = 2 * I->events + 64;
         if (!grow(&I->event_times, sizeof(double) * (size_t)c) || !grow(&I->event_guards, sizeof(long) * (size_t)c) ||
             !grow(&I->event_directions, sizeof(long) * (size_t)c))
@@ -209,7 +210,7 @@ static int follow(Path *p, double lo, double hi, int depth) {
 /* End the motion within the last step: state, kept step and its coefficients. */
 static void cut_step(Integrator *I, const Path *p, double theta) {
     struct State *T = I->state;
-    long k = I->steps - 1, nx = I->nx, s = I->stage_count[k];
+    long k = I->steps - 1 - I->first, nx = I->nx, s = I->stage_count[k];
     double P[64], K[64], values[64 * 64], *a = I->coefficients + I->offset[k];
     const Method *m = &I->method_list[I->method];
     state_within(nx, p->start, p->a, p->s, p->width, theta, p->h, I->x);
@@ -265,9 +266,9 @@ static int search(Path *p, const double *values) {
 /* Looks for zeros in the last step. REACHED_END: go on; EVENT: a guard that stops the motion has fired. */
 static enum Code watch(Integrator *I) {
     struct State *T = I->state;
-    long k = I->steps - 1, n = I->guards;
+    long k = I->steps - 1 - I->first, n = I->guards;
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
-              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, k == 0, 0, 1};
+              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->steps == 1, 0, 1};
     double theta[POINTS], values[POINTS], c[POINTS];
     T->events_before = I->events;
     for (int j = 0; j < POINTS; j++) theta[j] = chebyshev_point(j);
@@ -290,7 +291,7 @@ static enum Code watch(Integrator *I) {
                 break;
             }
             if (!refined && I->fine) {
-                if (!fine_stages(I, I->fine) || !refine_step(I, T->fine, k)) return INPUT_FAILED;
+                if (!fine_stages(I, I->fine) || !refine_step(I, T->fine, I->steps - 1)) return INPUT_FAILED;
                 p.a = T->fine->a;
                 p.s = T->fine->s;
                 p.width = T->fine->blocks * LANES;

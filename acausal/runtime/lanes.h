@@ -1,4 +1,4 @@
-/* Values in lanes: the type V holds LANES doubles, the type I as many 64-bit integers (masks are all ones or all zeros).
+/* Values in lanes: the type V holds LANES doubles, the type Bits as many 64-bit integers (masks are all ones or all zeros).
 
    LANES is 1, 2, 4 or 8, set before this file is included; it is chosen by what the processor has otherwise. One source serves all
    widths, and every lane computes what LANES = 1 computes, to the bit: only operations that IEEE 754 rounds correctly are used, in
@@ -19,8 +19,8 @@
 #endif
 
 typedef double V __attribute__((vector_size(8 * LANES)));
-typedef long long I __attribute__((vector_size(8 * LANES)));
-typedef I Mask;
+typedef long long Bits __attribute__((vector_size(8 * LANES)));
+typedef Bits Mask;
 
 #ifndef __has_builtin
 #define __has_builtin(x) 0
@@ -41,16 +41,16 @@ typedef I Mask;
 
 /* All lanes x. */
 INLINE V v_all(double x) { return (V)EACH(x); }
-INLINE I i_all(long long x) { return (I)EACH(x); }
+INLINE Bits i_all(long long x) { return (Bits)EACH(x); }
 
 /* Lane by lane: m ? a : b. */
-INLINE V v_select(I m, V a, V b) { return (V)((m & (I)a) | (~m & (I)b)); }
+INLINE V v_select(Bits m, V a, V b) { return (V)((m & (Bits)a) | (~m & (Bits)b)); }
 
 /* Whether any lane of a mask is set. */
 #if LANES == 8 && defined(__AVX512DQ__) && !defined(__clang__)
-INLINE int i_any(I m) { return __builtin_ia32_cvtq2mask512(m) != 0; }
+INLINE int i_any(Bits m) { return __builtin_ia32_cvtq2mask512(m) != 0; }
 #else
-INLINE int i_any(I m) {
+INLINE int i_any(Bits m) {
     long long r = 0;
     for (int i = 0; i < LANES; i++) r |= m[i];
     return r != 0;
@@ -80,13 +80,13 @@ INLINE double v_largest(V x) {
     return r;
 }
 
-INLINE V v_abs(V x) { return (V)((I)x & i_all(0x7fffffffffffffffLL)); }
+INLINE V v_abs(V x) { return (V)((Bits)x & i_all(0x7fffffffffffffffLL)); }
 INLINE V v_copysign(V x, V sign) {
-    I bit = i_all((long long)0x8000000000000000ULL);
-    return (V)(((I)x & ~bit) | ((I)sign & bit));
+    Bits bit = i_all((long long)0x8000000000000000ULL);
+    return (V)(((Bits)x & ~bit) | ((Bits)sign & bit));
 }
 /* 1.0 where a mask is set, 0.0 elsewhere. */
-INLINE V v_truth(I m) { return (V)(m & (I)v_all(1.0)); }
+INLINE V v_truth(Bits m) { return (V)(m & (Bits)v_all(1.0)); }
 
 /* a b + c, rounded once where the processor can. */
 #if defined(__FMA__) || defined(__ARM_FEATURE_FMA) || defined(__aarch64__)
@@ -117,7 +117,7 @@ INLINE V v_fma(V a, V b, V c) { return a * b + c; }
 #if LANES > 1 && __has_builtin(__builtin_elementwise_sqrt)
 INLINE V v_sqrt(V x) { return __builtin_elementwise_sqrt(x); }
 #elif defined(__x86_64__) && LANES == 8 && defined(__AVX512F__) && !defined(__clang__)
-INLINE V v_sqrt(V x) { return __builtin_ia32_sqrtpd512_mask(x, x, (unsigned char)-1, 4); }
+INLINE V v_sqrt(V x) { return __builtin_ia32_sqrtpd512_mask(x, x, -1, 4); }
 #elif defined(__x86_64__) && LANES == 4 && defined(__AVX__) && !defined(__clang__)
 INLINE V v_sqrt(V x) { return __builtin_ia32_sqrtpd256(x); }
 #elif defined(__x86_64__) && LANES == 2 && !defined(__clang__)

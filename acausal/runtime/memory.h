@@ -1,4 +1,7 @@
-/* Memory of one integration: freed all at once. */
+/* Memory of one integration. Arrays are taken one after the other, and given back all together: from one block, where the caller gave one,
+   and otherwise from blocks that are allocated as they are needed. Structures that hold pointers begin with them, so that a block can be
+   copied and used elsewhere. */
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,11 +12,17 @@ struct Memory {
 
 static size_t rounded(size_t bytes) { return (bytes + 63) / 64 * 64 + 64; }
 
-/* Zeroed, aligned for any V; null when there is none left. */
+static char *aligned(char *at) { return at + (64 - (size_t)at % 64) % 64; }
+
+/* Zeroed, aligned for any V; null when there is none left. What is only `counted` is not to be written. */
 static void *reserve(Integrator *I, size_t bytes) {
+    size_t whole = rounded(bytes);
+    I->used += whole;
+    if (I->counted) return 0;
+    if (I->block) return I->used + 64 <= I->room ? memset(aligned(I->block) + I->used - whole, 0, whole) : 0;
     struct Memory *m = malloc(sizeof *m);
     if (!m) return 0;
-    char *raw = malloc(rounded(bytes) + 64);
+    char *raw = malloc(whole + 64);
     if (!raw) {
         free(m);
         return 0;
@@ -21,13 +30,22 @@ static void *reserve(Integrator *I, size_t bytes) {
     m->block = raw;
     m->next = I->memory;
     I->memory = m;
-    char *aligned = raw + (64 - (size_t)raw % 64);
-    memset(aligned, 0, rounded(bytes));
-    return aligned;
+    return memset(aligned(raw), 0, whole);
 }
 
 static double *reserve_doubles(Integrator *I, long n) { return reserve(I, sizeof(double) * (size_t)n); }
 static V *reserve_lanes(Integrator *I, long n) { return reserve(I, sizeof(V) * (size_t)n); }
+
+/* Pointers from `first` to `end` that lead into a block of `size` bytes, made to lead to the same places of its copy. */
+static void redirect(void *first, void *end, const char *block, size_t size, char *copy) {
+    for (char *at = first; at < (char *)end; at += sizeof(char *)) {
+        char *p;
+        memcpy(&p, at, sizeof p);
+        if (p < block || p >= block + size) continue;
+        p = copy + (p - block);
+        memcpy(at, &p, sizeof p);
+    }
+}
 
 void finish(Integrator *I) {
     while (I->memory) {
@@ -36,16 +54,11 @@ void finish(Integrator *I) {
         free(m->block);
         free(m);
     }
-    free(I->times);
-    free(I->states);
-    free(I->coefficients);
-    free(I->stage_count);
-    free(I->offset);
-    free(I->event_times);
-    free(I->event_guards);
-    free(I->event_directions);
-    I->times = I->states = I->coefficients = 0;
-    I->event_times = 0;
+    if (!I->block) {
+        void *kept[] = {I->times, I->states, I->coefficients, I->sizes, I->stage_count, I->offset, I->event_times, I->event_guards, I->event_directions};
+        for (size_t k = 0; k < sizeof kept / sizeof *kept; k++) free(kept[k]);
+    }
+    I->times = I->states = I->coefficients = I->sizes = I->event_times = 0;
     I->stage_count = I->offset = I->event_guards = I->event_directions = 0;
     I->state = 0;
 }

@@ -272,7 +272,7 @@ class Run:
                         raise MemoryError("integration: not enough memory.")
                 self._in_use[k] = kernels, kernels.version, names
 
-    def _input(self, t: float, u: Any) -> int:
+    def _input(self, _: int | None, t: float, u: Any) -> int:
         try:
             values = self._inputs(np.array([t]))[:, 0]
         except BaseException as error:  # it must not cross the C code; raised again after it

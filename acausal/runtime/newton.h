@@ -22,6 +22,7 @@ static int make_newton(Integrator *I) {
         if (I->method_list[k].stages > s) s = I->method_list[k].stages;
     T->dK = reserve_doubles(I, s * n);
     T->residual = reserve_doubles(I, s * n);
+    if (I->counted) return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
     if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
     return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
@@ -33,7 +34,7 @@ static int jacobian(Integrator *I, double t, const double *x) {
     long n = I->nx, fixed = 1 + n + I->nu + I->np;
     V *in = T->jvp_in;
     in[0] = v_all(t);
-    if (I->input && !I->input(t, I->u)) return 0;
+    if (I->input && !I->input(I->user, t, I->u)) return 0;
     for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
     for (long i = 0; i < I->nu; i++) in[1 + n + i] = v_all(I->u[i]);
     for (long i = fixed; i < I->jvp.inputs; i++) in[i] = v_all(0.0);

@@ -22,13 +22,14 @@ static int make_passage(Integrator *I) {
         T->nodes[b] = reserve_lanes(I, count);
         T->node_rates[b] = reserve_lanes(I, I->nx + 1);
         T->node_along[b] = reserve_lanes(I, I->nx + 1);
+        if (I->counted) continue;
         if (!T->nodes[b] || !T->node_rates[b] || !T->node_along[b]) return 0;
         memcpy(T->nodes[b], T->point_in, sizeof(V) * (size_t)count); /* parameters and inputs */
     }
     T->one_along = reserve_lanes(I, I->nx + 1);
     T->ahead = reserve_lanes(I, count);
     T->across = reserve_doubles(I, I->nx + 1);
-    return T->one_along && T->ahead && T->across;
+    return I->counted || (T->one_along && T->ahead && T->across);
 }
 
 /* Clearances of the states in the arguments of a rhs. */

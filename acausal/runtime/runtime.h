@@ -2,6 +2,7 @@
 #ifndef ACAUSAL_RUNTIME_H
 #define ACAUSAL_RUNTIME_H
 #include "lanes.h"
+#include <stddef.h>
 
 /* A function of a model, compiled (see acausal/emit/emit.py): run(in, c, out, w), and `prepare` fills c from in, whenever parameters
    change; or a program for interpreter.h, whose frame c then is; or a function that somebody else evaluates, one point at a time. */
@@ -54,7 +55,7 @@ typedef struct Integrator {
     Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
     const Method *method_list;
     const double *parameters;
-    int (*input)(double t, double *u); /* null: `u` does not change */
+    int (*input)(void *user, double t, double *u); /* null: `u` does not change */
     /* What rounding makes of the rates in steps of size h, per state, into `rates`, each operation counted; null: not known. */
     int (*rounding)(double t, const double *x, double h, double *rates);
     /* What rounding makes of the guards, into `values`; null: not known. */
@@ -63,7 +64,7 @@ typedef struct Integrator {
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     double *x;                       /* start and current state */
     double t, end, rtol, atol, step; /* atol 0: states are judged by their sizes alone; step 0: adaptive */
-    double slice;                    /* seconds until PAUSED */
+    double slice;                    /* seconds until PAUSED; 0: after each step */
     const double *breaks; /* (break_count, 2): rates are smooth before the first and after the second; between them time is skipped */
     long break_count, next_break;
     /* results */
@@ -78,15 +79,22 @@ typedef struct Integrator {
     struct Memory *memory;
     struct State *state;
     /* steps kept: times (steps + 1), states (steps + 1, nx), stages and place of the coefficients of each step */
-    double *times, *states, *coefficients;
+    double *times, *states, *coefficients, *sizes; /* sizes (steps, nx): what states had been like by then */
     long *stage_count, *offset;
     /* forward sensitivities: S (directions, nx) at the start, then now; inputs du (directions, nu) and dp (directions, np) */
     long directions;
     double *S;
     const double *du, *dp;
+    void *user; /* of `input` */
+    /* Memory of the caller, `room` bytes (see `needed`): then no other is taken, and the last step only is kept, with its events. Null: allocated. */
+    char *block;
+    size_t room, used;
+    long counted, first, event_room; /* whether bytes are only counted; number of the first step that is kept; events of one step at most */
 } Integrator;
 
 EXPORT int begin(Integrator *I);
+EXPORT size_t needed(const Integrator *I);
+EXPORT void moved_integration(Integrator *I, const char *block);
 EXPORT int advance(Integrator *I);
 EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void use_newton(Integrator *I);

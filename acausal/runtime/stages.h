@@ -2,20 +2,24 @@
 
 #define EPS 2.220446049250313e-16
 
+#define METHODS 3     /* of one integration, at most */
+#define MOST_STAGES 32 /* of one method */
+#define BLOCKS (MOST_STAGES / LANES)
+
 /* What belongs to one method: its matrices by columns in lanes, its stage values. Blocks of LANES stages; the last one is padded
    with copies of the last stage, which no norm counts. */
 typedef struct {
-    const Method *method;
-    long s, blocks;
-    double t, h; /* of the step */
     V *mu, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
     V *c, *b, *hb, *counted, *odd; /* odd: 2 k + 1 for coefficient k */
-    V **in, **K, **N, **L, **saved; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
+    V *in[BLOCKS], *K[BLOCKS], *N[BLOCKS], *L[BLOCKS], *saved[BLOCKS]; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
     double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
-    int around;      /* whether some stages are around a singular position; then: */
-    V **G, **H;      /* the rates' parts along the branch, now and after the next iteration */
+    V *G[BLOCKS], *H[BLOCKS]; /* where `around`: the rates' parts along the branch, now and after the next iteration */
     double *clear;   /* clearances */
     double *tau;     /* how far to either side rates are continued from; 0: not needed */
+    const Method *method; /* the last pointer */
+    long s, blocks;
+    double t, h; /* of the step */
+    int around;      /* whether some stages are around a singular position */
 } Stages;
 
 typedef struct {
@@ -88,45 +92,46 @@ struct GuardState {
     double since;
 };
 
-/* What `begin` makes. */
+/* What `begin` makes: first all pointers, up to `made`. */
 struct State {
-    Stages *stages, *fine;   /* per method; of dense output */
-    long made;               /* methods whose stages are made, as bits */
     V *rhs_c, *jvp_c, *projection_c, *guard_c, *work;
-    long work_size;
     V *point_in, *point_out; /* rhs at one point */
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     char *copied;
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates, 0 where that is not looked at */
+    double *least;           /* what rounding makes of the rates of states that are nothing else */
+    double *most, *aside;    /* work: per state */
+    V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
+    double *last_a;          /* Legendre coefficients (nx, last_s) of the last step */
+    double *guard_values, *guard_noise, *chebyshev;
+    struct GuardState *guard_states;
+    V *variation_in, *variation_out, *variation_c, *projected_in, *projected_out, *projected_c;
+    V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
+    double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual; /* Newton */
+    long *pivots;
+    V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
+    double *across;
+    Stages *fine;            /* of dense output; 0: not made yet */
+    long made;               /* methods whose stages are made, as bits */
+    Stages stages[METHODS], refining; /* per method; `fine` */
+    long work_size;
     int widened;             /* whether the scale counts what the step moves states by */
     double unit;             /* the scale of a state of size one, without atol */
-    double *least;           /* what rounding makes of the rates of states that are nothing else */
     long doubts, patience;   /* rejections, less steps without; how many until every operation's rounding is looked at */
     double reach;            /* size of steps that states are sized by */
     double trusted, planned; /* size of the last step without doubts; of the last one before steps began to be rejected */
     int missed;              /* whether tries of the last step were rejected */
     int noisy, unheard;      /* whether rounding is looked at; for how many steps nothing was forgiven to it */
     double change;           /* the last one of the iteration */
-    double *most;            /* work: per state */
-    V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
-    double last_h, *last_a;  /* size and Legendre coefficients (nx, last_s) of the last step */
+    double last_h;           /* size of the last step */
     long last_s, since_switch;
-    double *guard_values, *guard_noise, *chebyshev;
-    struct GuardState *guard_states;
-    V *variation_in, *variation_out, *variation_c, *projected_in, *projected_out, *projected_c;
-    V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     long terms;
     long events_before, event_capacity;
     int newton_now, begun, start_known;
     long hard, asked;        /* slow steps, less those that are not; how many until stiffness is looked for */
-    /* Newton */
-    double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual;
-    long *pivots;
-    V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
-    double *across;
-    double factored_h, jacobian_time;
+    double factored_h, jacobian_time; /* of Newton */
     long factored_method, padded;
     int jacobian_fresh;
     long capacity, coefficient_capacity, coefficient_count;
@@ -136,10 +141,12 @@ struct State {
 static int prepared(Integrator *I, const Kernel *k, const V *in, V **c) {
     struct State *T = I->state;
     if (k->work + 1 > T->work_size) {
-        if (!(T->work = reserve_lanes(I, k->work + 1))) return 0;
+        T->work = reserve_lanes(I, k->work + 1);
         T->work_size = k->work + 1;
     }
-    if (!(*c = reserve_lanes(I, k->constants + 1))) return 0;
+    *c = reserve_lanes(I, k->constants + 1);
+    if (I->counted) return 1;
+    if (!T->work || !*c) return 0;
     prepare_kernel(k, in, *c, T->work);
     return 1;
 }
@@ -148,8 +155,8 @@ static int prepared(Integrator *I, const Kernel *k, const V *in, V **c) {
 static int arranged(Integrator *I, const Kernel *k, V **in, V **out, V **c, long fixed) {
     *in = reserve_lanes(I, k->inputs + 1);
     *out = reserve_lanes(I, k->outputs + 1);
-    if (!*in || !*out) return 0;
-    for (long i = 0; i < I->np; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
+    if (!I->counted && (!*in || !*out)) return 0;
+    for (long i = 0; i < I->np && !I->counted; i++) (*in)[fixed + i] = v_all(I->parameters[i]);
     return prepared(I, k, *in, c);
 }
 
@@ -165,28 +172,27 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->hb = reserve_lanes(I, B);
     S->counted = reserve_lanes(I, B);
     S->odd = reserve_lanes(I, B);
-    S->in = reserve(I, sizeof(V *) * (size_t)B);
-    S->K = reserve(I, sizeof(V *) * (size_t)B);
-    S->N = reserve(I, sizeof(V *) * (size_t)B);
-    S->L = reserve(I, sizeof(V *) * (size_t)B);
-    S->saved = reserve(I, sizeof(V *) * (size_t)B);
-    S->G = reserve(I, sizeof(V *) * (size_t)B);
-    S->H = reserve(I, sizeof(V *) * (size_t)B);
     S->tau = (double *)reserve_lanes(I, B);
     S->clear = (double *)reserve_lanes(I, B);
-    if (!S->G || !S->H || !S->tau || !S->clear) return 0;
     S->a = (double *)reserve_lanes(I, B * I->nx);
-    if (!S->in || !S->K || !S->N || !S->L || !S->saved || !S->mu || !S->to_legendre || !S->a) return 0;
-    columns_of(S->mu, m->mu, s, B);
-    columns_of(S->to_legendre, m->to_legendre, s, B);
+    int all = S->mu && S->to_legendre && S->c && S->b && S->hb && S->counted && S->odd && S->tau && S->clear && S->a;
     for (long b = 0; b < B; b++) {
         S->in[b] = reserve_lanes(I, I->rhs.inputs);
         S->K[b] = reserve_lanes(I, I->nx);
         S->N[b] = reserve_lanes(I, I->nx);
         S->L[b] = reserve_lanes(I, I->nx);
         S->saved[b] = reserve_lanes(I, I->nx);
-        if (!S->in[b] || !S->K[b] || !S->N[b] || !S->L[b] || !S->saved[b]) return 0;
-        if (present(&I->clearance) && (!(S->G[b] = reserve_lanes(I, I->nx + 1)) || !(S->H[b] = reserve_lanes(I, I->nx + 1)))) return 0;
+        all = all && S->in[b] && S->K[b] && S->N[b] && S->L[b] && S->saved[b];
+        if (!present(&I->clearance)) continue;
+        S->G[b] = reserve_lanes(I, I->nx + 1);
+        S->H[b] = reserve_lanes(I, I->nx + 1);
+        all = all && S->G[b] && S->H[b];
+    }
+    if (I->counted) return 1;
+    if (!all) return 0;
+    columns_of(S->mu, m->mu, s, B);
+    columns_of(S->to_legendre, m->to_legendre, s, B);
+    for (long b = 0; b < B; b++) {
         for (long l = 0; l < LANES; l++) {
             long j = b * LANES + l;
             S->c[b][l] = m->c[j < s ? j : s - 1];
@@ -208,7 +214,7 @@ static int stage_times(Integrator *I, Stages *S, double t, double h) {
         S->in[b][0] = v_fma(v_all(h), S->c[b], v_all(t));
         if (!I->input) continue;
         for (long l = 0; l < LANES; l++) {
-            if (b * LANES + l < S->s && !I->input(S->in[b][0][l], I->u)) return 0;
+            if (b * LANES + l < S->s && !I->input(I->user, S->in[b][0][l], I->u)) return 0;
             for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i][l] = I->u[i];
         }
     }
@@ -236,7 +242,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
     V *in = T->point_in;
     in[0] = v_all(t);
     if (I->input) {
-        if (!I->input(t, I->u)) return 0;
+        if (!I->input(I->user, t, I->u)) return 0;
         for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = v_all(I->u[i]);
     }
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);

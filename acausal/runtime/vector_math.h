@@ -97,40 +97,40 @@ INLINE V vm_root(V a, V al, V *e) {
 }
 
 /* x 2^n while the result is normal. */
-INLINE V vm_scale(V x, I n) { return (V)((I)x + (n << 52)); }
+INLINE V vm_scale(V x, Bits n) { return (V)((Bits)x + (n << 52)); }
 
 /* x 2^n for |n| < 2040, rounded once. */
-INLINE V vm_scale_far(V x, I n) {
-    I h = n >> 1;
+INLINE V vm_scale_far(V x, Bits n) {
+    Bits h = n >> 1;
     return x * vm_scale(v_all(1.0), h) * vm_scale(v_all(1.0), n - h);
 }
 
 /* Whether x is negative, by its sign bit. */
-INLINE I vm_minus(V x) { return (I)x < i_all(0); }
-INLINE I vm_is_nan(V x) { return (I)(x != x); }
+INLINE Bits vm_minus(V x) { return (Bits)x < i_all(0); }
+INLINE Bits vm_is_nan(V x) { return (Bits)(x != x); }
 
 /* ---- simple ones ---- */
 
 INLINE V v_sign(V x) {
-    V r = (V)((I)(x > v_all(0.0)) & (I)v_all(1.0)) - (V)((I)(x < v_all(0.0)) & (I)v_all(1.0));
+    V r = (V)((Bits)(x > v_all(0.0)) & (Bits)v_all(1.0)) - (V)((Bits)(x < v_all(0.0)) & (Bits)v_all(1.0));
     return v_select(vm_is_nan(x), x, r);
 }
 
 /* As C's fmin and fmax: a NaN yields to the other; -0 is below +0. */
 INLINE V v_fmin(V x, V y) {
-    V r = v_select((I)(x < y) | vm_is_nan(y), x, y);
-    return v_select((I)(x == y), (V)((I)x | (I)y), r);
+    V r = v_select((Bits)(x < y) | vm_is_nan(y), x, y);
+    return v_select((Bits)(x == y), (V)((Bits)x | (Bits)y), r);
 }
 INLINE V v_fmax(V x, V y) {
-    V r = v_select((I)(x > y) | vm_is_nan(y), x, y);
-    return v_select((I)(x == y), (V)((I)x & (I)y), r);
+    V r = v_select((Bits)(x > y) | vm_is_nan(y), x, y);
+    return v_select((Bits)(x == y), (V)((Bits)x & (Bits)y), r);
 }
 
 /* Exact. */
 INLINE V v_floor(V x) {
     V big = v_all(0x1p52), a = v_abs(x), t = v_copysign((a + big) - big, x);
-    t = t - v_truth((I)(t > x));
-    return v_select((I)(a < big), v_copysign(t, x), x);
+    t = t - v_truth((Bits)(t > x));
+    return v_select((Bits)(a < big), v_copysign(t, x), x);
 }
 INLINE V v_ceil(V x) { return -v_floor(-x); }
 
@@ -176,9 +176,9 @@ static __attribute__((noinline, unused)) void vm_payne_hanek(double x, double *h
 }
 
 /* The lanes with x >= 2^30 or not finite, reduced. */
-OUTLINE void vm_reduce_far(V x, V *r, V *lo, I *n) {
+OUTLINE void vm_reduce_far(V x, V *r, V *lo, Bits *n) {
     V h = x - x, l = h, e; /* NaN where x is not finite */
-    I q = i_all(0), far = ~(I)(x < v_all(0x1p30)), finite = (I)(h == h);
+    Bits q = i_all(0), far = ~(Bits)(x < v_all(0x1p30)), finite = (Bits)(h == h);
     for (int i = 0; i < LANES; i++) {
         double a = 0.0, b = 0.0;
         long long k = 0;
@@ -192,14 +192,14 @@ OUTLINE void vm_reduce_far(V x, V *r, V *lo, I *n) {
 }
 
 /* x = n pi/2 + r + lo for x >= 0, |r| <= pi/4 (Cody & Waite, pi/2 in three doubles; the first difference is exact). */
-INLINE V vm_reduce(V x, V *lo, I *n) {
+INLINE V vm_reduce(V x, V *lo, Bits *n) {
     V e, t = v_fma(x, v_all(0x1.45f306dc9c883p-1), v_all(VM_TO_INT)), k = t - v_all(VM_TO_INT);
     V a = vm_exact_rest(x, k, v_all(0.5 * VM_PI_HI)), p = vm_product(k, v_all(0.5 * VM_PI_LO), &e), r = a - p;
     V l = v_fma(k, v_all(0x1.f1976b7ed8fbcp-110), ((a - r) - p) - e);
-    I q = (I)t, far = ~(I)(x < v_all(0x1p30));
+    Bits q = (Bits)t, far = ~(Bits)(x < v_all(0x1p30));
     if (__builtin_expect(i_any(far), 0)) {
         V fr = r, fl = l;
-        I fq = q;
+        Bits fq = q;
         vm_reduce_far(x, &fr, &fl, &fq);
         r = fr;
         l = fl;
@@ -223,19 +223,19 @@ INLINE void vm_sincos_parts(V r, V lo, V *s, V *ch, V *c) {
 }
 
 /* All ones where n is odd: sine and cosine change places. */
-INLINE I vm_odd(I n) { return i_all(0) - (n & i_all(1)); }
+INLINE Bits vm_odd(Bits n) { return i_all(0) - (n & i_all(1)); }
 /* The sign bit where n modulo 4 is 2 or 3. */
-INLINE I vm_half_turn(I n) { return (n & i_all(2)) << 62; }
-INLINE I vm_sign_bit(V x) { return (I)x & (I)v_all(-0.0); }
+INLINE Bits vm_half_turn(Bits n) { return (n & i_all(2)) << 62; }
+INLINE Bits vm_sign_bit(V x) { return (Bits)x & (Bits)v_all(-0.0); }
 
 INLINE void vm_sincos(V x, V *s, V *c) {
-    I n;
+    Bits n;
     V lo, ds, dc, ch, r = vm_reduce(v_abs(x), &lo, &n);
     vm_sincos_parts(r, lo, &ds, &ch, &dc);
     V sine = r + ds, cosine = ch + dc;
-    I odd = vm_odd(n);
-    *s = (V)((I)v_select(odd, cosine, sine) ^ vm_half_turn(n) ^ vm_sign_bit(x));
-    *c = (V)((I)v_select(odd, sine, cosine) ^ vm_half_turn(n + i_all(1)));
+    Bits odd = vm_odd(n);
+    *s = (V)((Bits)v_select(odd, cosine, sine) ^ vm_half_turn(n) ^ vm_sign_bit(x));
+    *c = (V)((Bits)v_select(odd, sine, cosine) ^ vm_half_turn(n + i_all(1)));
 }
 OUTLINE void v_sincos(V x, V *s, V *c) {
     V sine, cosine;
@@ -256,22 +256,22 @@ OUTLINE V v_cos(V x) {
 
 /* Sine over cosine, both as dd. */
 OUTLINE V v_tan(V x) {
-    I n;
+    Bits n;
     V lo, ds, dc, c, e, r = vm_reduce(v_abs(x), &lo, &n);
     vm_sincos_parts(r, lo, &ds, &c, &dc);
     V s = vm_sum_ordered(r, ds, &ds);
     c = vm_sum_ordered(c, dc, &dc);
-    I odd = vm_odd(n);
+    Bits odd = vm_odd(n);
     V q = vm_quotient(v_select(odd, -c, s), v_select(odd, -dc, ds), v_select(odd, s, c), v_select(odd, ds, dc), &e);
-    return (V)((I)(q + e) ^ vm_sign_bit(x));
+    return (V)((Bits)(q + e) ^ vm_sign_bit(x));
 }
 
 /* ---- exponential and hyperbolic functions ---- */
 
 /* x = n ln 2 + r + lo, |r| <= ln 2 / 2. */
-INLINE V vm_exp_reduce(V x, V *lo, I *n) {
+INLINE V vm_exp_reduce(V x, V *lo, Bits *n) {
     V t = v_fma(x, v_all(0x1.71547652b82fep+0), v_all(VM_TO_INT)), k = t - v_all(VM_TO_INT);
-    *n = (I)t;
+    *n = (Bits)t;
     V a = v_fma(-k, v_all(VM_LN2_HI), x), r = v_fma(-k, v_all(VM_LN2_LO), a);
     *lo = v_fma(-k, v_all(VM_LN2_LO), a - r);
     return r;
@@ -286,9 +286,9 @@ INLINE V vm_exp_tail(V r) {
 }
 
 /* y 2^n for n from the reduction of x: beyond the normal range too. */
-OUTLINE V vm_exp_far(V x, V y, I n) {
+OUTLINE V vm_exp_far(V x, V y, Bits n) {
     V low = v_all(-746.0), high = v_all(710.0);
-    I k = n - (I)v_all(VM_TO_INT), small = (I)(x < low), big = (I)(x > high);
+    Bits k = n - (Bits)v_all(VM_TO_INT), small = (Bits)(x < low), big = (Bits)(x > high);
     V r = vm_scale_far(y, k & ~(small | big));
     r = v_select(small, v_all(0.0), v_select(big, v_all(VM_INF), r));
     return v_select(vm_is_nan(x), x, r);
@@ -296,14 +296,14 @@ OUTLINE V vm_exp_far(V x, V y, I n) {
 
 /* e^(x + l); l is small, 0 unless `paired`. */
 INLINE V vm_exp(V x, V l, const int paired) {
-    I n;
+    Bits n;
     V lo, e, r = vm_exp_reduce(x, &lo, &n), one = v_all(1.0);
     if (paired) {
         r = vm_sum(r, lo + l, &lo);
         lo = v_fma(r, lo, lo);
     }
     V s = vm_sum_ordered(one, r, &e), y = s + (e + v_fma(r * r, vm_exp_tail(r), lo)), result = vm_scale(y, n);
-    I far = ~(I)(v_abs(x) < v_all(708.0));
+    Bits far = ~(Bits)(v_abs(x) < v_all(708.0));
     if (__builtin_expect(i_any(far), 0)) result = v_select(far, vm_exp_far(x, y, n), result);
     return result;
 }
@@ -311,26 +311,26 @@ OUTLINE V v_exp(V x) { return vm_exp(x, v_all(0.0), 0); }
 
 /* (2^n - 1) + 2^n r + 2^n (e^r - 1 - r), the first two summed exactly. */
 OUTLINE V v_expm1(V x) {
-    I n, big = (I)(x > v_all(40.0)), low = (I)(x < v_all(-40.0));
+    Bits n, big = (Bits)(x > v_all(40.0)), low = (Bits)(x < v_all(-40.0));
     V xc = v_select(big, v_all(40.0), v_select(low, v_all(-40.0), x));
     V lo, e, el, r = vm_exp_reduce(xc, &lo, &n), one = v_all(1.0), p = vm_scale(one, n);
     V a = vm_sum(p, -one, &e), s = vm_sum(a, p * r, &el), tail = v_fma(r * r, vm_exp_tail(r), lo);
     V result = s + (el + v_fma(p, tail, e));
     if (__builtin_expect(i_any(big), 0)) result = v_select(big, v_exp(x), result);
-    return v_select(vm_is_nan(x) | (I)(x == v_all(0.0)), x, result);
+    return v_select(vm_is_nan(x) | (Bits)(x == v_all(0.0)), x, result);
 }
 
 /* sinh and cosh of x = n ln 2 + r by the addition theorem, as dd; the powers of two are exact. The results times 2^*left. */
-INLINE void vm_sinh_cosh(V x, V *sh, V *sl, V *ch, V *cl, I *left) {
-    I n;
+INLINE void vm_sinh_cosh(V x, V *sh, V *sl, V *ch, V *cl, Bits *left) {
+    Bits n;
     V lo, e, el, r = vm_exp_reduce(x, &lo, &n), z = r * r;
     V ps = VM_P5(z, 0x1.5555555555559p-3, 0x1.111111110f627p-7, 0x1.a01a01b022786p-13, 0x1.71ddf7a8255b3p-19,
         0x1.af6004e21acecp-26);
     V pc = VM_P5(z, 0x1.5555555555558p-5, 0x1.6c16c16c14ffap-10, 0x1.a01a01ad80e14p-16, 0x1.27e4cc0a481cp-22,
         0x1.1f8bea9348ba6p-29);
     V ds = v_fma(r * z, ps, lo), dc = v_fma(z * z, pc, v_fma(r, lo, v_all(0.5) * z));
-    n = n - (I)v_all(VM_TO_INT);
-    I over = (I)(n > i_all(800)) & (n - i_all(800));
+    n = n - (Bits)v_all(VM_TO_INT);
+    Bits over = (Bits)(n > i_all(800)) & (n - i_all(800));
     *left = over;
     n = n - over;
     V p = vm_scale(v_all(0.5), n), q = vm_scale(v_all(0.5), i_all(0) - n);
@@ -345,28 +345,28 @@ INLINE void vm_sinh_cosh(V x, V *sh, V *sl, V *ch, V *cl, I *left) {
 /* |x|, but at most a bound from where on the functions below do not need x itself. */
 INLINE V vm_bounded(V x, double bound) {
     V a = v_abs(x);
-    return v_select((I)(a < v_all(bound)), a, v_all(bound));
+    return v_select((Bits)(a < v_all(bound)), a, v_all(bound));
 }
 
 OUTLINE V v_sinh(V x) {
     V sh, sl, ch, cl;
-    I left;
+    Bits left;
     vm_sinh_cosh(vm_bounded(x, 720.0), &sh, &sl, &ch, &cl, &left);
     V r = v_copysign((sh + sl) * vm_scale(v_all(1.0), left), x);
     return v_select(vm_is_nan(x), x, r);
 }
 OUTLINE V v_cosh(V x) {
     V sh, sl, ch, cl;
-    I left;
+    Bits left;
     vm_sinh_cosh(vm_bounded(x, 720.0), &sh, &sl, &ch, &cl, &left);
     return v_select(vm_is_nan(x), x, (ch + cl) * vm_scale(v_all(1.0), left));
 }
 OUTLINE V v_tanh(V x) {
     V sh, sl, ch, cl, e;
-    I left;
+    Bits left;
     vm_sinh_cosh(vm_bounded(x, 22.0), &sh, &sl, &ch, &cl, &left);
     V q = vm_quotient(sh, sl, ch, cl, &e);
-    V r = v_copysign(v_select((I)(v_abs(x) < v_all(0x1p-30)), v_abs(x), q + e), x);
+    V r = v_copysign(v_select((Bits)(v_abs(x) < v_all(0x1p-30)), v_abs(x), q + e), x);
     return v_select(vm_is_nan(x), x, r);
 }
 
@@ -374,9 +374,9 @@ OUTLINE V v_tanh(V x) {
 
 /* Normal x > 0 as m 2^k, m from sqrt(1/2) to sqrt(2). */
 INLINE V vm_split(V x, V *k) {
-    VmU e = (VmU)((I)x - (I)v_all(0x1.6a09e667f3bcdp-1) + i_all(1024LL << 52)) >> 52;
-    *k = (V)((I)e + (I)v_all(0x1p52)) - v_all(0x1p52 + 1024.0);
-    return (V)((I)x - (((I)e - i_all(1024)) << 52));
+    VmU e = (VmU)((Bits)x - (Bits)v_all(0x1.6a09e667f3bcdp-1) + i_all(1024LL << 52)) >> 52;
+    *k = (V)((Bits)e + (Bits)v_all(0x1p52)) - v_all(0x1p52 + 1024.0);
+    return (V)((Bits)x - (((Bits)e - i_all(1024)) << 52));
 }
 
 /* 2 (atanh(s) - s)/s^3 of z = s^2. */
@@ -403,19 +403,19 @@ INLINE V vm_log_pair(V x, V lo, V twice) {
 
 /* Logarithm where x is not a normal positive number. */
 INLINE V vm_log_edges(V x, V r) {
-    r = v_select((I)(x == v_all(0.0)), v_all(-VM_INF), v_select((I)(x < v_all(0.0)), v_all(VM_NAN), r));
-    return v_select(vm_is_nan(x) | (I)(x == v_all(VM_INF)), x, r);
+    r = v_select((Bits)(x == v_all(0.0)), v_all(-VM_INF), v_select((Bits)(x < v_all(0.0)), v_all(VM_NAN), r));
+    return v_select(vm_is_nan(x) | (Bits)(x == v_all(VM_INF)), x, r);
 }
 
 OUTLINE V vm_log_far(V x, V r) {
-    I small = (I)(x < v_all(VM_TINY)) & (I)(x > v_all(0.0));
+    Bits small = (Bits)(x < v_all(VM_TINY)) & (Bits)(x > v_all(0.0));
     V k, m = vm_split(x * v_all(0x1p54), &k);
     r = v_select(small, vm_log(m - v_all(1.0), k - v_all(54.0), v_all(-0.0)), r);
     return vm_log_edges(x, r);
 }
 OUTLINE V v_log(V x) {
     V k, m = vm_split(x, &k), r = vm_log(m - v_all(1.0), k, v_all(-0.0));
-    I usual = (I)(x >= v_all(VM_TINY)) & (I)(x < v_all(VM_INF));
+    Bits usual = (Bits)(x >= v_all(VM_TINY)) & (Bits)(x < v_all(VM_INF));
     if (__builtin_expect(i_any(~usual), 0)) r = vm_log_far(x, r);
     return r;
 }
@@ -423,10 +423,10 @@ OUTLINE V v_log(V x) {
 /* 1 + x with its rounding error; x itself is the argument while 1 + x is near 1. */
 OUTLINE V v_log1p(V x) {
     V e, k, u = vm_sum(v_all(1.0), x, &e), m = vm_split(u, &k);
-    I near = (I)(k == v_all(0.0));
-    V f = v_select(near, x, m - v_all(1.0)), extra = v_select(near | (I)(x > v_all(0x1p60)), v_all(0.0), e / u);
-    V r = v_select((I)(x == v_all(0.0)), x, vm_log(f, k, extra));
-    I usual = (I)(x > v_all(-1.0)) & (I)(x < v_all(VM_INF));
+    Bits near = (Bits)(k == v_all(0.0));
+    V f = v_select(near, x, m - v_all(1.0)), extra = v_select(near | (Bits)(x > v_all(0x1p60)), v_all(0.0), e / u);
+    V r = v_select((Bits)(x == v_all(0.0)), x, vm_log(f, k, extra));
+    Bits usual = (Bits)(x > v_all(-1.0)) & (Bits)(x < v_all(VM_INF));
     if (__builtin_expect(i_any(~usual), 0)) r = v_select(usual, r, vm_log_edges(v_all(1.0) + x, r));
     return r;
 }
@@ -436,13 +436,13 @@ OUTLINE V v_asinh(V x) {
     V a = v_abs(x), one = v_all(1.0), e, hl, sl, wl, fl, k;
     V p = vm_product(a, a, &e), h = vm_sum(p, one, &hl), s = vm_root(h, hl + e, &sl), w = vm_sum(a, s, &wl);
     V f = vm_sum_ordered(a, p / (one + s), &fl);
-    I small = (I)(a < v_all(0.25)), big = (I)(a > v_all(0x1p28));
+    Bits small = (Bits)(a < v_all(0.25)), big = (Bits)(a > v_all(0x1p28));
     w = v_select(big, a, w);
     wl = v_select(big, v_all(0.0), wl + sl);
     V m = vm_split(w, &k), extra = v_select(small, fl, wl) / v_select(small, one + f, w);
     k = v_select(small, v_all(0.0), k) + v_truth(big);
     V r = vm_log(v_select(small, f, m - one), k, extra);
-    r = v_select((I)(a < v_all(0x1p-28)) | ~(I)(a < v_all(VM_INF)), a, r);
+    r = v_select((Bits)(a < v_all(0x1p-28)) | ~(Bits)(a < v_all(VM_INF)), a, r);
     return v_copysign(r, x);
 }
 
@@ -450,22 +450,22 @@ OUTLINE V v_asinh(V x) {
 OUTLINE V v_acosh(V x) {
     V one = v_all(1.0), t = x - one, gl, bl, sl, wl, fl, k, g = vm_sum(t, v_all(2.0), &gl);
     V b = vm_product(t, g, &bl), s = vm_root(b, v_fma(t, gl, bl), &sl), w = vm_sum(x, s, &wl), f = vm_sum(s, t, &fl);
-    I small = (I)(x < v_all(1.0625)), big = (I)(x > v_all(0x1p28));
+    Bits small = (Bits)(x < v_all(1.0625)), big = (Bits)(x > v_all(0x1p28));
     w = v_select(big, x, w);
     wl = v_select(big, v_all(0.0), wl + sl);
     V m = vm_split(w, &k), extra = v_select(small, fl + sl, wl) / v_select(small, one + f, w);
     k = v_select(small, v_all(0.0), k) + v_truth(big);
     V r = vm_log(v_select(small, f, m - one), k, extra);
-    r = v_select((I)(x == one), v_all(0.0), v_select((I)(x < one), v_all(VM_NAN), r));
-    return v_select(vm_is_nan(x) | (I)(x == v_all(VM_INF)), x, r);
+    r = v_select((Bits)(x == one), v_all(0.0), v_select((Bits)(x < one), v_all(VM_NAN), r));
+    return v_select(vm_is_nan(x) | (Bits)(x == v_all(VM_INF)), x, r);
 }
 
 /* Half the log of (1 + x)/(1 - x), or the series in x that the logarithm itself uses. */
 OUTLINE V v_atanh(V x) {
     V a = v_abs(x), one = v_all(1.0), z = a * a, nl, dl, ql, n = vm_sum(one, a, &nl), d = vm_sum(one, -a, &dl);
     V q = vm_quotient(n, nl, d, dl, &ql), r = v_all(0.5) * vm_log_pair(q, ql, v_all(0.0));
-    r = v_select((I)(a < v_all(0.1715)), v_fma(a * z, v_all(0.5) * vm_log_poly(z), a), r);
-    r = v_select((I)(a == one), v_all(VM_INF), v_select((I)(a > one), v_all(VM_NAN), r));
+    r = v_select((Bits)(a < v_all(0.1715)), v_fma(a * z, v_all(0.5) * vm_log_poly(z), a), r);
+    r = v_select((Bits)(a == one), v_all(VM_INF), v_select((Bits)(a > one), v_all(VM_NAN), r));
     return v_select(vm_is_nan(x), x, v_copysign(r, x));
 }
 
@@ -499,30 +499,30 @@ INLINE V vm_log_long(V x, V twice, V *lo) {
 OUTLINE V vm_pow_edges(V x, V y, V r) {
     V a = v_abs(x), b = v_abs(y), one = v_all(1.0), zero = v_all(0.0), big = v_all(0x1p52), inf = v_all(VM_INF);
     V whole = (b + big) - big;
-    I integer = (I)(b >= big) | (I)(whole == b), below = (I)(b < big);
-    I low = (below & (I)(b + big)) | (~below & (I)b);
-    I odd = vm_odd(low & integer & (I)(b < v_all(0x1p53))), down = (I)(y < zero), sign = vm_minus(x) & odd;
+    Bits integer = (Bits)(b >= big) | (Bits)(whole == b), below = (Bits)(b < big);
+    Bits low = (below & (Bits)(b + big)) | (~below & (Bits)b);
+    Bits odd = vm_odd(low & integer & (Bits)(b < v_all(0x1p53))), down = (Bits)(y < zero), sign = vm_minus(x) & odd;
     V edge = v_select(down, inf, zero), far = v_select(down, zero, inf);
-    r = v_select((I)(a == zero), edge, v_select((I)(a == inf), far, r));
+    r = v_select((Bits)(a == zero), edge, v_select((Bits)(a == inf), far, r));
     r = v_select(sign, -r, r);
-    r = v_select((I)(x < zero) & (I)(a < inf) & ~integer, v_all(VM_NAN), r);
-    V grown = v_select((I)((I)(a > one) == (I)(y > zero)), inf, zero);
-    r = v_select((I)(b == inf), v_select((I)(a == one), one, grown), r);
+    r = v_select((Bits)(x < zero) & (Bits)(a < inf) & ~integer, v_all(VM_NAN), r);
+    V grown = v_select((Bits)((Bits)(a > one) == (Bits)(y > zero)), inf, zero);
+    r = v_select((Bits)(b == inf), v_select((Bits)(a == one), one, grown), r);
     r = v_select(vm_is_nan(x) | vm_is_nan(y), x + y, r);
-    return v_select((I)(x == one) | (I)(y == zero), one, r);
+    return v_select((Bits)(x == one) | (Bits)(y == zero), one, r);
 }
 
 /* e^(y log|x|), the logarithm and the product as dd. */
 OUTLINE V v_pow(V x, V y) {
     V a = x, b = y, twice = v_all(0.0), lo, e, bound = v_all(0x1p64);
-    I usual = (I)(x >= v_all(VM_TINY)) & (I)(x < v_all(VM_INF)) & (I)(v_abs(y) < bound);
+    Bits usual = (Bits)(x >= v_all(VM_TINY)) & (Bits)(x < v_all(VM_INF)) & (Bits)(v_abs(y) < bound);
     int edges = i_any(~usual);
     if (__builtin_expect(edges, 0)) {
         a = v_abs(x);
-        I small = (I)(a < v_all(VM_TINY));
+        Bits small = (Bits)(a < v_all(VM_TINY));
         a = v_select(small, a * v_all(0x1p54), a);
         twice = v_select(small, v_all(-54.0), twice);
-        b = v_select((I)(v_abs(y) < bound), y, v_copysign(bound, y));
+        b = v_select((Bits)(v_abs(y) < bound), y, v_copysign(bound, y));
     }
     V h = vm_log_long(a, twice, &lo), p = vm_product(b, h, &e), r = vm_exp(p, v_fma(b, lo, e), 1);
     if (__builtin_expect(edges, 0)) r = v_select(usual, r, vm_pow_edges(x, y, r));
@@ -542,10 +542,10 @@ INLINE V vm_atan_poly(V z) {
 /* n/d, 0 <= n <= d, in a range where the reduction neither overflows nor loses digits. */
 OUTLINE void vm_atan2_far(V *n, V *d) {
     V inf = v_all(VM_INF), zero = v_all(0.0), one = v_all(1.0);
-    V up = v_select((I)(*d < v_all(0x1p-400)), v_all(0x1p600), v_select((I)(*d > v_all(0x1p400)), v_all(0x1p-600), one));
+    V up = v_select((Bits)(*d < v_all(0x1p-400)), v_all(0x1p600), v_select((Bits)(*d > v_all(0x1p400)), v_all(0x1p-600), one));
     V a = *n * up, b = *d * up;
-    I both = (I)(*n == inf), one_inf = (I)(*d == inf) & ~both, none = (I)(*d == zero);
-    a = v_select(one_inf | none | (I)(a < v_all(0x1p-800)), zero, a);
+    Bits both = (Bits)(*n == inf), one_inf = (Bits)(*d == inf) & ~both, none = (Bits)(*d == zero);
+    a = v_select(one_inf | none | (Bits)(a < v_all(0x1p-800)), zero, a);
     *n = v_select(both, one, a);
     *d = v_select(both | one_inf | none, one, b);
 }
@@ -553,9 +553,9 @@ OUTLINE void vm_atan2_far(V *n, V *d) {
 /* The angle as j pi/4 +- atan(t): t = n/d up to 1/2, (n - d)/(n + d) beyond, as a dd by one division. */
 OUTLINE V v_atan2(V y, V x) {
     V ax = v_abs(x), ay = v_abs(y), zero = v_all(0.0), e;
-    I steep = (I)(ay > ax), left = vm_minus(x);
+    Bits steep = (Bits)(ay > ax), left = vm_minus(x);
     V n = v_select(steep, ax, ay), d = v_select(steep, ay, ax);
-    I usual = (I)(d > v_all(0x1p-400)) & (I)(d < v_all(0x1p400)) & ((I)(n > v_all(0x1p-800)) | (I)(n == zero));
+    Bits usual = (Bits)(d > v_all(0x1p-400)) & (Bits)(d < v_all(0x1p400)) & ((Bits)(n > v_all(0x1p-800)) | (Bits)(n == zero));
     int edges = i_any(~usual);
     if (__builtin_expect(edges, 0)) {
         V fn = n, fd = d;
@@ -563,7 +563,7 @@ OUTLINE V v_atan2(V y, V x) {
         n = fn;
         d = fd;
     }
-    I wide = (I)(n + n > d);
+    Bits wide = (Bits)(n + n > d);
     V dl, sum = vm_sum_ordered(d, n, &dl), den = v_select(wide, sum, d), num = v_select(wide, n - d, n);
     V t = vm_quotient(num, zero, den, v_select(wide, dl, zero), &e), z = t * t;
     V rest = v_fma(t * z, vm_atan_poly(z), e);
@@ -571,14 +571,14 @@ OUTLINE V v_atan2(V y, V x) {
     V j = v_truth(wide);
     j = v_select(steep, v_all(2.0) - j, j);
     j = v_select(left, v_all(4.0) - j, j);
-    I sign = (steep ^ left) & (I)v_all(-0.0);
-    t = (V)((I)t ^ sign);
-    rest = (V)((I)rest ^ sign);
+    Bits sign = (steep ^ left) & (Bits)v_all(-0.0);
+    t = (V)((Bits)t ^ sign);
+    rest = (V)((Bits)rest ^ sign);
     V base = vm_sum_ordered(j * v_all(0.25 * VM_PI_HI), t, &e);
     V r = base + (e + v_fma(j, v_all(0.25 * VM_PI_LO), rest));
     if (__builtin_expect(edges, 0)) {
-        I thin = ~usual & (I)(j == zero) & (I)(ax > zero) & (I)(ax < v_all(VM_INF));
-        r = v_select(thin & (I)(ay < ax * v_all(0x1p-30)), ay / ax, r);
+        Bits thin = ~usual & (Bits)(j == zero) & (Bits)(ax > zero) & (Bits)(ax < v_all(VM_INF));
+        r = v_select(thin & (Bits)(ay < ax * v_all(0x1p-30)), ay / ax, r);
         r = v_select(vm_is_nan(x) | vm_is_nan(y), x + y, r);
     }
     return v_copysign(r, y);
@@ -594,9 +594,9 @@ INLINE V vm_asin_poly(V z) {
 }
 
 /* asin of |x|, or of sqrt((1 - |x|)/2) beyond 1/2, as a dd. */
-INLINE V vm_asin_parts(V a, I far, V *rest) {
+INLINE V vm_asin_parts(V a, Bits far, V *rest) {
     V h = v_all(0.5) * (v_all(1.0) - a), sl, s = vm_root(h, v_all(0.0), &sl);
-    sl = v_select((I)(h == v_all(0.0)), h, sl);
+    sl = v_select((Bits)(h == v_all(0.0)), h, sl);
     V z = v_select(far, h, a * a), t = v_select(far, s, a);
     *rest = v_fma(t * z, vm_asin_poly(z), v_select(far, sl, v_all(0.0)));
     return t;
@@ -604,22 +604,22 @@ INLINE V vm_asin_parts(V a, I far, V *rest) {
 
 OUTLINE V v_asin(V x) {
     V a = v_abs(x), one = v_all(1.0), rest, e;
-    I far = (I)(a > v_all(0.5));
+    Bits far = (Bits)(a > v_all(0.5));
     V t = vm_asin_parts(a, far, &rest), base = vm_sum_ordered(v_all(0.5 * VM_PI_HI), v_all(-2.0) * t, &e);
     V r = base + (e + v_fma(v_all(-2.0), rest, v_all(0.5 * VM_PI_LO)));
-    r = v_select((I)(a > one), v_all(VM_NAN), v_select(far, r, t + rest));
+    r = v_select((Bits)(a > one), v_all(VM_NAN), v_select(far, r, t + rest));
     return v_select(vm_is_nan(x), x, v_copysign(r, x));
 }
 
 OUTLINE V v_acos(V x) {
     V a = v_abs(x), one = v_all(1.0), zero = v_all(0.0), two = v_all(2.0), rest, e;
-    I far = (I)(a > v_all(0.5)), minus = (I)(x < zero);
+    Bits far = (Bits)(a > v_all(0.5)), minus = (Bits)(x < zero);
     V t = vm_asin_parts(a, far, &rest);
     V j = v_select(far, v_select(minus, one, zero), v_all(0.5)); /* j pi -+ asin */
     V f = v_select(far, two, one);
     f = v_select((far & minus) | (~far & ~minus), -f, f);
     V base = vm_sum_ordered(j * v_all(VM_PI_HI), f * t, &e), r = base + (e + v_fma(f, rest, j * v_all(VM_PI_LO)));
-    r = v_select((I)(a > one), v_all(VM_NAN), r);
+    r = v_select((Bits)(a > one), v_all(VM_NAN), r);
     return v_select(vm_is_nan(x), x, r);
 }
 
@@ -631,20 +631,20 @@ INLINE V vm_hypot(V x, V y) {
 }
 OUTLINE V vm_hypot_far(V x, V y) {
     V a = v_fmax(v_abs(x), v_abs(y)), one = v_all(1.0), inf = v_all(VM_INF), zero = v_all(0.0);
-    I big = (I)(a > v_all(0x1p400)), small = (I)(a < v_all(0x1p-400));
+    Bits big = (Bits)(a > v_all(0x1p400)), small = (Bits)(a < v_all(0x1p-400));
     V up = v_select(big, v_all(0x1p-700), v_select(small, v_all(0x1p700), one));
     V down = v_select(big, v_all(0x1p700), v_select(small, v_all(0x1p-700), one));
     V u = x * up, v = y * up, tiny = v_all(0x1p-480);
-    u = v_select((I)(v_abs(u) < tiny), zero, u);
-    v = v_select((I)(v_abs(v) < tiny), zero, v);
-    V r = v_select((I)(a == zero), zero, vm_hypot(u, v) * down);
+    u = v_select((Bits)(v_abs(u) < tiny), zero, u);
+    v = v_select((Bits)(v_abs(v) < tiny), zero, v);
+    V r = v_select((Bits)(a == zero), zero, vm_hypot(u, v) * down);
     r = v_select(vm_is_nan(x) | vm_is_nan(y), x + y, r);
-    return v_select((I)(v_abs(x) == inf) | (I)(v_abs(y) == inf), inf, r);
+    return v_select((Bits)(v_abs(x) == inf) | (Bits)(v_abs(y) == inf), inf, r);
 }
 OUTLINE V v_hypot(V x, V y) {
     V a = v_abs(x), b = v_abs(y), low = v_all(0x1p-400), high = v_all(0x1p400), zero = v_all(0.0);
-    I usual = ((I)(a > low) | (I)(a == zero)) & ((I)(b > low) | (I)(b == zero));
-    usual = usual & (I)(a < high) & (I)(b < high) & (I)(a + b > zero);
+    Bits usual = ((Bits)(a > low) | (Bits)(a == zero)) & ((Bits)(b > low) | (Bits)(b == zero));
+    usual = usual & (Bits)(a < high) & (Bits)(b < high) & (Bits)(a + b > zero);
     V r = vm_hypot(x, y);
     if (__builtin_expect(i_any(~usual), 0)) r = v_select(usual, r, vm_hypot_far(x, y));
     return r;
@@ -674,11 +674,11 @@ static __attribute__((noinline, unused)) double vm_long_division(double x, doubl
 /* |x| modulo y > 0: by a quotient below 2^53, which is right or one too large, or by long division. NaN without a result. */
 OUTLINE V vm_modulo(V x, V y) {
     V big = v_all(0x1p52), q = x / y, n = (q + big) - big;
-    n = v_select((I)(q < big), n - v_truth((I)(n > q)), q);
+    n = v_select((Bits)(q < big), n - v_truth((Bits)(n > q)), q);
     V r = vm_exact_rest(x, n, y);
-    r = r + (V)((I)(r < v_all(0.0)) & (I)y);
-    I usual = (I)(q < v_all(0x1p53)) & (I)(y > v_all(0x1p-800)) & (I)(y < v_all(0x1p900)) & (I)(x < v_all(0x1p900));
-    I ok = (I)(x < v_all(VM_INF)) & (I)(y > v_all(0.0)) & (I)(y == y);
+    r = r + (V)((Bits)(r < v_all(0.0)) & (Bits)y);
+    Bits usual = (Bits)(q < v_all(0x1p53)) & (Bits)(y > v_all(0x1p-800)) & (Bits)(y < v_all(0x1p900)) & (Bits)(x < v_all(0x1p900));
+    Bits ok = (Bits)(x < v_all(VM_INF)) & (Bits)(y > v_all(0.0)) & (Bits)(y == y);
     if (__builtin_expect(i_any(~(usual & ok)), 0)) {
         for (int i = 0; i < LANES; i++)
             if (!usual[i] && ok[i]) r[i] = y[i] < VM_INF ? vm_long_division(x[i], y[i]) : x[i];
@@ -694,10 +694,10 @@ OUTLINE V v_fmod(V x, V y) { return vm_nan_sum(x, y, v_copysign(vm_modulo(v_abs(
 /* Nearest multiple, ties to the even one: modulo 2 y, then one or two subtractions (b - r is exact where it decides). */
 OUTLINE V v_remainder(V x, V y) {
     V a = v_abs(x), b = v_abs(y);
-    I huge = (I)(b >= v_all(0x1p1023)) & (I)(a < v_all(VM_INF));
+    Bits huge = (Bits)(b >= v_all(0x1p1023)) & (Bits)(a < v_all(VM_INF));
     V r = v_select(huge, a, vm_modulo(a, b + b)), once = r - b;
-    r = v_select((I)(r > b - r), v_select((I)(once >= b - once), once - b, once), r);
-    return vm_nan_sum(x, y, (V)((I)r ^ vm_sign_bit(x)));
+    r = v_select((Bits)(r > b - r), v_select((Bits)(once >= b - once), once - b, once), r);
+    return vm_nan_sum(x, y, (V)((Bits)r ^ vm_sign_bit(x)));
 }
 
 /* ---- error function ---- */
@@ -728,8 +728,8 @@ INLINE V vm_gauss(V x) {
 }
 
 OUTLINE V v_erf(V x) {
-    V a = v_abs(x), one = v_all(1.0), c = v_select((I)(a < v_all(6.0)), a, v_all(6.0));
-    I small = (I)(a < v_all(1.0));
+    V a = v_abs(x), one = v_all(1.0), c = v_select((Bits)(a < v_all(6.0)), a, v_all(6.0));
+    Bits small = (Bits)(a < v_all(1.0));
     V r = v_select(small, v_fma(a, vm_erf_poly(c), a), v_fma(-vm_gauss(c), vm_erfcx(c), one));
     return v_select(vm_is_nan(x), x, v_copysign(r, x));
 }
@@ -737,17 +737,17 @@ OUTLINE V v_erf(V x) {
 /* A minimax start of 19 bits in w = -log(1 - y^2) (after Giles, GPU Computing Gems 2, 2011), then Halley's step on erf, or on
    erfc against the exact 1 - y beyond erf(1). */
 OUTLINE V v_erfinv(V y) {
-    V a = v_abs(y), one = v_all(1.0), c = v_select((I)(a < one), a, v_all(0.5)), below = one - c;
+    V a = v_abs(y), one = v_all(1.0), c = v_select((Bits)(a < one), a, v_all(0.5)), below = one - c;
     V w = -v_log(below * (one + c)), s = v_sqrt(w);
     V low = VM_P9(w, 0x1.c5bf886f47a54p-1, 0x1.db2a63498579cp-3, 0x1.7a4998ef9973dp-7, -0x1.3082ae655a35fp-9,
         -0x1.29b7962ed62cep-13, 0x1.cf1c795e5d9d2p-15, -0x1.4658d1d873869p-21, -0x1.b9e857d9f980ep-21, 0x1.16f5d1d5bee71p-24);
     V high = VM_P9(s, 0x1.2240be37937dp-5, -0x1.3271623457a42p-3, -0x1.7cd26e821fd5ep-6, 0x1.ec29cb7417888p-5,
         -0x1.c53f42aaef603p-6, 0x1.abd4a8a28aa29p-8, -0x1.cb681c665fc7cp-11, 0x1.0b5c110878fbp-14, -0x1.06edfd46f12f6p-19);
-    V x = v_select((I)(w < v_all(4.0)), c * low, s + high);
+    V x = v_select((Bits)(w < v_all(4.0)), c * low, s + high);
     V g = vm_gauss(x), near = v_fma(x, vm_erf_poly(x), x - c), far = v_fma(-g, vm_erfcx(x), below);
-    V t = v_all(0x1.c5bf891b4ef6bp-1) * v_select((I)(x < v_all(1.0)), near, far) / g;
+    V t = v_all(0x1.c5bf891b4ef6bp-1) * v_select((Bits)(x < v_all(1.0)), near, far) / g;
     x = x - t / v_fma(x, t, one);
-    x = v_select((I)(a == one), v_all(VM_INF), v_select((I)(a > one), v_all(VM_NAN), x));
+    x = v_select((Bits)(a == one), v_all(VM_INF), v_select((Bits)(a > one), v_all(VM_NAN), x));
     return v_select(vm_is_nan(y), y, v_copysign(x, y));
 }
 

@@ -7,6 +7,8 @@
 #define ONLY_COMPILED_KERNELS
 #define EXPORT __attribute__((visibility("hidden")))
 #define begin SIMULATOR_NAME(simulator_begin)
+#define needed SIMULATOR_NAME(simulator_needed)
+#define moved_integration SIMULATOR_NAME(simulator_moved_integration)
 #define advance SIMULATOR_NAME(simulator_advance)
 #define use_newton SIMULATOR_NAME(simulator_use_newton)
 #define exchange SIMULATOR_NAME(simulator_exchange)

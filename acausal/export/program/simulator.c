@@ -10,7 +10,7 @@
 #define CLOSED 1e-6 /* gaps that a start may have, in parts of the model's size, or of its velocities */
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
 
-static const SimulatorOptions defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0};
+static const SimulatorOptions defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0, 0};
 
 SimulatorOptions simulator_defaults(void) { return defaults; }
 
@@ -211,6 +211,7 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
     I.rtol = fmax(options->rtol, FINEST);
     I.atol = options->atol;
     I.input = options->input;
+    I.user = options->user;
     if (!choose_method(&I, options, I.rtol)) return finished(report, SIMULATOR_BAD_ARGUMENT, "There is no method of that order.");
 
     double *own = malloc(sizeof(double) * (size_t)(model.states + model.inputs + model.parameters + 1));
@@ -222,7 +223,7 @@ int simulate(const SimulatorOptions *options, double t0, const double *x0, const
     memcpy(I.u, u ? u : model.input_values, sizeof(double) * (size_t)model.inputs);
     memcpy(parameters, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
     if (x0) memcpy(I.x, x0, sizeof(double) * (size_t)model.states);
-    int given = !I.input || I.input(t0, I.u);
+    int given = !I.input || I.input(I.user, t0, I.u);
     SimulatorStatus begun = !given ? SIMULATOR_INPUT_FAILED
                             : x0   ? SIMULATOR_SUCCESS
                                    : assemble(t0, model.condition_values, I.u, parameters, I.x);

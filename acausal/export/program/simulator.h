@@ -48,7 +48,8 @@ typedef struct {
     double step;    /* size of fixed steps [s]; 0: as the tolerances allow */
     long max_steps; /* the run fails when these are not enough */
     /* Fills the inputs u at time t, also times ahead of the motion; returns 0 to give up. 0: inputs stay what `simulate` got. */
-    int (*input)(double t, double *u);
+    int (*input)(void *user, double t, double *u);
+    void *user; /* handed to `input` */
 } SimulatorOptions;
 
 typedef enum {
