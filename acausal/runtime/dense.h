@@ -46,6 +46,8 @@ static int refine_step(Integrator *I, Stages *F, long k) {
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
         if (again) break;
         sample_noise(I, F);
+        set_scale(I, h, h);
+        set_factor(I, h);
         J = new_judge(J.tolerance, J.floor, J.limit);
         done = fixed_point(I, F, h, x, &J);
     }
