@@ -6,6 +6,7 @@ from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
+from acausal.language.pieces import samples, with_knots
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
 from acausal.simulate.events import Event, when
@@ -35,8 +36,10 @@ __all__ = [
     "exactly",
     "load_c",
     "near",
+    "samples",
     "time",
     "when",
+    "with_knots",
 ]  # fmt: skip
 
 answer_to_old_names()

@@ -296,6 +296,7 @@ class Model:
         method: str = "auto",
         order: int | None = None,
         step: float | None = None,
+        max_step: float | None = None,
         samples: int = 501,
         progress: bool | Progress = True,
         max_steps: int = 1_000_000,
@@ -307,9 +308,10 @@ class Model:
 
         `start`: values of any variables or expressions, exactly or `ac.near(...)`. `rtol`, `atol`: local error
         tolerances: each state is judged by rtol times the largest magnitude that it has met, or that the step moves it by, whatever its
-        unit; `atol` [SI] is added where it is given. `inputs`: numbers or functions of time. `parameters`: other values than at build.
+        unit; `atol` [SI] is added where it is given. `inputs`: numbers, expressions of `ac.time`,
+        `ac.samples(...)` and splines of scipy, whose jumps and bends end steps, or functions of time, whose jumps `ac.with_knots` tells. `parameters`: other values than at build.
         `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
-        method has them. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
+        method has them; no step is longer than `max_step` [s]. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
         `events`: zeros of expressions, `ac.when(...)`, found in `run.events`.
         A run that has ended is looked at: where its constraints or its energy balance are off by far more than the tolerance explains, an
         `AccuracyWarning` says by how much, since when and why. Energy is left out where parts of one's own do not say what they store and
@@ -320,7 +322,9 @@ class Model:
         """
         from acausal.simulate.simulation import Options, simulate
 
-        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure, order, step, progress, events)
+        options = Options(
+            rtol, atol, method, samples, compiled, max_steps, raise_on_failure, order, step, max_step, progress, events
+        )
         return self._answered(parameters, lambda m: simulate(m.functions, t0, end, start, inputs, parameters, options))
 
     def sensitivities(

@@ -14,9 +14,10 @@ from acausal.collocation.problem import Guards, Problem, Solution, Status, Statu
 from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input
+from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.runtime.kernels import How
-from acausal.simulate.inputs import InputValue, input_signal
+from acausal.simulate.inputs import InputValue, input_signal, knots
 from acausal.simulate.simulation import Options
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import raise_if_interrupted
@@ -70,7 +71,6 @@ def through_charts(
             "model.simulate."
         )
     signal = input_signal(functions, inputs)
-    moving = any(callable(value) for value in inputs.values())
     rtol, atol = options.rtol, options.atol or 0.0
     if not (0 < rtol < 1 and atol >= 0):
         raise OptionError(f"minimal.simulate: need 0 < rtol < 1 and atol >= 0, not rtol={rtol}, atol={atol}.")
@@ -80,7 +80,7 @@ def through_charts(
         minimal = minimal.rechart(initial.x)
     problem = Problem(
         functions.explicit_dynamics, functions.invariants, functions.projection, signal, chart.p,
-        None if moving else signal(np.zeros(1))[:, 0],
+        signal.constant, breaks=apart(knots(signal, chart.t, end), chart.t, end),
     )  # fmt: skip
     pieces: list[_Piece] = []
     after: MinimalModel | str = minimal
@@ -117,7 +117,9 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
     p = np.concatenate([chart.p, r, limits])
     native = equations.native(How.AUTO if options.compiled else How.CASADI)
     guards = Guards(equations.guards, (-1,) * limits.size, (True,) * limits.size)
-    own = Problem(equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards)
+    own = Problem(
+        equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards, breaks=problem.breaks
+    )
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
     rtol, atol = (max(share * wanted, min(wanted, _FINEST)) for wanted in (options.rtol, options.atol or 0.0))
     solution = integrate(own, minimal.start, chart.t, end, rtol, atol, method=options.method, max_steps=options.max_steps)

@@ -66,12 +66,13 @@ class Problem:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Error control: `rtol` and `atol` per step, or a fixed `step` [s]. atol 0: by the sizes of the states alone."""
+    """Error control: `rtol` and `atol` per step, none longer than `max_step` [s], or a fixed `step` [s]. atol 0: by the sizes of the states alone."""
 
     rtol: float
     atol: float
     step: float | None = None
     max_steps: int = 1_000_000
+    max_step: float | None = None
 
     def with_step(self, step: float | None) -> Tolerances:
         """The same with a fixed step, unless `step` is None."""

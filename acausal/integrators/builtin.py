@@ -60,6 +60,8 @@ def _integrate_builtin(
     options = {"abstol": tolerances.atol or tolerances.rtol, "reltol": tolerances.rtol}
     if name in ("cvodes", "idas"):
         options["max_num_steps"] = 100_000
+    if tolerances.max_step is not None and t1 > t0:
+        options["max_step_size"] = min(1.0, tolerances.max_step * _GRID / (t1 - t0))
     step = ca.integrator("step", name, dae, 0.0, 1.0, options)
 
     def advance(start: float, h: float, state: np.ndarray) -> np.ndarray:

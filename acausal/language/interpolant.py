@@ -1,4 +1,4 @@
-"""Splines of scipy as expressions: piecewise polynomials, so that they can be differentiated and compiled like any other formula."""
+"""Splines of scipy and samples: piecewise polynomials, which are expressions like any other formula, and tables for inputs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ import numpy as np
 
 from acausal.errors import ParameterError
 from acausal.language.origin import origin
+from acausal.language.pieces import PiecewisePolynomial
 
 
 def is_spline(value: object) -> bool:
-    """Whether it is one of scipy's interpolating functions."""
-    return any(cls.__module__.startswith("scipy.interpolate") for cls in type(value).__mro__)
+    """Whether it is one of scipy's interpolating functions, or samples."""
+    return isinstance(value, PiecewisePolynomial) or any(
+        cls.__module__.startswith("scipy.interpolate") for cls in type(value).__mro__
+    )
 
 
 def of_spline(spline: Any, x: ca.SX) -> ca.SX | list[ca.SX]:
@@ -21,29 +24,72 @@ def of_spline(spline: Any, x: ca.SX) -> ca.SX | list[ca.SX]:
 
     Beyond the data as the spline says itself: going on, periodic, or NaN.
     """
-    from scipy.interpolate import BSpline, PPoly
+    values = [_piecewise(pieces, x) for pieces in pieces_of(spline)]
+    return values if len(values) > 1 or np.ndim(getattr(spline, "c", 0)) == 3 else values[0]
 
+
+def pieces_of(spline: Any) -> list[PiecewisePolynomial]:
+    """The columns of a spline as piecewise polynomials. Raises `ParameterError` for what is none."""
+    if isinstance(spline, PiecewisePolynomial):
+        return [spline]
+    from scipy.interpolate import BSpline, PPoly, UnivariateSpline, interp1d
+
+    if isinstance(spline, interp1d):
+        return [_of_interp1d(spline)]
+    if isinstance(spline, UnivariateSpline):
+        spline = BSpline(*spline._eval_args)  # pyright: ignore[reportPrivateUsage]  # scipy has no other way to its knots
     if isinstance(spline, BSpline):
         spline = PPoly.from_spline(spline, extrapolate=spline.extrapolate)
     if not isinstance(spline, PPoly) or np.iscomplexobj(spline.c) or spline.c.ndim > 3:
         raise ParameterError(
-            f"{type(spline).__name__} of scipy cannot stand in an equation ({origin()}). Use a piecewise polynomial of one variable: CubicSpline, "
-            "PchipInterpolator, Akima1DInterpolator or make_interp_spline."
+            f"{type(spline).__name__} of scipy is no piecewise polynomial of one variable ({origin()}). Use ac.samples(times, values), or of scipy "
+            "CubicSpline, PchipInterpolator, Akima1DInterpolator or make_interp_spline."
         )
-    c, knots = np.asarray(spline.c), np.asarray(spline.x)
+    c, knots = np.asarray(spline.c), np.asarray(spline.x, dtype=float)
     first, last = float(knots[0]), float(knots[-1])
-    at = x - (last - first) * ca.floor((x - first) / (last - first)) if spline.extrapolate == "periodic" else x
-    columns = c.reshape(*c.shape[:2], -1)
-    values = [_piecewise(columns[:, :, j], knots, at) for j in range(columns.shape[2])]
-    if not spline.extrapolate:
-        values = [ca.if_else(ca.logic_and(x >= first, x <= last), value, np.nan) for value in values]
-    return values if c.ndim == 3 else values[0]
+    columns = np.moveaxis(c.reshape(*c.shape[:2], -1), 0, 1)
+    if spline.extrapolate == "periodic":
+        return [PiecewisePolynomial(knots[:-1], column, first, last - first) for column in np.moveaxis(columns, 2, 0)]
+    outside = None if spline.extrapolate else (np.nan, np.nan)
+    return [_ended(knots, column, outside) for column in np.moveaxis(columns, 2, 0)]
 
 
-def _piecewise(c: np.ndarray, knots: np.ndarray, x: ca.SX) -> ca.SX:
-    """Horner's rule with the coefficients (k, pieces), highest power first, of the piece that x is in."""
-    *coefficients, begin = (_chosen([float(entry) for entry in row], knots[1:-1], x) for row in (*c, knots[:-1]))
-    value, s = ca.SX(0), x - begin
+def _ended(knots: np.ndarray, coefficients: np.ndarray, outside: tuple[float, float] | None) -> PiecewisePolynomial:
+    """Pieces between knots (n + 1,), with these values outside; None: the first and the last go on."""
+    if outside is None:
+        return PiecewisePolynomial(knots[:-1], coefficients)
+    ends = np.zeros((2, 1, coefficients.shape[1]))
+    ends[:, 0, -1] = outside
+    begins = np.concatenate([knots[:1], knots[:-1], [np.nextafter(knots[-1], np.inf)]])
+    return PiecewisePolynomial(begins, np.vstack([ends[0], coefficients, ends[1]]))
+
+
+def _of_interp1d(given: Any) -> PiecewisePolynomial:
+    """scipy's `interp1d` of one row of data."""
+    x, y, kind = np.asarray(given.x, dtype=float), np.asarray(given.y, dtype=float), given._kind
+    if y.ndim != 1:
+        raise ParameterError(f"interp1d of data of shape {y.shape} cannot stand here ({origin()}): give one row.")
+    fill: Any = given.fill_value
+    outside = None if isinstance(fill, str) else tuple(np.broadcast_to(np.asarray(fill, dtype=float).ravel(), (2,)).tolist())
+    if kind not in ("linear", "nearest", "previous", "next"):
+        raise ParameterError(
+            f"interp1d of kind {kind!r} cannot stand here ({origin()}). Use scipy's CubicSpline or make_interp_spline."
+        )
+    if kind == "linear":
+        return _ended(x, np.column_stack([np.diff(y) / np.diff(x), y[:-1]]), outside)
+    if kind == "previous":
+        return _ended(np.append(x, x[-1]), y[:, None], outside)
+    middle = 0.5 * (x[:-1] + x[1:])
+    knots = np.concatenate([x[:1], np.nextafter(x[:-1] if kind == "next" else middle, np.inf), x[-1:]])
+    return _ended(knots, y[:, None], outside)
+
+
+def _piecewise(pieces: PiecewisePolynomial, x: ca.SX) -> ca.SX:
+    """Horner's rule with the coefficients of the piece that x is in."""
+    at = x - pieces.period * ca.floor((x - pieces.first) / pieces.period) if pieces.period else x
+    begins = pieces.begins
+    *coefficients, begin = (_chosen([float(entry) for entry in row], begins[1:], at) for row in (*pieces.coefficients.T, begins))
+    value, s = ca.SX(0), at - begin
     for coefficient in coefficients:
         value = value * s + coefficient
     return value
@@ -51,7 +97,7 @@ def _piecewise(c: np.ndarray, knots: np.ndarray, x: ca.SX) -> ca.SX:
 
 def _chosen(entries: list[float], between: np.ndarray, x: ca.SX) -> ca.SX:
     """The entry of the piece that x is in, found by halving."""
-    if all(entry == entries[0] for entry in entries):
+    if len(entries) == 1 or all(entry == entries[0] for entry in entries):
         return ca.SX(entries[0])
     half = len(entries) // 2
     return ca.if_else(

@@ -35,7 +35,7 @@ class Clocks:
     steady: np.ndarray
 
     def times(self, t0: float, t1: float, p: np.ndarray) -> np.ndarray:
-        """(n, 2) last and first times [s] before and after switches between t0 and t1.
+        """Times [s] of switches between t0 and t1.
 
         Values that are linear in time are solved for; of others 1001 samples are taken between those, and what changes sign twice between
         two samples is missed.
@@ -52,10 +52,7 @@ class Clocks:
             found += (t0 + (wanted - values[k]) / slopes[k]).tolist()
         if not self.steady.all():
             found += self._sampled(np.array(found), t0, t1, p)
-        least = np.spacing(max(abs(t0), abs(t1)))
-        times = np.unique([t for t in found if t0 - _ASIDE * least <= t <= t1 + _ASIDE * least])
-        times = times[np.concatenate([[True], np.diff(times) > 4 * _ASIDE * least])] if times.size else times
-        return times[:, None] + _ASIDE * least * np.array([-1.0, 1.0])
+        return np.unique(found)
 
     def _sampled(self, known: np.ndarray, t0: float, t1: float, p: np.ndarray) -> list[float]:
         """Where values that are not linear in time change their signs, or the whole numbers below them."""
@@ -72,15 +69,23 @@ class Clocks:
         return found
 
 
+def apart(times: np.ndarray, t0: float, t1: float) -> np.ndarray:
+    """(n, 2) last and first times [s] before and after `times` from t0 to t1."""
+    least = np.spacing(max(abs(t0), abs(t1)))
+    found = np.unique(times[(times >= t0 - _ASIDE * least) & (times <= t1 + _ASIDE * least)])
+    found = found[np.concatenate([[True], np.diff(found) > 4 * _ASIDE * least])] if found.size else found
+    return found[:, None] + _ASIDE * least * np.array([-1.0, 1.0])
+
+
 def clocks(function: ca.Function) -> Clocks | None:
-    """Those of an SX function (t, x, u, p); None where no switch depends on time and not on x or u."""
+    """Those of an SX function (t) or (t, x, u, p); None where no switch depends on time and not on x or u."""
     codes = {function.instruction_id(k) for k in range(function.n_instructions())}
     if not codes.intersection(SWITCHES):
         return None
-    t, x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate("txup"))
+    t, x, u, p = (ca.SX.sym(name, function.size1_in(i) if i < function.n_in() else 0) for i, name in enumerate("txup"))
     moving = ca.vertcat(x, u)
     signs, counts = list[ca.SX](), list[ca.SX]()
-    for node in switches(ca.densify(function.call([t, x, u, p])[0])):
+    for node in switches(ca.densify(function.call([t, x, u, p][: function.n_in()])[0])):
         a, b = node.dep(0), node.dep(1) if node.n_dep() > 1 else ca.SX(1)
         value = a - b if node.op() in _COMPARED else a / b if node.op() in _PERIODIC else a
         if ca.depends_on(value, t) and not ca.depends_on(value, moving):

@@ -57,6 +57,7 @@ static int make_parts(Integrator *I) {
     if (!I->counted) give_inputs(I, T->point_in);
     if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n)) return 0;
     if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I))) return 0;
+    if (I->formulas && !arranged(I, &I->formula, &T->formula_in, &T->formula_out, &T->formula_c, 1)) return 0;
     if (I->guards && !make_guards(I)) return 0;
     if (!make_vectors(I, most) || (I->directions && !make_sensitivity(I))) return 0;
     return !(I->block || I->counted) || make_rest(I, most);
@@ -161,9 +162,9 @@ int advance(Integrator *I) {
 /* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */
 int exchange(Integrator *I, long which, const Kernel *k) {
     struct State *T = I->state;
-    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance};
-    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in};
-    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c};
+    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula};
+    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in};
+    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c};
     if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
     *kernels[which] = *k;
     return 1;

@@ -59,7 +59,17 @@ class Method(ctypes.Structure):
     ]
 
 
-KERNELS = ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance")
+class Table(ctypes.Structure):
+    """`Table` of runtime.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("input", "pieces", "terms")),
+        *((name, ctypes.c_double) for name in ("first", "period")),
+        *((name, _Double) for name in ("begins", "coefficients")),
+    ]
+
+
+KERNELS = ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance", "formula")
 """Kernels of an integration, in the order of runtime.h."""
 
 
@@ -72,13 +82,17 @@ class Integrator(ctypes.Structure):
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
         ("input", InputFunction),
+        ("tables", ctypes.c_long),
+        ("formulas", ctypes.c_long),
+        ("table_list", ctypes.POINTER(Table)),
+        ("formula_input", _Long),
         ("rounding", RoundingFunction),
         ("guard_rounding", GuardRoundingFunction),
         ("u", ctypes.c_void_p),
         ("copy_to", _Long),
         ("copy_from", _Long),
         ("x", ctypes.c_void_p),
-        *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "slice")),
+        *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "max_step", "slice")),
         ("breaks", ctypes.c_void_p),
         ("break_count", ctypes.c_long),
         ("next_break", ctypes.c_long),

@@ -401,6 +401,7 @@ static int rests_on_rounding(Integrator *I, double h) {
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
+    if (I->max_step > 0) I->h = fmin(I->h, I->max_step);
     double first = fmin(I->h, I->end - I->t);
     if (!T->missed || first > T->planned) T->planned = first; /* near a jump steps stay small: states are sized by those before */
     if (T->doubts == 0) T->trusted = I->h;
@@ -415,7 +416,8 @@ static enum Code one_adaptive(Integrator *I) {
             if (explained) I->h = first;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
-        if (I->end - I->t - h < 1e-3 * h) h = I->end - I->t;
+        if (I->max_step > 0) h = fmin(h, I->max_step);
+        if (I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;

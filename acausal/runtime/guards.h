@@ -43,11 +43,7 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
             V x = v_fma(v_all(p->h), sum, v_all(p->start[i]));
             in[1 + i] = v_select(m0, v_all(p->start[i]), v_select(m1, v_all(p->stop[i]), x));
         }
-        if (I->input)
-            for (int l = 0; l < LANES; l++) {
-                if (!I->input(I->user, in[0][l], I->u)) return 0;
-                for (long i = 0; i < I->nu; i++) in[1 + I->nx + i][l] = I->u[i];
-            }
+        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
         run_kernel(&I->guard, in, T->guard_c, T->guard_out, T->work);
         for (int l = 0; l < LANES && k + l < count; l++)
             for (long g = 0; g < I->guards; g++) values[(k + l) * I->guards + g] = T->guard_out[g][l];

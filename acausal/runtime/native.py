@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.inputs import Inputs
 from acausal.collocation.problem import (
     Crossing,
     Directions,
@@ -37,11 +38,13 @@ from acausal.runtime.binding import (
     Method,
     MethodTable,
     RoundingFunction,
+    Table,
     method_table,
 )
 from acausal.runtime.kernels import How, Kernels, Wanted
 from acausal.runtime.load import Runtime, runtime
 
+_Double = ctypes.POINTER(ctypes.c_double)
 _SLICE = 0.05
 _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
 _STATUS = {
@@ -131,6 +134,11 @@ class NativeProblem:
         return self._kernels(*wanted)
 
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
+    def formula(self, function: ca.Function) -> Kernels:
+        """Inputs (t) -> values as a kernel."""
+        return self._kernels(Wanted("formula", function))
+
+    @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
     def guard(self, function: ca.Function) -> Kernels:
         """Guards (t, x, u, p) -> values as a kernel."""
         return self._kernels(Wanted("guard", function, (3,)))
@@ -213,13 +221,13 @@ class Run:
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, tolerances.rtol, tolerances.atol
         core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
+        core.max_step = tolerances.max_step or 0.0
+        self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
         if native.nu:
             if problem.constant_inputs is not None:
                 self._u[:] = problem.constant_inputs
             else:
-                self._callback = InputFunction(self._input)
-                core.input = self._callback
-        self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
+                self._give(problem.inputs if isinstance(problem.inputs, Inputs) else None)
         self._use(native.kernels, "rhs", *(["projection"] if native.ng else []), *(["clearance"] if native.crosses else []))
         self._breaks = np.ascontiguousarray(problem.breaks, dtype=float)
         core.breaks, core.break_count = _address(self._breaks), self._breaks.shape[0]
@@ -236,6 +244,26 @@ class Run:
     def __del__(self) -> None:
         if hasattr(self, "core"):
             self.native.library.finish(ctypes.byref(self.core))
+
+    def _give(self, inputs: Inputs | None) -> None:
+        """Tables and formulas to the runtime; the rest is asked for by a callback, all where nothing is known of them."""
+        core = self.core
+        if inputs is not None:
+            self._u[:] = inputs.numbers
+            self._tables = [(np.ascontiguousarray(c.begins), np.ascontiguousarray(c.coefficients)) for _, c in inputs.tables]
+            self._table_list = (Table * len(self._tables))(*(
+                Table(i, *c.coefficients.shape, c.first, c.period, *(ctypes.cast(_address(a), _Double) for a in arrays))
+                for (i, c), arrays in zip(inputs.tables, self._tables, strict=True)
+            ))  # fmt: skip
+            core.tables, core.table_list = len(self._tables), self._table_list
+            if inputs.formulas:
+                self._formula_input = (ctypes.c_long * len(inputs.formulas))(*(i for i, _ in inputs.formulas))
+                core.formulas, core.formula_input = len(inputs.formulas), self._formula_input
+                self._use(self.native.formula(inputs.formula), "formula")
+        self._functions = None if inputs is None else inputs.functions
+        if self._functions is None or self._functions:
+            self._callback = InputFunction(self._input)
+            core.input = self._callback
 
     def _follow(self, directions: Directions) -> None:
         core = self.core
@@ -274,12 +302,14 @@ class Run:
 
     def _input(self, _: int | None, t: float, u: Any) -> int:
         try:
-            values = self._inputs(np.array([t]))[:, 0]
+            if self._functions is None:
+                u[: self.native.nu] = self._inputs(np.array([t]))[:, 0].tolist()
+            else:
+                for i, function in self._functions:
+                    u[i] = function(t)
         except BaseException as error:  # it must not cross the C code; raised again after it
             self.error = error
             return 0
-        for i, value in enumerate(values):
-            u[i] = value
         return 1
 
     def _round(self, t: float, x: Any, h: float, rates: Any) -> int:

@@ -7,6 +7,7 @@
 #include "interpreter.h"
 #include "memory.h"
 #include "stages.h"
+#include "inputs.h"
 #include "passage.h"
 #include "newton.h"
 #include "projection.h"

@@ -27,6 +27,14 @@ typedef struct {
     const double *weights;  /* the same, (stages) */
 } Method;
 
+/* An input that is a piecewise polynomial of time: piece k from begins[k] on, the first one before that too, with `terms` coefficients,
+   highest power first, of the time since then; with a period (0: none), that of `first` to first + period everywhere. */
+typedef struct {
+    long input, pieces, terms;
+    double first, period;
+    const double *begins, *coefficients;
+} Table;
+
 enum Kind { GAUSS, RADAU };
 enum Newton { NEVER, WHERE_SLOW, ALWAYS };
 enum Code {
@@ -53,9 +61,13 @@ typedef struct Integrator {
     Kernel variation;   /* t, x, u, p, dx, du, dp -> dx' */
     Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
     Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
+    Kernel formula;     /* t -> inputs that are formulas */
     const Method *method_list;
     const double *parameters;
-    int (*input)(void *user, double t, double *u); /* null: `u` does not change */
+    int (*input)(void *user, double t, double *u); /* null: `u` does not change, but for what is in tables and formulas */
+    long tables, formulas;
+    const Table *table_list;
+    const long *formula_input;
     /* What rounding makes of the rates in steps of size h, per state, into `rates`, each operation counted; null: not known. */
     int (*rounding)(double t, const double *x, double h, double *rates);
     /* What rounding makes of the guards, into `values`; null: not known. */
@@ -64,6 +76,7 @@ typedef struct Integrator {
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     double *x;                       /* start and current state */
     double t, end, rtol, atol, step; /* atol 0: states are judged by their sizes alone; step 0: adaptive */
+    double max_step;                 /* 0: none */
     double slice;                    /* seconds until PAUSED; 0: after each step */
     const double *breaks; /* (break_count, 2): rates are smooth before the first and after the second; between them time is skipped */
     long break_count, next_break;

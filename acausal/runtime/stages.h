@@ -97,6 +97,7 @@ struct State {
     V *rhs_c, *jvp_c, *projection_c, *guard_c, *work;
     V *point_in, *point_out; /* rhs at one point */
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
+    V *formula_in, *formula_out, *formula_c;
     char *copied;
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
@@ -206,17 +207,15 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     return 1;
 }
 
+static int inputs_at(Integrator *I, V t, long count, V *u);
+
 /* Times and inputs of the stages. Returns 0 when the input function failed. */
 static int stage_times(Integrator *I, Stages *S, double t, double h) {
     S->t = t;
     S->h = h;
     for (long b = 0; b < S->blocks; b++) {
         S->in[b][0] = v_fma(v_all(h), S->c[b], v_all(t));
-        if (!I->input) continue;
-        for (long l = 0; l < LANES; l++) {
-            if (b * LANES + l < S->s && !I->input(I->user, S->in[b][0][l], I->u)) return 0;
-            for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i][l] = I->u[i];
-        }
+        if (!inputs_at(I, S->in[b][0], S->s - b * LANES, S->in[b] + 1 + I->nx)) return 0;
     }
     for (long b = 0; b < S->blocks; b++) S->hb[b] = S->b[b] * v_all(h);
     return 1;
@@ -241,10 +240,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
     struct State *T = I->state;
     V *in = T->point_in;
     in[0] = v_all(t);
-    if (I->input) {
-        if (!I->input(I->user, t, I->u)) return 0;
-        for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = v_all(I->u[i]);
-    }
+    if (!inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
     run_kernel(&I->rhs, in, T->rhs_c, T->point_out, T->work);
     for (long i = 0; i < I->nx; i++) out[i] = T->point_out[i][0];

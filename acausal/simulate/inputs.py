@@ -1,4 +1,4 @@
-"""Inputs of a run: numbers and functions of time; and the rates that follow from them where parts need them."""
+"""Inputs of a run: numbers, expressions of time, samples and functions of time; and the rates that follow from them where parts need them."""
 
 from __future__ import annotations
 
@@ -10,23 +10,27 @@ import casadi as ca
 import numpy as np
 
 from acausal.arguments import dictionary, shown
+from acausal.collocation.inputs import Course, Formula, Inputs
 from acausal.errors import AcausalError, ParameterError, UnknownVariableError
 from acausal.language.component import Component
 from acausal.language.expression import Expression, Input, InputRate, Parameter, number, sx, time
+from acausal.language.interpolant import is_spline, pieces_of
 from acausal.language.origin import origin
+from acausal.language.pieces import PiecewisePolynomial, WithKnots
+from acausal.outputs.clocks import clocks
 from acausal.outputs.functions import Functions
 
 INPUTS = "{scene.torque: lambda t: np.sin(t)}"
-Course = float | Callable[[float], float] | Expression
-InputValue = Course | tuple[Course, Course]
-"""What an input is given as. Where its rate is needed, also an expression of `ac.time`, or a pair: value and rate."""
+InputValue = float | Callable[[float], float] | Expression | tuple[Any, Any]
+"""What an input is given as; see `input_signal`."""
 
 
-def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Callable[[np.ndarray], np.ndarray]:
-    """times (n,) -> inputs (nu, n), and the rates of inputs that the model needs. A callable is asked for one time at a time.
+def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Inputs:
+    """Inputs as functions of time, and the rates of inputs that the model needs.
 
-    The rate of a number is 0. That of an expression of `ac.time`, or of a function that takes one, is its derivative; otherwise it is the second
-    entry of a pair. Raises `ParameterError` where there is none.
+    A number; an expression of `ac.time`; `ac.samples` or a spline of scipy; a function, which is asked for one time at a time, and whose jumps are known
+    when `ac.with_knots` says where. The rates of the first three follow; that of a function that takes `ac.time` is its derivative; otherwise
+    a pair is needed: value and rate. Raises `ParameterError` where there is none.
     """
     known = functions.outputs.system.flat.inputs
     given = dictionary(inputs, "inputs", INPUTS)
@@ -35,7 +39,7 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Ca
             names = [functions.outputs.name(k) for k in known if not isinstance(k, InputRate)]
             raise UnknownVariableError(unknown_symbol(entry, "input", names))
     rated = {entry.of for entry in known if isinstance(entry, InputRate)}
-    courses: list[float | Callable[[float], float]] = []
+    courses: list[Course] = []
     for entry in known:
         name = functions.outputs.name(entry)
         if isinstance(entry, InputRate):
@@ -43,29 +47,50 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> Ca
         else:
             courses.append(_course(given.get(entry, entry.default), name, entry in rated))
 
-    return _Signal(tuple(courses))
+    return Inputs(tuple(courses))
 
 
-def _course(value: Any, name: str, rated: bool) -> float | Callable[[float], float]:
+def knots(inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> np.ndarray:
+    """Times [s] from t0 to t1 at which inputs jump or bend, as far as that is known."""
+    found = [np.zeros(0)]
+    for course in inputs.courses if isinstance(inputs, Inputs) else ():
+        if isinstance(course, Formula):
+            switching = clocks(course.function)
+            found.append(np.zeros(0) if switching is None else switching.times(t0, t1, np.zeros(0)))
+        elif isinstance(course, PiecewisePolynomial):
+            found.append(course.knots(t0, t1))
+        elif isinstance(course, _Watched) and isinstance(course.function, WithKnots):
+            found.append(course.function.knots(t0, t1))
+    return np.unique(np.concatenate(found))
+
+
+def _course(value: Any, name: str, rated: bool) -> Course:
     """The value of an input."""
     if isinstance(value, tuple) and rated and len(value) == 2:  # pyright: ignore[reportUnknownArgumentType]
         value = value[0]
-    if isinstance(value, Expression | ca.SX) and rated:
-        return _evaluated(value, name)
-    if callable(value):
+    if isinstance(value, Expression | ca.SX):
+        return _formula(sx(value), name)
+    if is_spline(value):
+        pieces = pieces_of(value)
+        if len(pieces) == 1:
+            return pieces[0]
+    elif callable(value):
         return _Watched(value, name)
     if not np.isscalar(value):
         raise ParameterError(
-            f"The input {name} is given as {shown(value)} ({origin()}). Give a number, or a function of time that gives numbers: "
-            "lambda t: np.sin(t), or lambda t: np.interp(t, times, samples)."
+            f"The input {name} is given as {shown(value)} ({origin()}). Give a number, samples: ac.samples(times, values), an expression of "
+            "ac.time, or a function of time that gives numbers: lambda t: np.sin(t)."
         )
     return number(value, name)
 
 
-def _rate(value: Any, name: str, of: str) -> float | Callable[[float], float]:
+def _rate(value: Any, name: str, of: str) -> Course:
     """The rate of an input that is given as `value`."""
     if isinstance(value, tuple):
         return _course(value[1], name, False)
+    if is_spline(value):
+        (pieces,) = pieces_of(value)
+        return pieces.derivative()
     if callable(value) and not isinstance(value, Expression):
         try:
             value = value(time)
@@ -75,32 +100,20 @@ def _rate(value: Any, name: str, of: str) -> float | Callable[[float], float]:
                 f"{str(error).rstrip('.')}. Write it with functions of numpy or CasADi, or give a pair: (function, function of its rate)."
             ) from error
     if isinstance(value, Expression | ca.SX):
-        return _evaluated(ca.jtimes(sx(value), time.sx, ca.SX(1)), name)
+        return _formula(ca.jtimes(sx(value), time.sx, ca.SX(1)), name)
     return 0.0
 
 
-def _evaluated(value: Expression | ca.SX, name: str) -> Callable[[float], float]:
+def _formula(value: ca.SX, name: str) -> Course:
     """An expression of `ac.time` as a function of numbers. Raises `ParameterError` for anything else in it."""
-    expression = sx(value)
-    if expression.numel() != 1 or any(s.element_hash() != time.sx.element_hash() for s in ca.symvar(expression)):
+    if value.numel() != 1 or any(s.element_hash() != time.sx.element_hash() for s in ca.symvar(value)):
         raise ParameterError(
             f"The input {name} is given as {shown(value)} ({origin()}). Give a scalar in which only ac.time stands."
         )
-    function = ca.Function("course", [time.sx], [ca.densify(expression)])
-    return _Evaluated(function)
-
-
-@dataclass(frozen=True)
-class _Signal:
-    """times (n,) -> inputs (nu, n), each a number or a function of time."""
-
-    given: tuple[float | Callable[[float], float], ...]
-
-    def __call__(self, times: np.ndarray) -> np.ndarray:
-        result = np.empty((len(self.given), times.size))
-        for i, value in enumerate(self.given):
-            result[i] = [value(float(t)) for t in times] if callable(value) else value
-        return result
+    if value.is_constant():
+        return number(float(value), name)
+    t = ca.SX.sym("t")
+    return Formula(ca.Function("course", [t], [ca.densify(ca.substitute(value, time.sx, t))]))
 
 
 @dataclass(frozen=True)
@@ -122,16 +135,6 @@ class _Watched:
             error.add_note(f"In the function of time of the input {self.name}, called with t = {t:.6g} s.")
             raise
         return found
-
-
-@dataclass(frozen=True)
-class _Evaluated:
-    """A CasADi function of time for numbers."""
-
-    function: ca.Function
-
-    def __call__(self, t: float) -> float:
-        return float(self.function(t))
 
 
 def unknown_symbol(symbol: Any, kind: str, known: list[str]) -> str:

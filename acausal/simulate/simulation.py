@@ -10,17 +10,18 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary, finite, listed, truth, whole_number
+from acausal.arguments import ascending, dictionary, finite, listed, truth, whole_number
 from acausal.collocation.problem import Guards, Problem, StatusKind, Tolerances
 from acausal.errors import OptionError, SimulationError, SingularWarning, UnknownVariableError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input, Parameter, number
+from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
-from acausal.simulate.inputs import INPUTS, InputValue, input_signal, unknown_symbol
+from acausal.simulate.inputs import INPUTS, InputValue, input_signal, knots, unknown_symbol
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import (
@@ -53,6 +54,7 @@ class Options:
     raise_on_failure: bool
     order: int | None = None
     step: float | None = None
+    max_step: float | None = None
     progress: bool | Progress = False
     events: Sequence[when] = ()
 
@@ -61,6 +63,7 @@ class Options:
         rtol = finite(self.rtol, "simulate: rtol")
         atol = 0.0 if self.atol is None else finite(self.atol, "simulate: atol")
         step = None if self.step is None else finite(self.step, "simulate: the step [s]")
+        max_step = None if self.max_step is None else finite(self.max_step, "simulate: max_step [s]")
         events = tuple(listed(self.events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
         for event in events:
             if not isinstance(event, when):
@@ -72,6 +75,7 @@ class Options:
             rtol=rtol,
             atol=atol,
             step=step,
+            max_step=max_step,
             order=None if self.order is None else whole_number(self.order, "simulate: the order", 1),
             samples=whole_number(self.samples, "simulate: samples", 2),
             max_steps=whole_number(self.max_steps, "simulate: max_steps", 1),
@@ -101,8 +105,7 @@ def simulate(
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, p))
     problem = replace(problem, parameters=initial.p)
     check_branch(functions, problem, t0, t1, initial.x)
-    if functions.clocks is not None and t1 > t0:
-        problem = replace(problem, breaks=functions.clocks.times(t0, t1, initial.p))
+    problem = replace(problem, breaks=_breaks(functions, problem, t0, t1))
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
     solution = integrate(
@@ -116,6 +119,7 @@ def simulate(
         order=options.order,
         step=options.step,
         max_steps=options.max_steps,
+        max_step=options.max_step,
         progress=_progress(options.progress),
     )
     times = np.linspace(t0, solution.t[-1], options.samples)
@@ -155,7 +159,9 @@ def sensitivity_run(
     for entry in wrt:
         if isinstance(entry, Input) and not np.isscalar(inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
+    times = ascending(times, "sensitivities: `times`")
     problem = _problem(functions, inputs, parameters, compiled)
+    problem = replace(problem, breaks=_breaks(functions, problem, float(times[0]), float(times[-1])))
     found = sensitivities(functions, problem, times, wrt, start, tolerances)
     status = found.found.status
     raise_if_interrupted(status, None)
@@ -174,13 +180,20 @@ def _problem(
     functions: Functions, inputs: Mapping[Input, InputValue], parameters: Mapping[Parameter, float], compiled: bool
 ) -> Problem:
     signal = input_signal(functions, inputs)
-    held = None if any(not np.isscalar(value) for value in inputs.values()) else signal(np.zeros(1))[:, 0]
     native = functions.native(How.AUTO if compiled else How.CASADI)
     p = parameter_values(functions, parameters)
     return Problem(
-        functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, held, native,
+        functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, signal.constant, native,
         clearance=functions.clearance, positions=functions.space.nq,
     )  # fmt: skip
+
+
+def _breaks(functions: Functions, problem: Problem, t0: float, t1: float) -> np.ndarray:
+    """(n, 2) times before and after which the rates are smooth: switches in time, knots of inputs."""
+    found = knots(problem.inputs, t0, t1)
+    if functions.clocks is not None and t1 > t0:
+        found = np.concatenate([found, functions.clocks.times(t0, t1, problem.parameters)])
+    return apart(found, t0, t1)
 
 
 def _guards(functions: Functions, events: Sequence[when]) -> Guards:

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline, interp1d
+from scipy.interpolate import CubicSpline, KroghInterpolator
 from scipy.spatial.transform import Rotation
 
 import acausal as ac
@@ -248,7 +248,7 @@ CASES = [
     Wrong("interpolant of CasADi", lambda: TorqueSource(hidden_formula()), PARAMETER, ("TorqueSource's torque", "hidden", "CubicSpline", HERE)),
     Wrong("interpolant of CasADi in an expression", lambda: Force((2 * hidden_formula()(ac.time.sx), 0, 0)), PARAMETER, ("Force's value", "hidden")),
     Wrong("spline of scipy that is called", lambda: TorqueSource(lambda t: CubicSpline((0, 1, 2), (0, 1, 0))(t)), PARAMETER, ("itself, not called", HERE)),
-    Wrong("interpolation of scipy without pieces", lambda: TorqueSource(interp1d((0, 1, 2), (0, 1, 0))), PARAMETER, ("interp1d", "CubicSpline", HERE)),
+    Wrong("interpolation of scipy without pieces", lambda: TorqueSource(KroghInterpolator((0, 1, 2), (0, 1, 0))), PARAMETER, ("KroghInterpolator", "CubicSpline", HERE)),
     Wrong("law of a lost symbol", lambda: ac.build(sprung(lambda s: ca.SX.sym("k") * s**2)), MODEL, ("spring (", "'k'", "declared nowhere")),
 ]  # fmt: skip
 

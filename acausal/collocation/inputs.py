@@ -1,0 +1,75 @@
+"""Inputs of an integration as functions of time."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.language.pieces import PiecewisePolynomial
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A CasADi function of time alone, (t) -> a number."""
+
+    function: ca.Function
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """Values (n,) at times (n,)."""
+        return np.array(self.function(times[None, :])).ravel()
+
+
+Course = float | PiecewisePolynomial | Formula | Callable[[float], float]
+"""What an input is: a number, a table or a formula, which the runtime knows, or a function of one number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """times (n,) -> inputs (nu, n)."""
+
+    courses: tuple[Course, ...]
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        result = np.empty((len(self.courses), times.size))
+        for i, course in enumerate(self.courses):
+            if isinstance(course, PiecewisePolynomial | Formula):
+                result[i] = course(times)
+            else:
+                result[i] = [course(float(t)) for t in times] if callable(course) else course
+        return result
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(nu,) those that do not change, 0 for others."""
+        return np.array([0.0 if callable(course) else course for course in self.courses])
+
+    @property
+    def constant(self) -> np.ndarray | None:
+        """(nu,) where none changes."""
+        return None if any(callable(course) for course in self.courses) else self.numbers
+
+    @property
+    def tables(self) -> list[tuple[int, PiecewisePolynomial]]:
+        """Those that are tables."""
+        return [(i, course) for i, course in enumerate(self.courses) if isinstance(course, PiecewisePolynomial)]
+
+    @property
+    def formulas(self) -> list[tuple[int, Formula]]:
+        """Those that are formulas."""
+        return [(i, course) for i, course in enumerate(self.courses) if isinstance(course, Formula)]
+
+    @property
+    def functions(self) -> list[tuple[int, Callable[[float], float]]]:
+        """Those that are functions of numbers."""
+        known = (PiecewisePolynomial, Formula)
+        return [(i, course) for i, course in enumerate(self.courses) if callable(course) and not isinstance(course, known)]
+
+    @functools.cached_property
+    def formula(self) -> ca.Function:
+        """(t) -> all formulas."""
+        t = ca.SX.sym("t")
+        return ca.Function("formula", [t], [ca.vertcat(*(course.function(t) for _, course in self.formulas))], {"cse": True})

@@ -1,0 +1,49 @@
+/* Inputs as functions of time: numbers, tables, formulas, and what the caller computes. */
+
+/* The piece of a table that t is in; at a knot the one that begins there. */
+static long piece_at(const Table *T, double t, long near) {
+    const double *begins = T->begins;
+    if (begins[near] <= t && (near + 1 == T->pieces || t < begins[near + 1])) return near;
+    long low = 0, high = T->pieces - 1;
+    while (low < high) {
+        long middle = (low + high + 1) / 2;
+        if (begins[middle] <= t) low = middle;
+        else high = middle - 1;
+    }
+    return low;
+}
+
+/* Horner's rule in the time since the piece's origin. */
+static V table_at(const Table *T, V t) {
+    V value = t;
+    long piece = 0;
+    for (long l = 0; l < LANES; l++) {
+        double at = T->period > 0 ? t[l] - T->period * floor((t[l] - T->first) / T->period) : t[l];
+        piece = piece_at(T, at, piece);
+        const double *c = T->coefficients + piece * T->terms;
+        double s = at - T->begins[piece], sum = c[0];
+        for (long k = 1; k < T->terms; k++) sum = sum * s + c[k];
+        value[l] = sum;
+    }
+    return value;
+}
+
+/* All inputs at the times t, of whose lanes the first `count` are wanted. Returns 0 when the input function failed. */
+static int inputs_at(Integrator *I, V t, long count, V *u) {
+    struct State *T = I->state;
+    if (!I->input && !I->tables && !I->formulas) return 1;
+    for (long l = 0; l < LANES && (I->input || l == 0); l++) {
+        if (I->input && l < count && !I->input(I->user, t[l], I->u)) return 0;
+        for (long i = 0; i < I->nu; i++) {
+            if (I->input) u[i][l] = I->u[i];
+            else u[i] = v_all(I->u[i]);
+        }
+    }
+    for (long k = 0; k < I->tables; k++) u[I->table_list[k].input] = table_at(&I->table_list[k], t);
+    if (I->formulas) {
+        T->formula_in[0] = t;
+        run_kernel(&I->formula, T->formula_in, T->formula_c, T->formula_out, T->work);
+        for (long k = 0; k < I->formulas; k++) u[I->formula_input[k]] = T->formula_out[k];
+    }
+    return 1;
+}
