@@ -47,3 +47,11 @@ static int inputs_at(Integrator *I, V t, long count, V *u) {
     }
     return 1;
 }
+
+/* Arrays of the kernel of formulas, which takes time only. 0 when memory is short. */
+static int make_formulas(Integrator *I) {
+    struct State *T = I->state;
+    T->formula_in = reserve_lanes(I, I->formula.inputs + 1);
+    T->formula_out = reserve_lanes(I, I->formula.outputs + 1);
+    return (I->counted || (T->formula_in && T->formula_out)) && prepared(I, &I->formula, T->formula_in, &T->formula_c);
+}
