@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,7 +16,11 @@ _END, _LOAD, _STORE, _NUMBER, _SINCOS = range(5)
 _CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
 _MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL = range(5 + len(_CODES), 9 + len(_CODES))
 _WIDTH = 5
+_NOTHING = (0,) * _WIDTH
 _PRODUCTS = (ca.OP_MUL, ca.OP_SQ)
+
+_Row = tuple[int, ...]
+"""A statement: `_WIDTH` integers."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +37,7 @@ class Program:
     frame: int
 
 
-@dataclass(frozen=True)
-class _Step:
+class _Step(NamedTuple):
     """An operation on values: results are made in `to`, operands `of`; `place` of an input or output."""
 
     code: int
@@ -144,7 +149,7 @@ def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -
     return found
 
 
-def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[np.ndarray], int]:
+def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[_Row], int]:
     """Statements with places in the frame; a place is used again once its value is dead. Also the places that are needed."""
     last: dict[int, int] = {}
     for k, step in enumerate(steps):
@@ -153,7 +158,7 @@ def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[np.ndarra
     place = dict(lasting)
     free: list[int] = []
     size = len(lasting)
-    rows: list[np.ndarray] = []
+    rows: list[_Row] = []
     for k, step in enumerate(steps):
         operands = [place[v] for v in step.of]
         free += [place[v] for v in {*step.of} if v not in lasting and last[v] == k]
@@ -176,19 +181,15 @@ def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[np.ndarra
     return rows, size
 
 
-def _row(code: int, *places: int) -> np.ndarray:
-    row = np.zeros(_WIDTH, dtype=np.int32)
-    row[0], row[1 : 1 + len(places)] = code, places
-    return row
+def _row(*statement: int) -> _Row:
+    return statement + _NOTHING[len(statement) :]
 
 
-def _number(place: int, value: Value) -> np.ndarray:
-    row = _row(_NUMBER, place)
-    row[2:4] = np.array([value.number]).view(np.int32)
-    return row
+def _number(place: int, value: Value) -> _Row:
+    return _row(_NUMBER, place, *struct.unpack("=ii", struct.pack("=d", value.number)))
 
 
-def _scaled(rows: list[np.ndarray], lanes: int) -> np.ndarray:
+def _scaled(rows: Sequence[_Row], lanes: int) -> np.ndarray:
     """Places in bytes."""
     table = np.array(rows, dtype=np.int32)
     table[:, 1] *= 8 * lanes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -26,8 +27,7 @@ LEAVES = (ca.OP_INPUT, ca.OP_CONST)
 _COPY = (ca.OP_ASSIGN, ca.OP_LIFT)
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """How a value is made from others (operation `code`, `args`), or a constant `number`, or the input at `place`."""
 
     code: int
@@ -91,12 +91,21 @@ class _Collected:
 
     def __init__(self) -> None:
         self.values: list[Value] = []
-        self._known: dict[tuple[int, tuple[int, ...], str, int], int] = {}
+        self._known: dict[tuple[int, tuple[int, ...] | int | str], int] = {}
 
-    def add(self, code: int, *args: int, number: float = 0.0, place: int = 0) -> int:
-        at = self._known.setdefault((code, args, number.hex(), place), len(self.values))  # 0 and -0 are equal, but not the same
+    def add(self, code: int, *args: int) -> int:
+        return self._once((code, args), Value(code, args))
+
+    def number(self, number: float) -> int:
+        return self._once((ca.OP_CONST, number.hex()), Value(ca.OP_CONST, number=number))  # 0 and -0 are equal, but not the same
+
+    def input(self, place: int) -> int:
+        return self._once((ca.OP_INPUT, place), Value(ca.OP_INPUT, place=place))
+
+    def _once(self, key: tuple[int, tuple[int, ...] | int | str], value: Value) -> int:
+        at = self._known.setdefault(key, len(self.values))
         if at == len(self.values):
-            self.values.append(Value(code, args, number, place))
+            self.values.append(value)
         return at
 
     def power(self, base: int, exponent: int) -> int:
@@ -105,7 +114,7 @@ class _Collected:
         if self.values[exponent].code != ca.OP_CONST or not 0 < abs(n) <= 8 or (2 * n) % 1:
             return self.add(ca.OP_POW, base, exponent)
         if abs(n) % 1:
-            base = self.add(ca.OP_ADD, base, self.add(ca.OP_CONST, number=0.0))  # powers of -0 are those of 0
+            base = self.add(ca.OP_ADD, base, self.number(0.0))  # powers of -0 are those of 0
         factors = [self.add(ca.OP_SQRT, base)] if abs(n) % 1 else []
         factors += [base] * int(abs(n))
         product = factors[0]
@@ -126,15 +135,15 @@ def _read(function: ca.Function, name: str, first: list[int], found: _Collected)
         if code == ca.OP_OUTPUT:
             results.append((places_out[to[0]] + to[1], now[of[0]]))
         elif code == ca.OP_INPUT:
-            now[to[0]] = found.add(code, place=first[of[0]] + of[1])
+            now[to[0]] = found.input(first[of[0]] + of[1])
         elif code == ca.OP_CONST:
-            now[to[0]] = found.add(code, number=function.instruction_constant(k))
+            now[to[0]] = found.number(function.instruction_constant(k))
         elif code in _COPY:
             now[to[0]] = now[of[0]]
         elif code == ca.OP_CONSTPOW:
             now[to[0]] = found.power(now[of[0]], now[of[1]])
         elif code in known:
-            now[to[0]] = found.add(code, *(now[i] for i in of))
+            now[to[0]] = found.add(code, *[now[i] for i in of])
         else:
             raise ExportError(f"'{name}' cannot be written as C: {_name(code)} has no C here.")
     return results

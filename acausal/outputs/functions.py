@@ -14,7 +14,7 @@ from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError
 from acausal.language.component import energy_unknown
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression
+from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.numerics.folding import folded_function
 from acausal.outputs.clocks import Clocks, clocks
@@ -25,13 +25,27 @@ from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
+from acausal.runtime.series import Series
 
 if TYPE_CHECKING:
     from acausal.runtime.kernels import How
     from acausal.runtime.native import NativeProblem, SharedProblems
 
-WATCHED = 16
-"""Points at which `watched_at_once` and `power_loss_at_once` are evaluated together."""
+
+_KEPT, _DEPTH = 512, 100
+"""Expressions whose readings are kept, and operations on top of one another up to which two of them are compared."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How an expression is read of a motion: `series` gives its column, `shape` says what it is. `of_dynamics`: its inputs are followed by what
+    the dynamics give. `angle`: known up to full turns.
+    """
+
+    series: Series
+    shape: tuple[int, int]
+    of_dynamics: bool
+    angle: bool
 
 
 @dataclass(frozen=True, repr=False)
@@ -177,16 +191,6 @@ class Functions:
         return 0 if self.invariants is None else self.invariants.numel_out(0)
 
     @functools.cached_property
-    def watched_at_once(self) -> ca.Function:
-        """`watched` at `WATCHED` points, one a column."""
-        return self.watched.map(WATCHED)
-
-    @functools.cached_property
-    def power_loss_at_once(self) -> ca.Function:
-        """`power_loss` at `WATCHED` points, one a column."""
-        return self.power_loss.map(WATCHED)
-
-    @functools.cached_property
     def quaternion_states(self) -> list[int]:
         """Numbers in x of the entries of unit quaternions."""
         s = self.outputs.system
@@ -295,8 +299,70 @@ class Functions:
         return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
 
     @functools.cached_property
+    def followed(self) -> tuple[ca.Function | None, ca.Function | None]:
+        """(t, x, u, p) -> what is off of what inputs prescribe, then the sums of their terms' sizes; the same of what loops hold of gears.
+
+        None where there is nothing of a kind.
+        """
+        scalar = self.outputs.system.scalar
+        return self._with_terms(scalar.given), self._with_terms(ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped)))
+
+    def _with_terms(self, rows: ca.SX) -> ca.Function | None:
+        if not rows.numel():
+            return None
+        s = self.outputs.system
+        terms = ca.fabs(ca.jacobian(rows, s.x)) @ ca.fabs(s.x) + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(s.u)
+        return self._function("followed", [ca.vertcat(rows, terms)], ["rows_and_terms"])
+
+    @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
         """Functions (t, x, u, p) -> values of the expressions of events, as far as they have been asked for."""
+        return {}
+
+    def reading(self, wanted: Expression | ca.SX) -> Reading:
+        """How an expression is read of a motion; made once for expressions that are written alike. Raises `UnknownVariableError`."""
+        if isinstance(wanted, Symbol):
+            key: Any = wanted
+        elif isinstance(wanted, Expression):
+            key = wanted.sx.shape, wanted.leaves
+        else:
+            return self._reading(wanted)
+        for expression, found in self._readings.get(key, ()):
+            if expression is wanted or ca.is_equal(ca.vec(expression.sx), ca.vec(wanted.sx), _DEPTH):
+                return found
+        if sum(map(len, self._readings.values())) >= _KEPT:
+            self._readings.clear()
+        found = self._reading(wanted)
+        self._readings.setdefault(key, []).append((wanted, found))
+        return found
+
+    def _reading(self, wanted: Expression | ca.SX) -> Reading:
+        opened = self.outputs.opened(wanted)
+        given, _ = self.outputs.given_by_dynamics
+        column = ca.vec(ca.densify(self.space.put(opened)))
+        of_dynamics = ca.depends_on(column, given)
+        t, x, u, p = self.space.arguments
+        inputs = ca.vertcat(u, given) if of_dynamics else u
+        angle = isinstance(wanted, Expression) and self.outputs.is_angle(wanted)
+        return Reading(Series(folded_function("series", [t, x, inputs, p], [column])), opened.shape, of_dynamics, angle)
+
+    @functools.cached_property
+    def _readings(self) -> dict[Any, list[tuple[Expression, Reading]]]:
+        return {}
+
+    @functools.cached_property
+    def given_by_dynamics(self) -> ca.Function:
+        """(t, x, u, p) -> rates of all states of the reduced system, and multipliers."""
+        return self._function("given_by_dynamics", [self.outputs.given_by_dynamics[1]], ["given"])
+
+    def series(self, function: ca.Function) -> Series:
+        """One of these functions (t, x, u, p), at many points at once."""
+        if function not in self._series:
+            self._series[function] = Series(function)
+        return self._series[function]
+
+    @functools.cached_property
+    def _series(self) -> dict[ca.Function, Series]:
         return {}
 
     def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:

@@ -40,9 +40,28 @@ class Outputs:
 
     @functools.cached_property
     def reactions(self) -> Reactions:
-        """Flows at connectors."""
+        """Flows at connectors, in symbols for what the dynamics give."""
         r = self.system
-        return Reactions(r.mechanics, r.constraints, r.v_dot, r.multipliers)
+        return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers)
+
+    @functools.cached_property
+    def _rates(self) -> ca.SX:
+        return ca.SX.sym("x_dot", self.system.x_dot.numel())
+
+    @functools.cached_property
+    def _multipliers(self) -> ca.SX:
+        return ca.SX.sym("multipliers", self.system.multipliers.numel())
+
+    @functools.cached_property
+    def given_by_dynamics(self) -> tuple[ca.SX, ca.SX]:
+        """Symbols (n, 1) that may stand in what `opened` gives, for rates of the states and multipliers of loops; and what they stand for."""
+        s = self.system
+        return ca.vertcat(self._rates, self._multipliers), ca.densify(ca.vertcat(s.x_dot, s.multipliers))
+
+    def closed(self, expression: ca.SX) -> ca.SX:
+        """An opened expression in t, x, u and p."""
+        symbols, values = self.given_by_dynamics
+        return ca.substitute(expression, symbols, values) if ca.depends_on(expression, symbols) else expression
 
     @functools.cached_property
     def _joint_symbols(self) -> dict[Symbol, tuple[AbstractJoint, str]]:
@@ -54,8 +73,15 @@ class Outputs:
 
     def resolve(self, value: Expression | ca.SX) -> ca.SX:
         """The expression in t, x, u and p. Raises `UnknownVariableError` for a variable of another scene."""
+        return self.closed(self.opened(value))
+
+    def opened(self, value: Expression | ca.SX) -> ca.SX:
+        """The expression in t, x, u, p, and symbols for rates and multipliers (see `given_by_dynamics`), which many expressions share.
+
+        Raises `UnknownVariableError` for a variable of another scene.
+        """
         if isinstance(value, ca.SX):
-            return self._resolve_raw(value)
+            return self._opened_raw(value)
         if not isinstance(value, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
             raise UnknownVariableError(
                 f"{value!r} is not a variable or an expression of variables. Use the scene's own, e.g. scene.hinge.q, "
@@ -113,7 +139,7 @@ class Outputs:
             return False
         return self._joint_symbols[value][1] == "q" and value.is_angle and self.symbol(value) is not value.sx
 
-    def _resolve_raw(self, value: ca.SX) -> ca.SX:
+    def _opened_raw(self, value: ca.SX) -> ca.SX:
         """For plain `SX`: look its symbols up among those of the scene."""
         known: dict[int, Symbol] = {}
         for symbol in [*self.system.flat.names, *self._joint_symbols, *self._quantities()]:
@@ -127,13 +153,13 @@ class Outputs:
                 raise UnknownVariableError(f"'{entry.name()}' is not a variable of the scene '{self.system.flat.name}'.")
             if found is not None:
                 used[id(found)] = found
-        return self.resolve(Expression(value, frozenset(used.values())))
+        return self.opened(Expression(value, frozenset(used.values())))
 
     def _quantities(self) -> list[Symbol]:
         return [q for connector in self.system.flat.connector_paths for q in connector.quantities]
 
     def symbol(self, symbol: Symbol) -> ca.SX:
-        """One declared symbol in t, x, u and p."""
+        """One declared symbol in t, x, u, p, and what the dynamics give."""
         if isinstance(symbol, Time | Parameter | Input):
             self._check_known(symbol)
             return symbol.sx
@@ -183,14 +209,17 @@ class Outputs:
         solved = self.system.solved.get(symbol)
         if solved is not None:
             return solved
-        return self.rate(self.symbol(symbol.of))
+        return self._opened_rate(self.closed(self.symbol(symbol.of)))
 
     def rate(self, value: ca.SX) -> ca.SX:
         """Time derivative of an expression in t and x, inputs held."""
+        return self.closed(self._opened_rate(value))
+
+    def _opened_rate(self, value: ca.SX) -> ca.SX:
         s = self.system
         rate = ca.jtimes(ca.vec(value), s.t, ca.SX(1))
         if s.x.numel():
-            rate += ca.jtimes(ca.vec(value), s.x, s.x_dot)
+            rate += ca.jtimes(ca.vec(value), s.x, self._rates)
         return ca.reshape(rate, *value.shape)
 
     def _quantity(self, symbol: Quantity) -> ca.SX:

@@ -63,6 +63,7 @@ def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
     library.exchange.argtypes = [pointer, number, pointer]
     library.dense.argtypes = [pointer, number, pointer, pointer]
     library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
+    library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
     library.lanes.restype = library.widest.restype = number
     library.finish.restype = library.use_newton.restype = None
     return Runtime(library, library.lanes(), options)

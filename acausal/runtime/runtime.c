@@ -16,6 +16,7 @@
 #include "dense.h"
 #include "guards.h"
 #include "advance.h"
+#include "columns.h"
 
 long lanes(void) { return LANES; }
 

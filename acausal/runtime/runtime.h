@@ -116,6 +116,7 @@ EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS
+EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);
 EXPORT long widest(void);
 #endif
 #endif

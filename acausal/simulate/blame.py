@@ -12,6 +12,7 @@ from acausal.language.flatten import Part
 from acausal.outputs.functions import Functions
 from acausal.parts.force import AbstractForce
 from acausal.parts.force_check import symbols_read
+from acausal.simulate.looks import at_steps, least_spectrum, matrices_at_steps, spread
 from acausal.simulate.trajectory import Trajectory
 from acausal.wording import compact
 
@@ -50,10 +51,9 @@ def _contradicting(functions: Functions, run: Trajectory) -> list[Part]:
     known = [(part, powers) for part, powers in balances if powers is not None]
     if not known:
         return []
-    t, x = run.solution.t, run.solution.x
-    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
     function = functions.output(ca.vertcat(*(powers for _, powers in known)), name="powers")
-    values = np.array(function(t[None, :], x, run.problem.inputs(t), p)).reshape(len(known), -1, t.size)
+    steps = spread(run.solution.t.size)
+    values = at_steps(functions, run, function, steps).reshape(len(known), -1, steps.size)
     total, size = np.abs(values.sum(axis=1)).max(axis=1), np.abs(values).sum(axis=1).max(axis=1)
     return [part for (part, _), gap, all_of in zip(known, total, size, strict=True) if gap > _CONTRADICTION * all_of]
 
@@ -82,12 +82,9 @@ def _singular(functions: Functions, run: Trajectory) -> float | None:
     m = functions.outputs.system.constraints.jacobian.shape[0]
     if not m:
         return None
-    t, x = run.solution.t, run.solution.x
-    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
-    values = np.array(functions.loop_matrix(t[None, :], x, run.problem.inputs(t), p))
-    matrices = np.nan_to_num(values).reshape(m, t.size, m).transpose(1, 0, 2)
+    steps = spread(run.solution.t.size)
+    matrices = matrices_at_steps(functions, run, functions.loop_matrix, steps)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(matrices, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
-    spectrum = np.linalg.eigvalsh(matrices / scale[:, None] / scale)
-    smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
+    smallest = least_spectrum(matrices / scale[:, None] / scale, _NEAR)
     worst = int(np.argmin(smallest))
-    return float(t[worst]) if smallest[worst] < _NEAR else None
+    return float(run.solution.t[steps[worst]]) if smallest[worst] < _NEAR else None

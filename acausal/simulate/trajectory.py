@@ -17,10 +17,11 @@ from acausal.collocation.problem import Problem, Solution, Statistics, Status
 from acausal.errors import OptionError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Symbol
-from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
+from acausal.runtime.kernels import How
+from acausal.runtime.series import Series
 from acausal.simulate.events import Event, when
 from acausal.start.initial import InitialState
 
@@ -107,33 +108,37 @@ class Trajectory:
         return replace(self, t=np.clip(wanted, first, last))
 
     def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
-        expression = self.outputs.resolve(wanted)
-        column = ca.vec(ca.densify(self.functions.space.put(expression)))
-        values = self._evaluate(folded_function("series", self.functions.space.arguments, [column]))
-        if isinstance(wanted, Expression) and self.outputs.is_angle(wanted):
+        reading = self.functions.reading(wanted)
+        values = self._evaluate(reading.series, self._given_by_dynamics if reading.of_dynamics else None)
+        if reading.angle:
             values = np.unwrap(values, axis=1)
-        rows, columns = expression.shape
+        rows, columns = reading.shape
         if rows == columns == 1:
             return values[0]
         if columns == 1:
             return values.T
         return values.T.reshape(-1, columns, rows).transpose(0, 2, 1)
 
-    def _evaluate(self, function: ca.Function) -> np.ndarray:
-        """(rows, n): a column function at all times at once."""
-        n = self.t.size
-        p = np.repeat(self.problem.parameters[:, None], n, axis=1)
-        return np.array(function(self.t[None, :], self.x, self.u, p)).reshape(-1, n)
+    def _evaluate(self, series: Series, given: np.ndarray | None = None) -> np.ndarray:
+        """(rows, n): a column function at all times at once; `given` follows the inputs."""
+        u = self.u if given is None else np.concatenate((self.u, given))
+        native = self.problem.native
+        evaluate = series.by_casadi if native is not None and native.how is How.CASADI else series
+        return evaluate(self.t, self.x, u, self.problem.parameters)
+
+    @functools.cached_property
+    def _given_by_dynamics(self) -> np.ndarray:
+        return self._evaluate(self.functions.series(self.functions.given_by_dynamics))
 
     @functools.cached_property
     def kinetic_energy(self) -> np.ndarray:
         """(n,) [J]."""
-        return self._evaluate(self.functions.kinetic_energy)[0]
+        return self._evaluate(self.functions.series(self.functions.kinetic_energy))[0]
 
     @functools.cached_property
     def potential_energy(self) -> np.ndarray:
         """(n,) [J]."""
-        return self._evaluate(self.functions.potential_energy)[0]
+        return self._evaluate(self.functions.series(self.functions.potential_energy))[0]
 
     @property
     def energy(self) -> np.ndarray:
@@ -149,7 +154,8 @@ class Trajectory:
         nodes, weights = np.polynomial.legendre.leggauss(12)
         half = np.diff(knots) / 2
         times = (knots[:-1] + half)[:, None] + half[:, None] * nodes
-        power = replace(self, t=times.ravel())._evaluate(self.functions.power_loss)[0].reshape(times.shape)
+        loss = self.functions.series(self.functions.power_loss)
+        power = replace(self, t=times.ravel())._evaluate(loss)[0].reshape(times.shape)
         total = np.concatenate([[0.0], np.cumsum((power * weights).sum(axis=1) * half)])
         return np.interp(self.t, knots, total)
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from acausal.collocation.problem import Status, StatusKind
 from acausal.errors import AcausalError, AccuracyWarning, AssemblyError, ContactWarning, JumpWarning, SingularWarning
-from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
+from acausal.simulate.looks import MOST, at_steps, least_spectrum, matrices_at_steps, spread
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
 from acausal.wording import callers_level, compact
@@ -44,24 +44,20 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
     if not system.constraints.jacobian.shape[0] or system.constraints.damped:
         return False
     suspicious = _suspicious(functions, run)
-    if not suspicious.any():
+    if not suspicious.size:
         return False
-    suspicious[[0, suspicious.size // 2, -1]] = True  # what is usual is seen there
-    steps = np.flatnonzero(suspicious)
-    n, t, x = steps.size, run.solution.t[steps], run.solution.x[:, steps]
-    u, p = run.problem.inputs(t), np.repeat(run.problem.parameters[:, None], n, axis=1)
-    m = system.constraints.jacobian.shape[0]
-    values = np.nan_to_num(np.array(functions.loop_matrix(t[None, :], x, u, p))).reshape(m, n, m).transpose(1, 0, 2)
+    last = run.solution.t.size - 1
+    steps = np.union1d(suspicious, (0, (last + 1) // 2, last))  # what is usual is seen there
+    values = matrices_at_steps(functions, run, functions.loop_matrix, steps)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
-    spectrum = np.linalg.eigvalsh(values / scale[:, None] / scale)
-    smallest = spectrum[:, 0] / np.maximum(spectrum[:, -1], np.finfo(float).tiny)
+    smallest = least_spectrum(values / scale[:, None] / scale, _SINGULAR)
     if system.constraints.singular:
-        smallest[~_at_rest(functions, run)[steps]] = np.inf
+        smallest[~np.isin(steps, suspicious)] = np.inf
     worst = int(np.argmin(smallest))
     if smallest[worst] < _SINGULAR:
         joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)
         warnings.warn(
-            f"At t = {t[worst]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
+            f"At t = {run.solution.t[steps[worst]]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
             f"({_dependent_rows(functions, run, int(steps[worst]), scale)}), and more than one "
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
             SingularWarning, stacklevel=callers_level(),
@@ -70,24 +66,26 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
 
 
 def _suspicious(functions: Functions, run: Trajectory) -> np.ndarray:
-    """Ends of steps (n,) that are worth a look at the loops' matrix, which costs as much as the steps: where nothing moves, or, where no
-    singular position is known, steps were cut.
+    """Numbers of steps, at most `MOST`, at whose ends a look at the loops' matrix is worth its cost: where nothing moves, or, where no
+    singular position is known, steps were cut, and not by an end of the run. How rows stand at the start is known (see `check_decided`).
     """
+    t = run.solution.t
     if functions.outputs.system.constraints.singular:
-        return _at_rest(functions, run)
-    h = np.diff(run.solution.t)
-    if not h.size:
-        return np.ones(run.solution.t.size, dtype=bool)
-    usual = np.minimum(np.append(h, np.inf), np.insert(h, 0, np.inf)) >= _CUT * np.median(h)
-    return ~usual
-
-
-def _at_rest(functions: Functions, run: Trajectory) -> np.ndarray:
-    """At the ends of which steps (n,) nothing moves."""
-    t, x = run.solution.t, run.solution.x
-    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
-    kinetic = np.array(functions.kinetic_energy(t[None, :], x, run.problem.inputs(t), p)).ravel()
-    return kinetic <= _SINGULAR * np.max(kinetic)
+        kinetic = at_steps(functions, run, functions.kinetic_energy)[0]
+        some = np.flatnonzero(kinetic <= _SINGULAR * np.max(kinetic))
+        return some[spread(some.size)]
+    h = np.diff(t)
+    if h.size < 2:
+        return np.arange(h.size)
+    h[0] = max(h[:2])
+    if run.solution.status.kind is StatusKind.SUCCESS:
+        h[-1] = max(h[-2:])
+    least = _CUT * np.partition(h, h.size // 2)[h.size // 2]
+    if h.min() >= least:
+        return np.zeros(0, dtype=int)
+    usual = np.minimum(np.append(h, np.inf), np.insert(h, 0, np.inf))
+    some = np.flatnonzero(~(usual >= least))
+    return some if some.size <= MOST else np.sort(some[np.argsort(usual[some], kind="stable")[:MOST]])
 
 
 def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.ndarray) -> str:
@@ -109,8 +107,7 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
     left = False
     for item, inside in functions.domains:
         joint = item.edge.joint
-        t, x = run.solution.t[None, :], run.solution.x
-        values = np.array(inside(t, x, run.problem.inputs(t[0]), np.repeat(run.problem.parameters[:, None], t.size, axis=1)))
+        values = at_steps(functions, run, inside)
         outside = np.flatnonzero(np.min(values, axis=0) < 0)
         if outside.size:
             warnings.warn(
@@ -127,8 +124,9 @@ def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
 
     And when loops left what a gear says that they were to hold.
     """
+    prescribed, looped = functions.followed
     scalar = functions.outputs.system.scalar
-    late = _first_missed(functions, run, scalar.given)
+    late = _first_missed(functions, run, prescribed)
     if late:
         names = compact(h.name for h in scalar.held if h.of_inputs)
         warnings.warn(
@@ -136,7 +134,7 @@ def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
             "in it, and a rate of its own must belong to the value. Give a smooth course.",
             JumpWarning, stacklevel=callers_level(),
         )  # fmt: skip
-    left = _first_missed(functions, run, ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped)))
+    left = _first_missed(functions, run, looped)
     if left:
         warnings.warn(
             f"By t = {left[0]:.6g} s loops have left what {compact(h.name for h in scalar.looped)} say, by {left[1]:.3g}: the motion went on to another "
@@ -145,21 +143,16 @@ def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
         )  # fmt: skip
 
 
-def _first_missed(functions: Functions, run: Trajectory, rows: ca.SX) -> tuple[float, float] | None:
+def _first_missed(functions: Functions, run: Trajectory, rows: ca.Function | None) -> tuple[float, float] | None:
     """When and by how much a run first missed one of these rows, by more than a part of its terms; None if it did not."""
-    system, space = functions.outputs.system, functions.space
-    if not rows.numel():
+    if rows is None:
         return None
-    terms = ca.fabs(ca.jacobian(rows, system.x)) @ ca.fabs(system.x) + ca.fabs(ca.jacobian(rows, system.u)) @ ca.fabs(system.u)
-    both = folded_function("given", space.arguments, [ca.densify(space.put(part)) for part in (rows, terms)])
-    t = run.solution.t
-    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
-    gap, size = (np.abs(np.array(part)) for part in both(t[None, :], run.solution.x, run.problem.inputs(t), p))
+    gap, size = np.split(np.abs(at_steps(functions, run, rows)), 2)
     missed = gap > _MISSED * np.max(size, axis=1, keepdims=True, initial=0.0)
     if not missed.any():
         return None
     k = int(np.flatnonzero(missed.any(axis=0))[0])
-    return float(t[k]), float(np.max(gap[:, k]))
+    return float(run.solution.t[k]), float(np.max(gap[:, k]))
 
 
 _LOOKS = 16
@@ -173,10 +166,8 @@ def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
     parts, pushes = functions.contacts
     if pushes is None or functions.outputs.system.constraints.redundant:
         return
-    some = np.unique(np.linspace(0, run.solution.t.size - 1, _LOOKS).astype(int))
-    t, x = run.solution.t[some], run.solution.x[:, some]
-    p = np.repeat(run.problem.parameters[:, None], t.size, axis=1)
-    values = np.array(pushes(t[None, :], x, run.problem.inputs(t), p)).reshape(len(parts), -1)
+    some = spread(run.solution.t.size, _LOOKS)
+    t, values = run.solution.t[some], at_steps(functions, run, pushes, some)
     if not np.isfinite(values).all() or not np.min(values, initial=0.0) < -_PULL * np.max(np.abs(values)):
         return
     k, i = np.unravel_index(int(np.argmin(values)), values.shape)

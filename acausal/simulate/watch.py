@@ -13,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.errors import AccuracyWarning
-from acausal.numerics.bound import BoundFunction
 from acausal.numerics.rounding import Rounding
 from acausal.numerics.thresholds import ROUNDING
-from acausal.outputs.functions import WATCHED, Functions
+from acausal.outputs.functions import Functions
 from acausal.simulate.blame import condition, energy_cause
+from acausal.simulate.looks import at_steps
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.coordinates import turning_states
 from acausal.wording import callers_level
 
 _EPS = float(np.finfo(float).eps)
-_LOOKS = WATCHED // 2
+_LOOKS = 8
 """Steps at which a run is looked at; an error that stays is seen at the later ones."""
 _FORGIVEN, _A_STEP = 1e3, 10.0
 """Tolerances of disturbance that are forgiven: at once, and for each step besides."""
@@ -39,6 +39,7 @@ _CHEAP, _SHARE = 1e4, 1 / 40
 """Operations for the power at all steps that never matter, and their share in those of the motion; these run as C, many times faster."""
 _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng(1).choice([-1.0, 1.0], 509)
 """Directions of disturbances."""
+_FOURTHS, _PARTS = np.arange(_LOOKS // 2), (np.arange(1, _LOOKS // 2 + 1) - 0.5) / (_LOOKS // 2)
 
 
 @dataclass(frozen=True)
@@ -76,28 +77,26 @@ def _looks(t: np.ndarray) -> np.ndarray:
     """Steps at which a run is looked at, (8,): half of them equally far apart among the steps, half in time: steps crowd where little can
     be judged, in a stiff contact, say. The last one is among them.
     """
-    n, half = t.size, _LOOKS // 2
-    by_time = np.searchsorted(t, t[0] + (t[-1] - t[0]) * (np.arange(1, half + 1) - 0.5) / half)
-    return np.sort(np.concatenate((np.arange(half) * (n - 1) // (half - 1), np.minimum(by_time, n - 1))))
+    n = t.size
+    by_time = t.searchsorted(t[0] + (t[-1] - t[0]) * _PARTS)
+    return np.sort(np.concatenate((_FOURTHS * (n - 1) // (_LOOKS // 2 - 1), np.minimum(by_time, n - 1))))
 
 
 def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
     """Energies and invariants (8, rows) at eight steps, as they are and with the states disturbed."""
-    times, states = run.solution.t[some], run.solution.x.T[some]
-    t, x = np.concatenate((times, times)), np.concatenate((states, states))
-    x[_LOOKS:] += sizes.forgiven * np.resize(_SIGNS, (_LOOKS, sizes.met.size))
-    u = np.ascontiguousarray(np.concatenate((run.problem.inputs(times).T,) * 2))
-    p = np.empty((2 * _LOOKS, run.problem.parameters.size))
-    p[:] = run.problem.parameters
-    function = functions.watched_at_once
-    found = BoundFunction(function, (t, x, u, p), np.empty((2 * _LOOKS, function.size1_out(0))))()
-    return found[:_LOOKS], found[_LOOKS:]
+    times, n = run.solution.t[some], sizes.met.size
+    x = np.empty((n, 2 * _LOOKS))
+    x[:, :_LOOKS] = x[:, _LOOKS:] = run.solution.x[:, some]
+    signs = _SIGNS if n * _LOOKS <= _SIGNS.size else np.resize(_SIGNS, n * _LOOKS)
+    x[:, _LOOKS:] += sizes.forgiven[:, None] * signs[: n * _LOOKS].reshape(_LOOKS, n).T
+    u, p = run.problem.inputs(times), run.problem.parameters
+    found = functions.series(functions.watched).glance(np.concatenate((times, times)), x, np.concatenate((u, u), axis=1), p)
+    return found[:, :_LOOKS].T, found[:, _LOOKS:].T
 
 
 def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> bool:
     """Warn if the invariants are off by more than what is forgiven of the terms that they are the sums of; whether they are."""
-    everywhere = np.arange(run.solution.t.size)
-    gaps = np.abs(_plain(functions, run, everywhere)[2:])
+    gaps = np.abs(at_steps(functions, run, functions.watched)[2:])
     worst = int(np.argmax(np.max(gaps, axis=0)))
     terms = _rounding(functions, run, worst, sizes)[2:] / _EPS
     allowed = _LOOSE * max(sizes.part, _START)
@@ -129,13 +128,6 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
         AccuracyWarning, stacklevel=callers_level(),
     )  # fmt: skip
     return True
-
-
-def _plain(functions: Functions, run: Trajectory, some: np.ndarray) -> np.ndarray:
-    """Energies and invariants at some steps."""
-    t, x = run.solution.t[some], run.solution.x[:, some]
-    p = np.repeat(run.problem.parameters[:, None], some.size, axis=1)
-    return np.array(functions.watched(t[None, :], x, run.problem.inputs(t), p)).reshape(-1, some.size)
 
 
 def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np.ndarray:
@@ -204,7 +196,7 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     steps, (of_power, of_rates) = run.solution.t.size, functions.operations_of_power_and_rates
     if steps < 4 or of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
         return False
-    h, power = np.diff(run.solution.t), _power(functions, run)
+    h, power = np.diff(run.solution.t), at_steps(functions, run, functions.power_loss)[0]
     secant = (power[1:] - power[:-1]) / h
     inside = (secant[:-1] * h[1:] + secant[1:] * h[:-1]) / (h[1:] + h[:-1])
     slope = np.concatenate((secant[:1], inside, secant[-1:]))
@@ -221,25 +213,6 @@ def _passed(functions: Functions, run: Trajectory) -> float:
     return float(np.sum(np.diff(run.solution.t)[:, None] * (flows[1:] + flows[:-1])) / 2)
 
 
-def _power(functions: Functions, run: Trajectory) -> np.ndarray:
-    """Power that is lost at each step (n,)."""
-    n = run.solution.t.size
-    whole = np.minimum(np.arange(-(-n // WATCHED) * WATCHED), n - 1)
-    t, x = run.solution.t[whole], run.solution.x.T[whole]
-    u = np.ascontiguousarray(run.problem.inputs(t).T)
-    p = np.empty((WATCHED, run.problem.parameters.size))
-    p[:] = run.problem.parameters
-    here = t[:WATCHED].copy(), x[:WATCHED].copy(), u[:WATCHED].copy()
-    kernel = BoundFunction(functions.power_loss_at_once, (*here, p), np.empty(WATCHED))
-    found = np.empty(t.size)
-    for k in range(0, t.size, WATCHED):
-        part = slice(k, k + WATCHED)
-        for place, values in zip(here, (t, x, u), strict=True):
-            place[:] = values[part]
-        found[part] = kernel()
-    return found[:n]
-
-
 @dataclass(frozen=True)
 class Balance:
     """Energy that is missing at each step, and the largest energy that moves [J]."""
@@ -250,9 +223,8 @@ class Balance:
 
 def _balance(functions: Functions, run: Trajectory) -> Balance:
     """With what is lost by Gauss quadrature."""
-    T, V = _plain(functions, run, np.arange(run.solution.t.size))[:2]
-    at_steps = run.at(run.solution.t)
-    lost = at_steps.energy_loss
+    T, V = at_steps(functions, run, functions.watched)[:2]
+    lost = run.at(run.solution.t).energy_loss
     gap = T + V - T[0] - V[0] + lost
     passed = 0.0 if functions.outputs.power_loss.is_zero() else _passed(functions, run)
     return Balance(gap, max(float(np.max(T)), float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost))), passed))

@@ -1,0 +1,45 @@
+"""A run looked at: functions at the ends of its steps."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from acausal.outputs.functions import Functions
+from acausal.simulate.trajectory import Trajectory
+
+MOST = 256
+"""Steps at which a run is looked at where a look costs about as much as a step."""
+
+
+def at_steps(functions: Functions, run: Trajectory, function: ca.Function, some: np.ndarray | None = None) -> np.ndarray:
+    """(rows, n): a function (t, x, u, p) at the ends of `some` steps, or of all."""
+    t, x = run.solution.t, run.solution.x
+    if some is not None:
+        t, x = t[some], x[:, some]
+    return functions.series(function).glance(t, x, run.problem.inputs(t), run.problem.parameters)
+
+
+def matrices_at_steps(functions: Functions, run: Trajectory, function: ca.Function, some: np.ndarray) -> np.ndarray:
+    """(n, m, m): a matrix (t, x, u, p) at the ends of some steps; zero where it is not finite."""
+    values = np.nan_to_num(at_steps(functions, run, function, some))
+    m = function.size1_out(0)
+    return values.T.reshape(-1, m, m).transpose(0, 2, 1)
+
+
+def spread(count: int, most: int = MOST) -> np.ndarray:
+    """At most so many of `count` numbers, far apart, the first and the last one among them."""
+    return np.arange(count) if count <= most else np.arange(most) * (count - 1) // (most - 1)
+
+
+def least_spectrum(matrices: np.ndarray, enough: float) -> np.ndarray:
+    """Smallest eigenvalue over the largest one (n,) of symmetric matrices (n, m, m); 1 where it is certainly more than `enough`."""
+    found = np.ones(matrices.shape[0])
+    for k, matrix in enumerate(matrices):
+        largest = np.abs(matrix).sum(axis=1).max(initial=0.0)  # no eigenvalue is larger
+        try:
+            np.linalg.cholesky(matrix - enough * largest * np.eye(matrix.shape[0]))
+        except np.linalg.LinAlgError:
+            spectrum = np.linalg.eigvalsh(matrix)
+            found[k] = spectrum[0] / max(spectrum[-1], np.finfo(float).tiny)
+    return found
