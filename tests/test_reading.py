@@ -1,0 +1,89 @@
+"""What is read of a motion: the same numbers whoever evaluates, and whatever else is asked for with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.outputs.functions import Functions
+from acausal.parts.joint import AbstractJoint
+from acausal.runtime.series import Series
+from components import RigidBody
+from tests.scenes import DoublePendulum, FourBar, bennett_linkage
+
+SCENES: dict[str, Callable[[], Any]] = {"double_pendulum": DoublePendulum, "four_bar": FourBar, "bennett": bennett_linkage}
+
+
+def _parts(scene: Any) -> Iterator[Any]:
+    for value in vars(scene).values():
+        yield from value if isinstance(value, list) else [value]
+
+
+def _expressions(scene: Any) -> list[Any]:
+    """Positions, rates, accelerations and reactions of some bodies and joints of a scene."""
+    frames = [p.frame for p in _parts(scene) if isinstance(p, RigidBody)][-2:]
+    joints = [p for p in _parts(scene) if isinstance(p, AbstractJoint)]
+    found: list[Any] = [quantity for f in frames for quantity in (f.position, f.rotation, 2 * f.velocity[0] * ac.time)]
+    found += [quantity for f in frames for quantity in (f.acceleration, f.angular_acceleration)]
+    found += [quantity for j in (joints[0], joints[-1]) for quantity in (j.frame_a.force, j.frame_b.torque)]
+    return [*found, ac.der(joints[0].v)]
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def read(request: pytest.FixtureRequest) -> tuple[Any, ac.Trajectory]:
+    """A scene and a run of it."""
+    scene = SCENES[request.param]()
+    joint = next(p for p in _parts(scene) if isinstance(p, AbstractJoint))
+    return scene, ac.build(scene).simulate(0.3, start={joint.v: 0.7}, samples=13)
+
+
+def test_series_are_what_functions_of_the_states_give(read: tuple[Any, ac.Trajectory]) -> None:
+    scene, run = read
+    f = run.functions
+    for expression in _expressions(scene):
+        series, output = run[expression], f.output(expression)
+        for k in (0, 7, 12):
+            wanted = np.array(output(run.t[k], run.x[:, k], run.u[:, k], run.problem.parameters))
+            difference = np.abs(series[k] - wanted.reshape(series[k].shape))
+            assert np.max(difference) <= 1e-9 * max(1.0, float(np.max(np.abs(series)))), expression
+
+
+def test_a_time_reads_alike_whichever_others_are_read_with_it(read: tuple[Any, ac.Trajectory]) -> None:
+    scene, run = read
+    for expression in _expressions(scene):
+        whole = run[expression]
+        alone = [run.at(run.t[k])[expression][0] for k in (3, 12)]
+        assert np.array_equal(whole[[3, 12]], alone), expression
+        assert np.array_equal(run.at(run.t[::-1])[expression][::-1], whole), expression
+
+
+def test_energies_and_samples_do_not_depend_on_who_evaluates() -> None:
+    scene = FourBar()
+    model = ac.build(scene)
+    ours, casadi = (model.simulate(1.0, start={scene.a.v: 3.0}, compiled=compiled) for compiled in (True, False))
+    for one, other in ((ours.energy, casadi.energy), (ours[scene.b.frame_a.force], casadi[scene.b.frame_a.force])):
+        assert np.max(np.abs(one - other)) < 1e-7 * np.max(np.abs(one))
+
+
+def test_expressions_that_are_written_alike_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = DoublePendulum()
+    run = ac.build(scene).simulate(0.1, start={scene.elbow.v: 1.0})
+    before = run[2 * scene.elbow.q + 1], run[scene.lower.tip.position], run[scene.elbow.frame_b.force]
+    made: list[str] = []
+
+    def refused(*_: object) -> None:
+        made.append("again")
+
+    monkeypatch.setattr(Functions, "_reading", refused)
+    monkeypatch.setattr(Series, "__init__", refused)
+    after = run[2 * scene.elbow.q + 1], run[scene.lower.tip.position], run.at(run.t)[scene.elbow.frame_b.force]
+    assert not made
+    for one, other in zip(before, after, strict=True):
+        assert np.array_equal(one, other)
+    monkeypatch.undo()
+    assert not np.array_equal(run[2 * scene.elbow.q + 2], before[0])
+    assert not np.array_equal(run[2 * scene.shoulder.q + 1], before[0])
