@@ -449,7 +449,7 @@ def points_on_strings(of: Units) -> Similar:
         SpringDamper(40 * of.stiffness, 0.5 * of.length, 0.2 * of.stiffness * of.time),
     )
     s.drag = NonlinearDamper(lambda length, rate: 0.3 * of.mass / of.length * rate * ca.fabs(rate))
-    s.law = NonlinearSpring(lambda length: 2 * of.torque * (length / of.length) ** 4)
+    s.law = NonlinearSpring(lambda length: 2 * of.torque * (length / (0.9 * of.length)) ** 4)
     for part, one, two in (
         (s.rod, of.base(s.world), s.a.point),
         (s.rod2, s.a.point, s.b.point),

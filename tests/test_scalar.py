@@ -134,6 +134,24 @@ def test_linear_blocks_against_numbers(seed):
     assert np.max(np.abs(found - exact)) < 1e-9 * np.max(np.abs(exact)) * np.linalg.cond(A)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_pivots_of_linear_blocks_do_not_depend_on_units(seed):
+    """Rows and unknowns in other units, by powers of four: the same bits."""
+    rng = np.random.default_rng(seed)
+    n, s = 9, ca.SX.sym("s")
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.3) + np.diag(rng.normal(size=n) + 0.1)
+    right = rng.normal(size=n)
+    found: list[np.ndarray] = []
+    for power in (0, 8):
+        rows, columns = (4.0 ** rng.integers(-power, power + 1, n) for _ in range(2))
+        M = ca.sparsify(ca.SX(A * rows[:, None] * columns))
+        M[2, 2] = s  # may be of any size
+        x = solve_linear(M, ca.SX(rows * right), lambda es: np.array(ca.Function("f", [s], [ca.vertcat(*es)])(1.0)), set())
+        found.append(np.array(ca.Function("x", [s], [ca.vertcat(*x)])(rows[2] * columns[2])).ravel() * columns)
+    print("seed", seed)
+    assert np.array_equal(found[0], found[1])
+
+
 def test_singular_blocks_name_their_null_vectors():
     M = ca.SX(np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [2.0, 4.0, 0.0]]))
     with pytest.raises(SingularMatrixError) as caught:

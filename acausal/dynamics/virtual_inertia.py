@@ -23,7 +23,7 @@ import numpy as np
 
 from acausal.dynamics.forward_dynamics import massless, own_inertia
 from acausal.dynamics.tree import Tree
-from acausal.numerics.sizes import positive
+from acausal.numerics.sizes import positive, power_of_four
 from acausal.numerics.thresholds import RANK
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.inertia import Inertia, skew
@@ -82,8 +82,7 @@ def virtual_rotors(
         wanted = {i: met.largest(i) for i in met.lost} | wanted
         for i, d in wanted.items():
             found.setdefault(i, []).append(d)
-    # which configurations have been seen makes little difference
-    return {i: float(4.0 ** np.round(0.5 * np.log2(np.median(found[i])))) for i in sorted(found)}
+    return {i: float(power_of_four(float(np.median(found[i])))) for i in sorted(found)}
 
 
 def check_tree_inertia(tree: Tree, parameters: ca.SX, q: np.ndarray, values: np.ndarray) -> None:

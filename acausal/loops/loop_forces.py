@@ -31,6 +31,7 @@ from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_i
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.virtual_inertia import LoopMotions, check_tree_inertia, virtual_rotors
 from acausal.loops.constraints import Constraints
+from acausal.numerics.sizes import power_of_four
 
 _DAMPING = 1e-9
 _CLOSED = 1e-4
@@ -236,7 +237,7 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
 def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndarray) -> np.ndarray:
     """The largest values (m,) of a positive `column` in q where loops are closed; where they are open, if there is only rounding.
 
-    Rounded to powers of four: which configurations have been seen makes little difference then, and other units make none.
+    Rounded to powers of four.
     """
     tree, constraints = forces.mechanics.tree, forces.constraints
     function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
@@ -244,7 +245,7 @@ def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndar
         np.max([np.array(function(q, constraints.time, values)).ravel() for q in places], axis=0)
         for places in (constraints.samples, constraints.opened)
     )
-    return 4.0 ** np.round(0.5 * np.log2(np.where(closed > _ROUNDING * beside, closed, beside)))
+    return power_of_four(np.where(closed > _ROUNDING * beside, closed, beside))
 
 
 def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:

@@ -13,6 +13,7 @@ static int make_newton(Integrator *I) {
     T->complex_re = (double *)reserve_lanes(I, m * n * T->padded);
     T->complex_im = (double *)reserve_lanes(I, m * n * T->padded);
     T->pivots = reserve(I, sizeof(long) * (size_t)(m * n));
+    T->row = reserve_doubles(I, n);
     T->rhs_re = reserve_doubles(I, T->padded);
     T->rhs_im = reserve_doubles(I, T->padded);
     T->jvp_in = reserve_lanes(I, I->jvp.inputs);
@@ -23,7 +24,7 @@ static int make_newton(Integrator *I) {
     T->dK = reserve_doubles(I, s * n);
     T->residual = reserve_doubles(I, s * n);
     if (I->counted) return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
-    if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
+    if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->row || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
     return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
 }
@@ -52,6 +53,17 @@ static int jacobian(Integrator *I, double t, const double *x) {
     return 1;
 }
 
+/* What is much in each row of 1 - z J with entries A, each state counted by its scale: rows have the units of the states. */
+static void measure_rows(Integrator *I, const double *A_re, const double *A_im) {
+    struct State *T = I->state;
+    long n = I->nx, w = T->padded;
+    for (long i = 0; i < n; i++) {
+        double most = 0;
+        for (long j = 0; j < n; j++) most = fmax(most, (fabs(A_re[i * w + j]) + fabs(A_im[i * w + j])) * T->scale[j]);
+        T->row[i] = most;
+    }
+}
+
 /* LU of 1 - z J with row exchanges; z = re + i im. Returns 0 when it is singular. */
 static int factor_shifted(Integrator *I, double re, double im, double *A_re, double *A_im, long *pivot) {
     struct State *T = I->state;
@@ -63,21 +75,25 @@ static int factor_shifted(Integrator *I, double re, double im, double *A_re, dou
         M[k] = J[k] * v_all(-im);
     }
     for (long i = 0; i < n; i++) A_re[i * w + i] += 1.0;
+    measure_rows(I, A_re, A_im);
     for (long k = 0; k < n; k++) {
         long best = k;
         double size = -1;
         for (long i = k; i < n; i++) {
-            double here = fabs(A_re[i * w + k]) + fabs(A_im[i * w + k]);
+            double here = (fabs(A_re[i * w + k]) + fabs(A_im[i * w + k])) / T->row[i];
             if (here > size) size = here, best = i;
         }
         if (!(size > 0) || !(size < INFINITY)) return 0;
         pivot[k] = best;
-        if (best != k)
+        if (best != k) {
+            double row = T->row[k];
+            T->row[k] = T->row[best], T->row[best] = row;
             for (long j = 0; j < W; j++) {
                 V a = R[k * W + j], b = M[k * W + j];
                 R[k * W + j] = R[best * W + j], M[k * W + j] = M[best * W + j];
                 R[best * W + j] = a, M[best * W + j] = b;
             }
+        }
         double pr = A_re[k * w + k], pi = A_im[k * w + k], d = pr * pr + pi * pi;
         for (long i = k + 1; i < n; i++) {
             double ar = A_re[i * w + k], ai = A_im[i * w + k];

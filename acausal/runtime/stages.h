@@ -112,6 +112,7 @@ struct State {
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual; /* Newton */
     long *pivots;
+    double *row;             /* what is much in each row of the matrix that is factorised */
     V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
     double *across;
     Stages *fine;            /* of dense output; 0: not made yet */

@@ -1,8 +1,8 @@
 """An order of parts that does not depend on the order in which they were declared, nor, where they differ in anything else, on their names.
 
 Choices among equals (which of two inertias on a gear keeps the state) follow this order. Colour refinement (Weisfeiler and Leman 1968) of the
-graph of parts and connections: a part's first colour is its class and the numbers in its equations, which keep their order in any units;
-then colours of neighbours are taken in, until nothing new is told apart. What is left alike is ordered by name.
+graph of parts and connections: a part's first colour is its class and the numbers in its equations, one after another as they are written: so they
+keep their order in any units; then colours of neighbours are taken in, until nothing new is told apart. What is left alike is ordered by name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from acausal.language.connector import Connector
 from acausal.language.flatten import FlatSystem, Part
 
 _ROUNDS = 16
-_DIGITS = 12
+_DIGITS = 2.0**40
+"""Numbers count as the same to this part, in a way that powers of two have no influence on."""
 _AT = 0.7
 """Where slopes of equations are taken: any value of all symbols."""
 
@@ -52,7 +53,8 @@ def attribute(flat: FlatSystem, part: Part, connector: Connector) -> str:
 
 def row_number(slopes: np.ndarray, value: float) -> tuple[float, ...]:
     """What is told of an equation by numbers; of laws like v = 2.0 the one with the smaller number comes first."""
-    return tuple(-float(f"{x:.{_DIGITS}g}") if np.isfinite(x) else 0.0 for x in (*np.sort(slopes), value))
+    mantissas, exponents = np.frexp(np.nan_to_num(np.append(slopes, value), posinf=0.0, neginf=0.0))
+    return tuple((-np.ldexp(np.round(mantissas * _DIGITS) / _DIGITS, exponents) + 0.0).tolist())
 
 
 def _numbers(flat: FlatSystem, residuals: Sequence[Sequence[ca.SX]]) -> list[tuple[tuple[float, ...], ...]]:
@@ -73,7 +75,7 @@ def _numbers(flat: FlatSystem, residuals: Sequence[Sequence[ca.SX]]) -> list[tup
     result: list[list[tuple[float, ...]]] = [[] for _ in flat.parts]
     for i, k in enumerate(owners):
         result[k].append(row_number(matrix.data[matrix.indptr[i] : matrix.indptr[i + 1]], float(values[i])))
-    return [tuple(sorted(own)) for own in result]
+    return [tuple(own) for own in result]
 
 
 def _ranks(keys: Sequence[object]) -> list[int]:

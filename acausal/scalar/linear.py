@@ -11,7 +11,7 @@ are zero; those that are zero at the present values only are not.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -43,13 +43,15 @@ class SingularMatrixError(Exception):
 class Entry:
     """A coefficient, its values at the sample points (k,), and the sums of the sizes of the terms that went into them.
 
-    `kind`: 0 a number, 1 constant during a run, 2 changing.
+    `kind`: 0 a number, 1 constant during a run, 2 changing. `known`: whether these values are its own, and not those of any numbers for states of
+    whatever size and unit: others are left out where sizes are compared.
     """
 
     value: ca.SX
     sample: np.ndarray
     size: np.ndarray
     kind: int
+    known: bool
 
     @property
     def vanishes(self) -> bool:
@@ -63,13 +65,13 @@ Sample = Callable[[list[ca.SX]], Sequence[float] | np.ndarray]
 """Values of expressions at the sample points (n, k); of the present values of parameters first."""
 
 
-def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int]) -> list[ca.SX]:
-    """x of matrix x = right. `constants`: hashes of symbols that do not change.
+def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int], measured: Collection[int] = ()) -> list[ca.SX]:
+    """x of matrix x = right. `constants`: hashes of symbols that do not change; `measured`: of others whose samples are of their size.
 
     Raises SingularMatrixError.
     """
     n = right.numel()
-    rows = _rows(matrix, sample, constants)
+    rows = _rows(matrix, sample, constants, constants.union(measured))
     b = [right[i] for i in range(n)]
     solved, open_rows = _triangular(rows, n, b, _MOST_BY_QR)
     x: dict[int, ca.SX] = {}
@@ -87,7 +89,7 @@ def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int
 def dependent_rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[dict[int, ca.SX]]:
     """Weights of rows of a matrix (n, m) whose sum is zero, at whatever values of parameters; independent sums."""
     n, m = matrix.shape
-    rows = _rows(matrix, lambda values: np.array(sample(values))[:, :_GENERAL], constants)
+    rows = _rows(matrix, lambda values: np.array(sample(values))[:, :_GENERAL], constants, constants)
     names = ca.SX.sym("row", n)
     sums = ca.vertsplit(names) if n else []
     _, open_rows = _triangular(rows, m, sums, n)
@@ -133,7 +135,7 @@ def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[lis
     return solved, open_rows
 
 
-def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
+def _rows(matrix: ca.SX, sample: Sample, constants: set[int], measured: set[int]) -> list[Row]:
     rows: list[Row] = [{} for _ in range(matrix.shape[0])]
     where = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     values = [matrix[i, j] for i, j in where]
@@ -143,7 +145,7 @@ def _rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[Row]:
             continue
         free = {s.element_hash() for s in ca.symvar(value)}
         kind = 0 if value.is_constant() else 1 if free <= constants else 2
-        rows[i][j] = Entry(value, numbers, np.abs(numbers), kind)
+        rows[i][j] = Entry(value, numbers, np.abs(numbers), kind, free <= measured)
     return rows
 
 
@@ -161,24 +163,63 @@ def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int, columns:
 
 
 def _column_sizes(rows: list[Row], n: int) -> list[np.ndarray]:
-    """The largest entry of each column at each point; 1 where there is none."""
+    """The largest entry of each column at each point, rows brought to one size; 1 where there is none."""
     found: list[np.ndarray | float] = [0.0] * n
-    for row in rows:
+    for row, size in zip(rows, _row_sizes(rows, n), strict=True):
         for j, entry in row.items():
-            found[j] = np.fmax(found[j], np.abs(entry.sample))
+            if entry.known:
+                found[j] = np.fmax(found[j], np.abs(entry.sample) / size)
     return [np.where((size > 0) & np.isfinite(size), size, 1.0) for size in found]
+
+
+def _row_sizes(rows: list[Row], n: int) -> np.ndarray:
+    """What is much in each row at each point, so that it does not matter in which units rows and unknowns are written.
+
+    Entries on the way from one row to the others, breadth first, have size 1. Twice, to find a way past those that are zero at some points.
+    """
+    entries = [[(j, np.abs(e.sample)) for j, e in row.items() if e.known] for row in rows]
+    users: list[list[tuple[int, np.ndarray]]] = [[] for _ in range(n)]
+    for i, own in enumerate(entries):
+        for j, size in own:
+            users[j].append((i, size))
+    points = next((e.sample.size for row in rows for e in row.values()), 1)
+    of_rows, of_columns = np.full((len(rows), points), np.nan), np.full((n, points), np.nan)
+    for _ in range(2):
+        seen, met = set[int](), set[int]()
+        for root in range(len(rows)):
+            reached = [] if root in seen else [root]
+            seen.add(root)
+            of_rows[root] = _filled(of_rows[root], np.ones(points), np.ones(points))
+            for i in reached:  # grows on the way
+                for j, size in entries[i]:
+                    of_columns[j] = _filled(of_columns[j], size, of_rows[i])
+                    for k, other in users[j] if j not in met else []:
+                        of_rows[k] = _filled(of_rows[k], other, of_columns[j])
+                        reached += [] if k in seen else [k]
+                        seen.add(k)
+                    met.add(j)
+    return np.nan_to_num(of_rows, nan=1.0)
+
+
+def _filled(sizes: np.ndarray, entries: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Those that are missing, so that entries beside `others` have size 1."""
+    with np.errstate(all="ignore"):
+        new = entries / others
+    return np.where(np.isnan(sizes) & (new > 0) & (new < np.inf), new, sizes)
 
 
 def _pivot(row: Row, users: list[set[int]], scale: list[np.ndarray], points: slice) -> int | None:
     """The column of an entry that is large in its row at all of these points; None where there is none."""
     if not row:
         return None
-    sizes = {j: np.abs(e.sample[points]) / scale[j][points] for j, e in row.items()}
+    sizes = {j: np.abs(e.sample[points]) / scale[j][points] for j, e in row.items() if e.known}
+    if not sizes:
+        return None
     largest = np.max(list(sizes.values()), axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = {j: float(np.min(np.nan_to_num(size / largest))) for j, size in sizes.items()}
     for threshold in (_LARGE, _SMALL):
-        able = [j for j, e in row.items() if e.kind < 2 and shares[j] >= threshold]
+        able = [j for j, share in shares.items() if row[j].kind < 2 and share >= threshold]
         if able:
             return min(able, key=lambda j: (row[j].kind, len(users[j]), -shares[j], j))
     return None
@@ -200,7 +241,9 @@ def _eliminate(rows: list[Row], i: int, j: int, other: int, users: list[set[int]
             taken, size = ratio * e.sample, np.abs(ratio) * e.size
         value = -(factor * e.value) if old is None else old.value - factor * e.value
         number, size = (-taken, size) if old is None else (old.sample - taken, old.size + size)
-        new = Entry(value, number, size, 0 if value.is_constant() else max(kind, e.kind, 0 if old is None else old.kind))
+        kinds = 0 if value.is_constant() else max(kind, e.kind, 0 if old is None else old.kind)
+        known = entry.known and pivot.known and e.known and (old is None or old.known)
+        new = Entry(value, number, size, kinds, known)
         if value.is_zero() or new.vanishes:
             target.pop(k, None)
             users[k].discard(other)

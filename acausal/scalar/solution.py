@@ -16,6 +16,8 @@ from acausal.scalar.tearing import tear
 
 _OTHERS = 2
 """Sample points with other values of the parameters."""
+_DECADES = 9.0
+"""How far the sizes of what is not known lie apart there."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,9 @@ class Solution:
         points = np.vstack([present[None, :], others, self.system.limits.reshape(len(self.system.limits), present.size)])
         self._points = points.shape[0]
         self._samples = {symbol.element_hash(): points[:, k] for k, (symbol, _) in enumerate(self.system.values)}
+        self._measured = {u.symbol.element_hash() for u in (*self.system.unknowns, *self.system.outer) if u.unit in ("rad", "1")}
+        # others may be of any size: wherever they are all at once, nothing vanishes by accident
+        self._decades = np.where(np.isin(np.arange(self._points), np.arange(1, 1 + _OTHERS)), _DECADES, 0.0)
 
     def resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """Expressions with known values put in. Costs what the expressions themselves cost."""
@@ -81,7 +86,7 @@ class Solution:
             found = [-rest if float(matrix) == 1 else rest if float(matrix) == -1 else -rest / matrix]
         else:
             try:
-                found = solve_linear(matrix, -ca.densify(rest), self.sample, self._constants)
+                found = solve_linear(matrix, -ca.densify(rest), self.sample, self._constants, self._measured)
             except SingularMatrixError as error:
                 raise singular(self.system, (sources[i] for i in error.rows), (unknowns[j] for j in error.columns)) from None
         if not matrix.is_constant():
@@ -111,8 +116,10 @@ class Solution:
         column = ca.vertcat(ca.SX(0, 1), *expressions)
         symbols = ca.symvar(column)
         for symbol in symbols:
-            if symbol.element_hash() not in self._samples:
-                self._samples[symbol.element_hash()] = self._random.uniform(0.5, 1.5, self._points)
+            key, draw = symbol.element_hash(), self._random.uniform
+            if key not in self._samples:
+                decades = 0.0 if key in self._measured else self._decades
+                self._samples[key] = draw(0.5, 1.5, self._points) * 10.0 ** (decades * draw(-1.0, 1.0, self._points))
         point = np.array([self._samples[s.element_hash()] for s in symbols]).reshape(len(symbols), self._points)
         values = np.array(ca.Function("sample", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)])(point))
         return np.where(np.isfinite(values), values, np.nan) if symbols else np.repeat(values, self._points, axis=1)
