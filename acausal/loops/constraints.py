@@ -164,8 +164,7 @@ def analyse_constraints(
         if not (group.names or group.invariants.numel() or group.domain.numel()):
             found.append(_unbound(group, guess))
             continue
-        walk = Walk(asked, values, guess, time)
-        start = close_loops(group, walk, tree.t, guess, functools.partial(distance_from_sketch, system, group, walk, sketch))
+        walk, start = _closed(system, asked, values, sketch, time)
         found.append(_examined(walk, start, values) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
     empty = {name for part in found for name in part.empty}
@@ -196,6 +195,29 @@ def analyse_constraints(
         any(part.singular for part in found), samples, beside, rates, _influences(loops, parameters), np.array(values, dtype=float),
         tuple(part for part in found if part.walk is not None), symbolic, near, time,
     )  # fmt: skip
+
+
+def _closed(
+    system: MechanicalSystem, asked: WalkFunctions, values: np.ndarray, sketch: np.ndarray, time: float
+) -> tuple[Walk, np.ndarray]:
+    """A walk of a group, and the closed configuration z of it that is nearest to the sketch q (nq,)."""
+    group, guess = asked.group, sketch[list(asked.group.q_places)]
+    walk = Walk(asked, values, guess, time)
+    return walk, close_loops(
+        group, walk, system.tree.t, guess, functools.partial(distance_from_sketch, system, group, walk, sketch)
+    )
+
+
+def closed_sketch(system: MechanicalSystem, constraints: Constraints, values: np.ndarray) -> np.ndarray:
+    """The `q_start` (nq,) that `constraints` would have, had the scene been built with these values of the parameters. Raises `AssemblyError`."""
+    q = constraints.q_start.copy()
+    sketch = sketch_configuration(system) if constraints.near is None else constraints.near
+    for part in constraints.examined:
+        if not np.array_equal(values[list(part.parameters)], part.values[list(part.parameters)]):
+            asked = next(walk for walk in constraints.symbolic.walks if walk.group is part.group)
+            walk, z = _closed(system, asked, values, sketch, constraints.time)
+            q[list(part.group.q_places)] = z * walk.unit
+    return q
 
 
 def _unbound(group: LoopGroup, start: np.ndarray) -> Examined:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import functools
@@ -15,11 +16,11 @@ import numpy as np
 from acausal.dynamics.forward_dynamics import forward_dynamics
 from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols
-from acausal.errors import LockedError
+from acausal.errors import AssemblyError, LockedError
 from acausal.language.connector import Electrical
 from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
-from acausal.loops.constraints import Constraints, analyse_constraints
+from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
@@ -27,6 +28,9 @@ from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.wording import compact, counted, grouped
+
+_KEPT = 16
+"""Values of parameters for which the closed sketch is kept."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -132,6 +136,25 @@ class ReducedSystem:
     def q_start(self) -> np.ndarray:
         """A configuration (nq,) with closed loops, where the search for initial values begins."""
         return self.samples[0]
+
+    def q_start_at(self, values: np.ndarray) -> np.ndarray:
+        """The same had the scene been built with these values of the parameters (np,): a start depends on what they are, not on what they were."""
+        c = self.constraints
+        if c.unchanged(values):
+            return self.q_start
+        key = values[list(c.parameters)].tobytes()
+        if key not in self._closed_sketches:
+            if len(self._closed_sketches) >= _KEPT:
+                self._closed_sketches.clear()
+            q = self.q_start.copy()
+            with contextlib.suppress(AssemblyError):  # the search for a start says what does not close
+                q[: self.mechanics.tree.q.numel()] = closed_sketch(self.mechanics, c, values)
+            self._closed_sketches[key] = q
+        return self._closed_sketches[key]
+
+    @functools.cached_property
+    def _closed_sketches(self) -> dict[bytes, np.ndarray]:
+        return {}
 
     @property
     def rate_start(self) -> np.ndarray:

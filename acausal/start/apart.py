@@ -15,11 +15,15 @@ from acausal.reduce.reduce import ReducedSystem
 
 @dataclass(frozen=True)
 class Apart:
-    """Differences between the positions y and the sketch `first`: of the joints of the tree, of those that close loops, of scalar positions."""
+    """Differences between the positions y and the sketch `first`: of the joints of the tree, of those that close loops, of scalar positions.
+
+    `drawn`: symbols of the sketch with closed loops.
+    """
 
     system: ReducedSystem
     y: ca.SX
     first: ca.SX
+    drawn: ca.SX
 
     @functools.cached_property
     def all(self) -> Differences:
@@ -31,6 +35,10 @@ class Apart:
         scalars = list(r.scalar_places[: r.scalar.positions])
         return Differences.joined([
             in_tree(joints, self.y, self.first),
-            *(at_cut(loop, None, self.y, ca.SX(ca.DM(r.q_start))) for loop in r.constraints.loops),
+            *(at_cut(loop, None, self.y, self.drawn) for loop in r.constraints.loops),
             Differences(self.y[scalars, :] - self.first[scalars, :], np.array(scalars, dtype=int)),
         ])  # fmt: skip
+
+    def closed(self, data: np.ndarray) -> np.ndarray:
+        """The sketch with closed loops, for the parameters at the end of the `data` of a search."""
+        return self.system.q_start_at(data[data.size - self.system.p_values.size :])

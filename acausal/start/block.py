@@ -69,7 +69,7 @@ class Block:
         others = [k for k in range(self.apart.y.numel()) if self.apart.y[k].element_hash() not in own]
         here = all.of(self.unknowns.y)
         rows = ca.substitute(here.rows, self.apart.y[others], self.apart.first[others]) if others else here.rows
-        return Rows.of(self.unknowns.y, self.whole, rows), here
+        return Rows.of(self.unknowns.y, ca.vertcat(self.whole, self.apart.drawn), rows), here
 
     def apart_at(self, data: np.ndarray, sizes: Sizes) -> Residual | None:
         """How far positions are from the sketch, y -> (k,) and its Jacobian, in parts of what is much; `data` with `first`."""
@@ -81,6 +81,7 @@ class Block:
         longest = np.max(sizes.unknowns[~self.unknowns.turning], initial=0.0)
         loop = float(positive(np.array([np.max(sizes.rows[self.drawn.shifts], initial=longest)]))[0])
         scale = differences.sizes(unknowns, loop)
+        data = np.concatenate([data, self.apart.closed(data[: data.size - self.apart.first.numel()])])
 
         def apart(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             r, J = rows(y, data)

@@ -45,6 +45,8 @@ class Search:
     """(y, data, first) -> all rows of the wishes: free orientations that stay, then near values."""
     side: ca.Function | None = None
     """(y, data) -> what is positive on the branch that is meant."""
+    drawn: Apart | None = None
+    """Of positions: the sketch."""
     said: bool = False
     """Whether the values say it all, so that only the signs are left to look at."""
     known: dict[bytes, Found] = field(default_factory=dict[bytes, Found], compare=False)
@@ -71,15 +73,15 @@ class Search:
         return sum(size for _, size in self.closing)
 
     def first(self, data: np.ndarray) -> np.ndarray:
-        """Where the search begins: the guess, with the start values of coordinates put in."""
-        first = self.guess.copy()
+        """Where the search begins: the guess, of positions that for the parameters in the data, with the start values of coordinates put in."""
+        first = (self.guess if self.drawn is None else self.drawn.closed(data)).copy()
         for i, k in self.plain:
             first[i] = data[k]
         return first
 
     def solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
         """y (n,) for the data and the weights of all start values; for the last ones of these as it was found before."""
-        key = data.tobytes() + weights.tobytes() + self.guess.tobytes()
+        key = data.tobytes() + weights.tobytes()
         found = self.known.get(key)
         if found is None:
             if len(self.known) >= _KEPT:
@@ -212,9 +214,10 @@ def start_search(
     plain = tuple(_plain(y, wished + exact))
     entries = sum(t.size for t in exact)
     settled = not closing.residual.numel() and not wished and len({i for i, _ in plain}) == len(plain) == entries
-    if y.numel() == 0 or (settled and not closing.signs.numel()):
-        return Search(what, guess, plain, exact, wished)
     first = ca.SX.sym("first", y.numel())
+    apart = None if unknowns.linear else Apart(system, y, first, ca.SX.sym("drawn", y.numel()))
+    if y.numel() == 0 or (settled and not closing.signs.numel()):
+        return Search(what, guess, plain, exact, wished, drawn=apart)
     whole = ca.vertcat(data, first)
     hard = ca.vertcat(closing.residual, *(_difference(t, wanted) for t in exact))
     stay = y[kept] - first[kept] if kept and targets else ca.SX(0, 1)
@@ -225,7 +228,6 @@ def start_search(
     rest = hard.numel() - closing.residual.numel()
     drawn = Drawn.joined([closing.drawn, Drawn.exact(rest)])
     n, m, k = y.numel(), hard.numel(), soft.numel()
-    apart = None if unknowns.linear else Apart(system, y, first)
     all = list(range(n)), list(range(m)), list(range(k))
     everything = Block(unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart)
     side = ca.Function("side", [y, data], [ca.densify(closing.signs)]) if closing.signs.numel() else None
@@ -241,6 +243,7 @@ def start_search(
         ca.Function("residual", [y, data], [hard], ["y", "data"], ["c"]),
         ca.Function("wishes", [y, data, first], [soft], ["y", "data", "first"], ["r"]) if soft.numel() else None,
         side,
+        apart,
         settled,
     )
 

@@ -18,6 +18,8 @@ from components import (
     PlanetaryGear,
     RackAndPinion,
     Resistor,
+    Revolute,
+    RigidBody,
     RotationalDamper,
     RotationalSpring,
     SlidingMass,
@@ -25,6 +27,7 @@ from components import (
     TranslationalGround,
     TranslationalSpring,
     VoltageSource,
+    World,
 )
 
 
@@ -262,3 +265,39 @@ def test_units_change_neither_the_states_nor_the_motion(units):
     found, moved = shafts(list(PARTS), list(TIES), str, units)
     assert found == states
     np.testing.assert_allclose(moved, places, rtol=1e-12)
+
+
+def linkage(lengths: np.ndarray) -> tuple[ac.System, list[ac.Parameter]]:
+    """A four-bar with adjustable crank, coupler, rocker and ground, all drawn along x."""
+    scene = ac.System()
+    scene.lengths = [ac.Parameter(float(length), "m") for length in lengths]
+    crank, coupler, rocker, ground = scene.lengths
+    scene.world, scene.hinges = World((0, 0, -9.81)), [Revolute("y") for _ in range(4)]
+    scene.bars = [RigidBody.rod(1.0, (length, 0, 0)) for length in (crank, coupler, rocker)]
+    one, two, three = scene.bars
+    ends = (
+        (scene.world.frame, one.frame),
+        (one.tip, two.frame),
+        (two.tip, three.tip),
+        (scene.world.at((ground, 0, 0)), three.frame),
+    )
+    for hinge, (a, b) in zip(scene.hinges, ends, strict=True):
+        scene.connect(a, hinge.frame_a)
+        scene.connect(hinge.frame_b, b)
+    return scene, scene.lengths
+
+
+USUAL = np.array([0.4, 1.2, 0.8, 1.0])
+
+
+@pytest.mark.parametrize(
+    "factors", [(1, 0.5, 1, 1), (1, 1, 1, 1.35), (1.4, 1.1, 0.8, 0.9), (1e3, 1e3, 1e3, 1e3), (2e-6, 1e-6, 3e-6, 2e-6)]
+)
+def test_a_start_does_not_depend_on_the_lengths_at_the_build(factors):
+    (one, parameters), (other, _) = linkage(USUAL), linkage(USUAL * factors)
+    here, there = ac.build(one), ac.build(other)
+    values = dict(zip(parameters, USUAL * factors, strict=True))
+    for start in ({}, {0: 0.9}, {3: ac.near(1.4)}):
+        found = here.initial_state({one.hinges[k].q: q for k, q in start.items()}, parameters=values)
+        wanted = there.initial_state({other.hinges[k].q: q for k, q in start.items()})
+        np.testing.assert_allclose(found.x, wanted.x, atol=1e-11)
