@@ -30,6 +30,7 @@ from acausal.start.decided import OtherDecisions, check_decided
 from acausal.start.initial import InitialState, Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.topology.build_mechanism import build_mechanism
+from acausal.topology.fields import with_field_forces
 from acausal.wording import compact, counted
 
 if TYPE_CHECKING:
@@ -615,6 +616,7 @@ def build(scene: System) -> Model:
         raise ModelError(
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
+    flat = with_field_forces(flat)
     check_parts(flat)
     model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:

@@ -1,8 +1,9 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, Rod (massless). Contacts: RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
-SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque. On shafts and joints' flanges: Inertia, RotationalSpring,
+CartesianTranslation, Free, PrescribedMotion, Rod (massless). Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
+Cylinder, Torus, Cone, HeightField, ParametricSurface). Contacts: KnifeEdge, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
+SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
@@ -12,6 +13,8 @@ RelativeRotationSensor, SignalTorque, SignalForce.
 
 from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
+from components.contacts.ball_on_surface import RollingBallOnSurface
+from components.contacts.knife_edge import KnifeEdge
 from components.contacts.point_on_plane import PointOnPlane
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
@@ -26,11 +29,19 @@ from components.electrical import (
     SignalVoltage,
     VoltageSource,
 )
+from components.fields import CentralField, PotentialField, UniformField
 from components.flexible import FlexibleBody, ShapeIntegrals
 from components.flexible_beam import FlexibleBeam, Section
+from components.forces.air import Drag, MagnusForce, PitchingMoment
 from components.forces.applied import Force, Torque
+from components.forces.bushing import Bushing
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
+from components.geometry.curves import Circle, Helix, Line, ParametricCurve, SplineCurve
+from components.geometry.surfaces import Cone, Cylinder, HeightField, ParametricSurface, Plane, Sphere, Torus
+from components.guides.along_curve import AlongCurve
+from components.guides.point_on_curve import PointOnCurve
+from components.guides.point_on_surface import PointOnSurface
 from components.joints.cartesian_translation import CartesianTranslation
 from components.joints.cylindrical import Cylindrical
 from components.joints.free import Free
@@ -78,11 +89,102 @@ from components.translational import (
 from components.world import World
 
 __all__ = [
-    "PID", "AngleSource", "Capacitor", "CartesianTranslation", "Constant", "CurrentSensor", "CurrentSource", "Cylindrical", "Damper", "Diode",
-    "ElasticGear", "ElectromotiveForce", "Fixed", "FlexibleBeam", "FlexibleBody", "Force", "ForceSensor", "ForceSource", "Free", "Gain", "Gear", "Ground", "Inductor", "Inertia", "Integrator",
-    "NonlinearDamper", "NonlinearSpring", "OperationalAmplifier", "Particle", "Planar", "PlanetaryGear", "PointOnPlane", "PositionSource", "PrescribedMotion", "Prismatic", "RackAndPinion", "RelativeRotationSensor", "Resistor", "Revolute", "RigidBody", "Rod",
-    "RollingBall", "RollingDisk", "RollingEllipsoid", "RollingTorus", "RotationSensor", "RotationalDamper", "RotationalGround",
-    "RotationalSpring", "Screw", "Section", "ShapeIntegrals", "SignalForce", "SignalTorque", "SignalVoltage", "SlidingMass", "SpeedSource", "Spherical", "Spring",
-    "SpringDamper", "Sum", "Table", "TimeFunction", "Torque", "TorqueSensor", "TorqueSource", "TranslationSensor", "TranslationalDamper",
-    "TranslationalGround", "TranslationalSpring", "Universal", "VelocitySource", "VoltageSource", "World",
+    "PID",
+    "AlongCurve",
+    "AngleSource",
+    "Bushing",
+    "Capacitor",
+    "CartesianTranslation",
+    "CentralField",
+    "Circle",
+    "Cone",
+    "Constant",
+    "CurrentSensor",
+    "CurrentSource",
+    "Cylinder",
+    "Cylindrical",
+    "Damper",
+    "Diode",
+    "Drag",
+    "ElasticGear",
+    "ElectromotiveForce",
+    "Fixed",
+    "FlexibleBeam",
+    "FlexibleBody",
+    "Force",
+    "ForceSensor",
+    "ForceSource",
+    "Free",
+    "Gain",
+    "Gear",
+    "Ground",
+    "HeightField",
+    "Helix",
+    "Inductor",
+    "Inertia",
+    "Integrator",
+    "KnifeEdge",
+    "Line",
+    "MagnusForce",
+    "NonlinearDamper",
+    "NonlinearSpring",
+    "OperationalAmplifier",
+    "ParametricCurve",
+    "ParametricSurface",
+    "Particle",
+    "PitchingMoment",
+    "Planar",
+    "Plane",
+    "PlanetaryGear",
+    "PointOnCurve",
+    "PointOnPlane",
+    "PointOnSurface",
+    "PositionSource",
+    "PotentialField",
+    "PrescribedMotion",
+    "Prismatic",
+    "RackAndPinion",
+    "RelativeRotationSensor",
+    "Resistor",
+    "Revolute",
+    "RigidBody",
+    "Rod",
+    "RollingBall",
+    "RollingBallOnSurface",
+    "RollingDisk",
+    "RollingEllipsoid",
+    "RollingTorus",
+    "RotationSensor",
+    "RotationalDamper",
+    "RotationalGround",
+    "RotationalSpring",
+    "Screw",
+    "Section",
+    "ShapeIntegrals",
+    "SignalForce",
+    "SignalTorque",
+    "SignalVoltage",
+    "SlidingMass",
+    "SpeedSource",
+    "Sphere",
+    "Spherical",
+    "SplineCurve",
+    "Spring",
+    "SpringDamper",
+    "Sum",
+    "Table",
+    "TimeFunction",
+    "Torque",
+    "TorqueSensor",
+    "TorqueSource",
+    "Torus",
+    "TranslationSensor",
+    "TranslationalDamper",
+    "TranslationalGround",
+    "TranslationalSpring",
+    "UniformField",
+    "Universal",
+    "VelocitySource",
+    "VoltageSource",
+    "World",
 ]  # fmt: skip

@@ -54,6 +54,8 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
             if z is not None and is_meant(z):
                 return z
         walk.time = time
+    if not group.loops:
+        raise _nowhere(group)
     gaps = np.abs(walk.gaps(where))
     worst, own = _worst_loop(group.loops, gaps)
     raise AssemblyError(
@@ -90,6 +92,18 @@ def _signs(group: LoopGroup, t: ca.SX) -> list[ca.SX]:
     known = {s.element_hash() for s in (*ca.vertsplit(group.q), t)}
     signs = [rows.sign for rows in group.loops if rows.sign is not None]
     return [sign for sign in signs if {s.element_hash() for s in ca.symvar(sign)} <= known]
+
+
+def _nowhere(group: LoopGroup) -> AssemblyError:
+    """A joint by itself that has no place inside its own domain."""
+    joint = group.joints[0].edge
+    why = (
+        joint.joint.if_outside
+        or "Check its dimensions, or begin elsewhere: give its coordinates a start, or bodies a rough position."
+    )
+    return AssemblyError(
+        f"No position of joint '{joint.name}' ({joint.joint.created_at}) was found that is inside its domain. {why}"
+    )
 
 
 def _worst_loop(loops: tuple[LoopRows, ...], residual: np.ndarray) -> tuple[LoopRows, np.ndarray]:

@@ -36,7 +36,7 @@ class AbstractElasticBody(AbstractJoint, ABC):
     def _set_count(self, count: int) -> None:
         """Give q and v as many entries as there are shapes."""
         for name, declared in (("q", type(self).q), ("v", type(self).v)):
-            vars(self)[name] = Variable(declared.unit, declared.description, size=count, name=name)
+            self._declare(name, declared.unit, count)
 
     @final
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:

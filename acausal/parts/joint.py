@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import casadi as ca
 
@@ -24,6 +24,8 @@ class AbstractJoint(AbstractConstraint, ABC):
 
     q: Variable
     v: Variable
+    if_outside: ClassVar[str] = "They name no pose there, or one twice."
+    """What it means, for the user, that q is outside of `domain`: a whole sentence."""
 
     @abstractmethod
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -74,6 +76,13 @@ class AbstractJoint(AbstractConstraint, ABC):
         `axes` and `spin` oblige to).
         """
         return (motion_from_pose(self.pose, self.rates, q, v, t),)
+
+    def _declare(self, name: str, unit: str, size: int | None = None, start: tuple[float, ...] | None = None) -> None:
+        """Give the variable `name` of this joint a unit, size and start of its own, where these depend on what the joint is made with."""
+        declared = getattr(type(self), name)
+        vars(self)[name] = Variable(
+            unit, declared.description, size=size or declared.size, start=declared.start if start is None else start, name=name
+        )
 
     @property
     def flanges(self) -> tuple[Rotational | Translational, ...]:

@@ -19,6 +19,7 @@ from acausal.language.flatten import FlatSystem, Part
 from acausal.language.origin import shortened
 from acausal.numerics.thresholds import EDGE
 from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.field import AbstractField
 from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, symbols_read, unbalanced_power
 from acausal.parts.inertia import Inertia
@@ -48,6 +49,9 @@ class OwnPart:
             self._check_constraint(component)
         if isinstance(component, AbstractForce):
             self._check_force(component)
+        if isinstance(component, AbstractField):
+            place = ca.SX.sym("p", 3)
+            self._scalar("potential(p, t)", lambda: component.potential(place, time.sx))
         if isinstance(component, AbstractRigidPart):
             self._check_rigid(component)
 

@@ -111,8 +111,8 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
         outside = np.flatnonzero(np.min(values, axis=0) < 0)
         if outside.size:
             warnings.warn(
-                f"By t = {run.solution.t[outside[0]]:.6g} s the wheel of '{item.edge.name}' ({joint.created_at}) has fallen through its "
-                "plane: it does not roll on its rim any more. The motion from there on has no meaning; stop it before by an event.",
+                f"By t = {run.solution.t[outside[0]]:.6g} s '{item.edge.name}' ({joint.created_at}) has left the domain of its coordinates. {joint.if_outside} "
+                "The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
             left = True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
@@ -16,10 +17,9 @@ from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.force import AbstractForce
 from acausal.parts.free import FreeJoint, FreePoint
 from acausal.parts.inertia import Inertia
-from acausal.parts.joint import AbstractJoint, AbstractStepJoint
-from acausal.parts.pose import Pose
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
-from acausal.parts.steps import Shift, Slide
 from acausal.topology.canonical_order import Name, canonical_order, natural, rounded
 from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
@@ -175,6 +175,7 @@ def _check_points(edges: Sequence[Edge[AbstractConstraint]], groups: Sequence[Gr
 
 
 def _turns(joint: AbstractConstraint) -> bool:
-    if joint.between_points:
-        return False
-    return not isinstance(joint, AbstractStepJoint) or not all(isinstance(step, Slide | Shift) for step in joint.steps())
+    if joint.between_points or not isinstance(joint, AbstractJoint):
+        return not joint.between_points
+    q, t = joint.q.sx, ca.SX.sym("t")
+    return ca.depends_on(symbolic(joint.pose(q, t).rotation), ca.vertcat(q, t))

@@ -35,6 +35,7 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     """
 
     only_pushes = True
+    if_outside = "The wheel has fallen through its plane: it does not roll on its rim any more."
     q = Variable("", "yaw, lean, spin [rad] (3); x and y of the centre in frame_a [m] (2)", size=5)
     v = Variable("rad/s", "angular velocity along the heading, the axle, and up in the wheel's plane", size=3)
     axis: np.ndarray | Expression

@@ -11,15 +11,21 @@ from acausal.parts.force import AbstractForce, AbstractLineForce
 from acausal.parts.force_check import FreePlacement, unbalanced_power
 from acausal.parts.pose import symbolic
 from components import RigidBody, World
+from components.fields import CentralField
 from tests.conformance.catalogue import kinds, made
 
+STIFF = np.random.default_rng(5).normal(size=(6, 6))
 ARGUMENTS: dict[str, dict[str, object]] = {
     "Force": {"force": (1.0, 2.0, -0.5)}, "Torque": {"torque": (1.0, 2.0, -0.5)},
     "NonlinearSpring": {"potential": lambda length: 3 * length**4 - 1 / length},
     "NonlinearDamper": {"force": lambda length, rate: 3 * rate * ca.fabs(rate) / length},
+    "Bushing": {"stiffness": STIFF @ STIFF.T, "damping": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)},
+    "FieldForce": {"field": CentralField(3.0), "body": RigidBody(2.0, (0.2, 0.3, 0.4), (0.1, -0.2, 0.3))},
+    "Drag": {"linear": 0.3, "quadratic": 0.5, "wind": (1.0, -2.0, 0.5)},
+    "MagnusForce": {"coefficient": 0.4, "wind": (1.0, -2.0, 0.5)}, "PitchingMoment": {"coefficient": 0.4},
 }  # fmt: skip
 USUAL = {"stiffness": 30.0, "natural_length": 0.4, "damping": 2.0}
-ALL = [made(cls, ARGUMENTS.get(cls.__name__, USUAL)) for cls in kinds(AbstractForce)]
+ALL = [cls(**ARGUMENTS[cls.__name__]) if cls.__name__ in ARGUMENTS else made(cls, USUAL) for cls in kinds(AbstractForce)]
 SAMPLES = [force for force in ALL if isinstance(force, AbstractLineForce)]
 
 

@@ -1,0 +1,87 @@
+"""Fields of force that act on all bodies and particles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, final
+
+import casadi as ca
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Scalar, of_time, scalar, sx, time, vector
+from acausal.language.origin import origin
+from acausal.parts.field import AbstractField
+
+
+@final
+class CentralField(AbstractField):
+    """Newton's attraction by a mass at the origin of `frame`: potential -mu / r. `mu` = G M [m^3/s^2] > 0.
+
+    Bodies feel its gradient too: forces and moments to second order in their size (MacCullagh). Leave `frame` free for a mass at rest in
+    the world's origin, or connect it to the body that attracts, which is then attracted back.
+
+        scene.earth = CentralField(mu=3.986004418e14)
+    """
+
+    has_no_sources = True
+
+    def __init__(self, mu: Scalar) -> None:
+        self.mu = scalar(mu, "CentralField's mu", positive=True, unit="m^3/s^2")
+
+    def potential(self, p: ca.SX, t: ca.SX) -> ca.SX:
+        return -sx(self.mu) / ca.norm_2(p)
+
+    def spread_potential(self, p: ca.SX, R: ca.SX, spread: ca.SX, t: ca.SX) -> ca.SX:
+        square, seen = ca.sumsqr(p), R.T @ p  # MacCullagh; without sources, the trace of `spread` is taken off
+        return -1.5 * sx(self.mu) * ca.dot(seen, spread @ seen) / (square * square * ca.sqrt(square))
+
+
+@final
+class UniformField(AbstractField):
+    """The same `acceleration` (3,) [m/s^2] for every mass, in the axes of `frame`: constants, a function of time, or an input.
+
+    Constant gravity of the world costs less as World(gravity=...).
+
+        scene.tide = UniformField(lambda t: (0.1 * ca.cos(t), 0, 0))
+    """
+
+    has_no_sources = True
+
+    def __init__(self, acceleration: Scalar | Callable[[Any], Any]) -> None:
+        self.acceleration = vector(of_time(acceleration), "UniformField's acceleration", unit="m/s^2")
+
+    def potential(self, p: ca.SX, t: ca.SX) -> ca.SX:
+        return -ca.dot(sx(self.acceleration), p)
+
+
+@final
+class PotentialField(AbstractField):
+    """Any field: `potential` (p, t) [m^2/s^2] of one kilogram at p (3, 1) [m] in the axes of `frame`, by CasADi's functions.
+
+    scene.well = PotentialField(lambda p, t: 50.0 * ca.sumsqr(p))
+    """
+
+    def __init__(self, potential: Callable[[ca.SX, ca.SX], Any]) -> None:
+        self._place = ca.SX.sym("p", 3)
+        self.law = _of_place(potential, self._place)
+
+    def potential(self, p: ca.SX, t: ca.SX) -> ca.SX:
+        return ca.substitute(self.law, self._place, p)
+
+
+def _of_place(potential: Callable[[ca.SX, ca.SX], Any], p: ca.SX) -> ca.SX:
+    if not callable(potential):  # pyright: ignore[reportUnnecessaryComparison]
+        raise ParameterError(
+            f"PotentialField's potential is {potential!r} ({origin()}). Give a function of place and time: lambda p, t: 9.81 * p[2]."
+        )
+    try:
+        found = sx(potential(p, time.sx))
+    except (TypeError, NotImplementedError) as error:
+        raise ParameterError(
+            f"PotentialField's potential fails with CasADi's symbols ({origin()}): {error}. Use CasADi's functions: ca.sqrt, ca.exp, ca.if_else."
+        ) from None
+    if found.shape != (1, 1):
+        raise ParameterError(
+            f"PotentialField's potential has the shape {found.shape} ({origin()}). It is one number, in m^2/s^2."
+        )
+    return found

@@ -1,0 +1,71 @@
+"""Elastic mounts between two frames."""
+
+from __future__ import annotations
+
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Expression, Scalar, checked, leaves, sx
+from acausal.language.origin import origin
+from acausal.parts.pose import Pose, symbolic, vee
+from acausal.parts.potential import AbstractPotential
+
+_EVEN = 1e-9
+"""Part of the entries within which a matrix counts as symmetric, and its least direction as not negative."""
+
+
+@final
+class Bushing(AbstractPotential):
+    """A rubber mount: elastic and damped in all six directions between two frames, at rest where they coincide.
+
+    Displacement p_ab in frame_a [m]; turn a = 2 sin(angle / 2) axis [rad], below half a turn. Stores (a, p) K (a, p) / 2 with
+    `stiffness` K: six numbers or a symmetric (6, 6), turns first [N*m/rad, N/m]. `damping`: the same shapes, by the angular velocity
+    and velocity of frame_b against frame_a, seen in frame_a [N*m*s/rad, N*s/m]. Moments follow by virtual work.
+
+        scene.mount = Bushing(stiffness=(50, 50, 20, 4e5, 4e5, 2e5), damping=(0, 0, 0, 800, 800, 400))
+    """
+
+    def __init__(self, stiffness: Scalar, damping: Scalar = (0.0,) * 6) -> None:
+        self.stiffness = _matrix(stiffness, "stiffness")
+        self.damping_matrix = _matrix(damping, "damping")
+
+    def potential(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        R = symbolic(X_ab.rotation)
+        moved = ca.vertcat(2 * vee(R) / ca.sqrt(1 + ca.trace(R)), symbolic(X_ab.position))
+        return 0.5 * ca.dot(moved, sx(self.stiffness) @ moved)
+
+    def damping(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        R = symbolic(X_ab.rotation)
+        wrench = -(sx(self.damping_matrix) @ ca.vertcat(R @ w_ab_b, R @ v_ab_b))
+        return R.T @ wrench[:3], R.T @ wrench[3:]
+
+
+def _matrix(value: Scalar, name: str) -> np.ndarray | Expression:
+    """Six numbers on the diagonal, or a symmetric matrix (6, 6) without negative directions."""
+    found = leaves(value)
+    entries = sx(np.asarray(value, dtype=float) if not found and isinstance(value, list | tuple) else value)
+    if entries.shape == (6, 1):
+        entries = ca.diag(entries)
+    if entries.shape != (6, 6):
+        raise ParameterError(
+            f"Bushing's {name} has the shape {entries.shape} ({origin()}). Give six numbers or a matrix (6, 6): turns first."
+        )
+
+    def check(matrix: np.ndarray) -> None:
+        size = float(np.max(np.abs(matrix), initial=0.0))
+        if not np.isfinite(matrix).all() or np.max(np.abs(matrix - matrix.T)) > _EVEN * size:
+            raise ParameterError(f"Bushing's {name} is {matrix.tolist()} ({origin()}). It must be finite and symmetric.")
+        ends = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))  # turns and lengths have other units
+        if np.linalg.eigvalsh(matrix / np.outer(ends, ends))[0] < -_EVEN:
+            raise ParameterError(
+                f"Bushing's {name} has a negative direction ({origin()}): {matrix.tolist()}. No mount gives energy away."
+            )
+
+    if found:
+        return checked(Expression(ca.densify(entries), found), check)
+    numbers = np.array(ca.DM(ca.evalf(ca.densify(entries))))
+    check(numbers)
+    return numbers

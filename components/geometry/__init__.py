@@ -1,0 +1,1 @@
+"""Curves and surfaces as values: what guides and contacts are made of."""

@@ -1,0 +1,28 @@
+"""What users give as functions: places by parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from acausal.errors import ParameterError
+from acausal.language.expression import sx
+from acausal.language.origin import origin
+
+
+def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) -> ca.SX:
+    """What the law of a curve or surface gives for symbols, a column of `rows`. Raises `ParameterError` naming `what` and the user's line."""
+    if not callable(law):  # pyright: ignore[reportUnnecessaryComparison]
+        raise ParameterError(f"{what} is given by {law!r} ({origin()}). Give a function, e.g. lambda s: (s, 0, s**2).")
+    try:
+        found = sx(law(*arguments))
+    except (TypeError, NotImplementedError) as error:
+        raise ParameterError(
+            f"{what}: the function fails with CasADi's symbols ({origin()}): {error}. Use ca.sin, ca.sqrt, ca.if_else and the like."
+        ) from None
+    if found.shape != (rows, 1):
+        wanted = "three numbers: (x, y, z)" if rows == 3 else "one number"
+        raise ParameterError(f"{what}: the function gives the shape {found.shape} ({origin()}). Return {wanted}.")
+    return found

@@ -1,0 +1,233 @@
+"""Surfaces in space, given by coordinates on them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, ClassVar, final
+
+import casadi as ca
+
+from acausal.language.expression import Scalar, scalar, sx
+from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
+from components.geometry.curves import within
+from components.geometry.laws import place
+
+
+class AbstractSurface(ABC):
+    """A surface in the axes of the frame that it is fixed in. Must provide `point`; with two coordinates new ones need nothing else.
+
+    The side that matters for what rolls is that of `normal`, the one that first and second coordinate turn about to the left.
+    """
+
+    unit: ClassVar[str] = "m"
+    """Of the coordinates: "m" for lengths, "rad" for angles, "" for what is neither or mixed."""
+    start: ClassVar[tuple[float, ...]] = (0.0, 0.0)
+    """Coordinates where a search for start values begins, where the surface is smooth."""
+
+    @abstractmethod
+    def point(self, q: ca.SX) -> ca.SX:
+        """Place (3, 1) [m] at the coordinates q, with two derivatives; its slopes are independent."""
+
+    def rates(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        """q' by two velocities v (2, 1): q' = v, but where a surface needs more coordinates than it has dimensions."""
+        return v
+
+    def invariants(self, q: ca.SX) -> ca.SX:
+        """What stays zero because of how q' is made; see `AbstractJoint.invariants`."""
+        return ca.SX(0, 1)
+
+    def inside(self, q: ca.SX) -> ca.SX:
+        """Positive where the coordinates are good, (n, 1), without unit and of size 1 well inside. Empty where they are everywhere."""
+        return ca.SX(0, 1)
+
+    def slopes(self, q: ca.SX) -> ca.SX:
+        """How the point moves with the velocities, (3, 2)."""
+        at, v = ca.SX.sym("q", q.numel()), ca.SX.sym("v", 2)
+        return ca.substitute(ca.jacobian(ca.jtimes(self.point(at), at, self.rates(at, v)), v), at, q)
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        """Unit normal (3, 1)."""
+        slopes = self.slopes(q)
+        across = ca.cross(slopes[:, 0], slopes[:, 1])
+        return across / ca.norm_2(across)
+
+    def metric(self, q: ca.SX) -> ca.SX:
+        """Products of the slopes, (2, 2)."""
+        slopes = self.slopes(q)
+        return slopes.T @ slopes
+
+    def curvature(self, q: ca.SX) -> ca.SX:
+        """W (2, 2) [1/m]: moving by velocities v the normal changes at the rate slopes W v (Weingarten). Positive where the normal points away from the
+        centre of curvature.
+        """
+        at, v = ca.SX.sym("q", q.numel()), ca.SX.sym("v", 2)
+        change = ca.substitute(ca.jacobian(ca.jtimes(self.normal(at), at, self.rates(at, v)), v), at, q)
+        return ca.solve(self.metric(q), self.slopes(q).T @ change)
+
+
+@final
+class Plane(AbstractSurface):
+    """z = 0, its normal along z. Coordinates: x and y [m]."""
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return ca.vertcat(q, 0)
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        return ca.SX([0, 0, 1])
+
+    def slopes(self, q: ca.SX) -> ca.SX:
+        return ca.SX(ca.DM([[1, 0], [0, 1], [0, 0]]))
+
+    def curvature(self, q: ca.SX) -> ca.SX:
+        return ca.SX(2, 2)
+
+
+@final
+class Sphere(AbstractSurface):
+    """Of `radius` [m] > 0 about the origin, its normal outwards; `inside_out`: inwards. Without poles.
+
+    Coordinates: a unit quaternion (4) of axes whose z goes through the point and which never turn about z; velocities: their angular velocity
+    about their own x and y [rad/s].
+
+        Sphere(radius=0.3, inside_out=True)  # a bowl
+    """
+
+    unit = "rad"
+    start = (1.0, 0.0, 0.0, 0.0)
+
+    def __init__(self, radius: Scalar, *, inside_out: bool = False) -> None:
+        self.radius = scalar(radius, "Sphere's radius", positive=True, unit="m")
+        self._side = -1.0 if inside_out else 1.0
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return sx(self.radius) * rotation_from_quaternion(q)[:, 2]
+
+    def rates(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        return quaternion_rate(q, ca.vertcat(v, 0))
+
+    def invariants(self, q: ca.SX) -> ca.SX:
+        return 0.5 * (ca.sumsqr(q) - 1)
+
+    def slopes(self, q: ca.SX) -> ca.SX:
+        R = rotation_from_quaternion(q)
+        return sx(self.radius) * ca.horzcat(-R[:, 1], R[:, 0])
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        return self._side * rotation_from_quaternion(q)[:, 2]
+
+    def metric(self, q: ca.SX) -> ca.SX:
+        return sx(self.radius) ** 2 * ca.SX.eye(2)
+
+    def curvature(self, q: ca.SX) -> ca.SX:
+        return self._side / sx(self.radius) * ca.SX.eye(2)
+
+
+@final
+class Cylinder(AbstractSurface):
+    """Of `radius` [m] > 0 about z, its normal outwards; `inside_out`: inwards. Coordinates: the way around from x, and z [m].
+
+    Cylinder(radius=0.5)
+    """
+
+    def __init__(self, radius: Scalar, *, inside_out: bool = False) -> None:
+        self.radius = scalar(radius, "Cylinder's radius", positive=True, unit="m")
+        self._side = -1.0 if inside_out else 1.0
+
+    def point(self, q: ca.SX) -> ca.SX:
+        radius = sx(self.radius)
+        return ca.vertcat(radius * ca.cos(q[0] / radius), radius * ca.sin(q[0] / radius), q[1])
+
+    def slopes(self, q: ca.SX) -> ca.SX:
+        angle = q[0] / sx(self.radius)
+        return ca.blockcat([[-ca.sin(angle), 0], [ca.cos(angle), 0], [0, 1]])
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        angle = q[0] / sx(self.radius)
+        return self._side * ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
+
+    def metric(self, q: ca.SX) -> ca.SX:
+        return ca.SX.eye(2)
+
+    def curvature(self, q: ca.SX) -> ca.SX:
+        return ca.diag(ca.vertcat(self._side / sx(self.radius), 0))
+
+
+@final
+class Torus(AbstractSurface):
+    """A tube of radius `tube` about the circle of `radius` > tube > 0 [m] in the plane z = 0, its normal outwards.
+
+    Coordinates: the angle around z from x, and around the tube from the outermost circle upwards [rad].
+
+        Torus(radius=1.0, tube=0.2)
+    """
+
+    unit = "rad"
+
+    def __init__(self, radius: Scalar, tube: Scalar) -> None:
+        self.radius = scalar(radius, "Torus's radius", positive=True, unit="m")
+        self.tube = scalar(tube, "Torus's tube", positive=True, unit="m")
+
+    def point(self, q: ca.SX) -> ca.SX:
+        reach = sx(self.radius) + sx(self.tube) * ca.cos(q[1])
+        return ca.vertcat(reach * ca.cos(q[0]), reach * ca.sin(q[0]), sx(self.tube) * ca.sin(q[1]))
+
+
+@final
+class Cone(AbstractSurface):
+    """z = r / tan(`half_angle`), r the distance from z, 0 < half_angle < pi / 2 [rad]; its normal inwards, that is upwards. Coordinates: x and y [m].
+
+    Not at the apex, which has no normal.
+
+        Cone(half_angle=0.5)
+    """
+
+    start = (1.0, 0.0)
+
+    def __init__(self, half_angle: Scalar) -> None:
+        self.half_angle = scalar(half_angle, "Cone's half_angle", positive=True, unit="rad")
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return ca.vertcat(q, ca.norm_2(q) / ca.tan(sx(self.half_angle)))
+
+
+@final
+class HeightField(AbstractSurface):
+    """z = `height` (x, y) [m], its normal upwards, by CasADi's functions or an interpolant of CasADi. Coordinates: x and y [m].
+
+    HeightField(lambda x, y: 0.5 * (x**2 + y**2))
+    """
+
+    def __init__(self, height: Callable[[ca.SX, ca.SX], Any]) -> None:
+        self._q = ca.SX.sym("q", 2)
+        self.law = place("HeightField", height, self._q[0], self._q[1], rows=1)
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return ca.vertcat(q, ca.substitute(self.law, self._q, q))
+
+
+@final
+class ParametricSurface(AbstractSurface):
+    """Any surface: `law` (a, b) -> (x, y, z) [m], by CasADi's functions. `unit` of a and b; `ends`: ((a0, a1), (b0, b1)), where it has ends, or where its
+    coordinates do; `start`: (a, b) where a search for start values begins.
+
+    ParametricSurface(lambda a, b: (a * ca.cos(b), a * ca.sin(b), 0.1 * b), start=(1.0, 0.0))  # a helicoid
+    """
+
+    def __init__(
+        self,
+        law: Callable[[ca.SX, ca.SX], Any],
+        unit: str = "",
+        ends: tuple[tuple[float, float], tuple[float, float]] | None = None,
+        start: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self._q = ca.SX.sym("q", 2)
+        self.law = place("ParametricSurface", law, self._q[0], self._q[1])
+        self.ends = ends
+        self.unit, self.start = unit, start  # pyright: ignore[reportAttributeAccessIssue]
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return ca.substitute(self.law, self._q, q)
+
+    def inside(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1) if self.ends is None else ca.vertcat(*(within(q[k], ends) for k, ends in enumerate(self.ends)))

@@ -1,0 +1,1 @@
+"""Joints along curves and over surfaces."""

@@ -1,0 +1,52 @@
+"""A body that follows a curve, turned as the curve turns: a car on rails."""
+
+from __future__ import annotations
+
+from typing import final
+
+import casadi as ca
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Variable, sx
+from acausal.language.origin import origin
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose
+from components.geometry.curves import AbstractCurve
+from components.orientation import Axis, axis_vector
+
+
+@final
+class AlongCurve(AbstractJoint):
+    """frame_b slides without friction along a `curve` fixed in frame_a and turns with it: x along the curve. One freedom.
+
+    y is the direction `side` of frame_a, as far as it is across the curve, and z completes them: the curve must not run along `side`, but may run
+    straight up, so that a looping in the plane z, x has side "y". q: the curve's parameter, v = q'. It holds on both sides.
+
+        scene.car = AlongCurve(SplineCurve(track), side="y")
+    """
+
+    if_outside = "The curve ends there."
+    q = Variable("m", "the curve's parameter")
+    v = Variable("m/s", "rate of the curve's parameter")
+
+    def __init__(self, curve: AbstractCurve, side: Axis = "y") -> None:
+        if not isinstance(curve, AbstractCurve):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ParameterError(
+                f"AlongCurve's curve is {curve!r} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5)."
+            )
+        self.curve, self.side = curve, axis_vector(side, "AlongCurve's side")
+        self._declare("q", curve.unit)
+        self._declare("v", f"{curve.unit or '1'}/s")
+
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        s, side = ca.SX.sym("s"), sx(self.side)
+        point = self.curve.point(s)
+        slope = ca.jacobian(point, s)
+        x = slope / ca.norm_2(slope)
+        across = side - ca.dot(side, x) * x
+        y = across / ca.norm_2(across)
+        rotation, position = ca.substitute([ca.horzcat(x, y, ca.cross(x, y)), point], [s], [q])
+        return Pose(rotation, position)
+
+    def domain(self, q: ca.SX) -> ca.SX:
+        return self.curve.inside(q)

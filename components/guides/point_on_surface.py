@@ -1,0 +1,56 @@
+"""A point that slides on a surface."""
+
+from __future__ import annotations
+
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Variable
+from acausal.language.origin import origin
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose
+from components.geometry.surfaces import AbstractSurface
+
+
+@final
+class PointOnSurface(AbstractJoint):
+    """frame_b slides without friction on a `surface` fixed in frame_a, and does not turn. Two freedoms.
+
+    q: the surface's coordinates, v (2): their velocities; no multiplier. A particle sits on frame_b; a body's point does with a Spherical
+    between. The surface moves as frame_a does. It holds on both sides.
+
+        scene.bowl = PointOnSurface(HeightField(lambda x, y: x**2 + y**2))
+    """
+
+    if_outside = "The surface ends there, or its coordinates do."
+    q = Variable("m", "coordinates on the surface", size=2)
+    v = Variable("m/s", "velocities of the coordinates", size=2)
+
+    def __init__(self, surface: AbstractSurface) -> None:
+        self.surface = checked_surface(surface, "PointOnSurface")
+        self._declare("q", surface.unit, len(surface.start), surface.start if any(surface.start) else None)
+        self._declare("v", f"{surface.unit or '1'}/s")
+
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        return Pose(np.eye(3), self.surface.point(q))
+
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        return self.surface.rates(q, v)
+
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        return self.surface.invariants(q)
+
+    def domain(self, q: ca.SX) -> ca.SX:
+        return self.surface.inside(q)
+
+
+def checked_surface(surface: object, part: str) -> AbstractSurface:
+    """Raises `ParameterError` for anything else."""
+    if not isinstance(surface, AbstractSurface):
+        raise ParameterError(
+            f"{part}'s surface is {surface!r} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
+        )
+    return surface

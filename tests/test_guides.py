@@ -1,0 +1,263 @@
+"""Points, bodies and balls along curves and over surfaces: closed forms of the classical systems, and what they cost."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import acausal as ac
+from acausal import errors
+from components import (
+    AlongCurve,
+    Circle,
+    Cone,
+    Cylinder,
+    HeightField,
+    Helix,
+    KnifeEdge,
+    Line,
+    ParametricCurve,
+    ParametricSurface,
+    Particle,
+    Planar,
+    Plane,
+    PointOnCurve,
+    PointOnSurface,
+    PrescribedMotion,
+    RigidBody,
+    RollingBall,
+    RollingBallOnSurface,
+    Sphere,
+    Spherical,
+    SplineCurve,
+    Torus,
+    World,
+)
+
+G = 9.81
+
+
+def on(joint, body, gravity=(0.0, 0.0, -G)) -> ac.System:
+    """A particle or body on a joint on the ground."""
+    scene = ac.System()
+    scene.world, scene.guide, scene.body = World(gravity), joint, body
+    scene.connect(scene.world.frame, joint.frame_a)
+    scene.connect(joint.frame_b, body.point if isinstance(body, Particle) else body.frame)
+    return scene
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.2, 1e6])
+def test_a_bead_on_a_helix_falls_at_constant_rate(size):
+    scene = on(PointOnCurve(Helix(size, 0.25 * size)), Particle(2.0))
+    model = ac.build(scene)
+    assert len(model.state_names) == 2
+    time = np.sqrt(size)
+    run = model.simulate(2 * time, {scene.guide.q: 0.3, scene.guide.v: 1 / time}, rtol=1e-12)
+    assert abs(run[scene.guide.q][-1] - (0.3 + 2 - 2 * G * 0.25 / (1 + 0.25**2))) < 1e-13
+
+
+@pytest.mark.parametrize("begin", [0.1, 1.0, 2.5, 3.0])
+def test_a_cycloid_is_a_tautochrone(begin):
+    curve = ParametricCurve(lambda a: (a + ca.sin(a), 0, -ca.cos(a)), unit="rad")
+    scene = on(PointOnCurve(curve), Particle(2.0))
+    run = ac.build(scene).simulate(4 * np.pi / np.sqrt(G), {scene.guide.q: begin}, rtol=1e-12)
+    assert abs(run[scene.guide.q][-1] - begin) < 1e-12
+
+
+def test_a_bead_on_a_hoop_that_turns_stands_where_gravity_and_turning_agree():
+    """cos(theta) = g / (omega^2 R) from the bottom; O'Reilly, 11.4."""
+    scene = ac.System()
+    scene.world, scene.drive = World(), PrescribedMotion(axis="z", angle=6.0 * ac.time)
+    scene.hoop, scene.bead = PointOnCurve(Circle(0.5)), Particle(0.1)
+    scene.connect(scene.world.frame, scene.drive.frame_a)
+    upright = RigidBody(1.0, (1.0, 1.0, 1.0))
+    scene.carrier = upright
+    scene.connect(scene.drive.frame_b, upright.frame)
+    scene.connect(upright.at((0, 0, 0), ("x", np.pi / 2)), scene.hoop.frame_a)
+    scene.connect(scene.hoop.frame_b, scene.bead.point)
+    angle = np.arccos(G / (36 * 0.5))
+    run = ac.build(scene).simulate(3.0, {scene.hoop.q: angle - np.pi / 2}, rtol=1e-12)
+    assert np.max(np.abs(run[scene.hoop.q] - (angle - np.pi / 2))) < 1e-11
+
+
+def test_a_track_of_points_keeps_the_energy_and_ends_where_it_ends():
+    scene = on(PointOnCurve(SplineCurve([(0, 0, 1), (1, 0, 0.2), (2, 0, 0.6), (2.5, 0.5, 0)])), Particle(1.0))
+    model = ac.build(scene)
+    assert model.simulate(0.5, {scene.guide.q: 0.5}, rtol=1e-10).energy_error() < 1e-11
+    with pytest.warns(errors.SingularWarning, match="The curve ends there"):
+        model.simulate(2.0, {scene.guide.q: 2.5, scene.guide.v: 3.0})
+
+
+def test_a_car_passes_a_looping():
+    """As a bead, plus the turning of the car: v = 6 m/s at the bottom of a circle of 1 m."""
+    car = RigidBody.box(2.0, (0.3, 0.2, 0.1))
+    scene = on(AlongCurve(ParametricCurve(lambda a: (ca.sin(a), 0, 1 - ca.cos(a)), unit="rad")), car)
+    run = ac.build(scene).simulate(3.0, {scene.guide.v: 7.0}, rtol=1e-12)
+    inertia = 2.0 + float(np.asarray(car.central_inertia)[1, 1])
+    a, w = run[scene.guide.q].ravel(), run[scene.guide.v].ravel()
+    assert np.max(np.abs(0.5 * inertia * (w**2 - 49.0) + 2.0 * G * (1 - np.cos(a)))) < 1e-11
+    assert a[-1] > 2 * np.pi
+    assert np.max(np.abs(run[car.frame.rotation][:, 0, 0] - np.cos(a))) < 1e-12
+
+
+def test_a_rod_slides_with_both_ends_on_wires():
+    """Ends on the axes x and z of a plane: with the rod's middle at sin and cos of one angle, it is a pendulum of length 2 l / 3."""
+    scene = ac.System()
+    scene.world, scene.floor, scene.wall = World(), PointOnCurve(Line((1, 0, 0))), PointOnCurve(Line((0, 0, 1)))
+    scene.one, scene.two, scene.rod = Spherical(), Spherical(), RigidBody.rod(1.0, (1.0, 0, 0), radius=0.01)
+    for begin, end in ((scene.world.frame, scene.floor.frame_a), (scene.world.frame, scene.wall.frame_a)):
+        scene.connect(begin, end)
+    scene.connect(scene.floor.frame_b, scene.one.frame_a)
+    scene.connect(scene.one.frame_b, scene.rod.frame)
+    scene.connect(scene.wall.frame_b, scene.two.frame_a)
+    scene.connect(scene.two.frame_b, scene.rod.tip)
+    run = ac.build(scene).simulate(0.5, {scene.floor.q: 0.6, scene.wall.q: 0.8}, rtol=1e-11)
+    across = 0.25 + 1 / 12 + 0.01**2 / 4
+    angle = np.arctan2(0.6, 0.8)
+    found = solve_ivp(lambda t, y: [y[1], 0.5 * G * np.sin(y[0]) / across], (0, 0.5), [angle, 0], rtol=1e-12, atol=1e-14).y[0, -1]
+    assert abs(run[scene.floor.q][-1].item() - np.sin(found)) < 1e-9
+    assert run.constraint_error() < 1e-13
+
+
+SURFACES = {
+    "plane": Plane(),
+    "sphere": Sphere(1.0),
+    "cylinder": Cylinder(0.5),
+    "torus": Torus(1.0, 0.3),
+    "cone": Cone(0.5),
+    "heights": HeightField(lambda x, y: x**2 + 0.5 * y**2 - x * y**2),
+    "helicoid": ParametricSurface(lambda a, b: (a * ca.cos(b), a * ca.sin(b), 0.1 * b), start=(1.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_no_force_along_a_smooth_surface_and_no_multiplier(name):
+    """Newton's law in the directions of the surface, at random states; the normal is across the slopes and turns as its curvature says."""
+    surface = SURFACES[name]
+    scene = on(PointOnSurface(surface), Particle(2.0))
+    model = ac.build(scene)
+    s, q, v = model.system, scene.guide.q.sx, scene.guide.v.sx
+    slopes, normal = surface.slopes(q), surface.normal(q)
+    push = model.functions.outputs.resolve(scene.body.point.acceleration) - ca.vertcat(0, 0, -G)
+    turning = ca.jtimes(normal, q, surface.rates(q, v)) - slopes @ surface.curvature(q) @ v
+    rows = ca.vertcat(slopes.T @ push, slopes.T @ normal, ca.vec(surface.metric(q) - slopes.T @ slopes), turning)
+    f = ca.Function("f", [s.x], [rows])
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        x = rng.uniform(0.3, 1.0, s.x.numel())
+        if q.numel() == 4:
+            x[:4] /= np.linalg.norm(x[:4])
+        assert np.max(np.abs(np.array(f(x)))) < 1e-12
+    assert model.degrees_of_freedom == 2
+    assert s.constraints.jacobian.shape[0] == 0
+
+
+def test_a_particle_passes_both_poles_of_a_sphere():
+    """The spherical pendulum has no singular position here: a vertical circle at 7 m/s, energy and plane kept."""
+    scene = on(PointOnSurface(Sphere(1.0)), Particle(2.0))
+    run = ac.build(scene).simulate(
+        5.0, {scene.body.point.position: (0, 0, -1), scene.body.point.velocity: (7.0, 0, 0)}, rtol=1e-12
+    )
+    assert run.energy_error() < 1e-12
+    assert np.max(np.abs(run[scene.body.point.position][:, 1])) < 1e-12
+    assert np.max(run[scene.body.point.position][:, 2]) > 0.99
+
+
+def test_a_particle_circles_in_a_cone():
+    """v^2 = g z, whatever the cone."""
+    scene = on(PointOnSurface(Cone(0.7)), Particle(2.0))
+    height = 0.5 / np.tan(0.7)
+    run = ac.build(scene).simulate(
+        3.0, {scene.guide.q: (0.5, 0), scene.body.point.velocity[1]: np.sqrt(G * height), scene.guide.v[0]: 0.0}, rtol=1e-12
+    )
+    assert np.max(np.abs(run[scene.body.point.position][:, 2] - height)) < 1e-11
+
+
+def test_a_sleigh_turns_as_chaplygin_says():
+    """Along the blade u and turning w: m u^2 + (J + m a^2) w^2 is constant, and w decays to nothing; no other motion is left."""
+    scene = on(Planar(), RigidBody(2.0, (0.2, 0.2, 0.3), (0.4, 0, 0)), None)
+    scene.blade = KnifeEdge()
+    scene.connect(scene.world.frame, scene.blade.frame_a)
+    scene.connect(scene.blade.frame_b, scene.body.frame)
+    frame = scene.body.frame
+    run = ac.build(scene).simulate(20.0, {frame.angular_velocity[2]: 1.0, frame.velocity[0]: 0.3}, rtol=1e-12)
+    x = run[frame.rotation][:, :, 0]
+    u, w = np.einsum("ni,ni->n", x, run[frame.velocity]), run[frame.angular_velocity][:, 2]
+    whole = 0.3 + 2.0 * 0.4**2
+    rate = np.sqrt((2.0 * 0.3**2 + whole) / 2.0)  # u tends to it: u' = a w^2, (J + m a^2) w' = -m a u w
+    begin, k = np.arctanh(0.3 / rate), 2.0 * 0.4 * rate / whole
+    assert np.max(np.abs(u - rate * np.tanh(k * run.t + begin))) < 1e-11
+    assert np.max(np.abs(w - rate * np.sqrt(2.0 / whole) / np.cosh(k * run.t + begin))) < 1e-11
+
+
+def test_a_ball_rolls_in_a_bowl_as_a_longer_pendulum():
+    """theta'' = -5/7 g / (R - r) sin(theta)."""
+    scene = on(RollingBallOnSurface(0.1, Sphere(1.0, inside_out=True)), RigidBody.ball(2.0, 0.1))
+    model = ac.build(scene)
+    assert len(model.state_names) == 11
+    run = model.simulate(5.0, {scene.body.frame.position: (0.9 * np.sin(0.5), 0, -0.9 * np.cos(0.5))}, rtol=1e-12)
+    found = solve_ivp(
+        lambda t, y: [y[1], -5 / 7 * G / 0.9 * np.sin(y[0])], (0, 5.0), [0.5, 0], method="DOP853", rtol=1e-13, atol=1e-14
+    ).y[0, -1]
+    assert abs(run[scene.body.frame.position][-1, 0] - 0.9 * np.sin(found)) < 1e-11
+
+
+def test_a_ball_in_a_standing_cylinder_does_not_fall_out_of_it():
+    """Its height swings with sqrt(2/7) of the rate of its turns about the axis; Routh."""
+    scene = on(RollingBallOnSurface(0.1, Cylinder(1.0, inside_out=True)), RigidBody.ball(2.0, 0.1))
+    start = {scene.body.frame.position: (0.9, 0, 0), scene.body.frame.velocity: (0, 0.9 * 3.0, 0)}
+    run = ac.build(scene).simulate(6.0, start, rtol=1e-12)
+    rate = np.sqrt(2 / 7) * 3.0
+    assert np.max(np.abs(run[scene.body.frame.position][:, 2] + 5 / 7 * G / rate**2 * (1 - np.cos(rate * run.t)))) < 1e-11
+
+
+@pytest.mark.parametrize("name", ["plane", "torus", "heights", "sphere"])
+def test_a_ball_that_rolls_does_not_slip_and_keeps_its_energy(name):
+    surface = SURFACES[name]
+    scene = on(RollingBallOnSurface(0.1, surface), RigidBody(2.0, (0.005, 0.006, 0.007), (0.01, 0, 0.02)))
+    model = ac.build(scene)
+    run = model.simulate(1.0, {scene.guide.v: (1.0, 0.5, -2)}, rtol=1e-12)
+    assert run.energy_error() < 1e-12
+    q = scene.guide.q.sx[4:]
+    slip = run[scene.body.frame.velocity] - 0.1 * np.cross(
+        run[scene.body.frame.angular_velocity], run[ac.Expression(surface.normal(q), frozenset((scene.guide.q,)))]
+    )
+    assert np.max(np.abs(slip)) < 1e-13
+
+
+def test_a_ball_on_a_plane_rolls_as_the_contact_with_a_plane_says():
+    body = {"mass": 2.0, "inertia": (0.005, 0.006, 0.007), "centre_of_mass": (0.01, 0, 0.02)}
+    ends: list[np.ndarray] = []
+    for contact in (RollingBallOnSurface(0.1, Plane()), RollingBall(0.1)):
+        scene = on(contact, RigidBody(**body))
+        frame = scene.body.frame
+        run = ac.build(scene).simulate(1.0, {frame.angular_velocity: (1.0, 0.5, -2), frame.rotation[0, 0]: 1.0}, rtol=1e-12)
+        ends.append(run[frame.position][-1])
+    assert np.max(np.abs(ends[0] - ends[1])) < 1e-12
+
+
+def test_a_ball_too_large_for_its_bowl_is_refused():
+    scene = on(RollingBallOnSurface(0.2, Sphere(0.1, inside_out=True)), RigidBody.ball(2.0, 0.2))
+    with pytest.raises(errors.AssemblyError, match="larger than the hollow"):
+        ac.build(scene)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Line((0, 0, 0)),
+        lambda: ParametricCurve(lambda s: (s, 0)),
+        lambda: ParametricCurve(3.0),
+        lambda: SplineCurve([(0, 0, 0), (1, 0, 0)]),
+        lambda: SplineCurve([(0, 0, 0), (1, 0, 0), (1, 0, 0)]),
+        lambda: HeightField(lambda x: x),
+        lambda: PointOnCurve(Plane()),
+        lambda: PointOnSurface(Circle(1.0)),
+        lambda: Circle(-1.0),
+    ],
+)
+def test_what_is_no_curve_or_surface_is_refused_with_the_line(make):
+    with pytest.raises(errors.ParameterError, match=r"test_guides.py:\d+"):
+        make()
