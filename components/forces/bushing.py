@@ -7,7 +7,8 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.errors import ParameterError
+from acausal.arguments import shown
+from acausal.errors import ExpressionError, ParameterError
 from acausal.language.expression import Expression, Scalar, checked, leaves, sx
 from acausal.language.origin import origin
 from acausal.parts.pose import Pose, symbolic, vee
@@ -45,24 +46,28 @@ class Bushing(AbstractPotential):
 
 def _matrix(value: Scalar, name: str) -> np.ndarray | Expression:
     """Six numbers on the diagonal, or a symmetric matrix (6, 6) without negative directions."""
+    what = f"Bushing's {name}"
     found = leaves(value)
-    entries = sx(np.asarray(value, dtype=float) if not found and isinstance(value, list | tuple) else value)
+    try:
+        entries = sx(value if found else np.asarray(value, dtype=float))
+    except (TypeError, ValueError, ExpressionError):
+        raise ParameterError(
+            f"{what} is {shown(value)} ({origin()}). Give six numbers or a matrix (6, 6): turns first."
+        ) from None
     if entries.shape == (6, 1):
         entries = ca.diag(entries)
     if entries.shape != (6, 6):
         raise ParameterError(
-            f"Bushing's {name} has the shape {entries.shape} ({origin()}). Give six numbers or a matrix (6, 6): turns first."
+            f"{what} has the shape {entries.shape} ({origin()}). Give six numbers or a matrix (6, 6): turns first."
         )
 
     def check(matrix: np.ndarray) -> None:
         size = float(np.max(np.abs(matrix), initial=0.0))
         if not np.isfinite(matrix).all() or np.max(np.abs(matrix - matrix.T)) > _EVEN * size:
-            raise ParameterError(f"Bushing's {name} is {matrix.tolist()} ({origin()}). It must be finite and symmetric.")
+            raise ParameterError(f"{what} is {matrix.tolist()} ({origin()}). It must be finite and symmetric.")
         ends = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))  # turns and lengths have other units
         if np.linalg.eigvalsh(matrix / np.outer(ends, ends))[0] < -_EVEN:
-            raise ParameterError(
-                f"Bushing's {name} has a negative direction ({origin()}): {matrix.tolist()}. No mount gives energy away."
-            )
+            raise ParameterError(f"{what} has a negative direction ({origin()}): {matrix.tolist()}. No mount gives energy away.")
 
     if found:
         return checked(Expression(ca.densify(entries), found), check)

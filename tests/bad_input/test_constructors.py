@@ -14,7 +14,8 @@ import pytest
 
 import acausal as ac
 from acausal.errors import AcausalError, ParameterError
-from components import Damper, Revolute, RigidBody, Section, ShapeIntegrals, Spring, Sum, World
+from acausal.parts.field import FieldForce
+from components import Cylinder, Damper, Helix, Revolute, RigidBody, Section, ShapeIntegrals, Spring, Sum, World
 from tests.bad_input.messages import Wrong
 from tests.conformance.catalogue import kinds
 
@@ -24,16 +25,17 @@ USUAL: dict[str, Any] = {
     "section": Section.circle(0.1), "integrals": ShapeIntegrals.of_masses(np.ones(8), SHAPES[:, :, 0] + 0.3, SHAPES), "semi_axes": (0.3, 0.2, 0.1),
     "potential": lambda s: s**2, "points": (0.0, 1.0), "values": (0.0, 1.0),
     "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
-    "Torque.torque": (1.0, 2.0, -0.5),
+    "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "PotentialField.potential": lambda p, t: p[2],
+    "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
-            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time"}  # fmt: skip
+            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "linear", "quadratic"}  # fmt: skip
 SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
 PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",
          "PID.derivative", "Table.points", "Table.values"}  # fmt: skip
 """What signals carry has any unit."""
-DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns"}
+DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns", "side"}
 
 
 class _Nothing:
@@ -55,7 +57,7 @@ def names(cls: type[ac.Component]) -> list[str]:
     return [n for n, p in inspect.signature(cls).parameters.items() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
 
 
-PARTS = [cls for cls in kinds(ac.Component) if cls is not Sum]  # which takes any number of weights
+PARTS = [cls for cls in kinds(ac.Component) if cls not in (Sum, FieldForce)]  # any number of weights; made by `build` only
 TAKEN = [(cls, name) for cls in PARTS for name in names(cls)]
 IDS = [f"{cls.__name__}-{name}" for cls, name in TAKEN]
 

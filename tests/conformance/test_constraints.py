@@ -48,7 +48,7 @@ def test_rows_in_velocities_are_the_rates_of_those_in_positions(cls):
     for item in tree.joints:
         if item.q.stop - item.q.start == 7:
             q[item.q.start : item.q.start + 4] /= np.linalg.norm(q[item.q.start : item.q.start + 4])
-    assert np.max(np.abs(np.array(f(q, rng.uniform(-1, 1, tree.v.numel()), 0.3)), initial=0.0)) < 1e-13
+    assert np.max(np.abs(np.array(f(q, rng.uniform(-1, 1, tree.v.numel()), 0.3))), initial=0.0) < 1e-13
 
 
 @pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
