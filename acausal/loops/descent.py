@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acausal.loops.walk import Walk
+from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import SINGULAR
 
 _STRIDE = 0.35
@@ -18,7 +19,6 @@ _MOST_STEPS = 60
 _MOST_HALVINGS = 6
 _LEAST_FALL = 0.1
 """Of what the slope promises."""
-_PROBE = 1e-6
 _GAP = 1e-3
 """Loops are closed to this times the square of the singular value: what is open moves places by the gap over it."""
 _CLOSED = 1e-8
@@ -53,7 +53,21 @@ def _lowest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> tuple[fl
 
 
 def _smallest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> float:
-    return float(np.linalg.svd(walk.at(z)[2] / scale, compute_uv=False)[rank - 1])
+    A = walk.at(z)[2] / scale
+    plain = Independent.of(A)
+    if plain is not None and plain.rows.size == rank:
+        return plain.smallest
+    return float(np.linalg.svd(A, compute_uv=False)[rank - 1])
+
+
+def _least(A: np.ndarray, rank: int) -> tuple[np.ndarray, float, np.ndarray]:
+    """Weights (m,) of the sum of rows that nearly vanishes, its length, and its direction followed by all that no row feels (1 + f, nv)."""
+    plain = Independent.of(A)
+    if plain is not None and plain.rows.size == rank == len(A):
+        s, directions, weights = plain.softest(1)
+        return weights[0], float(s[0]), np.vstack([directions, plain.basis.T])
+    U, s, Vt = np.linalg.svd(A)
+    return U[:, rank - 1], float(s[rank - 1]), Vt[rank - 1 :]
 
 
 def _moves(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> list[np.ndarray]:
@@ -63,16 +77,15 @@ def _moves(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> list[np.n
     where it is to stay nothing; whatever else of it changes, other weights of the rows make up for.
     """
     _, _, A, N = walk.at(z)
-    U, s, Vt = np.linalg.svd(A / scale)
-    weights, along, free = U[:, rank - 1], Vt[rank - 1 :].T, Vt[rank:]
-    changed = [weights @ ((walk.at(z + N @ (_PROBE * way))[2] - A) / scale) @ along / _PROBE for way in free]
-    changes = np.array(changed).T
+    weights, s, along = _least(A / scale, rank)
+    free = along[1:]
+    changes = along @ walk.bent(z, weights / scale[:, 0]) @ (N @ free.T)
     if not np.isfinite(changes).all():
         return []
     slope = changes[0]
-    wanted = np.append(-s[rank - 1], np.zeros(free.shape[0]))
+    wanted = np.append(-s, np.zeros(free.shape[0]))
     newton = np.linalg.lstsq(changes, wanted, rcond=1e-6)[0]
-    down = -s[rank - 1] * slope / max(float(slope @ slope), np.finfo(float).tiny)
+    down = -s * slope / max(float(slope @ slope), np.finfo(float).tiny)
     return [N @ (move @ free) for move in (newton, down)]
 
 

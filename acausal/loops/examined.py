@@ -15,12 +15,13 @@ import numpy as np
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
 from acausal.loops.walk import Walk
+from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import SINGULAR
 
 _LOOKS = 8
 """Places of a walk that are looked at again with other values."""
 _KEPT = 8
-"""Values of parameters for which a walk is kept."""
+"""Values of parameters for which a walk is kept, and configurations for which a margin is."""
 _SHRUNK = 0.5
 """What may be lost of a margin before an examination is made again."""
 
@@ -81,8 +82,11 @@ class Examined:
         return min((smallest for smallest, _ in self.trail), default=1.0)
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
-        """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,)."""
+        """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""
+        key = q.tobytes() + np.array(time).tobytes() + values[list(self.parameters)].tobytes()
         with self.lock:
+            if key in self._margins:
+                return self._margins[key]
             walk = self._walk(values)
             scale = np.where(walk.empty, np.max(self.scale), self.scale)
             if self.timed and time != walk.time and walk.empty.any():  # what is empty now may not be then
@@ -90,7 +94,10 @@ class Examined:
             before, walk.time = walk.time, time
             A = walk.at(q / walk.unit)[2] / scale[:, None]
             walk.time = before
-        return self._margin(A, walk, float(np.max(walk.noise / scale, initial=0.0)))
+            if len(self._margins) >= _KEPT:
+                self._margins.clear()
+            found = self._margins[key] = self._margin(A, walk, float(np.max(walk.noise / scale, initial=0.0)))
+        return found
 
     def _walk(self, values: np.ndarray) -> Walk:
         """With these values of the parameters, as far as the group depends on them; some are kept."""
@@ -104,12 +111,19 @@ class Examined:
         return self._walks[key]
 
     @functools.cached_property
+    def _margins(self) -> dict[bytes, Margin]:
+        return {}
+
+    @functools.cached_property
     def _walks(self) -> dict[bytes, Walk]:
         return {}
 
     def _margin(self, A: np.ndarray, walk: Walk, noise: float = 0.0) -> Margin:
         if not np.isfinite(A).all():
             return Margin(0.0, np.inf, 0, walk.rank)
+        plain = Independent.of(A, max(walk.rank, noise)) if self.rank.rank == len(A) else None
+        if plain is not None and plain.rows.size == len(A):
+            return Margin(plain.smallest, 0.0, len(A), max(walk.rank, noise))
         every, r = np.linalg.svd(A, compute_uv=False), self.rank.rank
         kept = every if r == len(A) else np.linalg.svd(A[list(self.rank.kept)], compute_uv=False) if r else np.ones(1)
         least = max(walk.rank, noise)

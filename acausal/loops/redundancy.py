@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import RANK
 
 _MOST_CHOICES = 300
@@ -65,6 +66,9 @@ def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray], tolerance: f
 
 
 def _rank(J: np.ndarray, tolerance: float) -> int:
+    plain = Independent.of(J, tolerance)
+    if plain is not None:
+        return plain.rows.size
     return int(np.sum(np.linalg.svd(J, compute_uv=False) > tolerance)) if J.size else 0
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.loops.walk import Walk
+from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import SINGULAR
 
 _STRIDE = 0.35
@@ -31,8 +32,8 @@ class _Place:
     z: np.ndarray
     smallest: float
     side: float
-    free: np.ndarray
-    """(nv, f), the directions in which the loops let go."""
+    along: np.ndarray
+    """(nv,), the part of the motion in which the loops let go."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +48,15 @@ class _Look:
     def at(self, z: np.ndarray, ahead: np.ndarray) -> _Place:
         """Seen in motion along `ahead` (nv,)."""
         A = self.walk.at(z)[2] / self.scale[:, None]
-        _, s, Vt = np.linalg.svd(A)
-        free = Vt[self.rank :].T
-        side = 0.0
-        if free.shape[1] == 1:
-            side = float(np.sign(np.linalg.det(np.vstack([A[list(self.kept)], free.T])) * (free[:, 0] @ ahead)))
-        return _Place(z, float(s[self.rank - 1]), side, free)
+        plain = Independent.of(A)
+        if plain is not None and plain.rows.size == self.rank:
+            smallest, along, freedoms = plain.smallest, plain.free(ahead), plain.freedoms
+        else:
+            _, s, Vt = np.linalg.svd(A)
+            free = Vt[self.rank :]
+            smallest, along, freedoms = float(s[self.rank - 1]), (free @ ahead) @ free, len(free)
+        side = float(np.linalg.slogdet(np.vstack([A[list(self.kept)], along]))[0]) if freedoms == 1 else 0.0
+        return _Place(z, smallest, side, along)
 
     def between(self, a: _Place, b: _Place, part: float, ahead: np.ndarray) -> _Place | None:
         """A closed configuration on the way from one place to another."""
@@ -70,12 +74,11 @@ def _steps(look: _Look, start: np.ndarray, ahead: np.ndarray) -> Iterator[tuple[
     here, walked, stride, before = look.at(start, ahead), 0.0, _STRIDE, np.inf
     for _ in range(_MOST_STEPS):
         yield here, ahead
-        along = here.free @ (here.free.T @ ahead)
-        if walked > _LENGTH or not np.max(np.abs(along), initial=0.0) > 1e-6:
+        if walked > _LENGTH or not np.max(np.abs(here.along), initial=0.0) > 1e-6:
             return
         slope = (before - here.smallest) / stride if np.isfinite(before) else 0.0
         stride = min(_STRIDE, 0.6 * here.smallest / slope) if slope > 0 else _STRIDE
-        ahead = along / np.max(np.abs(along))
+        ahead = here.along / np.max(np.abs(here.along))
         found = look.walk.closed(here.z + look.walk.at(here.z)[3] @ (stride * ahead))
         if found is None:
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,6 +12,8 @@ import numpy as np
 from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import Residual, assemble
 from acausal.numerics.bound import BoundFunction
+from acausal.numerics.entries import entries, placed, places
+from acausal.numerics.independent import Independent, free_directions, rank_of
 from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
@@ -41,15 +44,14 @@ class WalkFunctions:
         return [closing, ca.jacobian(closing, group.q), A, N, ca.jacobian(closing, self.t)]
 
     @functools.cached_property
-    def shapes(self) -> list[tuple[int, int]]:
+    def patterns(self) -> list[ca.Sparsity]:
         """Of the parts of `parts`."""
-        return [part.shape for part in self._expressions]
+        return [part.sparsity() for part in self._expressions]
 
     @functools.cached_property
     def parts(self) -> ca.Function:
-        """(q, t, p) -> all of these in a column."""
-        column = ca.densify(ca.vertcat(*(ca.vec(part) for part in self._expressions)))
-        return ca.Function("walk", [self.group.q, self.t, self.parameters], [column])
+        """(q, t, p) -> the entries of all of these in a column."""
+        return ca.Function("walk", [self.group.q, self.t, self.parameters], [entries(self._expressions)])
 
     @functools.cached_property
     def noise(self) -> ca.Function:
@@ -62,6 +64,13 @@ class WalkFunctions:
         """(q, v, t, p) -> sizes of the terms of the rows in the velocities."""
         group = self.group
         return ca.Function("terms", [group.q, group.v, self.t, self.parameters], [ca.densify(rounded(group.velocity))])
+
+    @functools.cached_property
+    def turned(self) -> ca.Function:
+        """(q, t, p, weights of the rows in the velocities) -> how their sum (nv,) changes with q, (nv, nq)."""
+        group, weights = self.group, ca.SX.sym("weights", self.group.velocity.numel())
+        total = ca.gradient(ca.dot(weights, group.velocity), group.v)
+        return ca.Function("turned", [group.q, self.t, self.parameters, weights], [ca.jacobian(total, group.q)])
 
     def bends(self, places: np.ndarray) -> ca.Function:
         """(q, t, p) -> second derivatives of the closing residuals by the coordinates at `places` (nq,)."""
@@ -80,7 +89,7 @@ class Walk:
         group = symbolic.group
         self.symbolic, self.guess = symbolic, guess
         self._values = values
-        self._parts = _Parts(symbolic.parts, symbolic.shapes, values)
+        self._parts = _Parts(symbolic.parts, symbolic.patterns, values)
         self._noise = _bound(symbolic.noise, guess.size, values)
         self.time = time
         self._drawn = np.zeros(symbolic.noise.numel_out(0))
@@ -120,7 +129,7 @@ class Walk:
         if not (straight.any() and group.closing.numel()):
             return np.zeros(group.closing.numel()), np.zeros(self.guess.size)
         used = ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
-        bends = np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values))[:, -1])
+        bends = np.max(np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values))), axis=1)
         plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
         slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
         own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
@@ -150,10 +159,8 @@ class Walk:
         symbolic = self.symbolic
         q = symbolic.group.q
         J = ca.jacobian(rows, q)
-        column = ca.densify(ca.vertcat(rows, ca.vec(J)))
-        parts = _Parts(
-            ca.Function("differences", [q, symbolic.t, symbolic.parameters], [column]), [rows.shape, J.shape], self._values
-        )
+        function = ca.Function("differences", [q, symbolic.t, symbolic.parameters], [entries([rows, J])])
+        parts = _Parts(function, [rows.sparsity(), J.sparsity()], self._values)
 
         def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             r, J = parts(z * self.unit, self.time)
@@ -172,9 +179,20 @@ class Walk:
 
     def at(self, z: np.ndarray) -> list[np.ndarray]:
         """Closing residuals (n, 1), their Jacobian in z, A, and N with z' = N v."""
-        c, J, A, N, _ = self._parts(z * self.unit, self.time)
-        rows = self._rows[:, None]
-        return [c / rows, J * self.unit / rows, A * self.rate / self._velocity[:, None], N * self.rate / self.unit[:, None]]
+        return self._parts(z * self.unit, self.time, self._scales)[:4]
+
+    @functools.cached_property
+    def _scales(self) -> list[_Scale]:
+        """What the rows of the parts are divided by, and their columns multiplied with."""
+        return [
+            (self._rows, np.ones(1)), (self._rows, self.unit), (self._velocity, self.rate), (self.unit, self.rate),
+            (self._rows, np.ones(1)),
+        ]  # fmt: skip
+
+    def bent(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """How the sum of the rows A, with these `weights` (m,), changes with z: (nv, nq)."""
+        turned = self.symbolic.turned(z * self.unit, self.time, self._values, weights / self._velocity)
+        return np.array(turned) * self.rate[:, None] * self.unit
 
     def rows(self, z: np.ndarray) -> np.ndarray:
         """A (m, nv) with the rows' own units."""
@@ -182,7 +200,7 @@ class Walk:
 
     def closing(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Closing residuals (n,) and their Jacobian, for `assemble`."""
-        c, J = self.at(z)[:2]
+        c, J = self._parts(z * self.unit, self.time, self._scales[:2])
         return c[:, 0], J
 
     @functools.cached_property
@@ -220,19 +238,27 @@ class Walk:
         singular values of the size of the gap, and steps along them go far astray.
         """
         for _ in range(5):
-            c, J = self.at(z)[:2]
+            c, J = self.closing(z)
             if not (np.isfinite(J).all() and np.isfinite(c).all()):
                 return None
-            U, s, Vt = np.linalg.svd(J, full_matrices=False)
-            kept = int(np.sum(s > self.dependent * np.max(s, initial=0.0))) if rank is None else rank
-            Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
-            inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
-            z = z - inverse @ c[:, 0]
-            z = z - inverse @ self.at(z)[0][:, 0]
-            left = np.abs(self.at(z)[0][:, 0])
+            back = self._inverse(J, rank)
+            z = z - back(c)
+            z = z - back(self.closing(z)[0])
+            left = np.abs(self.closing(z)[0])
             if np.all(left < np.maximum(tolerance, ROUNDING * self._rounding(z * self.unit) / self._rows)):
                 return z  # also without rows, where only velocities are constrained
         return None
+
+    def _inverse(self, J: np.ndarray, rank: int | None) -> Callable[[np.ndarray], np.ndarray]:
+        """c -> the least change of z with J dz = c, J of this rank."""
+        plain = Independent.of(J, self.dependent)
+        if plain is not None and rank in (None, plain.rows.size):
+            return plain.least
+        U, s, Vt = np.linalg.svd(J, full_matrices=False)
+        kept = int(np.sum(s > self.dependent * np.max(s, initial=0.0))) if rank is None else rank
+        Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
+        inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
+        return lambda c: inverse @ c
 
     def samples(self, start: np.ndarray, count: int) -> list[np.ndarray]:
         """The assembled `start`, then up to `count` further configurations to either side, as far apart as the freedom allows; only the
@@ -256,14 +282,13 @@ class Walk:
         _, J, A, N = self.at(here)
         if not (np.isfinite(J).all() and np.isfinite(A).all()):
             return None
-        _, s, Vt = np.linalg.svd(A)
-        free = Vt[self._rank(s) :].T
-        if free.shape[1] == 0:
+        free, freedoms = free_directions(A, self.rank)
+        if freedoms == 0:
             return None
-        rank = self._rank(np.linalg.svd(J, compute_uv=False))
+        rank = rank_of(J, self.rank)
         for stride in _STRIDES:
             for attempt in range(_DIRECTIONS):
-                along = free @ (free.T @ (ahead if attempt == 0 else rng.normal(size=free.shape[0])))
+                along = free(ahead if attempt == 0 else rng.normal(size=ahead.size))
                 if not np.max(np.abs(along)) > 1e-6:
                     continue
                 along = along / np.max(np.abs(along))
@@ -275,24 +300,34 @@ class Walk:
                         return found, along
         return None
 
-    def _rank(self, singular_values: np.ndarray) -> int:
-        return int(np.sum(singular_values > self.rank * np.max(singular_values, initial=1.0)))
+
+_Scale = tuple[np.ndarray, np.ndarray]
 
 
 class _Parts:
-    """Several matrices of q and t, functions of (q, t, p), in one call."""
+    """Several matrices of q and t, functions of (q, t, p), in one call that gives their `entries`."""
 
-    def __init__(self, function: ca.Function, shapes: list[tuple[int, int]], values: np.ndarray) -> None:
-        self._shapes = shapes
-        self._ends = np.cumsum([m * n for m, n in shapes])
+    def __init__(self, function: ca.Function, patterns: list[ca.Sparsity], values: np.ndarray) -> None:
+        self._places = [places(pattern) for pattern in patterns]
+        self._shapes = [pattern.shape for pattern in patterns]
+        self._ends = np.cumsum([row.size for row, _ in self._places])
         self._q, self._t = np.empty(function.size1_in(0)), np.zeros(1)
         given = (self._q, self._t, np.array(values, dtype=float))
         self._bound = BoundFunction(function, given, np.empty(function.numel_out(0)))
 
-    def __call__(self, q: np.ndarray, t: float) -> list[np.ndarray]:
+    def __call__(self, q: np.ndarray, t: float, scales: list[_Scale] | None = None) -> list[np.ndarray]:
+        """The first ones, rows divided and columns multiplied where `scales` are given."""
         self._q[:], self._t[0] = q, t
-        parts = np.split(self._bound().copy(), self._ends[:-1])
-        return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
+        parts = np.split(self._bound(), self._ends[:-1])
+        found: list[np.ndarray] = []
+        for k, (part, (row, column), shape) in enumerate(zip(parts, self._places, self._shapes, strict=True)):
+            if scales is not None:
+                if k == len(scales):
+                    break
+                below, above = scales[k]
+                part = part * (above if above.size == 1 else above[column]) / below[row]
+            found.append(placed(part, row, column, shape))
+        return found
 
 
 def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acausal.numerics.independent import Independent, damped
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import CLOSED, DEPENDENT, ROUNDING, STRIDE
 
@@ -26,6 +27,8 @@ _PENALTY = 0.3
 _PATIENCE = 2
 """Gauss-Newton steps before Newton's method is tried."""
 _DAMPING = 10.0 ** np.arange(-14.0, 4.0, 0.5)
+_SAID = 1e-9
+"""What may be left of residuals of rows that follow from others."""
 _COARSE = 1e-3
 """Residuals, as parts of their sizes, that no rounding explains."""
 _LIMITED = 0.25
@@ -168,6 +171,9 @@ def _largest(values: np.ndarray) -> float:
 
 def _step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float = DEPENDENT) -> np.ndarray:
     """The least dz that minimises |c + J dz|, damped as little as keeps all its entries within `radius`."""
+    plain = _plain_step(c, J, radius, dependent)
+    if plain is not None:
+        return plain
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     if s.size == 0 or s[0] == 0.0:
         return np.zeros(J.shape[1])
@@ -181,6 +187,30 @@ def _step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float = DEPEND
     steps = -((s * a)[:, None] / (s[:, None] ** 2 + damping)).T @ Vt
     inside = np.abs(steps).max(axis=1) <= radius
     return steps[int(np.argmax(inside))] if inside.any() else steps[-1] * (radius / _largest(steps[-1]))
+
+
+def _plain_step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float) -> np.ndarray | None:
+    """The same for a large J where it is plain which rows, or else columns, are independent; None for others."""
+    wide = J.shape[0] <= J.shape[1]
+    found = Independent.of(J if wide else J.T, dependent)
+    if found is None or not (wide or found.rows.size == J.shape[1]):
+        return None
+    step = -found.least(c) if wide else -found.solve(J.T @ c)
+    if wide and found.rows.size < c.size and not _largest(c + J @ step) <= _SAID * _largest(c):
+        return None
+    if _largest(step) <= radius:
+        return step
+    (solve, most), inside = damped(J), None
+    few, many = 0, _DAMPING.size - 1
+    while few < many:
+        middle = (few + many) // 2
+        step = -solve(c, most * _DAMPING[middle])
+        if _largest(step) <= radius:
+            many, inside = middle, step
+        else:
+            few = middle + 1
+    step = -solve(c, most * _DAMPING[few]) if inside is None else inside
+    return step * min(1.0, radius / _largest(step))
 
 
 def _descend(
@@ -269,12 +299,12 @@ def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> 
     J = rows(found.z)[1]
     if not (np.isfinite(J).all() and np.isfinite(Jw).all()):
         return found
-    Z = freedom(J, rows.dependent)
     for iteration in range(effort.limit):
-        step, promised = _along_freedom(r, Jw, Z, radius)
+        Z = _directions(J, rows.dependent, effort.freedoms)
+        step, promised = _along_freedom(r, Jw, J, Z, radius)
         if promised <= 1e-15 * square or square < 1e-28:
             break
-        if iteration >= _PATIENCE and Z.shape[1] <= effort.freedoms:
+        if iteration >= _PATIENCE and isinstance(Z, np.ndarray) and Z.shape[1] <= effort.freedoms:
             better = _newton_step(rows, wishes, found.z, r, Jw, J, Z)
             if better is not None:
                 part = min(1.0, radius / max(_largest(better[0]), 1e-300))
@@ -294,16 +324,31 @@ def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> 
         if gained > 1e-4:
             found, r, Jw, square = trial, next_r, next_Jw, next_square
             J = rows(found.z)[1]
-            Z = freedom(J, rows.dependent)
     return _Closed(found.z, found.c, True, spent)
 
 
-def _along_freedom(r: np.ndarray, Jw: np.ndarray, Z: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
-    """Gauss-Newton step in the columns of Z, no entry longer than `radius`, and by how much the square should shrink."""
-    along = Jw @ Z
-    step = Z @ _step(r, along, np.inf)
-    if _largest(step) > radius:
-        step = Z @ _step(r, along, radius / max(1.0, float(np.abs(Z).sum(axis=1).max(initial=0.0))))
+def _directions(J: np.ndarray, dependent: float, few: int) -> np.ndarray | Independent:
+    """That no row feels; where there are many, rows that say which these are."""
+    plain = Independent.of(J, dependent)
+    if plain is None:
+        return freedom(J, dependent)
+    return plain.basis if plain.freedoms <= few else plain
+
+
+def _along_freedom(
+    r: np.ndarray, Jw: np.ndarray, J: np.ndarray, free: np.ndarray | Independent, radius: float
+) -> tuple[np.ndarray, float]:
+    """Gauss-Newton step along what is free, no entry longer than `radius`, and by how much the square should shrink."""
+    step = None
+    if isinstance(free, Independent):
+        step = free.least_along(r, Jw, radius, _DAMPING)
+        free = free.basis if step is None else free
+    if step is None:
+        assert isinstance(free, np.ndarray)
+        along = Jw @ free
+        step = free @ _step(r, along, np.inf)
+        if _largest(step) > radius:
+            step = free @ _step(r, along, radius / max(1.0, float(np.abs(free).sum(axis=1).max(initial=0.0))))
     left = r + Jw @ step
     return step, float(r @ r) - float(left @ left)
 
@@ -347,4 +392,7 @@ def range_and_null_space(J: np.ndarray, tolerance: float = DEPENDENT) -> tuple[n
 
 def freedom(J: np.ndarray, tolerance: float = DEPENDENT) -> np.ndarray:
     """Null space of J, (n, freedoms), orthonormal; see `range_and_null_space`."""
+    plain = Independent.of(J, tolerance)
+    if plain is not None:
+        return plain.basis
     return range_and_null_space(J, tolerance)[1]

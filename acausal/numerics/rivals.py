@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.numerics.independent import Independent
+
 _ROUNDS = 3
 """Searches all about the sketch, each with what the last one found."""
 _SOFTEST, _OTHERS = 4, 4
@@ -96,9 +98,12 @@ def nearest_rival(
 
 
 def _softest(J: np.ndarray, dependent: float) -> tuple[np.ndarray, np.ndarray]:
-    """Singular values that are not zero, the least first, and their directions in rows."""
+    """Singular values that are not zero, the least first, and their directions in rows; of large matrices some of them."""
     if not J.size or not np.isfinite(J).all():
         return np.zeros(0), np.zeros((0, J.shape[1]))
+    plain = Independent.of(J, dependent)
+    if plain is not None:
+        return plain.softest(_SOFTEST)[:2]
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
     rank = int(np.sum(s > dependent * max(1.0, s[0])))
     return s[:rank][::-1], Vt[:rank][::-1]

@@ -131,8 +131,25 @@ def unknown_sizes(
 def curvature(rows: ca.SX, y: ca.SX, places: np.ndarray) -> ca.SX:
     """Second derivatives (m, k + 1) of rows (m, 1): along each of the k unknowns at `places` (n,), then with all of them changing differently."""
     together = np.where(places, np.random.default_rng(4).uniform(0.5, 1.0, places.size), 0.0)
-    directions = [*np.eye(places.size)[places], together]
-    return ca.horzcat(*(ca.jtimes(ca.jtimes(rows, y, ca.DM(along)), y, ca.DM(along)) for along in directions))
+    moving = np.flatnonzero(places)
+    used, _ = ca.jacobian_sparsity(rows, y).sub(list(range(rows.numel())), moving.tolist())
+    # along unknowns of which no two are in one row at once
+    coloured = used.uni_coloring(used.T)
+    result = ca.SX(rows.numel(), moving.size + 1)
+    result[:, moving.size] = _bend(rows, y, together)
+    for colour in range(coloured.shape[1]):
+        own = np.array(coloured.row())[coloured.colind()[colour] : coloured.colind()[colour + 1]]
+        along = np.zeros(places.size)
+        along[moving[own]] = 1.0
+        bent = _bend(rows, y, along)
+        for k in own.tolist():
+            for i in used.row()[used.colind()[k] : used.colind()[k + 1]]:
+                result[i, k] = bent[i]
+    return result
+
+
+def _bend(rows: ca.SX, y: ca.SX, along: np.ndarray) -> ca.SX:
+    return ca.jtimes(ca.jtimes(rows, y, ca.DM(along)), y, ca.DM(along))
 
 
 def bent_size(terms: np.ndarray, bends: np.ndarray) -> np.ndarray:

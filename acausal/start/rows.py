@@ -9,26 +9,28 @@ import numpy as np
 
 from acausal.numerics.assembly import Residual
 from acausal.numerics.bound import BoundFunction
+from acausal.numerics.entries import entries, placed, places
 from acausal.numerics.folding import folded_function
 
 
 @dataclass(frozen=True)
 class Rows:
-    """(y (n,), data) -> rows (m,) and Jacobian (m, n)."""
+    """(y (n,), data) -> rows (m,) and Jacobian (m, n). The kernel gives the rows and the Jacobian's entries, which are at `places`."""
 
     kernel: BoundFunction
-    unknowns: int
+    places: tuple[np.ndarray, np.ndarray]
+    shape: tuple[int, int]
 
     @staticmethod
     def of(y: ca.SX, data: ca.SX, rows: ca.SX) -> Rows:
         """Of rows (m, 1) in y (n, 1) and the data."""
-        both = ca.vertcat(ca.densify(rows), ca.vec(ca.densify(ca.jacobian(rows, y))))
-        return Rows(BoundFunction.of(folded_function("residual", [ca.vertcat(y, data)], [both])), y.numel())
+        J = ca.jacobian(rows, y)
+        both = ca.vertcat(ca.densify(rows), entries([J]))
+        return Rows(BoundFunction.of(folded_function("residual", [ca.vertcat(y, data)], [both])), places(J.sparsity()), J.shape)
 
     def __call__(self, y: np.ndarray, data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        both = self.kernel.at(np.concatenate([y, data])).copy()
-        m = both.size // (self.unknowns + 1)
-        return both[:m], both[m:].reshape(self.unknowns, m).T
+        both, m = self.kernel.at(np.concatenate([y, data])), self.shape[0]
+        return both[:m].copy(), placed(both[m:], *self.places, self.shape)
 
     def at(self, data: np.ndarray) -> Residual:
         """For these data: y -> rows and Jacobian."""
