@@ -55,7 +55,7 @@ def _lowest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> tuple[fl
 def _smallest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> float:
     A = walk.at(z)[2] / scale
     plain = Independent.of(A)
-    if plain is not None and plain.rows.size == rank:
+    if plain is not None and plain.rows.size == rank == len(A):
         return plain.smallest
     return float(np.linalg.svd(A, compute_uv=False)[rank - 1])
 

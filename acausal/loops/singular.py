@@ -49,7 +49,7 @@ class _Look:
         """Seen in motion along `ahead` (nv,)."""
         A = self.walk.at(z)[2] / self.scale[:, None]
         plain = Independent.of(A)
-        if plain is not None and plain.rows.size == self.rank:
+        if plain is not None and plain.rows.size == self.rank == len(A):
             smallest, along, freedoms = plain.smallest, plain.free(ahead), plain.freedoms
         else:
             _, s, Vt = np.linalg.svd(A)
