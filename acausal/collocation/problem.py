@@ -120,8 +120,10 @@ class Status:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Counts and cost of an integration. `evaluations` of the rates at one point; `iterations`
-    of the stage equations; `factorisations` of Jacobians; `seconds` of wall time."""
+    """Counts and cost of an integration. `evaluations` of the rates at one point; `iterations` of the stage equations; `factorisations` of
+    Jacobians; `seconds` of wall time, without those that kernels take to be made. `kernels`: who carried them out, and since when. `compiling`:
+    seconds in which kernels were made for this call, waited for or in the background.
+    """
 
     method: str
     order: int
@@ -131,6 +133,8 @@ class Statistics:
     iterations: int
     seconds: float
     factorisations: int = 0
+    kernels: str = ""
+    compiling: float = 0.0
 
 
 @dataclass(frozen=True)

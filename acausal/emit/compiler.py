@@ -6,16 +6,19 @@ a name of its own and then renamed, so that parallel processes, or a crash in th
 
 from __future__ import annotations
 
+import atexit
 import functools
 import hashlib
 import importlib.metadata
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+import threading
+import weakref
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from acausal.emit.library import FLAGS, SOURCES, compiler_at_hand, suffix
@@ -23,6 +26,8 @@ from acausal.errors import ExportError
 
 NATIVE = "-march=native"
 """For the processor at hand."""
+_PATIENCE = 5.0
+"""Seconds that a process which ends waits for its threads to remove files."""
 
 
 @functools.cache
@@ -81,9 +86,7 @@ def _build(sources: Sequence[str], folder: Path, command: tuple[str, ...], optio
         run_compiler([*command, *flags, "-shared", "-o", str(made), str(files[0]), "-lm"])
         return made
     objects = [file.with_suffix(".o") for file in files]
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        jobs = [[*command, *flags, "-c", "-o", str(o), str(f)] for o, f in zip(objects, files, strict=True)]
-        list(pool.map(run_compiler, jobs))
+    run_compilers([[*command, *flags, "-c", "-o", str(o), str(f)] for o, f in zip(objects, files, strict=True)])
     run_compiler([*command, "-shared", "-o", str(made), *(str(o) for o in objects), "-lm"])
     return made
 
@@ -99,12 +102,84 @@ def _knows_processor(folder: Path, command: tuple[str, ...]) -> bool:
 
 def run_compiler(command: Sequence[str]) -> None:
     """Run a compiler. Raises `ExportError` with what it printed when it fails."""
+    run_compilers([command])
+
+
+def run_compilers(commands: Sequence[Sequence[str]]) -> None:
+    """Run compilers side by side. Raises `ExportError` with what one printed when it fails; none goes on when this is left."""
+    begun: list[subprocess.Popen[str]] = []
     try:
-        result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    except OSError as error:
-        raise ExportError(f"The C compiler cannot be run: {' '.join(command)}\n{error}") from error
-    if result.returncode != 0:
-        raise ExportError(f"The C compiler failed: {' '.join(command)}\n{result.stderr.strip()[-2000:]}")
+        for command in commands:
+            begun.append(_begun(command))
+        for command, process in zip(commands, begun, strict=True):
+            _, told = process.communicate()
+            if process.returncode != 0:
+                raise ExportError(f"The C compiler failed: {' '.join(command)}\n{told.strip()[-2000:]}")
+    finally:
+        for process in begun:
+            _end(process)
+
+
+_running: set[subprocess.Popen[str]] = set()
+_ending = threading.Event()
+_lock = threading.Lock()
+
+
+def _begun(command: Sequence[str]) -> subprocess.Popen[str]:
+    quiet, pipe = subprocess.DEVNULL, subprocess.PIPE
+    with _lock:
+        if _ending.is_set():
+            raise ExportError("The process ends: nothing is compiled any more.")
+        try:
+            # a group of its own: it ends with its helpers
+            process = subprocess.Popen(
+                command, stdin=quiet, stdout=quiet, stderr=pipe, text=True, errors="replace", start_new_session=True
+            )
+        except OSError as error:
+            raise ExportError(f"The C compiler cannot be run: {' '.join(command)}\n{error}") from error
+        _running.add(process)
+    return process
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a compiler, if it has not ended, and those that it has called."""
+    with _lock:
+        _running.discard(process)
+    if process.poll() is None:
+        _kill(process)
+        process.communicate()
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    try:
+        if hasattr(os, "killpg"):
+            os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.kill()
+    except OSError:  # it has ended meanwhile
+        pass
+
+
+_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+
+
+def in_background(work: Callable[[], None], name: str) -> threading.Thread:
+    """Work that ends with the process: its compilers are ended then, and what they have left behind is removed."""
+    thread = threading.Thread(target=work, name=name, daemon=True)
+    _threads.add(thread)
+    thread.start()
+    return thread
+
+
+@atexit.register
+def _stop() -> None:
+    with _lock:
+        _ending.set()
+        running = tuple(_running)
+    for process in running:
+        _kill(process)
+    for thread in tuple(_threads):
+        thread.join(_PATIENCE)
 
 
 @functools.cache

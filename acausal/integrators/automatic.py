@@ -120,6 +120,8 @@ def joined(first: Solution, second: Solution) -> Solution:
         iterations=a.iterations + b.iterations,
         seconds=a.seconds + b.seconds,
         factorisations=a.factorisations + b.factorisations,
+        kernels=a.kernels if a.kernels == b.kernels else f"{a.kernels}, then {b.kernels}",
+        compiling=a.compiling + b.compiling,
     )
     return Solution(
         np.concatenate([first.t, second.t[1:]]),

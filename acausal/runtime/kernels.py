@@ -6,16 +6,18 @@ import ctypes
 import enum
 import functools
 import hashlib
+import logging
 import math
 import os
-import threading
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
-from acausal.emit.compiler import NATIVE, cached_library, compiler
+from acausal.emit.compiler import NATIVE, cached_library, compiler, in_background
 from acausal.emit.emit import EMITTER, emit, translation_units
 from acausal.emit.library import SOURCES
 from acausal.emit.program import Program, program
@@ -23,6 +25,7 @@ from acausal.errors import ExportError
 from acausal.numerics.bound import BoundFunction, arguments
 from acausal.runtime.load import Runtime, loaded
 
+logger = logging.getLogger("acausal")
 EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
@@ -69,19 +72,38 @@ class Kernels:
     """
 
     def __init__(self, wanted: Sequence[Wanted], runtime: Runtime, how: How) -> None:
+        begun = time.perf_counter()
         self.version, self._spent, self._cost, self._lanes = 0, 0.0, math.inf, runtime.lanes
+        self.stopped: list[BaseException] = []  # what was raised where C cannot pass it on
         self._alive: list[object] = []  # what the kernels, also former ones, need in memory
         command = compiler() if how in (How.AUTO, How.COMPILED) else None
         self._compilation = None if command is None else Compilation(tuple(wanted), command, runtime.options)
         if self._compilation is not None and (how is How.COMPILED or self._compilation.cached()):
             self._take_compiled()
+            self.kind = "compiled"
         elif how is How.CASADI:
-            self.current = [_evaluated(w.function, self._alive) for w in wanted]
+            self.current = [_evaluated(w.function, self._alive, self.stopped) for w in wanted]
+            self.kind = "CasADi's"
         else:
+            self.kind = "interpreted"
             programs = [program(w.function, w.name, runtime.lanes, parameters=w.parameters) for w in wanted]
             self._alive += programs
             self.current = [_interpreted(p) for p in programs]
             self._cost = 0.15 + 3e-4 * sum(p.run.shape[0] for p in programs)
+        self._made = begun, time.perf_counter()
+
+    def made_between(self, first: float, last: float) -> float:
+        """Seconds of a stretch of time (`time.perf_counter`) in which these kernels were made, and their user waited for it."""
+        return max(0.0, min(last, self._made[1]) - max(first, self._made[0]))
+
+    def compiled_between(self, first: float, last: float) -> float:
+        """The same, in which a compiler worked in the background."""
+        return 0.0 if self._compilation is None else self._compilation.between(first, last)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a compiler works on them in the background."""
+        return self._compilation is not None and self._compilation.busy
 
     def spent(self, seconds: float) -> None:
         """The kernels have run for some time more."""
@@ -92,7 +114,7 @@ class Kernels:
             self._compilation.begin()
         if self._compilation.succeeded:
             self._take_compiled()
-            self.version = 1
+            self.version, self.kind = 1, "compiled"
 
     def _take_compiled(self) -> None:
         assert self._compilation is not None
@@ -113,7 +135,8 @@ class Compilation:
         self._wanted, self._command, self._options = wanted, command, options
         parts = [f"{w.name}\0{w.parameters}\0{w.function.serialize()}" for w in wanted]
         self._key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
-        self._thread: threading.Thread | None = None
+        self._begun: float | None = None
+        self._ended: float | None = None
         self.succeeded = False
 
     def cached(self) -> bool:
@@ -127,9 +150,22 @@ class Compilation:
 
     def begin(self) -> None:
         """Compile in the background, unless that has begun."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._work, name="compiler of kernels", daemon=True)
-            self._thread.start()
+        if self._begun is None:
+            self._begun = time.perf_counter()
+            names = ", ".join(w.name for w in self._wanted)
+            logger.info("acausal compiles kernels in the background (%s); the run goes on meanwhile.", names)
+            in_background(self._work, "compiler of kernels")
+
+    def between(self, first: float, last: float) -> float:
+        """Seconds of a stretch of time (`time.perf_counter`) in which a compiler has run in the background."""
+        if self._begun is None:
+            return 0.0
+        return max(0.0, min(last, self._ended or last) - max(first, self._begun))
+
+    @property
+    def busy(self) -> bool:
+        """Whether it goes on in the background."""
+        return self._begun is not None and self._ended is None
 
     def _compiled(self) -> Path:
         sources = [emit(w.function, w.name, parameters=w.parameters) for w in self._wanted]
@@ -143,9 +179,11 @@ class Compilation:
     def _work(self) -> None:
         try:
             self._compiled()
-        except ExportError:  # the interpreter goes on
-            return
-        self.succeeded = True
+            self.succeeded = True
+        except ExportError as error:  # the interpreter goes on
+            logger.info("acausal: %s", error)
+        finally:
+            self._ended = time.perf_counter()
 
 
 def _interpreted(p: Program) -> Kernel:
@@ -154,14 +192,18 @@ def _interpreted(p: Program) -> Kernel:
     )
 
 
-def _evaluated(function: ca.Function, alive: list[object]) -> Kernel:
-    """A kernel that CasADi evaluates; what is not to be forgotten goes to `alive`."""
+def _evaluated(function: ca.Function, alive: list[object], stopped: list[BaseException]) -> Kernel:
+    """A kernel that CasADi evaluates; what is not to be forgotten goes to `alive`, what is raised to `stopped`, and the result is no number then."""
     symbols = arguments(function)
     stacked = ca.Function("stacked", [ca.vertcat(*map(ca.vec, symbols))], [ca.vertcat(*map(ca.vec, function.call(symbols)))])
     found = BoundFunction.of(stacked)
 
     def evaluate(_: int | None) -> None:
-        found()
+        try:
+            found()
+        except BaseException as error:
+            stopped.append(error)
+            found.result.fill(np.nan)
 
     callback = EvaluateFunction(evaluate)
     alive += [found, callback]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -109,6 +110,7 @@ class NativeProblem:
         if clearance is not None:
             wanted.append(Wanted("clearance", clearance, (2,)))
         self.lanes = runtime.lanes
+        self._made: weakref.WeakSet[Kernels] = weakref.WeakSet()
         self.kernels = self._kernels(*wanted)
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
         self.positions, self.crosses = positions, clearance is not None
@@ -118,7 +120,18 @@ class NativeProblem:
         self.copies = len(pairs)
 
     def _kernels(self, *wanted: Wanted) -> Kernels:
-        return Kernels(wanted, self.runtime, self.how)
+        found = Kernels(wanted, self.runtime, self.how)
+        self._made.add(found)
+        return found
+
+    def compiling(self, first: float, last: float) -> float:
+        """Seconds of a stretch of time (`time.perf_counter`) in which kernels were made, or a compiler worked on them in the background."""
+        return sum(k.made_between(first, last) + k.compiled_between(first, last) for k in self._made)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a compiler works in the background."""
+        return any(kernels.busy for kernels in self._made)
 
     @functools.cached_property
     def jvp(self) -> Kernels:
@@ -223,6 +236,7 @@ class Run:
         core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
         core.max_step = tolerances.max_step or 0.0
         self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
+        self.kinds = native.kernels.kind
         if native.nu:
             if problem.constant_inputs is not None:
                 self._u[:] = problem.constant_inputs
@@ -299,6 +313,8 @@ class Run:
                     if not self.native.library.exchange(ctypes.byref(self.core), KERNELS.index(name), ctypes.byref(kernel)):
                         raise MemoryError("integration: not enough memory.")
                 self._in_use[k] = kernels, kernels.version, names
+                if kernels is self.native.kernels:
+                    self.kinds += f", {kernels.kind} from t = {self.core.t:.6g} s"
 
     def _input(self, _: int | None, t: float, u: Any) -> int:
         try:
@@ -343,6 +359,7 @@ class Run:
             while (code := advance(reference)) in _GO_ON:
                 seen, before = time.perf_counter(), seen
                 self._spent(seen - before)
+                self._raise_from_kernels()
                 if code == Code.NEEDS_JACOBIAN:
                     self._use(self.native.jvp, "jvp")
                 elif code == Code.SLOW and slow is not None:
@@ -358,9 +375,16 @@ class Run:
                     shown = seen
                     progress((core.t - t0) / (end - t0))
             self._spent(time.perf_counter() - seen)
+            self._raise_from_kernels()
         except KeyboardInterrupt:
             return Outcome(Status(StatusKind.INTERRUPTED, core.t, "Interrupted."))
         return self._outcome(Code(code))
+
+    def _raise_from_kernels(self) -> None:
+        """Raise what stopped CasADi in the middle of an evaluation, such as Ctrl-C."""
+        for kernels, _, _ in self._in_use:
+            if kernels.stopped:
+                raise kernels.stopped.pop()
 
     def _outcome(self, code: Code) -> Outcome:
         core = self.core
@@ -387,9 +411,11 @@ class Run:
             x = np.ctypeslib.as_array(core.states, (n, nx)).T.copy()
         tableau = self.choice.tableaus[core.method]
         newton = " with Newton" if core.newton_steps and self.choice.newton is Newton.WHERE_SLOW else ""
+        now = time.perf_counter()
+        waited = sum(kernels.made_between(self.started, now) for kernels, _, _ in self._in_use)
         statistics = Statistics(
             tableau.name + newton, tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
-            time.perf_counter() - self.started, core.factorisations,
+            now - self.started - waited, core.factorisations, self.kinds, self.native.compiling(self.started, now),
         )  # fmt: skip
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]

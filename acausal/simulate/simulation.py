@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sys
+import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from acausal.arguments import ascending, dictionary, finite, listed, truth, whole_number
-from acausal.collocation.problem import Guards, Problem, StatusKind, Tolerances
+from acausal.collocation.problem import Guards, Problem, Progress, Solution, StatusKind, Tolerances
 from acausal.errors import OptionError, SimulationError, SingularWarning, UnknownVariableError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input, Parameter, number
@@ -22,6 +22,7 @@ from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
 from acausal.simulate.inputs import INPUTS, InputValue, input_signal, knots, unknown_symbol
+from acausal.simulate.progress import Line, shown_progress
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import (
@@ -37,8 +38,6 @@ from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_state
 from acausal.start.start_values import start_mapping
 from acausal.wording import callers_level
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -95,6 +94,7 @@ def simulate(
     options: Options,
 ) -> Trajectory:
     """A motion from t0 to t1 [s]. Raises `StartValueError`, `UnknownVariableError`, and `SimulationError` with the partial motion."""
+    called = time.perf_counter()
     t0, t1 = finite(t0, "simulate: the start t0 [s]"), finite(t1, "simulate: the end [s]")
     options = options.checked()
     problem = _problem(functions, {} if inputs is None else inputs, {} if parameters is None else parameters, options.compiled)
@@ -108,20 +108,7 @@ def simulate(
     problem = replace(problem, breaks=_breaks(functions, problem, t0, t1))
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
-    solution = integrate(
-        problem,
-        initial.x,
-        t0,
-        t1,
-        options.rtol,
-        options.atol or 0.0,
-        method=options.method,
-        order=options.order,
-        step=options.step,
-        max_steps=options.max_steps,
-        max_step=options.max_step,
-        progress=_progress(options.progress),
-    )
+    solution = _integrated(problem, initial.x, t0, t1, options, called)
     times = np.linspace(t0, solution.t[-1], options.samples)
     run = Trajectory(functions, problem, solution, initial, times, tuple(options.events))
     lost = [jumps, warn_if_singular(functions, run), warn_if_outside(functions, run)]
@@ -133,6 +120,33 @@ def simulate(
         raise_if_interrupted(run.status, run)
         raise SimulationError(failure(functions, run.status, t1, run), run)
     return run
+
+
+def _integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: Options, called: float) -> Solution:
+    """The solution, with the time that kernels took since the call (`time.perf_counter`) in its statistics."""
+    native = problem.native
+    progress = shown_progress(options.progress, lambda: native is not None and native.busy)
+    try:
+        solution = integrate(
+            problem,
+            x0,
+            t0,
+            t1,
+            options.rtol,
+            options.atol or 0.0,
+            method=options.method,
+            order=options.order,
+            step=options.step,
+            max_steps=options.max_steps,
+            max_step=options.max_step,
+            progress=progress,
+        )
+    finally:
+        if isinstance(progress, Line):
+            progress.close()
+    if native is None:
+        return solution
+    return replace(solution, statistics=replace(solution.statistics, compiling=native.compiling(called, time.perf_counter())))
 
 
 def sensitivity_run(
@@ -230,16 +244,3 @@ def given_values(functions: Functions, parameters: Mapping[Parameter, float]) ->
     if parameters:
         functions.outputs.system.flat.conditions.check(values[: len(known)])
     return values
-
-
-def _progress(wanted: bool | Progress) -> Progress | None:
-    if callable(wanted):
-        return wanted
-    if not wanted or not sys.stderr.isatty():
-        return None
-
-    def show(fraction: float) -> None:
-        sys.stderr.write(f"\r{100 * fraction:5.1f} %" + ("\n" if fraction >= 1 else ""))
-        sys.stderr.flush()
-
-    return show

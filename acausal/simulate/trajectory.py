@@ -222,9 +222,10 @@ class Trajectory:
 
     def __str__(self) -> str:
         s = self.statistics
+        compiling = f" beside {1e3 * s.compiling:.0f} ms of compiling" if s.compiling > 1e-3 else ""
         return (
             f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
-            f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms"
+            f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms{compiling}"
         )
 
 
