@@ -171,6 +171,23 @@ def test_what_start_values_leave_free_moves_least():
     assert np.linalg.norm(change - normal * (normal @ change) / (normal @ normal)) < 1e-5
 
 
+def test_velocities_left_free_are_least_over_all_joints():
+    """Of a five-bar with one crank's velocity given, at another value of any other joint's the sum of squares is larger, in both directions."""
+    scene = five_bar()
+    model = ac.build(scene)
+    given = {scene.hinges[0].q: 1.2, scene.hinges[4].q: 1.9, scene.hinges[0].v: 1.0}
+
+    def velocities(start: dict[Any, Any]) -> np.ndarray:
+        run = model.simulate(1e-3, start, samples=2)
+        return np.array([run[hinge.v][0] for hinge in scene.hinges])
+
+    least = velocities(given)
+    for hinge, rate in list(zip(scene.hinges, least, strict=True))[1:]:
+        more, less = (velocities(given | {hinge.v: rate + change}) for change in (0.01, -0.01))
+        assert more @ more > least @ least < less @ less
+        assert abs(more @ more - less @ less) < 1e-8 * (least @ least)
+
+
 def test_velocities_may_be_asked_for_by_any_expression():
     """The speed of a tip squared, which is quadratic in the velocities."""
     scene = DoublePendulum()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, ParameterError
 from acausal.language.connector import FLOWS, Connector, Electrical, Point
-from acausal.language.construction import check_arguments
+from acausal.language.construction import check_arguments, check_makers
 from acausal.language.equation import Equation, der
 from acausal.language.expression import Expression, Variable
 from acausal.language.origin import origin
@@ -35,6 +35,10 @@ class Component:
     """What is said to who gives arguments to a part that takes none."""
     created_at: str
     """Where in the user's code it was made, `file:line`."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        check_makers(cls)
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         if cls.__init__ is object.__init__ and (args or kwargs):

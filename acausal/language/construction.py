@@ -3,28 +3,70 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import inspect
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from acausal.errors import ParameterError
 from acausal.language.origin import origin
 
+T = TypeVar("T")
+
 
 def check_arguments(cls: type, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
     """Raise `ParameterError` where `cls(*args, **kwargs)` names, misses or repeats arguments; it names the nearest one that there is."""
-    taken = inspect.signature(cls.__init__)
+    _check(cls, cls.__name__, cls.__init__, None, args, kwargs)
+
+
+def check_makers(cls: type) -> None:
+    """Lets the class methods of a class, such as `RigidBody.rod`, raise `ParameterError` in the same way."""
+    for name, made in list(vars(cls).items()):
+        if isinstance(made, classmethod) and not name.startswith("_"):
+            setattr(cls, name, classmethod(_checked(made.__func__)))
+
+
+def checked_arguments(cls: type[T]) -> type[T]:
+    """A class that is no part, with the same words for wrong arguments of its constructors."""
+    made = cls.__init__
+
+    @functools.wraps(made)
+    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+        check_arguments(cls, args, kwargs)
+        made(self, *args, **kwargs)
+
+    cls.__init__ = __init__
+    check_makers(cls)
+    return cls
+
+
+def _checked(maker: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(maker)
+    def make(cls: type, *args: Any, **kwargs: Any) -> Any:
+        _check(cls, f"{cls.__name__}.{maker.__name__}", maker, cls, args, kwargs)
+        return maker(cls, *args, **kwargs)
+
+    return make
+
+
+def _check(cls: type, name: str, maker: Callable[..., Any], first: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
+    taken = inspect.signature(maker)
     try:
-        taken.bind(None, *args, **kwargs)
+        taken.bind(first, *args, **kwargs)
     except TypeError as error:
         parameters = [*taken.parameters.values()][1:]
-        unknown = [name for name in kwargs if name not in taken.parameters]
+        unknown = [key for key in kwargs if key not in taken.parameters]
         reason = f"it has no argument '{unknown[0]}'" if unknown else f"{error}"
-        shown = ", ".join(p.name if p.default is p.empty else f"{p.name}={p.default!r}" for p in parameters)
-        given = _given((), {name: kwargs[name] for name in unknown}) if unknown else _given(args, kwargs)
+        shown = ", ".join(_declared(p) for p in parameters)
+        given = _given((), {key: kwargs[key] for key in unknown}) if unknown else _given(args, kwargs)
         raise ParameterError(
-            f"{cls.__name__}({given}) ({origin()}): {reason}.{_nearest(cls, unknown)} It takes {cls.__name__}({shown})."
+            f"{name}({given}) ({origin()}): {reason}.{_nearest(cls, unknown)} It takes {name}({shown})."
         ) from None
+
+
+def _declared(p: inspect.Parameter) -> str:
+    """As it stands in the definition, without its type."""
+    return str(p.replace(annotation=p.empty)).replace(" = ", "=")
 
 
 def _given(args: Sequence[Any], kwargs: Mapping[str, Any], most: int = 80) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.dynamics.kinematics import Kinematics
 from acausal.loops.loops import LoopRows
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.joint_coordinates import Coordinate, joint_coordinates
@@ -39,10 +40,10 @@ class Differences:
         kept = sorted(set(ca.jacobian_sparsity(self.rows, y).get_triplet()[0]))
         return Differences(self.rows[kept, :], self.measured_by[kept])
 
-    def sizes(self, unknowns: np.ndarray, loop: float) -> np.ndarray:
-        """What is much for each row (k,), for unknowns of these sizes and loops of this one."""
+    def sizes(self, unknowns: np.ndarray, loop: float, turn: float = 1.0) -> np.ndarray:
+        """What is much for each row (k,), for unknowns of these sizes, loops of this one, and turns, or rates of these."""
         own = unknowns[np.maximum(self.measured_by, 0)] if unknowns.size else np.ones(self.measured_by.size)
-        return np.where(self.measured_by == _TURN, 1.0, np.where(self.measured_by == _LOOP, loop, own))
+        return np.where(self.measured_by == _TURN, turn, np.where(self.measured_by == _LOOP, loop, own))
 
 
 def in_tree(all: Sequence[Coordinate], y: ca.SX, sketch: ca.SX) -> Differences:
@@ -66,3 +67,15 @@ def at_cut(loop: LoopRows, drawn: ca.SX | None, y: ca.SX, sketch: ca.SX) -> Diff
     at = ca.substitute(values, y, sketch) if drawn is None else drawn
     found = [(c, c.difference(at, values)) for c in joint_coordinates(loop.edge.name, joint)]
     return Differences.joined([Differences(d, np.full(d.numel(), _TURN if c.turns else _LOOP)) for c, d in found])
+
+
+def rates_at_cut(loop: LoopRows, kinematics: Kinematics) -> Differences:
+    """Of the same coordinates, their rates."""
+    joint = loop.edge.joint
+    values = joint.coordinates(loop.pose) if isinstance(joint, AbstractJoint) else None
+    if values is None or not isinstance(joint, AbstractJoint):
+        return Differences.joined([])
+    values = ca.densify(values)
+    here = ca.SX.sym("here", values.numel())
+    found = at_cut(loop, here, ca.SX(0, 1), ca.SX(0, 1))
+    return Differences(ca.substitute(kinematics.rate(found.rows), here, values), found.measured_by)

@@ -15,7 +15,7 @@ from acausal.numerics.bound import BoundFunction
 from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import EDGE
-from acausal.start.apart import Apart
+from acausal.start.apart import Apart, Moving
 from acausal.start.rows import Rows
 from acausal.start.unknowns import Unknowns
 
@@ -42,8 +42,8 @@ class Block:
     signs: ca.SX
     alike: np.ndarray
     drawn: Drawn
-    apart: Apart | None = None
-    """Of positions: how far they are from the sketch."""
+    apart: Apart | Moving | None = None
+    """How far positions are from the sketch, velocities from rest; None where unknowns say that by themselves."""
     known: dict[bytes, tuple[Sizes, np.ndarray]] = field(default_factory=dict[bytes, tuple[Sizes, np.ndarray]], compare=False)
     """Sizes of some calls before."""
 
@@ -80,7 +80,7 @@ class Block:
         unknowns[self.places] = sizes.unknowns
         longest = np.max(sizes.unknowns[~self.unknowns.turning], initial=0.0)
         loop = float(positive(np.array([np.max(sizes.rows[self.drawn.shifts], initial=longest)]))[0])
-        scale = differences.sizes(unknowns, loop)
+        scale = differences.sizes(unknowns, loop, sizes.rate)
         data = np.concatenate([data, self.apart.closed(data[: data.size - self.apart.first.numel()])])
 
         def apart(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -68,7 +68,8 @@ class InitialState:
 
 
 def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> InitialState:
-    """Positions first, then velocities; unspecified velocities are zero where the constraints allow.
+    """Positions first, then velocities. Of several ways to close loops the one nearest to the sketch, over all joints; unspecified velocities are
+    zero where the constraints allow, else least over all joints.
 
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """

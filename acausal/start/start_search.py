@@ -12,7 +12,7 @@ from acausal.numerics.assembly import Assembled, Residual, assemble
 from acausal.numerics.sizes import Drawn, Sizes
 from acausal.numerics.thresholds import STRIDE
 from acausal.reduce.reduce import ReducedSystem
-from acausal.start.apart import Apart
+from acausal.start.apart import Apart, Moving
 from acausal.start.block import Block
 from acausal.start.block_search import solve_block
 from acausal.start.unknowns import Closing, Found, Target, Unknowns
@@ -229,7 +229,8 @@ def start_search(
     drawn = Drawn.joined([closing.drawn, Drawn.exact(rest)])
     n, m, k = y.numel(), hard.numel(), soft.numel()
     all = list(range(n)), list(range(m)), list(range(k))
-    everything = Block(unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart)
+    moving = Moving(system, y, first) if unknowns.linear and system.constraints.loops else None
+    everything = Block(unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart or moving)
     side = ca.Function("side", [y, data], [ca.densify(closing.signs)]) if closing.signs.numel() else None
     return Search(
         what,

@@ -95,6 +95,26 @@ def test_arguments_that_miss_or_come_twice_are_named(cls: type[ac.Component]):
         cls(*[1.0] * 20)
 
 
+MAKERS = [
+    (cls, name)
+    for cls in (*PARTS, Section)
+    for name, maker in inspect.getmembers(cls, inspect.ismethod)
+    if not name.startswith("_")
+    and any(p.default is p.empty for p in [*inspect.signature(maker).parameters.values()] if p.kind is not p.VAR_KEYWORD)
+]
+
+
+@pytest.mark.parametrize(("cls", "name"), [*MAKERS, (Section, "")], ids=lambda part: getattr(part, "__name__", part))
+def test_named_constructors_tell_what_is_missing_too(cls: type[Any], name: str):
+    make = getattr(cls, name) if name else cls
+    called = f"{cls.__name__}.{name}" if name else cls.__name__
+    wanted = next(iter(inspect.signature(make).parameters))
+    with pytest.raises(ParameterError, match=rf"{called}\(\) \(.*{HERE}.*'{wanted}'.* It takes {called}\({wanted}"):
+        make()
+    with pytest.raises(ParameterError, match="too many"):
+        make(*[1.0] * 20)
+
+
 def wrong_values(cls: type[ac.Component], name: str) -> Iterator[tuple[str, Any]]:
     """What no argument of this name can be, and in which way."""
     yield from (
