@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
 from acausal.arguments import ascending, finite, listed
-from acausal.collocation.problem import Tolerances
+from acausal.collocation.problem import Accuracy
 from acausal.dynamics.system import mechanical_system
-from acausal.errors import AssemblyError, LockedError, MasslessError, ModelError
+from acausal.errors import LockedError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.flatten import flatten
-from acausal.loops.constraints import analyse_constraints
 from acausal.outputs.functions import Functions, operations
-from acausal.outputs.outputs import Outputs
 from acausal.parts.part_check import check_parts
 from acausal.reduce.reduce import ReducedSystem, reduce_system
-from acausal.reduce.state_space import state_space, whole_state_space
 from acausal.simulate.events import when
-from acausal.start.decided import OtherDecisions, check_decided
-from acausal.start.initial import InitialState, Start, initial_state
-from acausal.start.start_values import start_mapping
+from acausal.start.anew import Decided
+from acausal.start.decided import check_decided
+from acausal.start.initial import InitialState
+from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.fields import with_field_forces
-from acausal.wording import compact, counted
+from acausal.wording import counted
 
 if TYPE_CHECKING:
     from acausal.analysis.actuation import Unknown
@@ -44,14 +42,9 @@ if TYPE_CHECKING:
     from acausal.explain.constraint_table import ConstraintTable
     from acausal.explain.decision_table import DecisionTable
     from acausal.simulate.sensitivity import Sensitivities, TrajectoryFunction, Wanted
-    from acausal.simulate.simulation import InputValue, Progress
+    from acausal.simulate.simulation import Progress
     from acausal.simulate.trajectory import Trajectory
     from acausal.start.branches import Branches
-
-
-T = TypeVar("T")
-_KEPT = 32
-"""Values of parameters for which loops stay examined."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,16 +53,27 @@ class Model:
 
     system: ReducedSystem
 
-    @functools.cached_property
+    @property
     def functions(self) -> Functions:
         """Named CasADi functions: dynamics, energies, constraints, outputs."""
-        return Functions(Outputs(self.system), state_space(self.system))
+        return self._decided.functions
 
     @functools.cached_property
-    def _whole(self) -> Functions:
-        """The same functions of all coordinates of the tree, for analysis that chooses its own states."""
-        found = self.functions
-        return found if not found.space.elimination.symbols else Functions(found.outputs, whole_state_space(self.system))
+    def _decided(self) -> Decided:
+        return Decided(self.system)
+
+    def _situation(
+        self,
+        start: StartValues | None,
+        t0: float,
+        inputs: InputValues | None,
+        parameters: ParameterValues | None,
+        clock: str = "start t0",
+    ) -> Situation:
+        return situation(self.functions.outputs, start, t0, inputs, parameters, clock=clock)
+
+    def _named(self, wanted: Any) -> Any:
+        return self.system.flat.symbols(wanted)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -98,146 +102,26 @@ class Model:
 
     def initial_state(
         self,
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         t0: float = 0.0,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
     ) -> InitialState:
         """Consistent states x, and the p that belongs to them, from start values; see `simulate` for the arguments and errors."""
-        here = self._with_loops_at(parameters)  # not `_at`: x belongs to `functions`, which others use
-        found, space = here._whole_start(start, t0, inputs, parameters), here.functions.space
-        return replace(found, x=space.restricted(found.x), p=space.extended(t0, found.x, found.p))
-
-    def _at(self, parameters: Mapping[Parameter, float] | None) -> Model:
-        """The model for these values of the parameters: this one, unless what was decided at its own values does not hold at these.
-
-        That are independent rows and singular positions of loops, pivots of scalar equations, what follows from what, and what is much
-        for each unknown, where a value is many times another one.
-        """
-        from acausal.simulate.simulation import given_values
-
-        if not parameters:
-            return self
-        values = given_values(self.functions, parameters)
-        here = self._with_loops_of(values)
-        decisions = here.functions.decisions
-        if decisions.near(values) and decisions.hold(values):
-            return here
-        other = self._kept("all", values, here._decided)
-        other.functions.decisions.check(values)
-        return other
-
-    def _with_loops_at(self, parameters: Mapping[Parameter, float] | None) -> Model:
-        """This model, unless its loops have other independent rows or singular positions for these values of the parameters.
-
-        Raises `LockedError` where nothing can move with them. Costs a search for singular positions where the loops depend on
-        parameters with values that are new.
-        """
-        from acausal.simulate.simulation import given_values
-
-        return self._with_loops_of(given_values(self.functions, parameters)) if parameters else self
-
-    def _with_loops_of(self, values: np.ndarray) -> Model:
-        """The same for values of all parameters (np,)."""
-        s = self.system
-        if s.constraints.unchanged(values):
-            return self
-        places = list(s.constraints.parameters)
-        at = s.p_values.copy()
-        at[places] = values[places]
-        return self._kept("loops", at, self._examined)
-
-    def _kept(self, what: str, values: np.ndarray, made: Callable[[np.ndarray], Model]) -> Model:
-        """The model made for these values, in which `what` was decided; made once."""
-        key = what, values.tobytes()
-        if key not in self._others:
-            if len(self._others) >= _KEPT:
-                self._others.clear()
-            self._others[key] = made(values)
-        return self._others[key]
-
-    def _examined(self, values: np.ndarray) -> Model:
-        s = self.system
-        if s.constraints.hold(values):
-            return self
-        try:
-            found = analyse_constraints(s.mechanics, s.p, values, known=s.constraints)
-            return self if found.decides_as(s.constraints) else Model(reduce_system(s.mechanics, at=values, constraints=found))
-        except AssemblyError:
-            return self  # the search for a start says what does not close
-        except (LockedError, MasslessError) as error:
-            names = [self.parameter_names[i] for i in s.constraints.parameters]
-            raise type(error)(f"With other values of {compact(names)}: {error}") from None
-
-    def _answered(self, parameters: Mapping[Parameter, float] | None, answer: Callable[[Model], T]) -> T:
-        """`answer` of the model for these parameters. Where its loops are not what they were taken for at the call's own time and place, they
-        are examined there, and it is that of the model which is made then. Raises `OtherDecisions` where that does not help.
-        """
-        here = self._at(parameters)
-        try:
-            return answer(here)
-        except OtherDecisions as found:
-            place = found
-        return answer(here._examined_near(place))
-
-    def _examined_near(self, place: OtherDecisions) -> Model:
-        """Made for another time and place."""
-        s = self.system
-        try:
-            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time, s.constraints)
-        except AssemblyError:
-            raise place from None
-        except LockedError as error:
-            raise LockedError(f"At t = {place.time:.6g} s, where this begins: {error}") from None
-        return self._kept(
-            f"loops {found.choice}", place.values, lambda _: Model(reduce_system(s.mechanics, at=place.values, constraints=found))
-        )
-
-    def _decided(self, values: np.ndarray) -> Model:
-        """Reduced again at these values (np,); itself, which says what does not hold, where that does not help or other freedoms are left."""
-        try:
-            other = Model(reduce_system(self.system.mechanics, at=values))
-        except ModelError:
-            return self
-        same = other.system.x.numel() == self.system.x.numel() and other.degrees_of_freedom == self.degrees_of_freedom
-        return other if same and not other.functions.decisions.complaint(values) else self
-
-    @functools.cached_property
-    def _others(self) -> dict[tuple[str, bytes], Model]:
-        """Models for other values of parameters."""
-        return {}
-
-    def _whole_start(
-        self,
-        start: Start | None,
-        t0: float,
-        inputs: Mapping[Input, InputValue] | None,
-        parameters: Mapping[Parameter, float] | None,
-    ) -> InitialState:
-        """The start in all coordinates of the tree."""
-        p, u = self._given(t0, inputs, parameters)
-        return initial_state(self.functions.outputs, start_mapping(start), t0, p, u)
-
-    def _given(
-        self, t0: float, inputs: Mapping[Input, InputValue] | None, parameters: Mapping[Parameter, float] | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Values of all parameters, and of all inputs at t0."""
-        from acausal.simulate.inputs import input_signal
-        from acausal.simulate.simulation import parameter_values
-
-        t0 = finite(t0, "The start t0 [s]")
-        u = input_signal(self.functions, inputs or {})(np.array([t0]))[:, 0]
-        return parameter_values(self.functions, parameters or {}), u
+        at = self._situation(start, t0, inputs, parameters)
+        here = self._decided.with_loops_at(at.p).functions  # with the states of `functions`, which others use
+        found = at.initial(here)
+        return replace(found, x=here.space.restricted(found.x), p=here.space.extended(at.t0, found.x, found.p))
 
     def branches(
         self,
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         by: Expression | Sequence[Expression] = (),
         t0: float = 0.0,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
         searches: int = 300,
         seed: int = 0,
     ) -> Branches:
@@ -250,19 +134,18 @@ class Model:
         """
         from acausal.start.branch_search import branches
 
-        here = self._at(parameters)
-        p, u = here._given(t0, inputs, parameters)
-        return branches(here.functions.outputs, start_mapping(start), t0, p, u, by, searches, seed)
+        at = self._situation(start, t0, inputs, parameters)
+        return branches(self._decided.at(at.p).functions, at, self._named(by), searches, seed)
 
     def assembly_function(
         self,
         outputs: Expression | ca.SX | None,
         wrt: Expression | Sequence[Expression],
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         t0: float = 0.0,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
         steps: int = 8,
         name: str = "assembly",
     ) -> ca.Function:
@@ -277,22 +160,23 @@ class Model:
         """
         from acausal.start.assembly_function import assembly_function
 
-        def answer(here: Model) -> ca.Function:
-            p, u = here._given(t0, inputs, parameters)
-            wanted = here.functions.space.x if outputs is None else outputs
-            return assembly_function(here.functions.outputs, wanted, wrt, start_mapping(start), t0, p, u, steps, name)
-
-        return answer(self._with_loops_at(parameters)) if outputs is None else self._answered(parameters, answer)
+        at = self._situation(start, t0, inputs, parameters)
+        by = self._named([wrt] if isinstance(wrt, Expression | str) else wrt)
+        if outputs is None:
+            return assembly_function(self._decided.with_loops_at(at.p).functions, at, None, by, steps, name)
+        return self._decided.answer(
+            at.p, lambda here: assembly_function(here.functions, at, self._named(outputs), by, steps, name)
+        )
 
     def simulate(
         self,
         end: float,
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         rtol: float = 1e-8,
         atol: float | None = None,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
         t0: float = 0.0,
         method: str = "auto",
         order: int | None = None,
@@ -323,21 +207,24 @@ class Model:
         """
         from acausal.simulate.simulation import Options, simulate
 
-        options = Options(
-            rtol, atol, method, samples, compiled, max_steps, raise_on_failure, order, step, max_step, progress, events
+        accuracy = Accuracy.asked(rtol, atol, step, max_steps, max_step)
+        end = finite(end, "simulate: the end [s]")
+        options = Options.asked(
+            accuracy, method, samples, compiled, raise_on_failure, order=order, progress=progress, events=events
         )
-        return self._answered(parameters, lambda m: simulate(m.functions, t0, end, start, inputs, parameters, options))
+        at = self._situation(start, t0, inputs, parameters)
+        return self._decided.answer(at.p, lambda here: simulate(here.functions, at, end, options))
 
     def sensitivities(
         self,
         times: Sequence[float],
         wrt: Sequence[Wanted],
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         rtol: float = 1e-8,
         atol: float | None = None,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
         max_steps: int = 1_000_000,
         compiled: bool = True,
     ) -> Sensitivities:
@@ -346,23 +233,28 @@ class Model:
         `wrt`: parameters, inputs (as constants), and variables that have an exact value in `start`. Other arguments and errors as for
         `simulate`. Forward sensitivities of the numerical motion itself, carried along with it: exact to the tolerance.
         """
+        t, accuracy = ascending(times, "sensitivities: `times`"), Accuracy.asked(rtol, atol, None, max_steps)
+        by = listed(self._named(wrt), "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
+        return self._sensitivities(self._situation(start, float(t[0]), inputs, parameters), t, by, accuracy, compiled)
+
+    def _sensitivities(
+        self, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
+    ) -> Sensitivities:
         from acausal.simulate.simulation import sensitivity_run
 
-        tolerances = Tolerances(rtol, atol or 0.0, None, max_steps)
-        given = start or {}, inputs or {}, parameters or {}
-        return self._answered(parameters, lambda m: sensitivity_run(m.functions, times, wrt, *given, tolerances, compiled))
+        return self._decided.answer(at.p, lambda here: sensitivity_run(here.functions, at, times, wrt, accuracy, compiled))
 
     def trajectory_function(
         self,
         times: Sequence[float],
         outputs: Expression,
         wrt: Sequence[Wanted],
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         rtol: float = 1e-8,
         atol: float | None = None,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
         name: str = "trajectory",
         compiled: bool = True,
     ) -> TrajectoryFunction:
@@ -373,21 +265,21 @@ class Model:
         """
         from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 
-        wrt = tuple(listed(wrt, "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
-        at = ascending(times, "trajectory_function: `times`")
-        run = functools.partial(self.sensitivities, at.tolist(), wrt, rtol=rtol, atol=atol, compiled=compiled)
-        held = dict(inputs or {}), dict(parameters or {})
-        return TrajectoryFunction(name, Motion(self.functions, run, *held, at, outputs, wrt, dict(start_mapping(start))))
+        by = tuple(listed(self._named(wrt), "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
+        t, accuracy = ascending(times, "trajectory_function: `times`"), Accuracy.asked(rtol, atol)
+        run = functools.partial(self._sensitivities, times=t, wrt=by, accuracy=accuracy, compiled=compiled)
+        at = self._situation(start, float(t[0]), inputs, parameters)
+        return TrajectoryFunction(name, Motion(self.functions, run, at, t, outputs, by))
 
     def linearize(
         self,
-        start: Start | Sequence[float] | np.ndarray | None = None,
+        start: StartValues | Sequence[float] | np.ndarray | None = None,
         *,
         states: Sequence[Expression] | None = None,
         outputs: Sequence[Expression] = (),
         t: float = 0.0,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
     ) -> Linearization:
         """The linear system A, B, C, D of small deviations, with eigenvalues, frequencies, modes and stability.
 
@@ -399,32 +291,32 @@ class Model:
         from acausal.analysis.linearize import linearize
         from acausal.analysis.point import operating_point
 
-        if start is not None and not isinstance(start, Mapping) and self.functions.space.elimination.symbols:
-            start = self._whole_states(t, start, parameters)
+        given = None if start is None or isinstance(start, Mapping) else self._whole_states(t, start, parameters)
+        at = self._situation(start if isinstance(start, Mapping) else None, t, inputs, parameters, "time t")
 
-        def answer(here: Model) -> Linearization:
-            point = operating_point(here._whole, start, t, inputs, parameters)
+        def answer(here: Decided) -> Linearization:
+            point = operating_point(here.whole, at, given)
             check_decided(here.system, point.t, point.x, point.p)
-            return linearize(here._whole, point, states, outputs)
+            return linearize(here.whole, point, self._named(states), self._named(outputs))
 
-        return self._answered(parameters, answer)
+        return self._decided.answer(at.p, answer)
 
     def _whole_states(
-        self, t: float, x: Sequence[float] | np.ndarray, parameters: Mapping[Parameter, float] | None
+        self, t: float, x: Sequence[float] | np.ndarray, parameters: ParameterValues | None
     ) -> Sequence[float] | np.ndarray:
         """All coordinates and velocities of the tree for states x, constants of integration as in the sketch; x of another size as it is."""
-        if len(x) != len(self.state_names):
+        if not self.functions.space.elimination.symbols or len(x) != len(self.state_names):
             return x
         p = self.initial_state(parameters=parameters, t0=t).p
         return self.functions.space.expanded(t, np.array(x, dtype=float), p).tolist()
 
     def minimal(
         self,
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         prefer: Sequence[Variable] = (),
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
         t0: float = 0.0,
         steps: int = 8,
     ) -> MinimalModel:
@@ -436,22 +328,18 @@ class Model:
         """
         from acausal.charts.minimal import minimal_model
 
-        def answer(here: Model) -> MinimalModel:
-            found = here._whole_start(start, t0, inputs, parameters)
-            check_decided(here.system, t0, found.x, found.p)
-            return minimal_model(here._whole, t0, found, found.p, prefer, steps)
-
-        return self._answered(parameters, answer)
+        at = self._situation(start, t0, inputs, parameters)
+        return self._decided.answer(at.p, lambda here: minimal_model(here.whole, at, self._named(prefer), steps))
 
     def equilibrium(
         self,
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         free: Sequence[Input | Parameter] = (),
         steady: Steady = (),
         t: float = 0.0,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
     ) -> Equilibrium:
         """The equilibrium nearest to `start`, or the steady motion, with the values of `free` inputs and parameters that it needs.
 
@@ -463,26 +351,29 @@ class Model:
         """
         from acausal.analysis.equilibrium import equilibrium
 
-        def answer(here: Model) -> Equilibrium:
-            found = equilibrium(here._whole, start, free, steady, t, inputs, parameters)
-            there = here._at(found.parameters)  # of those that were free
+        at = self._situation(start, t, inputs, parameters, "time t")
+        asked = self._named(free), self._named(steady)
+
+        def answer(here: Decided) -> Equilibrium:
+            found = equilibrium(here.whole, at, *asked)
+            there = here.at(found.point.p)  # of those that were free
             if there is not here:
-                found = equilibrium(there._whole, start, free, steady, t, inputs, parameters)
+                found = equilibrium(there.whole, replace(at, p=found.point.p), *asked)
                 there.functions.decisions.check(found.point.p)
             check_decided(there.system, found.point.t, found.x, found.point.p)
             return found
 
-        return self._answered(parameters, answer)
+        return self._decided.answer(at.p, answer)
 
     def inverse_dynamics(
         self,
         times: Sequence[float],
         motions: Mapping[Expression, Given],
         unknowns: Sequence[Unknown],
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
-        inputs: Mapping[Input, InputValue] | None = None,
-        parameters: Mapping[Parameter, float] | None = None,
+        inputs: InputValues | None = None,
+        parameters: ParameterValues | None = None,
     ) -> InverseDynamics:
         """The forces that make variables move as prescribed, at `times` [s], and the whole motion with them.
 
@@ -492,11 +383,11 @@ class Model:
         branch of loops.
         Raises `MotionError` where the mechanism cannot follow or the forces do not suffice, `OptionError`, `UnknownVariableError`.
         """
-        from acausal.analysis.inverse_dynamics import inverse_dynamics
+        from acausal.analysis.inverse_dynamics import inverse_dynamics, times_of
 
-        return self._answered(
-            parameters, lambda m: inverse_dynamics(m._whole, times, motions, unknowns, start, inputs, parameters)
-        )
+        t = times_of(times)
+        at = self._situation(start, float(t[0]), inputs, parameters)
+        return self._decided.answer(at.p, lambda here: inverse_dynamics(here.whole, at, t, self._named(motions), unknowns))
 
     def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
         """CasADi function (t, x, a, u, p) -> force: the forces (n,) of `unknowns` that give `variables` the accelerations a (m,), m <= n.
@@ -506,7 +397,7 @@ class Model:
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics_function
 
-        return inverse_dynamics_function(self._whole, variables, unknowns)
+        return inverse_dynamics_function(self._decided.whole, self._named(variables), unknowns)
 
     def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
         """One implicit step as a differentiable CasADi `Function` (t, x, u, p, h) -> (x_next, residual).
@@ -566,13 +457,14 @@ class Model:
         return export_c(self.functions, folder)
 
     def export_simulator(
-        self, folder: str | Path, start: Start | None = None, parameters: Mapping[Parameter, float] | None = None
+        self, folder: str | Path, start: StartValues | None = None, parameters: ParameterValues | None = None
     ) -> Path:
         """Write a program in C that simulates the model from `start` and needs nothing else; returns the folder."""
         from acausal.export.simulator import export_simulator
 
-        here = self._at(parameters)
-        return export_simulator(here.functions, folder, here.initial_state(start, parameters=parameters))
+        at = self._situation(start, 0.0, None, parameters)
+        here = self._decided.at(at.p)
+        return export_simulator(here.functions, folder, Model(here.system).initial_state(start, parameters=parameters))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Model, (self.system,)

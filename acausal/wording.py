@@ -54,6 +54,16 @@ def entry_names(name: str, rows: int, columns: int = 1) -> tuple[str, ...]:
     return tuple(f"{name}[{i}]" if columns == 1 else f"{name}[{i},{j}]" for j in range(columns) for i in range(rows))
 
 
+def nearest(name: str, known: Iterable[str]) -> str:
+    """` Did you mean 'elbow.q'?`, or nothing where no known name is like it."""
+    import difflib
+
+    known = list(known)
+    last = [k for k in known if k.rpartition(".")[2] == name]
+    similar = last or difflib.get_close_matches(name, known, n=3)
+    return f" Did you mean {' or '.join(repr(k) for k in similar[:3])}?" if similar else ""
+
+
 def numbers(values: Sequence[float] | np.ndarray, most: int) -> str:
     """`0.3`, or `(0.3, 0, -1)`; of more than `most` the first ones."""
     shown = ", ".join(f"{v:.6g}" for v in values[:most])

@@ -261,7 +261,7 @@ def test_wrong_questions_are_answered_in_words():
     with pytest.raises(OptionError, match="finite"):
         model.equilibrium(steady={scene.shoulder.q: float("inf")})
     with pytest.raises(OptionError, match="not a variable"):
-        model.equilibrium(steady=["shoulder"])  # type: ignore[list-item]
+        model.equilibrium(steady=[3])  # type: ignore[list-item]
     with pytest.raises(UnknownVariableError):
         model.equilibrium(steady=[Pendulum().hinge.q])
     for start in ("home", 3):

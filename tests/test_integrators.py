@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.collocation.problem import Problem, StatusKind
+from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.integrators.integrate import integrate
 from components import Particle, Spring, World
@@ -69,11 +69,11 @@ def test_error_follows_the_tolerance(case):
         p, x0, end = run.problem, run.initial.x, 5.0
         final = run.solution.x[:, -1]
         exact = lambda _: final  # noqa: E731
-    nudged = integrate(p, x0 * (1 + 1e-7), 0, end, 1e-14, 1e-14, method="gauss").x[:, -1]
+    nudged = integrate(p, x0 * (1 + 1e-7), 0, end, Accuracy(1e-14, 1e-14), method="gauss").x[:, -1]
     magnification = np.max(np.abs(nudged - exact(x0))) / 1e-7
     ratios = []
     for rtol in 10.0 ** -np.arange(4, 14):
-        error = np.max(np.abs(integrate(p, x0, 0, end, rtol, rtol, method="gauss").x[:, -1] - exact(x0)))
+        error = np.max(np.abs(integrate(p, x0, 0, end, Accuracy(rtol, rtol), method="gauss").x[:, -1] - exact(x0)))
         ratios.append(error / (rtol * magnification))
     print(case, "magnification", magnification, "error / (rtol * magnification):", np.array(ratios))
     assert max(ratios[:-1]) < 10  # the last decade is near rounding
@@ -83,7 +83,7 @@ def test_error_follows_the_tolerance(case):
 def test_dense_output_is_as_accurate_as_the_steps():
     p, x0, period = kepler(0.6)
     times = np.linspace(0, period, 777)
-    solution = integrate(p, x0, 0, period, 1e-11, 1e-11, method="gauss")
+    solution = integrate(p, x0, 0, period, Accuracy(1e-11, 1e-11), method="gauss")
     E = times.copy()  # Kepler's equation by Newton
     for _ in range(60):
         E -= (E - 0.6 * np.sin(E) - times) / (1 - 0.6 * np.cos(E))
@@ -130,7 +130,7 @@ def test_quaternions_stay_unit():
 
 def test_stiff_relaxation_switches_to_radau():
     p = problem(lambda t, x: (-1e6 * (x[0] - ca.cos(t)),), 1)
-    solution = integrate(p, np.array([0.0]), 0, 10.0, 1e-8, 1e-8)
+    solution = integrate(p, np.array([0.0]), 0, 10.0, Accuracy(1e-8, 1e-8))
     lag = 1e-6  # x = (cos t + lag sin t) / (1 + lag^2) after the boundary layer
     assert "radau" in solution.statistics.method
     assert abs(solution.x[0, -1] - (np.cos(10) + lag * np.sin(10))) < 2e-8  # atol + rtol |x|
@@ -142,7 +142,7 @@ def test_van_der_pol_against_scipy():
 
     mu = 1e3
     p = problem(lambda t, x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
-    solution = integrate(p, np.array([2.0, 0.0]), 0, 1500.0, 1e-9, 1e-9)
+    solution = integrate(p, np.array([2.0, 0.0]), 0, 1500.0, Accuracy(1e-9, 1e-9))
     rate = lambda t, x: [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]]  # noqa: E731
     reference = solve_ivp(rate, (0, 1500), [2.0, 0.0], method="Radau", rtol=1e-10, atol=1e-12).y[0, -1]
     assert solution.status.kind is StatusKind.SUCCESS
@@ -169,12 +169,12 @@ def test_builtin_method_keeps_a_loop_closed():
 
 def test_failures_are_data():
     blow_up = problem(lambda t, x: (x[0] ** 2,), 1)
-    solution = integrate(blow_up, np.array([1.0]), 0, 2.0, 1e-8, 1e-8)
+    solution = integrate(blow_up, np.array([1.0]), 0, 2.0, Accuracy(1e-8, 1e-8))
     assert solution.status.kind in (StatusKind.STEP_UNDERFLOW, StatusKind.NON_FINITE, StatusKind.NOT_CONVERGED)
     assert abs(solution.t[-1] - 1.0) < 1e-3
-    few = integrate(kepler(0.5)[0], kepler(0.5)[1], 0, 100.0, 1e-8, 1e-8, max_steps=10)
+    few = integrate(kepler(0.5)[0], kepler(0.5)[1], 0, 100.0, Accuracy(1e-8, 1e-8, max_steps=10))
     assert few.status.kind is StatusKind.MAX_STEPS
-    nan = integrate(blow_up, np.array([np.nan]), 0, 1.0, 1e-8, 1e-8)
+    nan = integrate(blow_up, np.array([np.nan]), 0, 1.0, Accuracy(1e-8, 1e-8))
     assert nan.status.kind is StatusKind.NON_FINITE
 
 

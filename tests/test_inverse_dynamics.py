@@ -248,7 +248,7 @@ def test_wrong_questions_are_answered_in_words():
     with pytest.raises(OptionError, match="must be a list"):
         model.inverse_dynamics_function(scene.shoulder.q, joints)  # type: ignore[arg-type]
     with pytest.raises(OptionError, match="not a variable"):
-        model.inverse_dynamics(T, {"q": 0.3}, joints)  # type: ignore[dict-item]
+        model.inverse_dynamics(T, {3: 0.3}, joints)  # type: ignore[dict-item]
     with pytest.raises(OptionError, match=r"ac\.time and parameters only"):
         model.inverse_dynamics(T, {scene.shoulder.q: scene.elbow.q}, joints)
     with pytest.raises(OptionError, match="cannot be differentiated"):

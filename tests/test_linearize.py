@@ -366,7 +366,7 @@ def test_wrong_questions_are_answered_in_words():
     with pytest.raises(OptionError, match="must be a list"):
         model.linearize(states=scene.shoulder.q)
     with pytest.raises(OptionError, match="not a variable"):
-        model.linearize(states=["shoulder.q"])  # type: ignore[list-item]
+        model.linearize(states=[3])  # type: ignore[list-item]
     with pytest.raises(OptionError, match="empty"):
         model.linearize(states=[])
     with pytest.raises(OptionError, match="depend on one another"):

@@ -459,7 +459,7 @@ def other_scene() -> ac.Variable:
     ("call", "kind", "words"),
     [
         (lambda m, s: m.minimal(prefer=[s.c.q]), OptionError, "c.q is not a state.*a.q"),
-        (lambda m, s: m.minimal(prefer=["a.q"]), OptionError, "not a variable of the scene"),
+        (lambda m, s: m.minimal(prefer=[3]), OptionError, "not a variable of the scene"),
         (lambda m, s: m.minimal(prefer=[other_scene()]), UnknownVariableError, "a.q"),
         (lambda m, s: m.minimal(prefer=s.a.q), OptionError, "must be a list"),
         (lambda m, s: m.minimal(steps=3), OptionError, "whole number from 4"),

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.collocation.problem import Problem, StatusKind
+from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.errors import OptionError, RoundingWarning, SimulationError
 from acausal.integrators.integrate import integrate
 from acausal.runtime.native import native_problem
@@ -93,7 +93,7 @@ def test_every_order_steps_a_linear_equation_by_its_pade_approximant(method, sta
     R = pade(stages, stages if method == "gauss" else stages - 1, z)
     expected = [R.real, R.imag]
     for case in (plain, whole):
-        found = integrate(case, np.array([1.0, 0.0]), 0.0, h, 1e-12, 1e-12, method=method, order=order, step=h)
+        found = integrate(case, np.array([1.0, 0.0]), 0.0, h, Accuracy(1e-12, 1e-12, step=h), method=method, order=order)
         assert np.max(np.abs(found.x[:, -1] - expected)) < 1e-14
 
 

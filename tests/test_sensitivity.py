@@ -183,7 +183,7 @@ def test_trajectory_function_is_nan_exactly_where_the_start_cannot_close():
         assert (np.isfinite(np.array(value)).all(), np.isnan(np.array(value)).all()) == (closes, not closes)
         assert np.isfinite(np.array(J([length, angle], value))).all() == closes
     with pytest.raises(StartValueError):  # what no values can mend is told at once
-        model.trajectory_function((0.0, 1.0), scene.c.q, [scene.length], {"a.q": 1.0})
+        model.trajectory_function((0.0, 1.0), scene.c.q, [scene.length], {ac.time: 1.0})
     with pytest.raises(OptionError, match="not a parameter"):
         model.trajectory_function((0.0, 1.0), scene.c.q, [Oscillator().mass])
 

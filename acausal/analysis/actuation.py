@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 
 from acausal.arguments import listed
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Input
+from acausal.language.flatten import FlatSystem
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -44,7 +46,9 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
     """
     outputs = functions.outputs
     flat = outputs.system.flat
-    unknowns = listed(unknowns, "inverse_dynamics: `unknowns`", "unknowns=[scene.shoulder, scene.elbow]")
+    unknowns = [
+        named(flat, u) for u in listed(unknowns, "inverse_dynamics: `unknowns`", "unknowns=[scene.shoulder, scene.elbow]")
+    ]
     if not unknowns:
         raise OptionError("inverse_dynamics: `unknowns` is empty. Name the inputs or joints whose forces are to be found.")
     added: dict[Unknown, list[tuple[Input, str]]] = {}
@@ -72,6 +76,13 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
         raise OptionError("inverse_dynamics: something stands twice in `unknowns`.")
     names = tuple(functions.outputs.name(inputs[i]) for own in places.values() for i in own)
     return Actuation(functions, places, names)
+
+
+def named(flat: FlatSystem, unknown: Any) -> Any:
+    """What a name stands for: a joint, an input or a variable."""
+    if not isinstance(unknown, str):
+        return unknown
+    return next((part.component for part in flat.parts if part.path == unknown), None) or flat.named(unknown)
 
 
 def _rows(outputs: Outputs, unknown: Unknown) -> tuple[ca.SX, list[str]]:

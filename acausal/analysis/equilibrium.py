@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -18,8 +18,8 @@ from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.simulate.simulation import InputValue
-from acausal.start.start_values import Start, softened, start_mapping
+from acausal.start.situation import Situation
+from acausal.start.start_values import softened
 
 if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization
@@ -136,21 +136,12 @@ def _all(at: OperatingPoint) -> np.ndarray:
     return np.concatenate([at.x, at.u, at.p])
 
 
-def equilibrium(
-    functions: Functions,
-    start: Start | None,
-    free: Sequence[Input | Parameter],
-    steady: Steady,
-    t: float,
-    inputs: Mapping[Input, InputValue] | None,
-    parameters: Mapping[Parameter, float] | None,
-) -> Equilibrium:
+def equilibrium(functions: Functions, at: Situation, free: Sequence[Input | Parameter], steady: Steady) -> Equilibrium:
     """See `Model.equilibrium`."""
     # only what is held must be met where the search begins
-    start = start_mapping(start)
-    began = operating_point(functions, softened(start), t, inputs, parameters)
+    began = operating_point(functions, replace(at, start=softened(at.start)))
     given = unknowns(functions, began, free)
-    wanted = conditions(functions, start, steady)
+    wanted = conditions(functions, at.start, steady)
     s = functions.outputs.system
     hard, soft, x_dot = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft), Differentiable(s, s.x_dot)
     search = _search(given, hard, soft, sizes_at(s, x_dot, began), s.nq)

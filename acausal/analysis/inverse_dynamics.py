@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from acausal.analysis.actuation import Actuation, Unknown, actuated
+from acausal.analysis.actuation import Actuation, Unknown, actuated, named
 from acausal.analysis.point import operating_point, start_values
 from acausal.analysis.prescribed import Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
 from acausal.arguments import expressions
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import OptionError, UnknownVariableError
-from acausal.language.expression import Expression, Input, Parameter
+from acausal.language.expression import Expression, Input
 from acausal.numerics.folding import folded_function
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.simulate.inputs import InputValue, input_signal
-from acausal.simulate.simulation import parameter_values
 from acausal.start.decided import check_decided
-from acausal.start.start_values import Start, near, softened, start_mapping
+from acausal.start.inputs import InputValue
+from acausal.start.situation import Situation
+from acausal.start.start_values import near, softened
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,6 +59,7 @@ class InverseDynamics:
 
     def force(self, unknown: Unknown) -> np.ndarray:
         """Of one unknown. Raises `UnknownVariableError` for what was not asked for."""
+        unknown = named(self.actuation.functions.outputs.system.flat, unknown)
         places = self.actuation.places.get(unknown)
         if places is None:
             raise UnknownVariableError(f"{unknown!r} is not among the unknowns {', '.join(self.names)}.")
@@ -105,33 +107,31 @@ class InverseDynamics:
 
 
 def inverse_dynamics(
-    functions: Functions,
-    times: Sequence[float] | np.ndarray,
-    motions: Mapping[Expression, Given],
-    unknowns: Sequence[Unknown],
-    start: Start | None,
-    inputs: Mapping[Input, InputValue] | None,
-    parameters: Mapping[Parameter, float] | None,
+    functions: Functions, at: Situation, t: np.ndarray, motions: Mapping[Expression, Given], unknowns: Sequence[Unknown]
 ) -> InverseDynamics:
-    """See `Model.inverse_dynamics`."""
+    """At times t (m,); see `Model.inverse_dynamics`."""
+    actuation = actuated(functions, unknowns)
+    functions = actuation.functions
+    wanted = courses(functions, motions, t, at.p)
+    guess = softened(at.start)
+    first = np.array([c(at.t0, 0) for c in wanted])
+    sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
+    guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}
+    began = operating_point(functions, replace(at, start=guess))
+    check_decided(functions.outputs.system, began.t, began.x, at.p)
+    found = Servo(actuation, wanted, began, at.signal(functions)).run(t)
+    return InverseDynamics(actuation, t, found.x, found.u, at.p, found.free)
+
+
+def times_of(value: Any) -> np.ndarray:
+    """Ascending times (m,) [s]. Raises `OptionError`."""
     try:
-        t = np.asarray(times, dtype=float).ravel()
+        t = np.asarray(value, dtype=float).ravel()
     except (TypeError, ValueError):
         t = np.zeros(0)
     if not t.size or not np.isfinite(t).all() or np.any(np.diff(t) <= 0):
-        raise OptionError(f"inverse_dynamics: give finite, ascending times [s], not {times!r}.")
-    actuation = actuated(functions, unknowns)
-    functions = actuation.functions
-    p = parameter_values(functions, parameters or {})
-    wanted = courses(functions, motions, t, p)
-    guess = softened(start_mapping(start))
-    first = np.array([c(float(t[0]), 0) for c in wanted])
-    sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
-    guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}
-    began = operating_point(functions, guess, float(t[0]), inputs, parameters)
-    check_decided(functions.outputs.system, began.t, began.x, p)
-    found = Servo(actuation, wanted, began, input_signal(functions, inputs or {})).run(t)
-    return InverseDynamics(actuation, t, found.x, found.u, p, found.free)
+        raise OptionError(f"inverse_dynamics: give finite, ascending times [s], not {value!r}.")
+    return t
 
 
 def inverse_dynamics_function(functions: Functions, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import finite
-from acausal.language.expression import Expression, Input, Parameter
+from acausal.language.expression import Expression
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
-from acausal.simulate.inputs import InputValue, input_signal
-from acausal.simulate.simulation import parameter_values
-from acausal.start.initial import Start, initial_state
+from acausal.start.situation import Situation
 from acausal.start.states import consistent_states
 
 _SAMPLES = 8
@@ -31,24 +28,13 @@ class OperatingPoint:
     p: np.ndarray
 
 
-def operating_point(
-    functions: Functions,
-    start: Start | Sequence[float] | np.ndarray | None,
-    t: float,
-    inputs: Mapping[Input, InputValue] | None,
-    parameters: Mapping[Parameter, float] | None,
-) -> OperatingPoint:
-    """Consistent states from start values as for a simulation, or from an array of all states (nx,).
+def operating_point(functions: Functions, at: Situation, states: Sequence[float] | np.ndarray | None = None) -> OperatingPoint:
+    """Consistent states from start values as for a simulation, or all `states` (nx,).
 
-    Raises `StartValueError` when the array has another length, or when it violates the constraints; `OptionError` for a time that
-    is not finite.
+    Raises `StartValueError` when these have another length, or violate the constraints.
     """
-    t = finite(t, "The time t [s]")
-    u = input_signal(functions, inputs or {})(np.array([t]))[:, 0]
-    p = parameter_values(functions, parameters or {})
-    if start is None or isinstance(start, Mapping):
-        return OperatingPoint(t, initial_state(functions.outputs, start or {}, t, p, u).x, u, p)
-    return OperatingPoint(t, consistent_states(functions, start, t, p), u, p)
+    x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, at.p)
+    return OperatingPoint(at.t0, x, at.u(functions), at.p)
 
 
 def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:

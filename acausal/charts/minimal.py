@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,17 +15,18 @@ from acausal.charts.chart import Chart, Choice, choose_chart
 from acausal.charts.equations import ChartEquations
 from acausal.charts.manifold import Manifold, manifold
 from acausal.charts.motion import MinimalMotion
+from acausal.collocation.problem import Accuracy
 from acausal.errors import OptionError
-from acausal.language.expression import Input, Parameter, Variable
+from acausal.language.expression import Variable
 from acausal.numerics.folding import folded_function
 from acausal.start.assembly_function import start_units
 from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState, Start
+from acausal.start.situation import InputValues, ParameterValues, Situation, situation
 from acausal.start.states import consistent_states
 
 if TYPE_CHECKING:
     from acausal.outputs.functions import Functions
-    from acausal.simulate.simulation import InputValue
 
 _FEWEST_STEPS = 4
 """With fewer, a path may be lost unseen."""
@@ -135,15 +136,16 @@ class MinimalModel:
         )
 
     def rechart(
-        self, x: Sequence[float] | np.ndarray, *, t: float | None = None, parameters: Mapping[Parameter, float] | None = None
+        self, x: Sequence[float] | np.ndarray, *, t: float | None = None, parameters: ParameterValues | None = None
     ) -> MinimalModel:
         """The chart that is best at another state x (nx,) of the model, at time `t` [s], by default that of this chart.
 
         Raises `StartValueError` where x does not meet the invariants or is singular.
         """
-        p = self.chart.p if parameters is None else _parameters(self.atlas.functions, parameters)
-        time = self.chart.t if t is None else finite(t, "The time t [s]")
-        return replace(self, chart=_chart(self.atlas, time, x, p, self.prefer))
+        functions = self.atlas.functions
+        at = situation(functions.outputs, None, self.chart.t if t is None else t, None, parameters, clock="time t")
+        functions.decisions.check(at.p)
+        return replace(self, chart=_chart(self.atlas, at.t0, x, self.chart.p if parameters is None else at.p, self.prefer))
 
     def simulate(
         self,
@@ -152,7 +154,7 @@ class MinimalModel:
         *,
         rtol: float = 1e-8,
         atol: float | None = None,
-        inputs: Mapping[Input, InputValue] | None = None,
+        inputs: InputValues | None = None,
         samples: int = 501,
         method: str = "auto",
         compiled: bool = True,
@@ -167,8 +169,9 @@ class MinimalModel:
         from acausal.charts.minimal_motion import through_charts
         from acausal.simulate.simulation import Options
 
-        options = Options(rtol, atol, method, samples, compiled, max_steps, raise_on_failure).checked()
-        return through_charts(self, finite(end, "simulate: the end [s]"), start, inputs or {}, options)
+        options = Options.asked(Accuracy.asked(rtol, atol, None, max_steps), method, samples, compiled, raise_on_failure)
+        at = replace(situation(self.atlas.functions.outputs, start, self.chart.t, inputs), p=self.chart.p)
+        return through_charts(self, finite(end, "simulate: the end [s]"), at, start is not None, options)
 
     @functools.cached_property
     def _equations(self) -> ChartEquations:
@@ -191,14 +194,14 @@ class MinimalModel:
         return f"{flat.name}: {len(self.state_names)} states; {self.chart}"
 
 
-def minimal_model(
-    functions: Functions, t: float, initial: InitialState, p: np.ndarray, prefer: Sequence[Variable], steps: int
-) -> MinimalModel:
-    """Independent coordinates around a consistent state. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
+def minimal_model(functions: Functions, at: Situation, prefer: Sequence[Variable], steps: int) -> MinimalModel:
+    """Independent coordinates around a start. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
     steps = whole_number(steps, "minimal: steps", _FEWEST_STEPS, _MOST_STEPS)
+    initial = at.initial(functions)
+    check_decided(functions.outputs.system, at.t0, initial.x, at.p)
     atlas = Atlas(functions, steps, np.concatenate(start_units(initial)))
     places = tuple(k for variable in listed(prefer, "minimal: `prefer`", _EXAMPLE) for k in _places(atlas, variable))
-    return MinimalModel(atlas, _chart(atlas, t, initial.x, p, places), initial, places)
+    return MinimalModel(atlas, _chart(atlas, at.t0, initial.x, at.p, places), initial, places)
 
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
@@ -228,9 +231,3 @@ def _places(atlas: Atlas, variable: Any) -> list[int]:
         assert i is not None
         found += c.entries(i) if i < s.nq else [c.count + i - s.nq]
     return sorted(set(found))
-
-
-def _parameters(functions: Functions, parameters: Mapping[Parameter, float]) -> np.ndarray:
-    from acausal.simulate.simulation import parameter_values
-
-    return parameter_values(functions, parameters)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,15 +12,15 @@ from acausal.charts.singular_state import singular_loops
 from acausal.collocation.problem import Guards, Problem, Solution, Status, StatusKind
 from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators.integrate import integrate
-from acausal.language.expression import Input
 from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.runtime.kernels import How
-from acausal.simulate.inputs import InputValue, input_signal, knots
 from acausal.simulate.simulation import Options
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import raise_if_interrupted
-from acausal.start.initial import InitialState, Start, initial_state
+from acausal.start.initial import InitialState
+from acausal.start.inputs import knots
+from acausal.start.situation import Situation
 
 _WORSE = 0.3
 """A chart is left when its conditioning has fallen to this part of that at the reference,"""
@@ -60,23 +59,18 @@ class _Piece:
         return np.array(x).reshape(-1, n)
 
 
-def through_charts(
-    minimal: MinimalModel, end: float, start: Start | None, inputs: Mapping[Input, InputValue], options: Options
-) -> MinimalMotion:
-    """The motion from chart to chart. Raises `StartValueError`, `OptionError`, `SimulationError` with what was computed."""
+def through_charts(minimal: MinimalModel, end: float, at: Situation, elsewhere: bool, options: Options) -> MinimalMotion:
+    """The motion from chart to chart, from the first one's state or `elsewhere`. Raises `StartValueError`, `OptionError`, `SimulationError` with what was computed."""
     functions, chart = minimal.atlas.functions, minimal.chart
     if not minimal.state_names:
         raise OptionError(
             "minimal.simulate: every motion is prescribed, so there are no states to integrate. Ask minimal.expand(t, [], u, p), or use "
             "model.simulate."
         )
-    signal = input_signal(functions, inputs)
-    rtol, atol = options.rtol, options.atol or 0.0
-    if not (0 < rtol < 1 and atol >= 0):
-        raise OptionError(f"minimal.simulate: need 0 < rtol < 1 and atol >= 0, not rtol={rtol}, atol={atol}.")
+    signal = at.signal(functions)
     initial = replace(minimal.initial, x=chart.x)
-    if start is not None:
-        initial = initial_state(functions.outputs, start, chart.t, chart.p, signal(np.array([chart.t]))[:, 0])
+    if elsewhere:
+        initial = at.initial(functions)
         minimal = minimal.rechart(initial.x)
     problem = Problem(
         functions.explicit_dynamics, functions.invariants, functions.projection, signal, chart.p,
@@ -86,7 +80,7 @@ def through_charts(
     after: MinimalModel | str = minimal
     steps = failures = 0
     while not isinstance(after, str):
-        piece = _run(after, problem, end, replace(options, max_steps=options.max_steps - steps))
+        piece = _run(after, problem, end, options, steps)
         pieces.append(piece)
         steps += piece.solution.statistics.steps
         failures = failures + 1 if piece.failed else 0
@@ -109,7 +103,7 @@ def _next(piece: _Piece, hopeful: bool) -> MinimalModel | str:
         return str(error)
 
 
-def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) -> _Piece:
+def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options, steps: int) -> _Piece:
     chart, equations = minimal.chart, minimal.atlas.equations(minimal.chart.choice)
     r = chart.reference
     now = np.array(equations.conditions(chart.t, chart.x, chart.p, r)).ravel()
@@ -121,8 +115,10 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options) 
         equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards, breaks=problem.breaks
     )
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
-    rtol, atol = (max(share * wanted, min(wanted, _FINEST)) for wanted in (options.rtol, options.atol or 0.0))
-    solution = integrate(own, minimal.start, chart.t, end, rtol, atol, method=options.method, max_steps=options.max_steps)
+    wanted = options.accuracy
+    rtol, atol = (max(share * part, min(part, _FINEST)) for part in (wanted.rtol, wanted.atol))
+    finer = replace(wanted, rtol=rtol, atol=atol, max_steps=wanted.max_steps - steps)
+    solution = integrate(own, minimal.start, chart.t, end, finer, method=options.method)
     return _to_last_step(_Piece(minimal, solution))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -10,7 +11,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import finite, whole_number
+from acausal.errors import OptionError, RoundingWarning
+from acausal.wording import callers_level
+
 Progress = Callable[[float], None]
+_FINEST = 1e-15
+"""Relative error below which nothing is gained."""
 
 
 @dataclass(frozen=True)
@@ -65,18 +72,36 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Tolerances:
-    """Error control: `rtol` and `atol` per step, none longer than `max_step` [s], or a fixed `step` [s]. atol 0: by the sizes of the states alone."""
+class Accuracy:
+    """How exact a motion is to be: `rtol` and `atol` of each step, none longer than `max_step` [s], or a fixed `step` [s]. atol 0: by the sizes
+    of the states alone."""
 
     rtol: float
-    atol: float
+    atol: float = 0.0
     step: float | None = None
     max_steps: int = 1_000_000
     max_step: float | None = None
 
-    def with_step(self, step: float | None) -> Tolerances:
+    def with_step(self, step: float | None) -> Accuracy:
         """The same with a fixed step, unless `step` is None."""
         return self if step is None else replace(self, step=step)
+
+    @staticmethod
+    def asked(rtol: Any, atol: Any = None, step: Any = None, max_steps: Any = 1_000_000, max_step: Any = None) -> Accuracy:
+        """Of what a user gives. Raises `OptionError` for what makes no sense; more than double precision holds is a `RoundingWarning`."""
+        rtol, atol = finite(rtol, "rtol"), 0.0 if atol is None else finite(atol, "atol")
+        step = None if step is None else finite(step, "the step [s]")
+        if not (0 < rtol < 1 and atol >= 0) or (step is not None and not step > 0):
+            raise OptionError(f"Need 0 < rtol < 1, atol >= 0 and step > 0, not rtol={rtol}, atol={atol}, step={step}.")
+        max_step = None if max_step is None else finite(max_step, "max_step [s]")
+        if max_step is not None and (not max_step > 0 or step is not None):
+            raise OptionError(
+                f"max_step must be positive, and goes with steps that adapt, not with a fixed `step`: max_step={max_step}, step={step}."
+            )
+        if rtol < _FINEST:
+            message = f"rtol={rtol:g} asks for more than double precision holds; {_FINEST:g} is used. Errors stay at rounding."
+            warnings.warn(message, RoundingWarning, stacklevel=callers_level())
+        return Accuracy(max(rtol, _FINEST), atol, step, whole_number(max_steps, "max_steps", 1), max_step)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia
 from acausal.emit.emit import Source, emit, translation_units
@@ -21,7 +20,6 @@ from acausal.numerics.bound import copied_states
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.native import directional_derivative, projection_with_invariants
-from acausal.simulate.inputs import input_signal
 from acausal.start.initial import InitialState
 
 PROGRAM = Path(__file__).resolve().parent / "program"
@@ -83,7 +81,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
         inputs=model.input_names,
         parameters=model.parameter_names,
         start=tuple(initial.x.tolist()),
-        input_values=tuple(input_signal(model, {})(np.zeros(1))[:, 0].tolist()),
+        input_values=tuple(model.outputs.system.u_defaults.tolist()),
         parameter_values=tuple(initial.p.tolist()),
         conditions=start.names,
         condition_values=start.values,

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
+from acausal.collocation.problem import Accuracy, Newton, Problem, Progress, Solution
 from acausal.collocation.tableau import Tableau, eigenvectors, gauss_legendre
 from acausal.errors import NoCompilerWarning, NoRuntimeError
 from acausal.integrators.base import AbstractIntegrator, native
@@ -48,24 +48,24 @@ class Automatic(AbstractIntegrator):
         Gauss(self.order, self.step)  # raises for an order that Gauss does not have
 
     def integrate(
-        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, accuracy: Accuracy, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`. The statistics name the methods that ran."""
-        tolerances = tolerances.with_step(self.step)
+        accuracy = accuracy.with_step(self.step)
         try:
             compiled = native(problem)
         except NoRuntimeError as error:
             warn_no_compiler(str(error))
-            return Cvodes().integrate(problem, x0, t0, t1, tolerances, progress)
-        tableau = gauss_legendre((self.order or default_order(tolerances.rtol, compiled.lanes)) // 2)
+            return Cvodes().integrate(problem, x0, t0, t1, accuracy, progress)
+        tableau = gauss_legendre((self.order or default_order(accuracy.rtol, compiled.lanes)) // 2)
         choice, leave = Choice((tableau,), Newton.WHERE_SLOW), stiffness_of(problem, tableau)
-        first, stiff = compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, leave)
+        first, stiff = compiled.integrate(problem, x0, t0, t1, accuracy, choice, progress, leave)
         if not stiff or first.stopped:
             return first
         done = (float(first.t[-1]) - t0) / (t1 - t0)
         later = None if progress is None else lambda fraction: progress(done + (1 - done) * fraction)
         problem = replace(problem, met=np.max(np.abs(first.x), axis=1))
-        rest = Radau().integrate(problem, first.x[:, -1], float(first.t[-1]), t1, tolerances, later)
+        rest = Radau().integrate(problem, first.x[:, -1], float(first.t[-1]), t1, accuracy, later)
         return joined(first, rest)
 
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from acausal.collocation.problem import Problem, Progress, Solution, Tolerances
+from acausal.collocation.problem import Accuracy, Problem, Progress, Solution
 from acausal.errors import ExportError, NoRuntimeError, OptionError
 from acausal.runtime.native import NativeProblem, native_problem
 
@@ -32,7 +32,7 @@ class AbstractIntegrator(ABC):
 
     @abstractmethod
     def integrate(
-        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, accuracy: Accuracy, progress: Progress | None = None
     ) -> Solution:
         """Integrate from t0 to t1 >= t0, x0 (nx,). Numerical trouble is the `Status` of the result, and is not raised."""
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from acausal.collocation.problem import Problem, Progress, Solution, Statistics, Status, StatusKind, Tolerances
+from acausal.collocation.problem import Accuracy, Problem, Progress, Solution, Statistics, Status, StatusKind
 from acausal.integrators.base import AbstractIntegrator
 
 _GRID = 100
@@ -22,10 +22,10 @@ class Cvodes(AbstractIntegrator):
     name: ClassVar[str] = "cvodes"
 
     def integrate(
-        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, accuracy: Accuracy, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`. On a grid of 100 intervals."""
-        return _integrate_builtin(self.name, problem, x0, t0, t1, tolerances, progress)
+        return _integrate_builtin(self.name, problem, x0, t0, t1, accuracy, progress)
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Rosenbrock(Cvodes):
 
 
 def _integrate_builtin(
-    name: str, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None
+    name: str, problem: Problem, x0: np.ndarray, t0: float, t1: float, accuracy: Accuracy, progress: Progress | None
 ) -> Solution:
     """Integrate on a grid of 100 intervals, projecting onto the invariants after each.
 
@@ -57,11 +57,11 @@ def _integrate_builtin(
     )
     parameters = ca.vertcat(begin, span, u, p)
     dae = {"t": t, "x": x, "p": parameters, "ode": span * f(begin + span * t, x, u, p)}
-    options = {"abstol": tolerances.atol or tolerances.rtol, "reltol": tolerances.rtol}
+    options = {"abstol": accuracy.atol or accuracy.rtol, "reltol": accuracy.rtol}
     if name in ("cvodes", "idas"):
         options["max_num_steps"] = 100_000
-    if tolerances.max_step is not None and t1 > t0:
-        options["max_step_size"] = min(1.0, tolerances.max_step * _GRID / (t1 - t0))
+    if accuracy.max_step is not None and t1 > t0:
+        options["max_step_size"] = min(1.0, accuracy.max_step * _GRID / (t1 - t0))
     step = ca.integrator("step", name, dae, 0.0, 1.0, options)
 
     def advance(start: float, h: float, state: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
+from acausal.collocation.problem import Accuracy, Newton, Problem, Progress, Solution
 from acausal.collocation.tableau import gauss_legendre
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator, native
@@ -32,13 +32,13 @@ class Gauss(AbstractIntegrator):
             raise OptionError(f"simulate: gauss has even orders from 2 to 32, not {self.order}.")
 
     def integrate(
-        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, accuracy: Accuracy, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`."""
-        compiled, tolerances = native(problem), tolerances.with_step(self.step)
-        order = self.order or default_order(tolerances.rtol, compiled.lanes)
+        compiled, accuracy = native(problem), accuracy.with_step(self.step)
+        order = self.order or default_order(accuracy.rtol, compiled.lanes)
         choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
-        return compiled.integrate(problem, x0, t0, t1, tolerances, choice, progress, newton_where_slow)[0]
+        return compiled.integrate(problem, x0, t0, t1, accuracy, choice, progress, newton_where_slow)[0]
 
 
 def default_order(rtol: float, lanes: int) -> int:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from acausal.collocation.problem import Newton, Problem, Progress, Solution, Tolerances
+from acausal.collocation.problem import Accuracy, Newton, Problem, Progress, Solution
 from acausal.collocation.tableau import radau_iia
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator, native
@@ -31,11 +31,11 @@ class Radau(AbstractIntegrator):
             raise OptionError(f"simulate: radau has odd orders from 1 to 25, not {self.order}.")
 
     def integrate(
-        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, tolerances: Tolerances, progress: Progress | None = None
+        self, problem: Problem, x0: np.ndarray, t0: float, t1: float, accuracy: Accuracy, progress: Progress | None = None
     ) -> Solution:
         """See `AbstractIntegrator`."""
-        rtol, tolerances = tolerances.rtol, tolerances.with_step(self.step)
-        return native(problem).integrate(problem, x0, t0, t1, tolerances, self.choice(rtol), progress)[0]
+        rtol, accuracy = accuracy.rtol, accuracy.with_step(self.step)
+        return native(problem).integrate(problem, x0, t0, t1, accuracy, self.choice(rtol), progress)[0]
 
     def choice(self, rtol: float) -> Choice:
         """Tableaus for the C runtime: orders 5, 9 and 13 unless one is asked for."""

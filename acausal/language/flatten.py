@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import casadi as ca
 
-from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError
+from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError, UnknownVariableError
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions
 from acausal.language.connector import Connector
 from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable, leaves
-from acausal.wording import compact, grouped, shortened
+from acausal.wording import compact, grouped, nearest, shortened
 
 if TYPE_CHECKING:
     import networkx as nx
+
+
+_ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,46 @@ class FlatSystem:
     def inputs(self) -> tuple[Input, ...]:
         """All inputs, in the order in which they are met."""
         return tuple(symbol for symbol in self.names if isinstance(symbol, Input))
+
+    def named(self, name: str) -> Expression:
+        """The variable, parameter, input or quantity of a connector that a name stands for, or an entry of it: `arm.elbow.q`, `ball.q[2]`,
+        `rod.tip.position`. Raises `UnknownVariableError` with the names that are nearest.
+        """
+        found = self._found.get(name)
+        if found is None:
+            whole, entry = match.groups() if (match := _ENTRY.fullmatch(name)) else (name, None)
+            found = self._found[whole] if whole in self._found else self._quantity(whole)
+            if found is not None and entry is not None:
+                row, *column = map(int, entry.split(","))
+                inside = row < found.shape[0] and all(c < found.shape[1] for c in column)
+                found = (found[row, column[0]] if column else found[row]) if inside else None
+            if found is None:
+                hint = nearest(name, self.names.values()) or f" It has: {compact(self.names.values())}."
+                raise UnknownVariableError(f"There is no '{name}' in the scene '{self.name}'.{hint}")
+            self._found[name] = found
+        return found
+
+    def symbols(self, given: Any) -> Any:
+        """What a user gives, one, a list, or a dictionary's keys, with names replaced by what they stand for."""
+        if isinstance(given, str):
+            return self.named(given)
+        if isinstance(given, list | tuple):
+            return [self.symbols(entry) for entry in cast(list[Any], given)]
+        if isinstance(given, Mapping):
+            return {self.symbols(key): value for key, value in cast(Mapping[Any, Any], given).items()}
+        return given
+
+    def _quantity(self, name: str) -> Expression | None:
+        """`path.of.connector.quantity`."""
+        path, _, last = name.rpartition(".")
+        connector = next((connector for connector, own in self.connector_paths.items() if own == path), None)
+        found = getattr(connector, last, None) if connector is not None and last.isidentifier() else None
+        return found if isinstance(found, Expression) else None
+
+    @functools.cached_property
+    def _found(self) -> dict[str, Expression]:
+        """By name: all symbols, and what else has been asked for."""
+        return {name: symbol for symbol, name in self.names.items()}
 
     def part_of(self, connector: Connector) -> Part:
         """The leaf part that a connector belongs to."""

@@ -71,9 +71,9 @@ class Outputs:
         joints = [item.edge.joint for item in mechanics.tree.joints] + [j for j in cuts if isinstance(j, AbstractJoint)]
         return {s: (j, kind) for j in joints for s, kind in ((j.q, "q"), (j.v, "v"))}
 
-    def resolve(self, value: Expression | ca.SX) -> ca.SX:
-        """The expression in t, x, u and p. Raises `UnknownVariableError` for a variable of another scene."""
-        return self.closed(self.opened(value))
+    def resolve(self, value: Expression | ca.SX | str) -> ca.SX:
+        """The expression, or what a name stands for, in t, x, u and p. Raises `UnknownVariableError` for a variable of another scene."""
+        return self.closed(self.opened(self.system.flat.named(value) if isinstance(value, str) else value))
 
     def opened(self, value: Expression | ca.SX) -> ca.SX:
         """The expression in t, x, u, p, and symbols for rates and multipliers (see `given_by_dynamics`), which many expressions share.

@@ -15,6 +15,7 @@ import numpy as np
 
 from acausal.collocation.inputs import Inputs
 from acausal.collocation.problem import (
+    Accuracy,
     Crossing,
     Directions,
     Guards,
@@ -25,7 +26,6 @@ from acausal.collocation.problem import (
     Statistics,
     Status,
     StatusKind,
-    Tolerances,
 )
 from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.numerics.bound import copied_states
@@ -187,7 +187,7 @@ class NativeProblem:
         x0: np.ndarray,
         t0: float,
         t1: float,
-        tolerances: Tolerances,
+        accuracy: Accuracy,
         choice: Choice,
         progress: Progress | None = None,
         slow: Slow | None = None,
@@ -200,7 +200,7 @@ class NativeProblem:
             return Solution(
                 np.array([t0]), x0[:, None], lambda times: np.repeat(x0[:, None], times.size, axis=1), empty, status
             ), False
-        run = Run(self, problem, x0, t0, t1, tolerances, choice)
+        run = Run(self, problem, x0, t0, t1, accuracy, choice)
         outcome = run.advance(t1, progress, slow)
         return run.solution(outcome.status, outcome.stopped), outcome.left
 
@@ -215,7 +215,7 @@ class Run:
         x0: np.ndarray,
         t0: float,
         t1: float,
-        tolerances: Tolerances,
+        accuracy: Accuracy,
         choice: Choice,
         directions: Directions | None = None,
     ) -> None:
@@ -232,9 +232,8 @@ class Run:
         self._rounding_callback = RoundingFunction(self._round)
         core.rounding = self._rounding_callback
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
-        core.t, core.end, core.rtol, core.atol = t0, t1, tolerances.rtol, tolerances.atol
-        core.step, core.max_steps = tolerances.step or 0.0, tolerances.max_steps
-        core.max_step = tolerances.max_step or 0.0
+        core.t, core.end, core.rtol, core.atol = t0, t1, accuracy.rtol, accuracy.atol
+        core.step, core.max_steps, core.max_step = accuracy.step or 0.0, accuracy.max_steps, accuracy.max_step or 0.0
         self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
         self.kinds = native.kernels.kind
         if native.nu:

@@ -11,16 +11,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import ascending, function_name
-from acausal.collocation.problem import Directions, Problem, Tolerances
+from acausal.arguments import function_name
+from acausal.collocation.problem import Accuracy, Directions, Problem
 from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
-from acausal.simulate.inputs import InputValue
 from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
+from acausal.start.situation import Situation
 from acausal.start.start_problem import start_problem
 
 Wanted = Parameter | Input | Expression
@@ -74,31 +74,21 @@ class Sensitivities:
 
 
 def sensitivities(
-    functions: Functions,
-    problem: Problem,
-    times: Sequence[float] | np.ndarray,
-    wrt: Sequence[Wanted],
-    start: Start,
-    tolerances: Tolerances,
+    functions: Functions, problem: Problem, at: Situation, t: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy
 ) -> Sensitivities:
-    """Derivatives of a motion from start values; see `Model.sensitivities`."""
-    t = ascending(times, "sensitivities: `times`")
-    what = _columns(functions, wrt, start)
-    u0 = problem.inputs(t[:1])[:, 0]
-    space, p = functions.space, problem.parameters
+    """Derivatives of a motion at times t (m,) from start values; see `Model.sensitivities`."""
+    what = _columns(functions, wrt, at.start)
+    space, p, t0 = functions.space, at.p, at.t0
     x0, directions = initial_derivatives(
-        functions.outputs, start, float(t[0]), p, u0, [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
+        functions.outputs, at.start, t0, p, at.u(functions), [c.start for c in what], [c.input for c in what], [c.parameter for c in what]
     )  # fmt: skip
-    check_decided(functions.outputs.system, float(t[0]), x0, p)
+    check_decided(functions.outputs.system, t0, x0, p)
     if space.elimination.symbols:
-        problem = replace(problem, parameters=space.extended(float(t[0]), x0, p))
-        directions = replace(
-            directions,
-            dx=space.restricted(directions.dx),
-            dp=space.extended_change(float(t[0]), x0, p, directions.dx, directions.dp),
-        )
+        problem = replace(problem, parameters=space.extended(t0, x0, p))
+        dp = space.extended_change(t0, x0, p, directions.dx, directions.dp)
+        directions = replace(directions, dx=space.restricted(directions.dx), dp=dp)
         x0 = space.restricted(x0)
-    found = integrate_sensitivities(problem, x0, t, directions, tolerances)
+    found = integrate_sensitivities(problem, x0, t, directions, accuracy)
     return Sensitivities(functions, problem, t, tuple(c.name for c in what), directions, found)
 
 
@@ -153,8 +143,8 @@ class TrajectoryFunction(ca.Callback):
         name = function_name(name, "trajectory_function: the name")
         # CasADi loses errors of its callbacks, and errors of values become NaN: what is asked is looked at before
         motion.functions.outputs.resolve(motion.outputs)
-        start_problem(motion.functions.outputs, motion.start)
-        _columns(motion.functions, motion.wrt, motion.start)
+        start_problem(motion.functions.outputs, motion.at.start)
+        _columns(motion.functions, motion.wrt, motion.at.start)
         self._name, self._motion = name, motion
         self._derivatives: list[ca.Callback] = []
         self.construct(name, {})
@@ -225,17 +215,15 @@ class _TrajectoryJacobian(ca.Callback):
 class Motion:
     """Outputs (size, m) at fixed times and their derivatives (size * m, n), as a function of the values of `wrt`.
 
-    `sensitivities`: of a motion, by its start, and `inputs` and `parameters`, which are these where `wrt` does not say otherwise.
+    `sensitivities`: of a motion, by its situation, which is `at` where `wrt` does not say otherwise.
     """
 
     functions: Functions
-    sensitivities: Callable[..., Sensitivities]
-    inputs: Mapping[Input, InputValue]
-    parameters: Mapping[Parameter, float]
+    sensitivities: Callable[[Situation], Sensitivities]
+    at: Situation
     times: np.ndarray
     outputs: Expression | ca.SX
     wrt: tuple[Wanted, ...]
-    start: Start
 
     @functools.cached_property
     def size_in(self) -> int:
@@ -263,13 +251,13 @@ class Motion:
         return self._last[key]
 
     def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        start = dict(self.start)
-        parameters, inputs = dict(self.parameters), dict(self.inputs)
+        flat = self.functions.outputs.system.flat
+        start, inputs, p = dict(self.at.start), dict(self.at.inputs), self.at.p.copy()
         at = 0
         for item in self.wrt:
             size = self._size(item)
             if isinstance(item, Parameter):
-                parameters[item] = float(values[at])
+                p[flat.parameters.index(item)] = values[at]
             elif isinstance(item, Input):
                 inputs[item] = float(values[at])
             else:
@@ -279,7 +267,8 @@ class Motion:
         try:
             if not np.isfinite(values).all():
                 raise ParameterError("no motion belongs to values that are not finite")
-            found = self.sensitivities(start, parameters=parameters, inputs=inputs)
+            flat.conditions.check(p[: len(flat.parameters)])
+            found = self.sensitivities(replace(self.at, start=start, inputs=inputs, p=p))
         except _NO_MOTION:
             return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
         value, slopes = found.total_derivative(self.outputs)

@@ -107,8 +107,8 @@ class Trajectory:
             raise OptionError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
         return replace(self, t=np.clip(wanted, first, last))
 
-    def __getitem__(self, wanted: Expression | ca.SX) -> np.ndarray:
-        reading = self.functions.reading(wanted)
+    def __getitem__(self, wanted: Expression | ca.SX | str) -> np.ndarray:
+        reading = self.functions.reading(self.outputs.system.flat.named(wanted) if isinstance(wanted, str) else wanted)
         values = self._evaluate(reading.series, self._given_by_dynamics if reading.of_dynamics else None)
         if reading.angle:
             values = np.unwrap(values, axis=1)
@@ -181,7 +181,7 @@ class Trajectory:
         p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
         return float(np.max(np.abs(np.array(invariants(self.t[None, :], self.x, p)))))
 
-    def plot(self, *expressions: Expression, path: str | Path | None = None) -> Any:
+    def plot(self, *expressions: Expression | str, path: str | Path | None = None) -> Any:
         """Plot series over time with matplotlib; returns the figure, and writes it to `path` if given."""
         from acausal.visual.plot import plot_series
 
@@ -189,8 +189,10 @@ class Trajectory:
         name = self.outputs.system.flat.name
         return plot_series(self.t, series, path=path, title=None if name == System.__name__ else name)
 
-    def label(self, expression: Expression) -> str:
+    def label(self, expression: Expression | str) -> str:
         """Name and unit for axes and tables."""
+        if isinstance(expression, str):
+            return self.label(self.outputs.system.flat.named(expression))
         name, unit = expression_name(self.outputs, expression), _unit(expression)
         return f"{name} [{unit}]" if unit else name
 

@@ -27,9 +27,11 @@ from acausal.numerics.assembly import range_and_null_space
 from acausal.numerics.folding import folded_function
 from acausal.numerics.sizes import Drawn, row_sizes
 from acausal.numerics.thresholds import DEPENDENT
+from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.start.decided import check_decided
-from acausal.start.initial import InitialState, Start, initial_state
+from acausal.start.initial import InitialState, Start
+from acausal.start.situation import Situation
 from acausal.start.start_search import Search
 from acausal.start.unknowns import Found
 
@@ -43,15 +45,7 @@ _SHORTEST = 1e-5
 
 
 def assembly_function(
-    outputs: Outputs,
-    result: Expression | ca.SX | None,
-    wrt: Expression | Sequence[Expression],
-    start: Start,
-    t0: float,
-    p: np.ndarray,
-    u: np.ndarray,
-    steps: int,
-    name: str,
+    functions: Functions, at: Situation, result: Expression | ca.SX | None, wrt: Sequence[Expression], steps: int, name: str
 ) -> ca.Function:
     """The values of `wrt` (n,) -> `result` column by column; see `Model.assembly_function`."""
     steps, name = whole_number(steps, "assembly_function: steps", 1), function_name(name, "assembly_function: the name")
@@ -59,21 +53,19 @@ def assembly_function(
         raise OptionError(
             f"assembly_function: the outputs are {result!r}. Give a variable or an expression, or None for all states."
         )
-    reference = initial_state(outputs, start, t0, p, u)
-    check_decided(outputs.system, t0, reference.x, p)
-    places = _places(outputs, (wrt,) if isinstance(wrt, Expression) else wrt, start)
+    outputs, sizes = functions.outputs, (functions.outputs.system.u.numel(), at.p.size)
+    reference = at.initial(functions)
+    check_decided(outputs.system, at.t0, reference.x, at.p)
+    result = functions.space.x if result is None else result
+    places = _places(outputs, wrt, at.start)
     data = reference.account.data
     values = ca.MX.sym("values", len(places))
     asked = ca.MX(ca.DM(data)) + ca.mtimes(ca.DM(np.eye(data.size)[:, places]), values - ca.DM(data[places]))
     x = assembled(reference, asked, steps)
-    if result is None:
-        return ca.Function(name, [values], [x], ["values"], ["x"])
     r = outputs.system
     seen = folded_function("seen", [r.t, r.x, r.u, r.p], [ca.vec(ca.densify(outputs.resolve(result)))])
-    n = data.size - 1 - u.size - p.size
-    return ca.Function(
-        name, [values], [seen(asked[n], x, asked[n + 1 : n + 1 + u.size], asked[n + 1 + u.size :])], ["values"], ["outputs"]
-    )
+    _, t, u, p = ca.vertsplit(asked, np.cumsum([0, data.size - 1 - sum(sizes), 1, *sizes]).tolist())
+    return ca.Function(name, [values], [seen(t, x, u, p)], ["values"], ["outputs"])
 
 
 def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:

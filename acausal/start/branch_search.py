@@ -15,14 +15,15 @@ from acausal.language.expression import Expression
 from acausal.numerics.assembly import Residual, assemble, freedom
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import RANK
+from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.start.branches import Branch, Branches
 from acausal.start.coordinates import Coordinates
-from acausal.start.initial import InitialState, finished, initial_state, start_data
+from acausal.start.initial import InitialState, finished, start_data
 from acausal.start.same_branch import Walks
+from acausal.start.situation import Situation
 from acausal.start.start_problem import StartProblem
 from acausal.start.start_search import Search
-from acausal.start.start_values import Start
 from acausal.start.unknowns import Found
 
 _ENOUGH = 10
@@ -38,24 +39,15 @@ _SKETCH = 1e-3
 """Weight of nearness to the sketch against near values."""
 
 
-def branches(
-    outputs: Outputs,
-    start: Start,
-    t0: float,
-    p: np.ndarray,
-    u: np.ndarray,
-    by: Expression | Sequence[Expression],
-    searches: int,
-    seed: int,
-) -> Branches:
+def branches(functions: Functions, at: Situation, by: Expression | Sequence[Expression], searches: int, seed: int) -> Branches:
     """Many searches from anywhere, then clusters; see `Model.branches`."""
     searches, seed = whole_number(searches, "branches: searches", 1), whole_number(seed, "branches: seed", 0)
     told = expressions([by] if isinstance(by, Expression) else by, "branches: `by`", "by=[scene.elbow.q]")
-    first = initial_state(outputs, start, t0, p, u)
+    first, u = at.initial(functions), at.u(functions)
     problem = first.account.problem
-    wanted, weights, data = start_data(problem, start, t0, p, u)
+    wanted, weights, data = start_data(problem, at.start, at.t0, at.p, u)
     with problem.lock:
-        seen = _seen(outputs, told, t0, p, u) if told else None
+        seen = _seen(functions.outputs, told, at.t0, at.p, u) if told else None
         clusters, used, closed = _searched(first, seen, searches, seed)
         hunt = _Hunt(problem, clusters.coordinates, data, weights, np.random.default_rng(0))
         made, stopped = _branches(hunt, wanted, clusters, first)

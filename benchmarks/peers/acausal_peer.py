@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from acausal.collocation.problem import Newton, Problem, Tolerances
+from acausal.collocation.problem import Accuracy, Newton, Problem
 from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.gauss import default_order
 from acausal.runtime.kernels import How
@@ -46,7 +46,7 @@ def _driver(built: Built, setting: float) -> Prepared:
     assert compiled is not None
     problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
     choice = Choice((gauss_legendre(default_order(setting, compiled.lanes) // 2),), Newton.WHERE_SLOW)
-    made = Run(compiled, problem, x0, 0.0, built.scene.end, Tolerances(setting, setting), choice)
+    made = Run(compiled, problem, x0, 0.0, built.scene.end, Accuracy(setting, setting), choice)
     fresh = type(made.core).from_buffer_copy(made.core)
     compiled.library.finish(ctypes.byref(made.core))
     library, slice_ = compiled.library, 1e9

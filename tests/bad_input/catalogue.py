@@ -25,7 +25,7 @@ _TITLES = (
     "two sources on one joint", "angle from an input", "math.sin in a function of time", "== in place of equal", "variable made in __init__",
     "closure that forgets the time", "force with a wrong potential", "force that follows a reaction", "equations that contradict", "vectors of different lengths", "variable as a truth", "start as a list",
     "starts of a geared pair that contradict", "crank where the loop cannot follow", "crank driven where the loop cannot follow",
-    "wheel that lies flat", "negative mass", "input as an array", "variable by name", "too few states in linearize",
+    "wheel that lies flat", "negative mass", "input as an array", "variable by a wrong name", "too few states in linearize",
     "minimal where a parallelogram lies flat", "too few forces", "equilibrium in free fall",
 )  # fmt: skip
 

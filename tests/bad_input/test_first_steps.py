@@ -262,7 +262,7 @@ CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] 
     ("start of a fixed point", run(lambda s, o: {s.rod.frame.position: (0, 0, 0)}), errors.StartValueError, ("rod.frame.position", "not free")),
     ("start of a force", run(lambda s, o: {s.hinge.frame_b.force: (0, 0, 0)}), errors.StartValueError, ("force", "not free")),
     ("start of another scene", run(lambda s, o: {o.hinge.q: 1.0}), errors.UnknownVariableError, ("another scene", "hinge.q")),
-    ("start by name", run(lambda s, o: {"hinge.q": 1.0}), errors.StartValueError, ("'hinge.q'", "scene.hinge.q")),
+    ("start by a wrong name", run(lambda s, o: {"hinges.q": 1.0}), errors.UnknownVariableError, ("'hinges.q'", "Did you mean 'hinge.q'")),
     ("start NaN", run(lambda s, o: {s.hinge.q: float("nan")}), errors.StartValueError, ("hinge.q", "nan")),
     ("start of wrong size", run(lambda s, o: {s.rod.tip.position: 1.0}), errors.StartValueError, ("rod.tip.position", "needs 3")),
     ("contradicting starts", run(lambda s, o: {s.hinge.q: 1.0, s.rod.tip.position: (0, 0, -1)}), errors.StartValueError, ("hinge.q", "off by", "ac.near")),

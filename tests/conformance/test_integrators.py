@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.collocation.problem import StatusKind
+from acausal.collocation.problem import Accuracy, StatusKind
 from acausal.errors import OptionError
 from acausal.integrators.base import integrator, integrators
 from acausal.integrators.integrate import integrate
@@ -122,7 +122,7 @@ def test_a_progress_that_is_interrupted_keeps_the_motion_so_far(name: str):
         told.append(fraction)
         raise KeyboardInterrupt
 
-    solution = integrate(made.problem, made.initial.x, 0.0, 2000.0, 1e-6, 1e-6, method=name, progress=stop)
+    solution = integrate(made.problem, made.initial.x, 0.0, 2000.0, Accuracy(1e-6, 1e-6), method=name, progress=stop)
     if told:
         assert solution.status.kind is StatusKind.INTERRUPTED and 0 < solution.t[-1] <= 2000.0
         assert np.max(np.abs(solution.x[0] - np.cos(solution.t))) < 0.3

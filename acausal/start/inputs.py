@@ -9,11 +9,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary, shown
+from acausal.arguments import shown
 from acausal.collocation.inputs import Course, Formula, Inputs
-from acausal.errors import AcausalError, ParameterError, UnknownVariableError
-from acausal.language.component import Component
-from acausal.language.expression import Expression, Input, InputRate, Parameter, number, sx, time
+from acausal.errors import AcausalError, ParameterError
+from acausal.language.expression import Expression, Input, InputRate, number, sx, time
 from acausal.language.interpolant import is_spline, pieces_of
 from acausal.language.origin import origin
 from acausal.language.pieces import PiecewisePolynomial, WithKnots
@@ -33,19 +32,14 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> In
     a pair is needed: value and rate. Raises `ParameterError` where there is none.
     """
     known = functions.outputs.system.flat.inputs
-    given = dictionary(inputs, "inputs", INPUTS)
-    for entry in given:
-        if entry not in known or isinstance(entry, InputRate):
-            names = [functions.outputs.name(k) for k in known if not isinstance(k, InputRate)]
-            raise UnknownVariableError(unknown_symbol(entry, "input", names))
     rated = {entry.of for entry in known if isinstance(entry, InputRate)}
     courses: list[Course] = []
     for entry in known:
         name = functions.outputs.name(entry)
         if isinstance(entry, InputRate):
-            courses.append(_rate(given.get(entry.of, entry.of.default), name, functions.outputs.name(entry.of)))
+            courses.append(_rate(inputs.get(entry.of, entry.of.default), name, functions.outputs.name(entry.of)))
         else:
-            courses.append(_course(given.get(entry, entry.default), name, entry in rated))
+            courses.append(_course(inputs.get(entry, entry.default), name, entry in rated))
 
     return Inputs(tuple(courses))
 
@@ -135,16 +129,3 @@ class _Watched:
             error.add_note(f"In the function of time of the input {self.name}, called with t = {t:.6g} s.")
             raise
         return found
-
-
-def unknown_symbol(symbol: Any, kind: str, known: list[str]) -> str:
-    """Words for a `kind` of symbol that the scene has not."""
-    article = "an" if kind == "input" else "a"
-    held = vars(symbol).values() if isinstance(symbol, Component) else ()
-    own = [value.name for value in held if isinstance(value, Input if kind == "input" else Parameter)]
-    hint = (
-        f" Name the {kind} itself: {', '.join(f'scene.{name}' for name in own or known[:1])}."
-        if own or (known and isinstance(symbol, str))
-        else ""
-    )
-    return f"{symbol!r} is not {article} {kind} of this scene. It has: {', '.join(known) or 'none'}.{hint}"
