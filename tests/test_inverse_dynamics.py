@@ -11,8 +11,11 @@ from scipy.interpolate import make_interp_spline
 import acausal as ac
 from acausal.analysis.actuation import actuated
 from acausal.errors import MotionError, OptionError, StartValueError, UnknownVariableError
+from acausal.outputs.functions import operations
 from components import (
     ForceSource,
+    Gear,
+    Inertia,
     PositionSource,
     Prismatic,
     Revolute,
@@ -21,9 +24,11 @@ from components import (
     Spherical,
     Spring,
     Torque,
+    TorqueSource,
     Universal,
     World,
 )
+from examples.robot_r3 import Arm as Arm6
 from tests.analysis_scenes import Arm, Motor
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage, chain
 
@@ -204,6 +209,38 @@ def test_forces_of_a_fully_driven_tree_cost_less_than_its_accelerations_and_give
     u = np.array(function(0, x, a, [], [])).ravel()
     got = np.array(forward(0, x, u, [])).ravel()[-n:]
     np.testing.assert_allclose(got, a, atol=1e-9)
+
+
+def geared(ratio: float, rotor: float) -> Arm6:
+    """The six-axis robot with a motor, its rotor and a gear at each joint."""
+    scene = Arm6()
+    scene.motors = [TorqueSource(ac.Input("N*m")) for _ in scene.joints]
+    scene.rotors = [Inertia(rotor) for _ in scene.joints]
+    scene.gears = [Gear(ratio) for _ in scene.joints]
+    for motor, shaft, gear, joint in zip(scene.motors, scene.rotors, scene.gears, scene.joints, strict=True):
+        scene.connect(motor.flange, shaft.flange_a)
+        scene.connect(shaft.flange_b, gear.flange_a)
+        scene.connect(gear.flange_b, joint.flange)
+    return scene
+
+
+@pytest.mark.parametrize(("ratio", "rotor"), [(100.0, 1e-3), (-0.5, 30.0), (1e4, 1e-9)])
+def test_rotors_of_a_fully_driven_robot_cost_next_to_nothing(ratio, rotor):
+    """Newton and Euler once, whatever is geared to the joints: accelerations are given, so nothing has to be solved."""
+    scene = geared(ratio, rotor)
+    model = ac.build(scene)
+    f, n = model.functions, 6
+    torques = model.inverse_dynamics_function([joint.q for joint in scene.joints], model.system.flat.inputs)
+    forces = model.inverse_dynamics_function([joint.q for joint in scene.joints], scene.joints)
+    assert max(torques.n_instructions(), forces.n_instructions()) < 660 and operations(f.residual_dynamics) < 600
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        x, u = rng.normal(size=2 * n), rng.normal(size=n) * 100 / ratio
+        x_dot = np.array(f.explicit_dynamics(0, x, u, [])).ravel()
+        np.testing.assert_allclose(
+            np.array(torques(0, x, x_dot[n:], 0 * u, [])).ravel(), u, rtol=1e-8, atol=1e-8 * 100 / abs(ratio)
+        )
+        assert np.max(np.abs(np.array(f.residual_dynamics(0, x, x_dot, [], u, [])))) < 1e-9 * 100
 
 
 def test_motions_that_cannot_be_made_are_said():

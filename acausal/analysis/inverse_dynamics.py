@@ -178,8 +178,8 @@ def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:
     J = ca.jacobian(rate, tree.v)
     if ca.depends_on(rate, s.u) or ca.sprank(J) < tree.v.numel():
         return None
-    v_dot = ca.solve(J, a - _change(s, rate))
-    return newton_euler(s.mechanics.kinematics, ca.densify(v_dot), list(s.mechanics.wrenches)).tau - s.tau
+    v_dot = ca.densify(ca.solve(J, a - _change(s, rate)))
+    return newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches)).tau - s.forces_at(v_dot)
 
 
 def _change(s: ReducedSystem, value: ca.SX) -> ca.SX:

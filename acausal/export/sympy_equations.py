@@ -140,7 +140,8 @@ class _Scene:
         forces = [sympy.Symbol(f"lambda_{k + 1}") for k in range(len(self.held))]
         multipliers = ca.SX.sym("lambda", len(forces))
         accelerations = L @ self.v_dot + ca.jtimes(v, system.t, ca.SX(1))
-        balance = newton_euler(system.mechanics.kinematics, accelerations, list(system.mechanics.wrenches)).tau - system.tau
+        needed = newton_euler(system.mechanics.kinematics, accelerations, list(system.mechanics.wrenches)).tau
+        balance = needed - system.forces_at(accelerations)
         self.rows = space.put(L.T @ (balance - A[self.held, :].T @ multipliers if forces else balance))
         self.time = sympy.Symbol("t")
         t = self.time

@@ -132,7 +132,7 @@ class Functions:
         v_dot = full[s.nq : s.nq + nv, :]
         motion = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches))
         A = s.constraints.jacobian
-        balance = motion.tau - s.tau
+        balance = motion.tau - s.forces_at(v_dot)
         if A.shape[0]:
             balance -= A.T @ force
         # what holds eliminated coordinates does no work

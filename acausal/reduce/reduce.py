@@ -6,7 +6,7 @@ import contextlib
 import copy
 import dataclasses
 import functools
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,6 +95,22 @@ class ReducedSystem:
         rows += grouped([(self.flat.names.get(s, s.name), f"scalar state [{s.unit}]") for s in self.scalar_states])
         rows += [f"  kept: {compact(c.kept) or 'none'}; redundant: {compact((*c.redundant, *c.vanishing)) or 'none'}"]
         return "\n".join(rows)
+
+    def forces_at(self, v_dot: ca.SX) -> ca.SX:
+        """Joint forces (nv, 1), less those of constraints, of motions with accelerations v_dot (nv, 1): where these alone tell what rotors take,
+        they do, and not the equations of motion.
+        """
+        led = self.scalar.led
+        if led is None or not self._finite(led):
+            return self.tau
+        return led(v_dot) if self.extra is None else led(v_dot) + self.extra
+
+    def _finite(self, led: Callable[[ca.SX], ca.SX]) -> bool:
+        """Whether forces by accelerations are numbers, at some point; they are not where efforts follow from what yields."""
+        v_dot, rng = ca.SX.sym("v_dot", self.tree_velocities), np.random.default_rng(0)
+        arguments = [v_dot, self.t, self.x, self.u]
+        found = ca.Function("led", [*arguments, self.p], [led(v_dot)])
+        return bool(np.isfinite(np.array(found(*(rng.normal(size=a.numel()) for a in arguments), self.p_values))).all())
 
     @property
     def scalar_states(self) -> tuple[Symbol, ...]:

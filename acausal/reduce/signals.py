@@ -33,7 +33,7 @@ def with_signals(
     if borrowed.numel() and kept.numel() and ca.depends_on(kept, borrowed):
         raise _loop(mechanics, wanted, set(wanted))
     solved = {symbol: put(value) for symbol, value in scalar.solved.items()}
-    done = dataclasses.replace(scalar, rates=put(scalar.rates), solved=solved, tau=put(scalar.tau))
+    done = dataclasses.replace(scalar, rates=put(scalar.rates), solved=solved, tau=put(scalar.tau), led=None)
     return mechanics.with_values(list(zip(symbols, new, strict=True))), put(v_dot), put(multipliers), done
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -77,6 +77,8 @@ class ScalarPart:
     redundant: tuple[Held, ...] = ()
     looped: tuple[Held, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
+    led: Callable[[ca.SX], ca.SX] | None = None
+    """Joint forces by accelerations (nv, 1), where these are known and nothing has to yield; not finite where efforts follow from what yields."""
 
     @property
     def position(self) -> ca.SX:
@@ -166,7 +168,7 @@ class _Coupling:
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
             (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self._followers(self.redundant),
-            self._followers(self.looped), self.collection.names,
+            self._followers(self.looped), self.collection.names, self._led,
         )  # fmt: skip
 
     @property
@@ -181,7 +183,11 @@ class _Coupling:
     @functools.cached_property
     def _efforts(self) -> list[ca.SX]:
         """At the flanges; pushes of the invariants are in them."""
-        return self._resolved([self.reduced.values[f.effort.element_hash()] for f in self.collection.flanges])
+        return self._resolved(self._opaque_efforts)
+
+    @property
+    def _opaque_efforts(self) -> list[ca.SX]:
+        return [self.reduced.values[f.effort.element_hash()] for f in self.collection.flanges]
 
     @functools.cached_property
     def _pushes(self) -> ca.SX:
@@ -204,8 +210,14 @@ class _Coupling:
             return ca.SX.zeros(self.tau.numel())
         return ca.densify(ca.vertcat(*(d.row for d in self.driven)).T @ ca.vertcat(*efforts))
 
-    def _second(self, driven: Driven) -> ca.SX:
-        return self.mechanics.kinematics.rate(driven.velocity) + ca.jtimes(driven.velocity, self.mechanics.tree.v, self.v_dot)
+    def _led(self, v_dot: ca.SX) -> ca.SX:
+        """Nothing yields to efforts where accelerations are given: each flange has that which it is given, and no flexibility."""
+        known = [pair for f, d in self._pairs for pair in ((f.bias, self._second(d, v_dot)), (f.flexibility, 0 * f.flexibility))]
+        return self._joint_forces(self._at_rest(_put(self._motion + known, self._opaque_efforts)))
+
+    def _second(self, driven: Driven, v_dot: ca.SX | None = None) -> ca.SX:
+        along = self.v_dot if v_dot is None else v_dot
+        return self.mechanics.kinematics.rate(driven.velocity) + ca.jtimes(driven.velocity, self.mechanics.tree.v, along)
 
     @functools.cached_property
     def _flexibility(self) -> ca.SX:
