@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
+import random
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,9 +14,10 @@ import networkx as nx
 import pytest
 
 import acausal
+from acausal.graphs import Graph, least_tree
 
 FLOORS = (
-    ("errors", "wording", "moved"),
+    ("errors", "wording", "graphs", "moved"),
     ("language",),
     ("arguments",),
     ("numerics",),
@@ -113,3 +116,34 @@ def test_old_module_names_answer_with_a_warning(old: str, name: str) -> None:
     with pytest.warns(DeprecationWarning, match=f"{old} is acausal."):
         found = importlib.import_module(old)
     assert vars(found)[name].__name__ == name
+
+
+@pytest.mark.parametrize("scene", ["DoublePendulum", "FourBar", "Pendulum"])
+def test_a_first_result_needs_no_large_library(scene: str) -> None:
+    """A fresh process builds and simulates with numpy and CasADi alone: each of the others costs as much to import as all of the run."""
+    large = {"scipy", "sympy", "networkx", "matplotlib", "pandas"}
+    lines = f"import sys, acausal as ac; from tests.scenes import {scene}; run = ac.build({scene}()).simulate(1.0); run.energy_error()"
+    before = set(_loaded("import sys, numpy, casadi")) & large  # some versions of these do
+    assert set(_loaded(lines)) & large <= before
+
+
+def _loaded(lines: str) -> list[str]:
+    """Modules in a fresh process after these lines."""
+    found = subprocess.run(
+        [sys.executable, "-c", f"{lines}; print(*sys.modules)"], capture_output=True, text=True, check=True, cwd=ROOT.parent
+    )
+    return found.stdout.split()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_graphs_are_walked_as_networkx_does(seed: int) -> None:
+    rng = random.Random(seed)
+    n = rng.randint(1, 30)
+    edges = [(rng.randrange(n), rng.randrange(n)) for _ in range(rng.randint(0, 2 * n))]
+    own, whole = Graph(range(n), edges), nx.MultiGraph()
+    whole.add_nodes_from(range(n))
+    whole.add_edges_from((a, b, k, {"weight": k}) for k, (a, b) in enumerate(edges))
+    assert [set(part) for part in own.parts()] == list(nx.connected_components(whole))
+    assert [edge[:2] for edge in own.tree(0)] == list(nx.bfs_edges(whole, 0))
+    assert all(set(edges[k]) == {a, b} for a, b, k in own.tree(0))
+    assert set(least_tree(edges)) == {k for _, _, k in nx.minimum_spanning_edges(whole, keys=True, data=False)}

@@ -7,20 +7,17 @@ import re
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import casadi as ca
 
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError, UnknownVariableError
+from acausal.graphs import Graph
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions
 from acausal.language.connector import Connector
 from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable, leaves
 from acausal.wording import compact, grouped, nearest, shortened
-
-if TYPE_CHECKING:
-    import networkx as nx
-
 
 _ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
 
@@ -228,14 +225,9 @@ def _check_member(connection: Connection, paths: dict[Connector, str]) -> None:
 
 
 def _connection_sets(connections: list[Connection], paths: dict[Connector, str]) -> tuple[tuple[Connector, ...], ...]:
-    import networkx as nx
-
-    graph: nx.Graph[Connector] = nx.Graph()
-    graph.add_nodes_from(paths)
-    graph.add_edges_from((c.a, c.b) for c in connections)
     order = {connector: i for i, connector in enumerate(paths)}
     leaf_sets: list[tuple[Connector, ...]] = []
-    for group in nx.connected_components(graph):
+    for group in Graph(paths, ((c.a, c.b) for c in connections)).parts():
         members = sorted((c for c in group if not isinstance(c.owner, System)), key=order.__getitem__)
         if members:
             leaf_sets.append(tuple(members))

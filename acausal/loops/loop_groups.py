@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
+from acausal.graphs import Graph
 from acausal.loops.loops import LoopRows
 from acausal.numerics.sizes import Drawn
 from acausal.parts.turning import all_turning
@@ -63,20 +64,17 @@ def drawn(before: int, loops: Sequence[LoopRows], after: int = 0) -> Drawn:
 
 def loop_groups(system: MechanicalSystem, loops: Sequence[LoopRows]) -> tuple[LoopGroup, ...]:
     """All joints of the tree and all loops; groups in the order of their first loop, those without loops last. Linear in the size."""
-    import networkx as nx
-
     tree = system.tree
     owner: dict[int, int] = {}
     for k, joint in enumerate(tree.joints):
         for column, places in ((tree.q, joint.q), (tree.v, joint.v)):
             owner |= {column[i].element_hash(): k for i in range(places.start, places.stop)}
-    graph: nx.Graph[tuple[str, int]] = nx.Graph()
-    graph.add_nodes_from(("joint", k) for k in range(len(tree.joints)))
+    edges: list[tuple[tuple[str, int], tuple[str, int]]] = []
     for i, rows in enumerate(loops):
-        graph.add_node(("loop", i))
         used = {s.element_hash() for s in ca.symvar(ca.vertcat(rows.position, rows.velocity))}
-        graph.add_edges_from((("loop", i), ("joint", owner[h])) for h in used if h in owner)
-    parts = [sorted(part) for part in nx.connected_components(graph)]
+        edges += [(("loop", i), ("joint", owner[h])) for h in used if h in owner]
+    nodes = [*(("joint", k) for k in range(len(tree.joints))), *(("loop", i) for i in range(len(loops)))]
+    parts = [sorted(part) for part in Graph(nodes, edges).parts()]
     parts.sort(key=lambda part: min((i for kind, i in part if kind == "loop"), default=len(loops)))
     return tuple(
         _group(

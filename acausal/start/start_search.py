@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from acausal.graphs import Graph
 from acausal.numerics.assembly import Assembled, Residual, assemble
 from acausal.numerics.sizes import Drawn, Sizes
 from acausal.numerics.thresholds import STRIDE
@@ -251,16 +252,15 @@ def start_search(
 
 def _blocks(whole: Block) -> tuple[Block, ...]:
     """Parts of y that no row connects, in the order of their first unknown; unknowns in no row are in none."""
-    import networkx as nx
-
-    y, graph = whole.unknowns.y, nx.Graph()
+    nodes: list[tuple[str, int]] = []
+    edges: list[tuple[tuple[str, int], tuple[str, int]]] = []
     for kind, rows in (("hard", whole.hard), ("soft", whole.soft), ("sign", whole.signs)):
-        graph.add_nodes_from((kind, i) for i in range(rows.numel()))
-        i, j = ca.jacobian_sparsity(rows, y).get_triplet() if rows.numel() else ([], [])
-        graph.add_edges_from(((kind, a), ("y", b)) for a, b in zip(i, j, strict=True))
-    lost = [node for node in graph if node[0] != "y" and not graph[node]]
-    graph.remove_nodes_from(lost)
-    parts = [sorted(part) for part in nx.connected_components(graph)]
+        nodes += [(kind, i) for i in range(rows.numel())]
+        i, j = ca.jacobian_sparsity(rows, whole.unknowns.y).get_triplet() if rows.numel() else ([], [])
+        edges += [((kind, a), ("y", b)) for a, b in zip(i, j, strict=True)]
+    together = Graph(nodes, edges).parts()
+    lost = [part[0] for part in together if len(part) == 1]  # rows without unknowns
+    parts = [sorted(part) for part in together if len(part) > 1]
     parts.sort(key=lambda part: min(k for kind, k in part if kind == "y"))
     if len(parts) <= 1:
         return (whole,)

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import GroundError, IncompatibleError, LockedError
+from acausal.graphs import Graph
 from acausal.language.connector import Point, Rotational
 from acausal.language.expression import Derivative
 from acausal.language.flatten import FlatSystem, Part, leaves_inside
@@ -132,13 +133,8 @@ def _edge(path: str, joint: Kind, groups: Sequence[Group], index: dict[Point, in
 
 def _free_edges(count: int, joints: Sequence[Edge[AbstractJoint]], groups: Sequence[Group]) -> list[Edge[AbstractJoint]]:
     """A free joint from the ground to the heaviest group of every part of the graph that the ground does not reach."""
-    import networkx as nx
-
-    graph: nx.MultiGraph[int] = nx.MultiGraph()
-    graph.add_nodes_from(range(count))
-    graph.add_edges_from((edge.a, edge.b) for edge in joints)
     edges: list[Edge[AbstractJoint]] = []
-    for island in nx.connected_components(graph):
+    for island in Graph(range(count), ((edge.a, edge.b) for edge in joints)).parts():
         if 0 in island:
             continue
         root = max(sorted(island), key=lambda i: (groups[i].kind == "body", _mass(groups[i].inertia)))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from acausal.errors import AssemblyError, GroundError
+from acausal.graphs import Graph
 from acausal.language.connector import Frame, Point
 from acausal.language.flatten import FlatSystem, Part
 from acausal.numerics.thresholds import EDGE
@@ -17,31 +18,36 @@ from acausal.parts.rigid import AbstractGround, AbstractRigidPart, Attachment
 from acausal.topology.canonical_order import Name, natural, rounded
 from acausal.topology.mechanism import Group
 
-if TYPE_CHECKING:
-    import networkx as nx
-
 _GROUND = "ground"
 
 
 def rigid_groups(flat: FlatSystem) -> tuple[Group, ...]:
     """All groups, the ground first. A loop of rigid parts must fit: else `AssemblyError` or, at the ground, `GroundError`."""
-    import networkx as nx
-
     sets = [tuple(c for c in members if isinstance(c, Point)) for members in flat.connection_sets]
     sets = [members for members in sets if members]
     set_of = {connector: i for i, members in enumerate(sets) for connector in members}
     parts = {part.path: part for part in flat.parts if isinstance(part.component, AbstractRigidPart)}
-    graph: nx.MultiGraph[str | int] = nx.MultiGraph()
-    graph.add_node(_GROUND)
-    graph.add_nodes_from(parts)
-    graph.add_nodes_from(range(len(sets)))
+    links: list[_Link] = []
     for path, part in parts.items():
         if isinstance(part.component, AbstractGround):
-            graph.add_edge(_GROUND, path, pose=Pose.identity(), start=_GROUND)
-        for attachment in _attachments(part):
-            graph.add_edge(path, set_of[attachment.connector], pose=attachment.pose, start=path)
-    islands = sorted(nx.connected_components(graph), key=lambda nodes: _GROUND not in nodes)
-    return tuple(_group(flat, graph, nodes, parts, sets) for nodes in islands)
+            links.append(_Link(_GROUND, path, Pose.identity()))
+        links += [_Link(path, set_of[attachment.connector], attachment.pose) for attachment in _attachments(part)]
+    graph: Graph[str | int] = Graph([_GROUND, *parts, *range(len(sets))], [(link.start, link.end) for link in links])
+    islands = sorted(graph.parts(), key=lambda nodes: _GROUND not in nodes)
+    return tuple(_group(flat, graph, links, nodes, parts, sets) for nodes in islands)
+
+
+@dataclass(frozen=True)
+class _Link:
+    """Of two nodes, the ground, parts and connection sets: `pose` of the `end` seen from the `start`."""
+
+    start: str | int
+    end: str | int
+    pose: Pose
+
+    def seen_from(self, near: str | int) -> Pose:
+        pose = self.pose if self.start == near else self.pose.inverse()
+        return Pose(snapped(pose.rotation), pose.position) if isinstance(pose.rotation, np.ndarray) else pose
 
 
 def _attachments(part: Part) -> tuple[Attachment, ...]:
@@ -51,21 +57,20 @@ def _attachments(part: Part) -> tuple[Attachment, ...]:
 
 def _group(
     flat: FlatSystem,
-    graph: nx.MultiGraph[str | int],
-    nodes: set[str | int],
+    graph: Graph[str | int],
+    links: Sequence[_Link],
+    nodes: Sequence[str | int],
     parts: dict[str, Part],
     sets: Sequence[tuple[Point, ...]],
 ) -> Group:
-    import networkx as nx
-
-    members = tuple(sorted((part for path, part in parts.items() if path in nodes), key=_rank))
+    members = tuple(sorted((parts[node] for node in nodes if isinstance(node, str) and node in parts), key=_rank))
     root: str | int = _GROUND
     if _GROUND not in nodes:
         root = members[0].path if members else min(n for n in nodes if isinstance(n, int))
     placed: dict[str | int, Pose] = {root: Pose.identity()}
-    for near, far in nx.bfs_edges(graph, root):
-        placed[far] = placed[near] @ _pose_along(graph, near, far, 0)
-    _check_loops(graph, nodes, placed, parts)
+    for near, far, k in graph.tree(root):
+        placed[far] = placed[near] @ links[k].seen_from(near)
+    _check_loops([links[k] for k in dict.fromkeys(k for node in nodes for _, k in graph[node])], placed, parts)
     poses = {connector: placed[node] for node in nodes if isinstance(node, int) for connector in sets[node]}
     inertia = Inertia.zero()
     for part in members:
@@ -104,23 +109,16 @@ def _sketch(members: Sequence[Part], placed: dict[str | int, Pose]) -> Pose | No
     return None
 
 
-def _pose_along(graph: nx.MultiGraph[str | int], near: str | int, far: str | int, key: int) -> Pose:
-    data = graph.get_edge_data(near, far, key)
-    pose = data["pose"] if data["start"] == near else data["pose"].inverse()
-    return Pose(snapped(pose.rotation), pose.position) if isinstance(pose.rotation, np.ndarray) else pose
-
-
 def _extent(pose: Pose) -> float:
     """Distance of its origin, 0 where that depends on parameters."""
     return float(np.linalg.norm(pose.position)) if isinstance(pose.position, np.ndarray) else 0.0
 
 
-def _check_loops(
-    graph: nx.MultiGraph[str | int], nodes: set[str | int], placed: dict[str | int, Pose], parts: dict[str, Part]
-) -> None:
-    extent = max((_extent(placed[node]) for node in nodes), default=0.0)
-    for near, far, key in graph.edges(nodes, keys=True):
-        gap = (placed[near] @ _pose_along(graph, near, far, key)).inverse() @ placed[far]
+def _check_loops(links: Sequence[_Link], placed: dict[str | int, Pose], parts: dict[str, Part]) -> None:
+    extent = max((_extent(pose) for pose in placed.values()), default=0.0)
+    for link in links:
+        near, far, along = link.start, link.end, link.seen_from(link.start)
+        gap = (placed[near] @ along).inverse() @ placed[far]
         if not (isinstance(gap.rotation, np.ndarray) and isinstance(gap.position, np.ndarray)):
             continue
         distance, turn = float(np.linalg.norm(gap.position)), float(np.linalg.norm(gap.rotation - np.eye(3)))
@@ -129,11 +127,11 @@ def _check_loops(
             and near in parts
             and not any(isinstance(a.connector, Frame) for a in _attachments(parts[str(near)]))
         )
-        lengths = extent + _extent(_pose_along(graph, near, far, key))
+        lengths = extent + _extent(along)
         if distance > EDGE * lengths or (turn > EDGE and not is_point):
-            who = ", ".join(parts[str(n)].where for n in nodes if n in parts)
+            who = ", ".join(parts[str(n)].where for n in placed if n in parts)
             message = (
                 f"Rigid parts are connected in a loop that does not fit: a gap of {distance:.3g} m and a turn of {turn:.3g} rad "
                 f"remain. Parts: {who}. Change the offsets so that they agree, or remove one connection."
             )
-            raise GroundError("Grounds in conflict. " + message) if _GROUND in nodes else AssemblyError(message)
+            raise GroundError("Grounds in conflict. " + message) if _GROUND in placed else AssemblyError(message)

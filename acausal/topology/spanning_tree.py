@@ -7,17 +7,14 @@ the body is split into two equal halves, and a weld holds them together.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
+from acausal.graphs import Graph, least_tree
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.weld import Weld
 from acausal.topology.mechanism import Edge, Group, TreeEdge
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 Joint = Edge[AbstractJoint]
 
@@ -53,10 +50,9 @@ def spanning_tree(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[A
 def _least_freedom(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[AbstractJoint]) -> set[int]:
     """Among equals the edges that lie nearest to the ground (Kruskal); points, which hand on no orientation, at its ends;
     rather hinges than slides."""
-    import networkx as nx
-
-    graph = _graph(len(groups), edges, range(len(edges)))
-    depth = nx.single_source_shortest_path_length(graph, 0)
+    depth = {0: 0}
+    for near, far, _ in Graph(range(len(groups)), ((edge.a, edge.b) for edge in edges)).tree(0):
+        depth[far] = depth[near] + 1
 
     def order(i: int) -> tuple[bool, int, bool, int, bool, int]:
         edge = edges[i]
@@ -64,37 +60,19 @@ def _least_freedom(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[
             not _keeps_coordinates(edge.joint, driven), edge.joint.v.size, "point" in (groups[edge.a].kind, groups[edge.b].kind), max(depth[edge.a], depth[edge.b]), not edge.joint.q.is_angle, i
         )  # fmt: skip
 
-    weighted: nx.MultiGraph[int] = nx.MultiGraph()
-    for rank, i in enumerate(sorted(range(len(edges)), key=order)):
-        weighted.add_edge(edges[i].a, edges[i].b, key=i, weight=rank)
-    return {key for _, _, key in nx.minimum_spanning_edges(weighted, keys=True, data=False)}
+    ranked = sorted(range(len(edges)), key=order)
+    return {ranked[k] for k in least_tree((edges[i].a, edges[i].b) for i in ranked)}
 
 
 def _keeps_coordinates(joint: AbstractJoint, driven: Set[AbstractJoint]) -> bool:
     return joint in driven or type(joint).closure is AbstractJoint.closure
 
 
-def _graph(count: int, edges: Sequence[Joint], chosen: Iterable[int]) -> nx.MultiGraph[int]:
-    import networkx as nx
-
-    graph: nx.MultiGraph[int] = nx.MultiGraph()
-    graph.add_nodes_from(range(count))
-    for i in chosen:
-        graph.add_edge(edges[i].a, edges[i].b, key=i)
-    return graph
-
-
 def _rooted(count: int, edges: Sequence[Joint], chosen: Set[int]) -> list[tuple[int, int, int]]:
     """(edge, parent, child) of a tree from the ground on."""
-    import networkx as nx
-
-    graph = _graph(count, edges, sorted(chosen))
-    return [(_key(graph, parent, child), parent, child) for parent, child in nx.bfs_edges(graph, 0)]
-
-
-def _key(graph: nx.MultiGraph[int], a: int, b: int) -> int:
-    """Of the edge between two nodes of a tree."""
-    return next(k for x, y, k in graph.edges(a, keys=True) if b in (x, y))
+    places = sorted(chosen)
+    tree = Graph(range(count), ((edges[i].a, edges[i].b) for i in places)).tree(0)
+    return [(places[k], parent, child) for parent, child, k in tree]
 
 
 @dataclass(frozen=True)
