@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 
 import casadi as ca
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import JumpWarning
+from acausal.errors import JumpWarning, LockedError
+from acausal.outputs.self_stress import loop_reactions
 from components import AngleSource, CartesianTranslation, Particle, Revolute, RigidBody, Rod, World
-from tests.scenes import Pendulum
+from tests.scenes import Pendulum, bennett_linkage
 
 
 @pytest.mark.parametrize("apart", [1e-4, 1e-3, 0.1])
@@ -59,3 +61,40 @@ def test_a_small_jump_of_a_prescribed_motion_is_said_too(jump: float, said: bool
         model.simulate(1.0)
     found = [w for w in caught if w.category is JumpWarning]
     assert bool(found) is said and all(w.filename == __file__ for w in found)
+
+
+@pytest.mark.parametrize(("askew", "said"), [(1e-11, True), (1e-8, True), (1e-4, True), (1e-2, True), (0.1, False), (1.0, False)])
+def test_who_meant_axes_to_be_parallel_is_told_by_how_much_they_are_not(askew: float, said: bool):
+    """A four-bar that is drawn closed, with one hinge askew, is locked; by a large angle nobody meant it to move."""
+    scene = ac.System()
+    scene.world, places = World(), [(0, 0, 0), (0.2, 0, 0.4), (1.1, 0, 0.7), (1.0, 0, 0)]
+    scene.bars = [RigidBody.rod(1.0, tuple(np.subtract(b, a)), position=a) for a, b in itertools.pairwise(places)]
+    ends, axes = [scene.world.frame, *scene.bars, scene.world.frame], ["y", "y", "y", (0, np.cos(askew), np.sin(askew))]
+    scene.hinges = [Revolute.between(ends[k], ends[k + 1], at=places[k], axis=axes[k]) for k in range(4)]
+    with pytest.raises(LockedError) as caught:
+        ac.build(scene)
+    assert ("nearly follow" in str(caught.value)) is said
+
+
+def test_of_reactions_that_rigid_bodies_leave_open_the_least_ones_are_given():
+    """Of Bennett's linkage: none along a direction that leaves the motion as it is, to as many digits as its rows depend on one another; and no
+    hinge resists about its axis.
+    """
+    scene = bennett_linkage()
+    model = ac.build(scene)
+    system, run = model.system, model.simulate(0.5, samples=3, rtol=1e-12)
+    loops = loop_reactions(system.mechanics, system.constraints)
+    tree, (W, A) = system.mechanics.tree, loops.measured
+    statics = ca.Function("statics", [tree.q, tree.t, system.p], [ca.densify(part) for part in (W, A, loops.of_wrenches)])
+    joints = [edge.joint for edge in loops.edges]
+    for k, t in enumerate(run.t):
+        W, A, sizes = (np.array(part) for part in statics(np.array([float(run[j.edge.joint.q][k]) for j in tree.joints]), t, []))
+        wrenches: list[np.ndarray] = []
+        for joint in joints:
+            axes = np.reshape(run[joint.frame_b.rotation][k], (3, 3)) @ np.array(joint.mounting())
+            wrenches += [axes.T @ run[joint.frame_b.torque][k], axes.T @ run[joint.frame_b.force][k]]
+            assert abs(wrenches[-2][2]) < 1e-10 * np.linalg.norm(wrenches[-2])
+        U, s, _ = np.linalg.svd(A)
+        free = W @ U[:, int(np.sum(s > 1e-7 * s[0])) :]
+        left = free.T @ (np.concatenate(wrenches) / sizes[:, 0])
+        assert free.size and np.max(np.abs(left)) < 5e-12 * np.linalg.norm(free) * np.linalg.norm(wrenches)

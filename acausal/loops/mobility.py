@@ -8,7 +8,7 @@ import numpy as np
 
 from acausal.errors import LockedError
 from acausal.loops.loops import LoopRows
-from acausal.numerics.thresholds import DEPENDENT, NEARLY
+from acausal.numerics.thresholds import CLOSED, NEARLY
 from acausal.wording import compact, counted
 
 
@@ -38,7 +38,7 @@ def nearly_redundant(loops: Sequence[LoopRows], A: np.ndarray) -> str:
     size[torques] = 1.0  # sines of angles, beside shifts against the largest shift
     size[~torques] = np.max(size[~torques], initial=0.0) or 1.0
     U, s, _ = np.linalg.svd(A / size[:, None])
-    few = [k for k in range(min(A.shape)) if DEPENDENT * s[0] < s[k] < NEARLY * s[0]]
+    few = [k for k in range(min(A.shape)) if CLOSED * s[0] < s[k] < NEARLY * s[0]]
     if not few:
         return ""
     weight = np.max(np.abs(U[:, few]), axis=1)

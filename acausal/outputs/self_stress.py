@@ -24,7 +24,8 @@ from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, symbolic
 from acausal.topology.mechanism import Edge
 
-_STIFFNESS = 1e6
+_STIFFNESS = 1e4
+"""What is left of it is its cube; times as much rounding of the rows comes in, where they only depend on one another when assembled."""
 _STEPS = 3
 
 
