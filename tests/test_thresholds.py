@@ -16,9 +16,8 @@ from components import AngleSource, CartesianTranslation, Particle, Revolute, Ri
 from tests.scenes import Pendulum, bennett_linkage
 
 
-@pytest.mark.parametrize("apart", [1e-4, 1e-3, 0.1])
-def test_two_rods_that_are_nearly_one_hold_two_freedoms(apart: float):
-    """A bead on two rods from neighbouring points turns about the line through these, however near they are."""
+def bead_on_two_rods(apart: float) -> ac.System:
+    """From points that are so far apart, of lengths that let it hang below the first one."""
     scene = ac.System()
     scene.world, scene.move, scene.bead = World(), CartesianTranslation(), Particle(1.0)
     scene.near, scene.far = Rod(1.0), Rod(float(np.hypot(1.0, apart)))
@@ -26,13 +25,28 @@ def test_two_rods_that_are_nearly_one_hold_two_freedoms(apart: float):
     scene.connect(scene.world.frame, scene.move.frame_a, scene.near.frame_a)
     scene.connect(scene.world.at((apart, 0, 0)), scene.far.frame_a)
     scene.connect(scene.move.frame_b, scene.bead.point, scene.near.frame_b, scene.far.frame_b)
+    return scene
+
+
+@pytest.mark.parametrize("apart", [1e-4, 1e-3, 0.1])
+def test_two_rods_that_are_nearly_one_hold_two_freedoms(apart: float):
+    """A bead on two rods from neighbouring points turns about the line through these, however near they are."""
+    scene = bead_on_two_rods(apart)
     model = ac.build(scene)
     assert model.degrees_of_freedom == 1 and all(entry.kept for entry in model.constraints())
     run = model.simulate(1.0, {scene.bead.point.position[1]: 0.6}, rtol=1e-9)
     assert np.max(np.abs(run[scene.bead.point.position][:, 0])) < 1e-9 / apart
 
 
-@pytest.mark.parametrize("longer", [0.0, 1e-8, 1e-5, 1e-3])
+@pytest.mark.parametrize(
+    ("apart", "freedoms", "singular"), [(1e-8, 2, False), (1e-6, 1, True), (3e-6, 1, True), (1e-4, 1, False)]
+)
+def test_rows_are_one_nearly_one_or_two(apart: float, freedoms: int, singular: bool):
+    model = ac.build(bead_on_two_rods(apart))
+    assert (model.degrees_of_freedom, model.system.constraints.singular) == (freedoms, singular)
+
+
+@pytest.mark.parametrize("longer", [0.0, 1e-9, 1e-5, 1e-3])
 def test_only_an_exact_parallelogram_passes_singular_positions(longer: float):
     scene = ac.System()
     scene.world, scene.hinges = World(), [Revolute("y") for _ in range(4)]

@@ -16,6 +16,7 @@ from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
 from acausal.loops.walk import Walk
 from acausal.numerics.independent import Independent
+from acausal.numerics.sizes import positive
 from acausal.numerics.thresholds import SINGULAR
 
 _LOOKS = 8
@@ -88,7 +89,7 @@ class Examined:
             if key in self._margins:
                 return self._margins[key]
             walk = self._walk(values)
-            scale = np.where(walk.empty, np.max(self.scale), self.scale)
+            scale = positive(np.where(walk.empty, np.max(self.scale), self.scale))  # 1 where all are empty
             if self.timed and time != walk.time and walk.empty.any():  # what is empty now may not be then
                 walk = Walk(walk.symbolic, values, q, time)
             before, walk.time = walk.time, time
