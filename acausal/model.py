@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from acausal.analysis.inverse_dynamics import InverseDynamics
     from acausal.analysis.linearize import Linearization
     from acausal.analysis.prescribed import Given
-    from acausal.charts.minimal import MinimalModel
     from acausal.explain.constraint_table import ConstraintTable
     from acausal.explain.decision_table import DecisionTable
+    from acausal.minimal.model import MinimalModel
     from acausal.simulate.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulate.simulation import Progress
     from acausal.simulate.trajectory import Trajectory
@@ -326,7 +326,7 @@ class Model:
         the start to a state of a loop: each reaches about 0.4 rad of its motion farther. Others as for `simulate`. Raises `StartValueError`
         at singular positions, `OptionError` for a preference that is no state.
         """
-        from acausal.charts.minimal import minimal_model
+        from acausal.minimal.model import minimal_model
 
         at = self._situation(start, t0, inputs, parameters)
         return self._decided.answer(at.p, lambda here: minimal_model(here.whole, at, self._named(prefer), steps))
@@ -407,10 +407,9 @@ class Model:
         `residual`: what is left of the stage equations, to be checked; infinite also where p or t are such that the model would need other
         equations (see `decisions`). Raises `OptionError` for an order that does not exist.
         """
-        from acausal.integrators.step import step_function
+        from acausal.integrators.step import step_of
 
-        f = self.functions
-        return step_function(f.explicit_dynamics, f.projection, method=method, order=order, h=h, holds=f.holds)
+        return step_of(self.functions, method, order, h)
 
     def graph(self) -> Any:
         """The mechanism as a networkx multigraph: nodes are rigid groups, edges joints, cut joints and forces."""

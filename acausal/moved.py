@@ -35,7 +35,7 @@ _RENAMED = {
     "acausal.trajectory": "acausal.simulate.trajectory",
     "acausal.events": "acausal.simulate.events",
     "acausal.sensitivity": "acausal.simulate.sensitivity",
-    "acausal.minimal": "acausal.charts.minimal",
+    "acausal.charts.minimal": "acausal.minimal.model",
     "acausal.codegen.compiler": "acausal.emit.compiler",
     "acausal.codegen.emit": "acausal.emit.emit",
     "acausal.codegen.lower": "acausal.outputs.functions",

@@ -37,6 +37,7 @@ FLOORS = (
     ("simulate",),
     ("charts",),
     ("analysis", "optimal_control", "export", "explain"),
+    ("minimal",),
     ("model",),
     ("__init__",),
 )

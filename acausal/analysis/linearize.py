@@ -131,6 +131,13 @@ def linearize(
     return _linearization(functions, point, chosen, _column(functions, "outputs", outputs))
 
 
+def linearize_in(
+    functions: Functions, point: OperatingPoint, states: ca.SX, names: tuple[str, ...], outputs: Sequence[Expression]
+) -> Linearization:
+    """In other `states` (n, 1), by those of the system, with `names`."""
+    return _linearization(functions, point, _Column(states, names), _column(functions, "outputs", outputs))
+
+
 def linearize_invariants(functions: Functions, point: OperatingPoint, steady: ca.SX) -> Linearization | None:
     """The linear system of quantities `steady` (n, 1) that a motion through the point keeps, and of as many of their time derivatives as it
     needs; None where four are not enough. What is left out may do anything.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,6 +29,10 @@ class ChartEquations:
     manifold: Manifold
     choice: Choice
     steps: int
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without what has been made of its values so far."""
+        return ChartEquations, tuple(getattr(self, entry.name) for entry in fields(self))
 
     @functools.cached_property
     def _symbols(self) -> _Symbols:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -43,6 +44,10 @@ class Manifold:
     rate: ca.Function
     twins: tuple[tuple[int, int], ...]
     units: np.ndarray
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without what has been made of its values so far."""
+        return Manifold, tuple(getattr(self, entry.name) for entry in fields(self))
 
     @functools.cached_property
     def units_c(self) -> np.ndarray:

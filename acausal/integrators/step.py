@@ -8,9 +8,16 @@ import numpy as np
 from acausal.arguments import finite, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
+from acausal.outputs.functions import Functions
 
 _PROJECTIONS = 3
 """Moving positions opens the rows of velocities a little; the next projection closes them."""
+
+
+def step_of(functions: Functions, method: str, order: int, h: float | None) -> ca.Function:
+    """Of a model's states, which are brought onto its invariants; see `Model.step`."""
+    f = functions
+    return step_function(f.explicit_dynamics, f.projection, method=method, order=order, h=h, holds=f.holds)
 
 
 def step_function(

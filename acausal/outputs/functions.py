@@ -24,7 +24,7 @@ from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
-from acausal.reduce.state_space import StateSpace, state_space, whole_state_space
+from acausal.reduce.state_space import StateSpace
 from acausal.runtime.series import Series
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Functions:
         system = copy.deepcopy(self.outputs.system, memo)
         if system is self.outputs.system:
             return self
-        return Functions(Outputs(system), (state_space if self.space.elimination.symbols else whole_state_space)(system))
+        return Functions(Outputs(system), copy.deepcopy(self.space, memo))
 
     @functools.cached_property
     def decisions(self) -> Decisions:
@@ -84,8 +84,7 @@ class Functions:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states in x, e.g. `hinge.q`, `ball.q[2]`."""
-        names = self.tree_state_names
-        return tuple(names[i] for i in self.space.places)
+        return self.space.names(self.tree_state_names)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -123,28 +122,25 @@ class Functions:
         Recursive Newton-Euler; its Jacobians are cheaper than those of `explicit_dynamics`.
         """
         s, space = self.outputs.system, self.space
-        rate = ca.SX.sym("x_dot", space.x.numel())
-        force = ca.SX.sym("multipliers", s.constraints.jacobian.shape[0])
-        nv = s.tree_velocities
+        # in a chart nothing is held, so nothing holds it
+        A = s.constraints.jacobian if space.coordinates is None else ca.SX(0, s.tree_velocities)
+        rate, force = ca.SX.sym("x_dot", space.x.numel()), ca.SX.sym("multipliers", A.shape[0])
         everything = space.put(s.x)
         L = ca.jacobian(everything, space.x)  # rates of all states by those of x
-        full = L @ rate + ca.jtimes(everything, s.t, ca.SX(1))
-        v_dot = full[s.nq : s.nq + nv, :]
-        motion = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches))
-        A = s.constraints.jacobian
-        balance = motion.tau - s.forces_at(v_dot)
+        rows = slice(s.nq, s.nq + s.tree_velocities)
+        v_dot = (L @ rate + ca.jtimes(everything, s.t, ca.SX(1)))[rows, :]
+        balance = newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches)).tau - s.forces_at(v_dot)
         if A.shape[0]:
             balance -= A.T @ force
         # what holds eliminated coordinates does no work
-        balance = L[s.nq : s.nq + nv, space.nq : space.nq + nv - len(space.elimination.rates)].T @ balance
-        difference = full - ca.vertcat(s.x_dot[: s.nq, :], s.v_dot, s.x_dot[s.nq + nv :, :])
-        kept = [i for i in space.places if not s.nq <= i < s.nq + nv]
-        rows = [difference[[i for i in kept if i < s.nq]], balance, difference[[i for i in kept if i >= s.nq]]]
+        first, last = space.nq, space.nq + space.velocities
+        difference = rate - space.kept(s.x_dot)
+        found = [difference[:first, :], L[rows, first:last].T @ balance, difference[last:, :]]
         if A.shape[0]:
-            rows.append(A @ v_dot + s.constraints.bias)
+            found.append(A @ v_dot + s.constraints.bias)
         names = ["t", "x", "x_dot", "multipliers", "u", "p"]
         return folded_function(
-            "residual_dynamics", [s.t, space.x, rate, force, s.u, space.p], [space.put(ca.vertcat(*rows))], names, ["residual"]
+            "residual_dynamics", [s.t, space.x, rate, force, s.u, space.p], [space.put(ca.vertcat(*found))], names, ["residual"]
         )
 
     @functools.cached_property
@@ -244,7 +240,7 @@ class Functions:
     def clearance(self) -> ca.Function | None:
         """(t, x, p) -> about the square of the distance from the next singular position of a loop, 1 far away; None if there is none."""
         s = self.outputs.system
-        if s.clearance is None:
+        if s.clearance is None or self.space.coordinates is not None:
             return None
         found = ca.densify(self.space.put(s.clearance))
         return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])

@@ -38,8 +38,7 @@ def holds(space: StateSpace) -> ca.SX | None:
     followers = [h.residual for h in s.scalar.redundant]
     blocks = linear_decisions(s.scalar.blocks, s.p).blocks
     solved = [ca.densify(b.matrix @ b.found - b.right) for b in blocks]
-    vanishing = space.vanishing if space.elimination.symbols else ca.SX(0, 1)
-    rows = space.put(_sampled(ca.vertcat(ca.SX(0, 1), *followers, *solved, vanishing), space))
+    rows = space.put(_sampled(ca.vertcat(ca.SX(0, 1), *followers, *solved, space.vanishing), space))
     for k in range(rows.numel()):
         if ca.depends_on(rows[k], s.p):
             margins.append(_VANISHED * rounded(rows[k]) - ca.fabs(rows[k]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +16,25 @@ from acausal.reduce.reduce import ReducedSystem
 from acausal.wording import compact
 
 
+@dataclass(frozen=True)
+class Coordinates:
+    """States that are coordinates of a chart: their `names`, themselves by the system's states (`column`), how many of them are `positions`, and how
+    many after these `velocities` of the tree. `made_by`, from what: for copies.
+    """
+
+    names: tuple[str, ...]
+    column: ca.SX
+    positions: int
+    velocities: int
+    made_by: tuple[Callable[..., StateSpace], tuple[Any, ...]]
+
+
 @dataclass(frozen=True, repr=False)
 class StateSpace:
-    """`x` (nx, 1), a part of the system's states, from which `elimination` gives the others; `p`: parameters, then constants of integration.
+    """`x` (nx, 1), from which `elimination` gives the system's states; `p`: parameters, then constants of integration.
 
-    `places`: of x among the system's states.
+    Three kinds: all states of the system (`whole_state_space`); those that do not follow from others in closed form (`state_space`); `coordinates`
+    of a chart, which obey no constraints. `places`: of x among the system's states, where it is a part of them.
     """
 
     system: ReducedSystem
@@ -27,9 +42,16 @@ class StateSpace:
     x: ca.SX
     p: ca.SX
     places: tuple[int, ...]
+    coordinates: Coordinates | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
+        if self.coordinates is not None:
+            return self.coordinates.made_by
         return (state_space if self.elimination.symbols else whole_state_space), (self.system,)
+
+    def names(self, all_names: Sequence[str]) -> tuple[str, ...]:
+        """Of x, from those of the system's states."""
+        return tuple(all_names[i] for i in self.places) if self.coordinates is None else self.coordinates.names
 
     @property
     def arguments(self) -> list[ca.SX]:
@@ -41,11 +63,15 @@ class StateSpace:
         return self.elimination.put(expression)
 
     def kept(self, column: ca.SX) -> ca.SX:
-        """The rows of x among those of all states (in x and p)."""
+        """Rates or changes of x by those of all states, in x and p."""
+        if self.coordinates is not None:
+            return self.put(ca.jtimes(self.coordinates.column, self.system.x, column))
         return self.put(column[list(self.places)]) if self.elimination.symbols else column
 
     def constraints(self, rows: ca.SX) -> ca.SX:
         """Residuals (n, 1) in t, the system's states and p that the elimination has not made zero."""
+        if self.coordinates is not None:
+            return ca.SX(0, 1)
         if not self.elimination.symbols:
             return rows
         left = self.put(rows)
@@ -55,6 +81,8 @@ class StateSpace:
     @functools.cached_property
     def vanishing(self) -> ca.SX:
         """Invariants (n, 1) in x and p that the elimination has made zero."""
+        if not self.elimination.symbols or self.coordinates is not None:
+            return ca.SX(0, 1)
         rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants)
         return self.put(rows[[int(i) for i in np.flatnonzero(~self._open(rows, self.system.p_values))]])
 
@@ -62,7 +90,7 @@ class StateSpace:
         """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""
         followers = ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.system.scalar.redundant))
         rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
-        if not self.elimination.symbols:
+        if not self.elimination.symbols or self.coordinates is not None:
             rows = followers
         looped = self.system.scalar.looped
         changed = np.flatnonzero(values != self.system.p_values).tolist()
@@ -85,7 +113,14 @@ class StateSpace:
     @property
     def nq(self) -> int:
         """Number of configuration variables in x; they come first."""
-        return sum(i < self.system.nq for i in self.places)
+        return sum(i < self.system.nq for i in self.places) if self.coordinates is None else self.coordinates.positions
+
+    @property
+    def velocities(self) -> int:
+        """Number of the tree's velocities in x; they come next."""
+        if self.coordinates is not None:
+            return self.coordinates.velocities
+        return self.system.tree_velocities - len(self.elimination.rates)
 
     @property
     def p_values(self) -> np.ndarray:
@@ -95,6 +130,9 @@ class StateSpace:
 
     def restricted(self, x: np.ndarray) -> np.ndarray:
         """(nx,) or (nx, n) of states of the system."""
+        if self.coordinates is not None:
+            found = ca.Function("restrict", [self.system.x], [ca.densify(self.coordinates.column)])
+            return np.array(found(x)).reshape(-1, *x.shape[1:])
         return x[list(self.places)] if self.elimination.symbols else x
 
     def extended(self, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acausal.charts.minimal import MinimalModel
-from acausal.charts.motion import MinimalMotion
 from acausal.charts.singular_state import singular_loops
 from acausal.collocation.problem import Guards, Problem, Solution, Status, StatusKind
 from acausal.errors import OptionError, SimulationError, StartValueError
 from acausal.integrators.integrate import integrate
+from acausal.minimal.model import MinimalModel
+from acausal.minimal.motion import MinimalMotion
 from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.runtime.kernels import How

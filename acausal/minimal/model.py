@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -12,21 +13,27 @@ import numpy as np
 
 from acausal.arguments import finite, listed, whole_number
 from acausal.charts.chart import Chart, Choice, choose_chart
+from acausal.charts.chart_space import chart_space
 from acausal.charts.equations import ChartEquations
 from acausal.charts.manifold import Manifold, manifold
-from acausal.charts.motion import MinimalMotion
 from acausal.collocation.problem import Accuracy
 from acausal.errors import OptionError
-from acausal.language.expression import Variable
+from acausal.integrators.step import step_of
+from acausal.language.expression import Expression, Variable
+from acausal.minimal.motion import MinimalMotion
 from acausal.numerics.folding import folded_function
+from acausal.outputs.functions import Functions
 from acausal.start.assembly_function import start_units
 from acausal.start.decided import check_decided
-from acausal.start.initial import InitialState, Start
-from acausal.start.situation import InputValues, ParameterValues, Situation, situation
+from acausal.start.initial import InitialState
+from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.start.states import consistent_states
 
 if TYPE_CHECKING:
-    from acausal.outputs.functions import Functions
+    from acausal.analysis.actuation import Unknown
+    from acausal.analysis.inverse_dynamics import InverseDynamics
+    from acausal.analysis.linearize import Linearization
+    from acausal.analysis.prescribed import Given
 
 _FEWEST_STEPS = 4
 """With fewer, a path may be lost unseen."""
@@ -42,6 +49,9 @@ class Atlas:
     functions: Functions
     steps: int
     units: np.ndarray
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Atlas, (self.functions, self.steps, self.units)
 
     @functools.cached_property
     def manifold(self) -> Manifold:
@@ -76,10 +86,28 @@ class MinimalModel:
     initial: InitialState
     prefer: tuple[int, ...] = ()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return MinimalModel, (self.atlas, self.chart, self.initial, self.prefer)
+
+    @functools.cached_property
+    def functions(self) -> Functions:
+        """Named CasADi functions of y in place of x: dynamics, energies, outputs; there are no invariants."""
+        return Functions(self.atlas.functions.outputs, chart_space(self._equations, self.chart))
+
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of y, in order."""
         return self.chart.independent
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs u, in order."""
+        return self.functions.input_names
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters p, in order."""
+        return self.functions.parameter_names
 
     @property
     def start(self) -> np.ndarray:
@@ -89,10 +117,8 @@ class MinimalModel:
     @functools.cached_property
     def explicit_dynamics(self) -> ca.Function:
         """(t, y, u, p) -> y'."""
-        t, y, u, p = self._symbols
-        limits = np.zeros(self._equations.guards.numel_out(0))
-        rate = self._equations.dynamics(t, y, u, ca.vertcat(p, self.chart.reference, limits))
-        return folded_function("explicit_dynamics", [t, y, u, p], [rate], ["t", "y", "u", "p"], ["y_dot"])
+        rate = self.functions.explicit_dynamics(*self._symbols)
+        return folded_function("explicit_dynamics", list(self._symbols), [rate], ["t", "y", "u", "p"], ["y_dot"])
 
     @functools.cached_property
     def expand(self) -> ca.Function:
@@ -147,10 +173,60 @@ class MinimalModel:
         functions.decisions.check(at.p)
         return replace(self, chart=_chart(self.atlas, at.t0, x, self.chart.p if parameters is None else at.p, self.prefer))
 
+    def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
+        """One implicit step, (t, y, u, p, h) -> (y_next, residual), as that of `Model.step`; there is nothing to be closed again."""
+        return step_of(self.functions, method, order, h)
+
+    def linearize(self, *, outputs: Sequence[Expression | str] = (), inputs: InputValues | None = None) -> Linearization:
+        """The linear system in y at the chart's reference; see `Model.linearize`."""
+        from acausal.analysis.linearize import linearize_in
+        from acausal.analysis.point import operating_point
+
+        whole = self.atlas.functions
+        point = operating_point(whole, self._situation(None, inputs), self.chart.x)
+        column = self._equations.restrict(whole.outputs.system.x, self.chart.reference)
+        return linearize_in(whole, point, column, self.state_names, whole.outputs.system.flat.symbols(outputs))
+
+    def inverse_dynamics(
+        self,
+        times: Sequence[float],
+        motions: Mapping[Expression, Given],
+        unknowns: Sequence[Unknown],
+        inputs: InputValues | None = None,
+    ) -> InverseDynamics:
+        """The forces that make variables move as prescribed, from the branch of loops of the chart on; see `Model.inverse_dynamics`."""
+        from acausal.analysis.inverse_dynamics import inverse_dynamics, times_of
+        from acausal.analysis.point import start_values
+
+        whole, t = self.atlas.functions, times_of(times)
+        at = replace(self._situation(start_values(whole, self.chart.x), inputs), t0=float(t[0]))
+        return inverse_dynamics(whole, at, t, whole.outputs.system.flat.symbols(motions), unknowns)
+
+    def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
+        """(t, y, a, u, p) -> force; see `Model.inverse_dynamics_function`."""
+        from acausal.analysis.inverse_dynamics import inverse_dynamics_function
+
+        whole, (t, y, u, p) = self.atlas.functions, self._symbols
+        found = inverse_dynamics_function(whole, whole.outputs.system.flat.symbols(variables), unknowns)
+        a = ca.SX.sym("a", found.size1_in(2))
+        arguments = [t, y, a, u, p]
+        return folded_function(
+            "inverse_dynamics", arguments, [found(t, self.expand(t, y, u, p), a, u, p)], ["t", "y", "a", "u", "p"], ["force"]
+        )
+
+    def export_c(self, folder: str | Path) -> Path:
+        """Write C source, header and a build line for the functions of y; returns the folder."""
+        from acausal.export.c_source import export_c
+
+        return export_c(self.functions, folder)
+
+    def _situation(self, start: StartValues | None, inputs: InputValues | None) -> Situation:
+        return replace(situation(self.atlas.functions.outputs, start, self.chart.t, inputs), p=self.chart.p)
+
     def simulate(
         self,
         end: float,
-        start: Start | None = None,
+        start: StartValues | None = None,
         *,
         rtol: float = 1e-8,
         atol: float | None = None,
@@ -166,11 +242,11 @@ class MinimalModel:
         It begins at the reference of this chart, or at `start` values, at the chart's time and with its parameters. Other arguments and
         errors as for `Model.simulate`; `SimulationError` also where the motion becomes singular.
         """
-        from acausal.charts.minimal_motion import through_charts
+        from acausal.minimal.through_charts import through_charts
         from acausal.simulate.simulation import Options
 
         options = Options.asked(Accuracy.asked(rtol, atol, None, max_steps), method, samples, compiled, raise_on_failure)
-        at = replace(situation(self.atlas.functions.outputs, start, self.chart.t, inputs), p=self.chart.p)
+        at = self._situation(start, inputs)
         return through_charts(self, finite(end, "simulate: the end [s]"), at, start is not None, options)
 
     @functools.cached_property
