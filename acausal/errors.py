@@ -142,3 +142,7 @@ class SimulationError(AcausalError):
     def __init__(self, message: str, trajectory: Any) -> None:
         super().__init__(message)
         self.trajectory = trajectory
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Other processes hand errors over, too."""
+        return type(self), (self.args[0], self.trajectory)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import copy
+import multiprocessing
 import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import UnknownVariableError
+from acausal.errors import SimulationError, UnknownVariableError
 from acausal.loops.constraints import analyse_constraints
 from acausal.reduce.reduce import reduce_system
 from components import Prismatic, Revolute, RigidBody, Spring, World
@@ -162,3 +164,41 @@ def test_a_model_comes_out_of_another_process(tmp_path):
     code = f"import pickle; s, m = pickle.load(open({str(tmp_path / 'model.pickle')!r}, 'rb')); print(m.simulate(0.2, {{s.a.q: 1.0}}, rtol=1e-9)[s.d.q][-1].hex())"
     out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
     assert float.fromhex(out.strip()) == ac.build(scene).simulate(0.2, {scene.a.q: 1.0}, rtol=1e-9)[scene.d.q][-1]
+
+
+def _answered(question: str) -> Any:
+    """In another process, which gets the model and gives the answer back."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(_ask, (ac.build(DoublePendulum()), question))
+
+
+def _ask(model: ac.Model, question: str) -> Any:
+    start = {"shoulder.q": 0.3, "elbow.q": -0.1}
+    return {
+        "run": lambda: model.simulate(0.1, start, samples=3),
+        "minimal": lambda: model.minimal(start),
+        "failure": lambda: model.simulate(10.0, start, max_steps=2),
+        "forces": lambda: model.inverse_dynamics([0.0, 0.1], {"shoulder.q": ac.time, "elbow.q": 0.1}, ["shoulder", "elbow"]),
+    }[question]()
+
+
+@pytest.mark.slow
+def test_other_processes_are_asked_by_name_and_answer_with_all_they_have():
+    model = ac.build(DoublePendulum())
+    assert np.array_equal(_answered("run")["elbow.q"], _ask(model, "run")["elbow.q"])
+    forces = [found.force("elbow") for found in (_answered("forces"), _ask(model, "forces"))]
+    assert np.array_equal(*forces)
+
+
+@pytest.mark.parametrize("question", ["run", "minimal", "forces"])
+def test_answers_are_pickled(question):
+    found = _ask(ac.build(DoublePendulum()), question)
+    assert str(pickle.loads(pickle.dumps(found))) == str(found)
+
+
+def test_failures_are_pickled_with_what_was_computed():
+    with pytest.raises(SimulationError) as caught:
+        _ask(ac.build(DoublePendulum()), "failure")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value)
+    assert np.array_equal(again.trajectory["elbow.q"], caught.value.trajectory["elbow.q"])

@@ -25,11 +25,15 @@ Unknown = Input | AbstractJoint | Expression
 
 @dataclass(frozen=True, repr=False)
 class Actuation:
-    """A scene in which all forces to be found are inputs: `places` (in u) of those of each unknown, their `names`."""
+    """A scene in which all forces to be found are inputs: `places` (in u) of those of each unknown, their `names`. `whole`: as it was before."""
 
+    whole: Functions
     functions: Functions
     places: dict[Unknown, tuple[int, ...]]
     names: tuple[str, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return actuated, (self.whole, list(self.places))
 
     @property
     def entries(self) -> list[int]:
@@ -44,7 +48,7 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
     The scene is reduced again with the new forces as further inputs, so that loops, gears and circuits see them as they see any other
     force. Raises `OptionError` for anything else.
     """
-    outputs = functions.outputs
+    whole, outputs = functions, functions.outputs
     flat = outputs.system.flat
     unknowns = [
         named(flat, u) for u in listed(unknowns, "inverse_dynamics: `unknowns`", "unknowns=[scene.shoulder, scene.elbow]")
@@ -75,7 +79,7 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
     if sum(map(len, places.values())) > len({i for own in places.values() for i in own}) or len(places) < len(unknowns):
         raise OptionError("inverse_dynamics: something stands twice in `unknowns`.")
     names = tuple(functions.outputs.name(inputs[i]) for own in places.values() for i in own)
-    return Actuation(functions, places, names)
+    return Actuation(whole, functions, places, names)
 
 
 def named(flat: FlatSystem, unknown: Any) -> Any:

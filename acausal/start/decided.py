@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ class OtherDecisions(StartValueError):
     def __init__(self, message: str, time: float, q: np.ndarray, values: np.ndarray) -> None:
         super().__init__(message)
         self.time, self.q, self.values = time, q, values
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return OtherDecisions, (self.args[0], self.time, self.q, self.values)
 
 
 def check_decided(system: ReducedSystem, time: float, x: np.ndarray, p: np.ndarray) -> None:
