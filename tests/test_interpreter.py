@@ -53,7 +53,9 @@ EXPORT void evaluate(const Kernel *k, const V *in, V *c, V *out, V *w) {
 
 @functools.cache
 def _evaluation(options: tuple[str, ...]) -> ctypes.CDLL:
-    headers = b"".join((SOURCES / name).read_bytes() for name in ("runtime.h", "lanes.h", "interpreter.h", "vector_math.h"))
+    headers = b"".join(
+        (SOURCES / name).read_bytes() for name in ("runtime.h", "lanes.h", "interpreter.h", "twofold.h", "vector_math.h")
+    )
     command = compiler()
     assert command is not None
     path = cached_library(
@@ -69,7 +71,7 @@ def _room(values: int, lanes: int) -> Array:
     return whole[first : first + values * lanes].reshape(values, lanes)
 
 
-def _values(kernel: Kernel, points: Array, library: Runtime) -> Array:
+def kernel_values(kernel: Kernel, points: Array, library: Runtime) -> Array:
     """Results (outputs, n) at points (inputs, n), as the runtime runs kernels."""
     lanes, n = library.lanes, points.shape[1]
     x, c, y, w = (_room(size, lanes) for size in (kernel.inputs, kernel.constants, kernel.outputs, kernel.work))
@@ -90,7 +92,7 @@ def _bits(x: Array) -> NDArray[np.uint64]:
 def _same(functions: Sequence[Wanted], points: Array, library: Runtime) -> None:
     ways = [Kernels(functions, library, how) for how in (How.INTERPRETED, How.COMPILED)]
     for wanted, interpreted, compiled in zip(functions, *(way.current for way in ways), strict=True):
-        one, other = (_values(kernel, points[: kernel.inputs], library) for kernel in (interpreted, compiled))
+        one, other = (kernel_values(kernel, points[: kernel.inputs], library) for kernel in (interpreted, compiled))
         assert np.array_equal(_bits(one), _bits(other)), wanted.name
 
 
@@ -131,7 +133,7 @@ def test_what_depends_on_parameters_only_is_prepared(library: Runtime) -> None:
 def _problems(model: ac.Model, library: Runtime) -> Iterator[NativeProblem]:
     f = model.functions
     for how in (How.INTERPRETED, How.COMPILED):
-        yield NativeProblem(f.explicit_dynamics, f.invariants, f.projection, f.clearance, f.space.nq, how, library)
+        yield NativeProblem(f.explicit_dynamics, f.invariants, f.projection, f.clearance, f.exact, f.space.nq, how, library)
 
 
 @pytest.mark.parametrize("scene", [Pendulum, FourBar, lambda: chain(6)], ids=["pendulum", "four-bar", "chain"])
@@ -142,7 +144,7 @@ def test_kernels_of_models_have_the_bits_of_compiled_ones(scene: type[ac.System]
         for interpreted, compiled in zip(ours.current, theirs.current, strict=True):
             points = np.random.default_rng(4).normal(0, 1, (interpreted.inputs, 24))
             points = np.repeat(points[:, :1], 24, axis=1) if one.np else points
-            assert np.array_equal(*(_bits(_values(kernel, points, library)) for kernel in (interpreted, compiled)))
+            assert np.array_equal(*(_bits(kernel_values(kernel, points, library)) for kernel in (interpreted, compiled)))
 
 
 def _motions(taken: list[Kernels], eager: bool, patch: pytest.MonkeyPatch) -> list[Array]:

@@ -41,6 +41,19 @@ class Crossing:
 
 
 @dataclass(frozen=True)
+class Exact:
+    """`rhs` and `project` of a problem once more, for arithmetic with twice as many digits. `through`: whether motions may lead straight through
+    singular positions, not past them only.
+    """
+
+    rhs: ca.Function
+    project: ca.Function
+    through: bool
+    usual: np.ndarray
+    """(nx,): 1 / how much a velocity is, beside others; 0 for other states."""
+
+
+@dataclass(frozen=True)
 class Problem:
     """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
 
@@ -49,7 +62,8 @@ class Problem:
     same functions (a `NativeProblem`), made by whoever integrates where they are missing. `guards`: zeros to be located. `met`:
     (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;
     None where they never do. `positions`: how many states are, the first ones. `breaks`: (n, 2) times [s] before and after which rates are smooth,
-    in order, and between which nothing happens.
+    in order, and between which nothing happens. `exact`: what is used where
+    `clearance` is small.
     """
 
     rhs: ca.Function
@@ -64,6 +78,7 @@ class Problem:
     clearance: ca.Function | None = None
     positions: int = 0
     breaks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    exact: Exact | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: without the kernels, which belong to this process."""

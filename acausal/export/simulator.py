@@ -131,7 +131,7 @@ def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
     if f.invariants is not None and f.projection is not None:
         invariants = f.invariants.size1_out(0)
         sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
-    if f.clearance is not None:
+    if f.clearance is not None and f.outputs.system.constraints.singular:
         sources.append(emit(f.clearance, "model_clearance", parameters=(2,)))
     kernels = {source.name: source for source in sources}
     copies = copied_states(rhs)

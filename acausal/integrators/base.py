@@ -65,7 +65,7 @@ def native(problem: Problem) -> NativeProblem:
     """The problem's kernels, made here where it has none. Raises `NoRuntimeError` where there is no runtime: neither built nor to be compiled."""
     try:
         found = problem.native or native_problem(
-            problem.rhs, problem.invariants, problem.project, problem.clearance, problem.positions
+            problem.rhs, problem.invariants, problem.project, problem.clearance, problem.exact, problem.positions
         )
         why = "no C compiler was found to build it now (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough)"
     except ExportError as error:

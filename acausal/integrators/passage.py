@@ -29,7 +29,7 @@ class Passage:
     def clearances(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n,) at states X (n, nx)."""
         assert self.problem.clearance is not None
-        return np.array(self.problem.clearance(t[None, :], X.T, self._p(t.size))).ravel()
+        return np.array(self.problem.clearance(t[None, :], X.T, self._p(t.size)))[0]
 
     def crossing(self, t: float, x: np.ndarray, h: float) -> float | None:
         """How far [s] to go ahead and back from a state, in a step of size h, to have clearance; None where that leads nowhere."""

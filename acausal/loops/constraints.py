@@ -121,6 +121,11 @@ class Constraints:
         return self.damped or self.singular
 
     @property
+    def narrow(self) -> bool:
+        """Whether motions may pass so closely by a singular position that rates lose digits there."""
+        return not self.damped and any(part.narrow for part in self.examined)
+
+    @property
     def slips(self) -> tuple[int, ...]:
         """Places in `velocity` of rows that are not rates of position rows: rolling without slip."""
         slip = [k >= rows.position.numel() for rows in self.loops for k in range(rows.velocity.numel())]

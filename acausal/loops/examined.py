@@ -23,6 +23,8 @@ _LOOKS = 8
 """Places of a walk that are looked at again with other values."""
 _KEPT = 8
 """Values of parameters for which a walk is kept, and configurations for which a margin is."""
+_NARROW = 0.2
+"""Singular values on a walk, which may step over still smaller ones, from which on digits are lost between its places."""
 _SHRUNK = 0.5
 """What may be lost of a margin before an examination is made again."""
 
@@ -81,6 +83,12 @@ class Examined:
     def least(self) -> float:
         """The smallest singular value that was met."""
         return min((smallest for smallest, _ in self.trail), default=1.0)
+
+    @property
+    def narrow(self) -> bool:
+        """Whether motions may pass closely by a singular position: with one freedom, the walk meets what they do; with several it may miss that."""
+        free = self.group.v.numel() - self.rank.rank
+        return self.least < _NARROW and not (self.singular and free == 1)
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""

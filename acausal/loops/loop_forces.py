@@ -33,9 +33,11 @@ from acausal.dynamics.virtual_inertia import LoopMotions, check_tree_inertia, vi
 from acausal.loops.constraints import Constraints
 from acausal.numerics.sizes import power_of_four
 
-_DAMPING = 1e-9
+_DAMPING, _EXACT_DAMPING = 1e-9, 1e-24
 _CLOSED = 1e-4
+_SEEN = 1e-15
 _CORRECTIONS = 2
+_NEWTON_STEPS = 3
 _MASSLESS = 1e-9
 _ROUNDING = 1e-12
 
@@ -59,6 +61,11 @@ class LoopForces:
     pivot_product_size: float = 1.0
     light: np.ndarray = field(default_factory=lambda: np.ones(1))
     """How light links were where the sizes were taken."""
+    damping: float = _DAMPING
+
+    def exact(self) -> LoopForces:
+        """The same for arithmetic with twice as many digits."""
+        return dataclasses.replace(self, damping=_EXACT_DAMPING)
 
     def closed(self, free: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Accelerations (nv, 1) with closed loops, and multipliers of the rows (m, 1), for accelerations `free` (nv, 1) without them:
@@ -127,17 +134,26 @@ class LoopForces:
 
     @functools.cached_property
     def clearance(self) -> ca.SX:
-        """0 at a singular position, about the square of the distance from it near by, of the size of 1 elsewhere; without unit.
+        """(2, 1): 0 at a singular position, about the square of the distance from it near by, of the size of 1 elsewhere; and a product of these
+        where motions come close to several at once. Without unit.
 
         Beside light bodies a pivot is small too where another row has the large one of their directions: the product of all is not.
         """
         least = functools.reduce(ca.fmin, ca.vertsplit(self._pivots))
-        return ca.fmax(least, self._pivot_product / self.pivot_product_size)
+        product = self._pivot_product / self.pivot_product_size
+        return ca.vertcat(ca.fmax(least, product), product)
 
     @functools.cached_property
     def _pivots(self) -> ca.SX:
         """Of `delassus` (m, 1), as part of their sizes and at most 1: beside closed loops those of redundant rows grow."""
-        return ca.fmin(pivots(self.delassus + ca.diag(self._damping)) / self.pivot_sizes / self._level, 1.0)
+        return ca.fmin(self._own_pivots / self.pivot_sizes / self._level, 1.0)
+
+    @property
+    def _own_pivots(self) -> ca.SX:
+        """As far as rounding lets them be seen where rates are exact; else damped as they are solved."""
+        if not self.constraints.narrow:
+            return pivots(self.delassus + ca.diag(self._damping))
+        return pivots(self.delassus + ca.diag(_SEEN * self._level * ca.SX(self.sizes)))
 
     @property
     def _pivot_product(self) -> ca.SX:
@@ -187,7 +203,7 @@ class LoopForces:
     @property
     def _damping(self) -> ca.SX:
         """(m, 1), each in its row's own unit: no entry vanishes where a row does."""
-        return _DAMPING * self._level * ca.SX(self.sizes)
+        return self.damping * self._level * ca.SX(self.sizes)
 
     @functools.cached_property
     def _level(self) -> ca.SX:
@@ -220,13 +236,13 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
     flexibility = ca.horzcat(*(mass_solve(inertias, A[i, :].T) for i in range(m)))
     delassus = ca.tril2symm(ca.tril(A @ flexibility))
     forces = LoopForces(mechanics, constraints, flexibility, delassus, np.ones(m), np.ones(m), rotors, inertias)
-    if constraints.dependent:
+    if constraints.dependent or constraints.narrow:
         sizes, light = (
             _sizes(forces, column, parameters, values) for column in (ca.diag(delassus), _lightness(inertias, constraints))
         )
         forces = dataclasses.replace(forces, sizes=sizes, light=light)
-    if constraints.singular:
-        usual = pivots(delassus + ca.diag(forces._damping))  # pyright: ignore[reportPrivateUsage]
+    if constraints.singular or constraints.narrow:
+        usual = forces._own_pivots  # pyright: ignore[reportPrivateUsage]
         forces = dataclasses.replace(forces, pivot_sizes=_sizes(forces, usual, parameters, values))
         product = forces._pivot_product  # pyright: ignore[reportPrivateUsage]
         forces = dataclasses.replace(forces, pivot_product_size=float(_sizes(forces, product, parameters, values)[0]))
@@ -267,10 +283,11 @@ def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
     )
 
 
-def on_branch(rates: ca.SX, forces: LoopForces, arguments: list[ca.SX]) -> ca.SX:
+def on_branch(rates: ca.SX, forces: LoopForces, arguments: list[ca.SX], exact: bool = False) -> ca.SX:
     """`rates`, which depend on `arguments` (t, q, v, states, u, p), at the nearest q and v with closed loops.
 
-    Positions first, all corrections with the matrix of the first one, then velocities.
+    Positions first, all corrections with the matrix of the first one, then velocities. `exact`: each with a matrix of its own, as often as
+    twice as many digits need.
     """
     t, q, v, states, u, p = arguments
     position = ca.Function("position", [t, q, p], [ca.densify(forces.constraints.position)])
@@ -278,7 +295,7 @@ def on_branch(rates: ca.SX, forces: LoopForces, arguments: list[ca.SX]) -> ca.SX
     correction = ca.Function("correction", [t, q, p, gap], [ca.densify(forces.position_correction(gap))])
     velocity = ca.Function("velocity", [t, q, v, p], [ca.densify(v + forces.velocity_correction())])
     q_on = q
-    for _ in range(_CORRECTIONS):
-        q_on = q_on + correction(t, q, p, position(t, q_on, p))
+    for _ in range(_NEWTON_STEPS if exact else _CORRECTIONS):
+        q_on = q_on + correction(t, q_on if exact else q, p, position(t, q_on, p))
     v_on = velocity(t, q_on, v, p)
     return ca.Function("rates", arguments, [ca.densify(rates)])(t, q_on, v_on, states, u, p)

@@ -14,7 +14,7 @@ import numpy as np
 
 from acausal.loops.walk import Walk
 from acausal.numerics.independent import Independent
-from acausal.numerics.thresholds import SINGULAR
+from acausal.numerics.thresholds import CLOSED, SINGULAR
 
 _STRIDE = 0.35
 _LENGTH = 5.0
@@ -60,7 +60,9 @@ class _Look:
 
     def between(self, a: _Place, b: _Place, part: float, ahead: np.ndarray) -> _Place | None:
         """A closed configuration on the way from one place to another."""
-        z = self.walk.closed((1 - part) * a.z + part * b.z)
+        z = self.walk.closed(
+            (1 - part) * a.z + part * b.z, CLOSED
+        )  # what is less closed may lie between two branches that pass each other
         return None if z is None else self.at(z, ahead)
 
 

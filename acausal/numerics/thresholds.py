@@ -17,8 +17,8 @@ DEPENDENT = 1e-9
 """Singular values below this, of rows and columns brought to size one, count as zero: steps do not go there."""
 RANK = 1e-7
 """The same where rows are counted: configurations are closed to `CLOSED`, and 1e-7 above that no row is independent by accident."""
-SINGULAR = 1e-5
-"""A position is singular where the smallest of the singular values that are usual is below this."""
+SINGULAR = 1e-6
+"""A position is singular where the smallest of the singular values that are usual is below this: lengths that fit to about `CLOSED` do."""
 CROSSING = 1e-6
 """The same where a state given is one: nearer to it no coordinates stand for the others."""
 NEARLY = 3e-2

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 
+from acausal.collocation.problem import Exact
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError
@@ -245,11 +247,25 @@ class Functions:
         found = ca.densify(self.space.put(s.clearance))
         return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
 
+    @functools.cached_property
+    def exact(self) -> Exact | None:
+        """`explicit_dynamics` and `projection` once more for arithmetic with twice as many digits; None where loops need none."""
+        s = self.outputs.system
+        if s.exact is None:
+            return None
+        rates, step = (ca.densify(self.space.kept(part)) for part in s.exact)
+        step = folded_function("exact_projection", [s.t, self.space.x, self.space.p], [step], ["t", "x", "p"], ["x_next"])
+        usual = np.zeros(s.x.numel())
+        usual[s.nq : s.nq + s.tree_velocities] = 1 / s.constraints.rates
+        return Exact(
+            self._function("exact_dynamics", [rates], ["x_dot"]), step, s.constraints.singular, self.space.restricted(usual)
+        )
+
     def native(self, how: How) -> NativeProblem | None:
         """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""
         from acausal.runtime.native import native_problem
 
-        parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance
+        parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact
         try:
             return self._native.of(how, lambda: native_problem(*parts, self.space.nq, how))
         except ExportError:  # whoever integrates tries again, and says what is wrong

@@ -15,7 +15,7 @@ import numpy as np
 
 from acausal.dynamics.forward_dynamics import forward_dynamics
 from acausal.dynamics.system import MechanicalSystem, mechanical_system
-from acausal.dynamics.tree import JointSymbols
+from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError
 from acausal.language.connector import Electrical
 from acausal.language.expression import Symbol, stacked, time
@@ -64,6 +64,8 @@ class ReducedSystem:
     scalar: ScalarPart
     extra: ca.SX | None = None
     """More joint forces, by which an analysis has extended the scene."""
+    exact: tuple[ca.SX, ca.SX] | None = None
+    """`x_dot` and `projection` once more for arithmetic with twice as many digits, where loops come close to singular positions."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Made again from its parts, where and with the values where it was decided: the same expressions, other symbols."""
@@ -233,11 +235,10 @@ def reduce_system(
     constraints = analyse_constraints(mechanics, p, values) if constraints is None else constraints
     tau = ca.SX.sym("tau", tree.v.numel())
     forces = loop_forces(mechanics, constraints, p, values)
-    v_dot, multipliers = forces.closed(
-        forward_dynamics(
-            mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias
-        )
+    free = forward_dynamics(
+        mechanics.kinematics, tau if extra is None else tau + extra, list(mechanics.wrenches), inertias=forces.inertias
     )
+    v_dot, multipliers = forces.closed(free)
     step = projection(forces, ca.SX(0, 1))
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
@@ -252,15 +253,22 @@ def reduce_system(
     n = scalar.positions
     first, last = _split(states, n)
     x, second = ca.vertcat(tree.q, first, tree.v, last), ca.vertcat(v_dot, scalar.rates)
+    arguments = [time.sx, tree.q, tree.v, states, u, p]
+    exact = None
+    if constraints.narrow:
+        more = forces.exact()
+        v_dot_more = more.closed(free)[0]
+        rates = on_branch(ca.vertcat(_put(tau, scalar.tau, v_dot_more), scalar.rates), more, arguments, exact=True)
+        step_more = _corrected(projection(more, ca.SX(0, 1)), x, nq, scalar)
+        exact = None if step_more is None else (_rates(tree, rates, nv, n), step_more)
     if constraints.dependent:
-        second = on_branch(second, forces, [time.sx, tree.q, tree.v, states, u, p])
-    accelerations, positions, others = _split(second, nv, n)
-    x_dot = ca.vertcat(tree.rates, positions, accelerations, others)
+        second = on_branch(second, forces, arguments)
+    x_dot = _rates(tree, second, nv, n)
     system = ReducedSystem(
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular else None, scalar, extra,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular or constraints.narrow else None, scalar, extra, exact,
     )  # fmt: skip
     again = looped(system, system.closed_positions) if system.holding.again and not without else []
     if again:
@@ -297,6 +305,12 @@ def _check_free(system: ReducedSystem) -> None:
             f"Joints cannot move: against their {counted(tree.v.numel(), 'freedom')} stand {constraints.rank.rank} constraints of loops "
             f"and {held} of gears and sources at {places}, from {', '.join(names[:4])}. Remove a source or a gear, or put a spring between."
         )
+
+
+def _rates(tree: Tree, second: ca.SX, nv: int, n: int) -> ca.SX:
+    """Rates of all states, for the accelerations and rates of scalar states in `second`, n of them of positions."""
+    accelerations, positions, others = _split(second, nv, n)
+    return ca.vertcat(tree.rates, positions, accelerations, others)
 
 
 def _corrected(step: ca.SX | None, x: ca.SX, nq: int, scalar: ScalarPart) -> ca.SX | None:

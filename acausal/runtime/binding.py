@@ -69,7 +69,7 @@ class Table(ctypes.Structure):
     ]
 
 
-KERNELS = ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance", "formula")
+KERNELS = ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance", "formula", "exact_rhs", "exact_projection")
 """Kernels of an integration, in the order of runtime.h."""
 
 
@@ -77,8 +77,9 @@ class Integrator(ctypes.Structure):
     """`Integrator` of runtime.h."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions")),
+        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "through")),
         *((name, Kernel) for name in KERNELS),
+        ("usual", ctypes.c_void_p),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
         ("input", InputFunction),

@@ -39,7 +39,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     set_scale(I, h, h);
     set_factor(I, h);
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
-    F->around = 0;
+    forget_surroundings(I, F);
     Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, 4 * EPS / T->unit, 30);
     int done = fixed_point(I, F, h, x, &J);
     for (int again = 0; again < 2 && !done; again++) {
@@ -49,6 +49,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
         set_scale(I, h, h);
         set_factor(I, h);
         J = new_judge(J.tolerance, J.floor, J.limit);
+        F->looked = 0;
         done = fixed_point(I, F, h, x, &J);
     }
     T->newton_now = newton;

@@ -169,13 +169,14 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     double first = 0, last = 0, tail = 0, largest = 0, soonest = h / (T->unit * PART * T->reach);
     for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->start_known && !rate_at(I, I->t, I->x, T->start_rate)) return -1;
-    if (S->around) {
+    int beside = S->around || T->part > 0;
+    if (beside) {
         if (!rate_at(I, I->t, I->x, T->start_rate)) return -1;
-        along_at(I, h, T->start_rate);
+        beside_at(I, S->around, h, T->start_rate);
     }
     if (!rate_at(I, I->t + h, T->before, T->end_rate)) return -1;
-    if (S->around) along_at(I, h, T->end_rate);
-    T->start_known = !S->around;
+    if (beside) beside_at(I, S->around, h, T->end_rate);
+    T->start_known = !beside;
     for (long i = 0; i < I->nx; i++) {
         const double *a = S->a + i * n;
         double even = 0, odd = 0, unit = h / T->scale[i];
@@ -311,11 +312,12 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
     set_scale(I, h, I->step > 0 ? h : fmax(T->planned, h));
     set_factor(I, h);
     if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
-    S->around = 0;
+    forget_surroundings(I, S);
     Judge J = new_judge(tolerance, rounding_floor(I, S, h), T->newton_now ? 15 : 50);
     int done = T->newton_now ? newton(I, S, h, I->x, &J) : fixed_point(I, S, h, I->x, &J);
     *contraction = J.contraction;
     T->change = J.change;
+    T->straight = S->around;
     return done;
 }
 
@@ -447,6 +449,11 @@ static enum Code one_adaptive(Integrator *I) {
             misses++;
             continue;
         }
+        if (leaves_branch(I, S)) {
+            I->h = 0.4 * h;
+            I->rejected++;
+            continue;
+        }
         if (avoided < AVOIDED && is_awkward(I, S, h)) {
             I->h = 0.8 * h;
             I->rejected++;
@@ -518,5 +525,6 @@ static enum Code one_fixed(Integrator *I) {
     if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;
     legendre_coefficients(I, S, S->K);
     step_increments(I, S);
+    if (leaves_branch(I, S)) return NOT_CONVERGED;
     return accept_step(I, S, h);
 }

@@ -60,6 +60,7 @@ at_end:;
 #undef AT
 #undef NEXT
 
+#include "twofold.h"
 
 /* Results of a function of one point, lane by lane; lanes that repeat the one before are not evaluated again. */
 static void evaluate_lanes(const Kernel *k, const V *in, V *out) {
@@ -77,14 +78,14 @@ static void evaluate_lanes(const Kernel *k, const V *in, V *out) {
 /* A kernel's results at `in`. */
 static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) {
     if (k->run) k->run(in, c, out, w);
-    else if (k->program) interpret(k->program, in, c, out);
+    else if (k->program) (k->twofold ? interpret_twofold : interpret)(k->program, in, c, out);
     else evaluate_lanes(k, in, out);
 }
 
 /* What of a kernel depends on parameters only. */
 static void prepare_kernel(const Kernel *k, const V *in, V *c, V *w) {
     if (k->prepare) k->prepare(in, c, c, w);
-    else if (k->program) interpret(k->preparation, in, c, c);
+    else if (k->program) (k->twofold ? interpret_twofold : interpret)(k->preparation, in, c, c);
 }
 #else
 static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) { k->run(in, c, out, w); }

@@ -41,7 +41,7 @@ class Kernel(ctypes.Structure):
         ("function", ctypes.c_void_p),
         ("arguments", ctypes.c_void_p),
         ("results", ctypes.c_void_p),
-        *((name, ctypes.c_long) for name in ("inputs", "outputs", "constants", "work")),
+        *((name, ctypes.c_long) for name in ("inputs", "outputs", "constants", "work", "twofold")),
     ]
 
 
@@ -184,6 +184,26 @@ class Compilation:
             logger.info("acausal: %s", error)
         finally:
             self._ended = time.perf_counter()
+
+
+@dataclass(frozen=True)
+class Twofold:
+    """Rates (t, x, u, p) and projection (t, x, p) as programs for twofold.h."""
+
+    kernels: tuple[Kernel, Kernel]
+    programs: tuple[Program, Program]
+
+
+def twofold(rhs: ca.Function, project: ca.Function, lanes: int) -> Twofold:
+    """Programs in which a value takes the room of two."""
+    programs = (
+        program(rhs, "exact_rhs", 2 * lanes, parameters=(3,)),
+        program(project, "exact_projection", 2 * lanes, parameters=(2,)),
+    )
+    kernels = [_interpreted(p) for p in programs]
+    for kernel in kernels:
+        kernel.constants, kernel.twofold = 2 * kernel.constants, True
+    return Twofold((kernels[0], kernels[1]), programs)
 
 
 def _interpreted(p: Program) -> Kernel:

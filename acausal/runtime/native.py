@@ -18,6 +18,7 @@ from acausal.collocation.problem import (
     Accuracy,
     Crossing,
     Directions,
+    Exact,
     Guards,
     Newton,
     Problem,
@@ -42,7 +43,7 @@ from acausal.runtime.binding import (
     Table,
     method_table,
 )
-from acausal.runtime.kernels import How, Kernels, Wanted
+from acausal.runtime.kernels import How, Kernels, Twofold, Wanted, twofold
 from acausal.runtime.load import Runtime, runtime
 
 _Double = ctypes.POINTER(ctypes.c_double)
@@ -100,7 +101,7 @@ class NativeProblem:
 
     def __init__(
         self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, clearance: ca.Function | None,
-        positions: int, how: How, runtime: Runtime,
+        exact: Exact | None, positions: int, how: How, runtime: Runtime,
     ) -> None:  # fmt: skip
         self.rhs, self.how, self.runtime, self.library = rhs, how, runtime, runtime.library
         self._project = project
@@ -113,7 +114,7 @@ class NativeProblem:
         self._made: weakref.WeakSet[Kernels] = weakref.WeakSet()
         self.kernels = self._kernels(*wanted)
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
-        self.positions, self.crosses = positions, clearance is not None
+        self.positions, self.crosses, self.exact = positions, clearance is not None, exact
         self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
         pairs = copied_states(rhs)
         self._copies = [(ctypes.c_long * max(1, len(pairs)))(*(pair[k] for pair in pairs)) for k in (0, 1)]
@@ -132,6 +133,11 @@ class NativeProblem:
     def busy(self) -> bool:
         """Whether a compiler works in the background."""
         return any(kernels.busy for kernels in self._made)
+
+    @functools.cached_property
+    def exact_kernels(self) -> Twofold | None:
+        """Rates and projection as programs for twofold precision; None where nothing needs it."""
+        return None if self.exact is None else twofold(self.exact.rhs, self.exact.project, self.lanes)
 
     @functools.cached_property
     def jvp(self) -> Kernels:
@@ -177,7 +183,7 @@ class NativeProblem:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
-        kernel = ctypes.byref(self.kernels.current[1])
+        kernel = ctypes.byref(self.kernels.current[1] if self.exact_kernels is None else self.exact_kernels.kernels[1])
         self.library.project_states(kernel, self.nx, self.np, _address(parameters), times.size, _address(times), _address(rows))
         return rows.T
 
@@ -242,6 +248,9 @@ class Run:
             else:
                 self._give(problem.inputs if isinstance(problem.inputs, Inputs) else None)
         self._use(native.kernels, "rhs", *(["projection"] if native.ng else []), *(["clearance"] if native.crosses else []))
+        if native.exact is not None and native.exact_kernels is not None:
+            core.exact_rhs, core.exact_projection = native.exact_kernels.kernels
+            core.through, core.usual = native.exact.through, _address(native.exact.usual)
         self._breaks = np.ascontiguousarray(problem.breaks, dtype=float)
         core.breaks, core.break_count = _address(self._breaks), self._breaks.shape[0]
         if problem.guards is not None:
@@ -461,6 +470,7 @@ def native_problem(
     invariants: ca.Function | None = None,
     project: ca.Function | None = None,
     clearance: ca.Function | None = None,
+    exact: Exact | None = None,
     positions: int = 0,
     how: How = How.AUTO,
 ) -> NativeProblem | None:
@@ -469,7 +479,7 @@ def native_problem(
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
     library = runtime()
-    return None if library is None else NativeProblem(rhs, invariants, project, clearance, positions, how, library)
+    return None if library is None else NativeProblem(rhs, invariants, project, clearance, exact, positions, how, library)
 
 
 class SharedProblems:

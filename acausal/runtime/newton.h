@@ -192,10 +192,8 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
             for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, i, v_all(x[i]));
         stage_rates(I, S);
         if (present(&I->clearance) && J->count < 2) find_zone(I, S, J);
-        if (S->around) {
-            correct_stages(I, S);
-            settle(I, S, S->N, x);
-        }
+        if (present(&I->clearance)) correct_stages(I, S);
+        if (S->around) settle(I, S, S->N, x);
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) residual[j * n + i] = S->N[j / LANES][i][j % LANES] - S->K[j / LANES][i][j % LANES];
         newton_direction(I, m, residual, T->dK);
@@ -231,7 +229,7 @@ static double radau_error(Integrator *I, Stages *S, double t, double h, const do
         if (again)
             for (long i = 0; i < n; i++) T->before[i] = x[i] + re[i];
         if (!rate_at(I, t, again ? T->before : x, T->rate)) return NAN;
-        if (S->around) along_at(I, h, T->rate);
+        if (S->around || T->part > 0) beside_at(I, S->around, h, T->rate);
         for (long i = 0; i < n; i++) {
             double inner = m->gamma * T->rate[i];
             for (long j = 0; j < S->s; j++) inner += m->weights[j] * (S->around ? S->G : S->K)[j / LANES][i][j % LANES];

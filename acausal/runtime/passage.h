@@ -10,6 +10,13 @@
 #define CLEARER 4 /* times as clear as a stage and as the next to singular positions, the end of a step by which the stage is settled */
 #define BESIDE 0.01 /* clearance that steps end with if they can */
 #define AVOIDED 4 /* times that a step is made shorter for this */
+#define EXACT 0.05 /* clearance at which rates need twofold precision at the tightest tolerance */
+#define ROUNDED 1e-12 /* the same times the tolerance */
+#define SEEN 0.05 /* part of the stages' least clearance that a step's polynomial may come closer */
+#define AWAY 0.9 /* clearance of stages between others beyond which nothing is near */
+#define ROUNDS 4
+#define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance */
+#define CLOSER 8 /* times as close, the next distance that rates may be continued from */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
 
 static const double node_places[NODES] = {-4, -3, -2, -1, 1, 2, 3, 4};
@@ -32,7 +39,7 @@ static int make_passage(Integrator *I) {
     return I->counted || (T->one_along && T->ahead && T->across);
 }
 
-/* Clearances of the states in the arguments of a rhs. */
+/* Clearances of the states in the arguments of a rhs; their products are left in T->clearance_out[1]. */
 static V clearances(Integrator *I, const V *in) {
     struct State *T = I->state;
     memcpy(T->clearance_in, in, sizeof(V) * (size_t)(1 + I->nx));
@@ -40,11 +47,47 @@ static V clearances(Integrator *I, const V *in) {
     return T->clearance_out[0];
 }
 
+/* The rates (0), or one correction (1), in twofold precision. */
+static void run_exact(Integrator *I, int which, const V *in, V *out) {
+    const Kernel *k = which ? &I->exact_projection : &I->exact_rhs;
+    run_kernel(k, in, I->state->exact_c[which], out, I->state->work);
+}
+
+static int make_exact(Integrator *I) {
+    struct State *T = I->state;
+    for (int k = 0; k < 2; k++) {
+        const Kernel *kernel = k ? &I->exact_projection : &I->exact_rhs;
+        if (!present(kernel)) continue;
+        if (!prepared(I, kernel, k ? T->projection_in : T->point_in, &T->exact_c[k])) return 0;
+    }
+    T->farther = reserve_doubles(I, I->nx + 1);
+    T->nearer = reserve_doubles(I, I->nx + 1);
+    T->exact_out = reserve_lanes(I, I->nx + 1);
+    return I->counted || (T->farther && T->nearer && T->exact_out);
+}
+
+/* The clearance below which rounding of rates, which grows as its power -3/2, would be seen beside the tolerance. */
+static double exact_limit(const Integrator *I) { return I->step > 0 ? EXACT : fmin(EXACT, ROUNDED / I->rtol); }
+
+static int is_near(Integrator *I, const V *in) { return present(&I->exact_rhs) && clearances(I, in)[0] < exact_limit(I); }
+
+static void look_around(Integrator *I, Stages *S) {
+    double limit = exact_limit(I);
+    S->looked++;
+    for (long b = 0; b < S->blocks; b++) {
+        V clear = clearances(I, S->in[b]);
+        memcpy(S->clear + b * LANES, &clear, sizeof clear);
+        memcpy(S->clear_of_all + b * LANES, &I->state->clearance_out[1], sizeof clear);
+        if (present(&I->exact_rhs)) S->exact |= i_any(clear < v_all(limit));
+    }
+}
+
 /* One correction of the states in the arguments of a rhs. */
 static const V *corrected(Integrator *I, const V *in) {
     struct State *T = I->state;
     memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + I->nx));
-    run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
+    if (present(&I->exact_projection)) run_exact(I, 1, T->projection_in, T->projection_out);
+    else run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     return T->projection_out;
 }
 
@@ -110,7 +153,7 @@ static double continued(V *const *values, long i) {
 static void correct_lane(Integrator *I, const V *in, V *K, V *along, long lane, double tau) {
     struct State *T = I->state;
     close_nodes(I, in, K, lane, tau);
-    for (long b = 0; b < NODES / LANES; b++) run_kernel(&I->rhs, T->nodes[b], T->rhs_c, T->node_rates[b], T->work);
+    for (long b = 0; b < NODES / LANES; b++) rates_at(I, present(&I->exact_rhs), T->nodes[b], T->node_rates[b]);
     for (long i = I->positions; i < I->nx; i++) K[i][lane] = continued(T->node_rates, i);
     for (long b = 0; b < NODES / LANES; b++) {
         for (long i = 0; i < I->nx; i++) T->node_rates[b][i] = v_all(K[i][lane]);
@@ -119,19 +162,63 @@ static void correct_lane(Integrator *I, const V *in, V *K, V *along, long lane, 
     for (long i = 0; i < I->nx; i++) along[i][lane] = continued(T->node_along, i);
 }
 
+/* Rates of velocities continued from nodes to either side, tau apart; `out` (nx). */
+static void continued_rates(Integrator *I, const V *in, const V *K, long lane, double tau, double *out) {
+    struct State *T = I->state;
+    close_nodes(I, in, K, lane, tau);
+    for (long b = 0; b < NODES / LANES; b++) rates_at(I, 1, T->nodes[b], T->node_rates[b]);
+    for (long i = I->positions; i < I->nx; i++) out[i] = continued(T->node_rates, i);
+}
+
+/* From how far to either side of a state with exact rates K these are to be continued; 0: not at all. Rounding of lengths disturbs rates by its part
+   over the cube of the distance from the singular position, so far ones are better, as long as they differ from nearer ones by no more than this. They
+   do beside a motion that does not lead straight through, but past the position. The nearest ones are K itself, twice as far from it as the state. */
+static double continued_from(Integrator *I, const V *in, const V *K, long lane, double tau, double clear) {
+    struct State *T = I->state;
+    double least = 2 * sqrt(clear), distance = AHEAD, speed = 0;
+    if (!I->through || !(tau > 0)) return 0;
+    for (long i = I->positions; i < I->nx; i++) {
+        double v = in[1 + i][lane] * I->usual[i];
+        speed += v * v;
+    }
+    continued_rates(I, in, K, lane, tau, T->farther);
+    for (int more = 1; more;) {
+        double next = tau / CLOSER, change = 0;
+        distance /= CLOSER;
+        more = distance > least;
+        if (!more) distance = sqrt(clear);
+        if (more) continued_rates(I, in, K, lane, next, T->nearer);
+        else
+            for (long i = I->positions; i < I->nx; i++) T->nearer[i] = K[i][lane];
+        for (long i = I->positions; i < I->nx; i++) {
+            double d = (T->farther[i] - T->nearer[i]) * I->usual[i];
+            change += d * d;
+        }
+        if (sqrt(change) * tau < sqrt(speed) * LENGTHS / (distance * distance)) return tau;
+        double *swapped = T->farther;
+        T->farther = T->nearer, T->nearer = swapped;
+        tau = next;
+    }
+    return 0;
+}
+
 /* Which stages are next to a singular position, and whether some are around one. */
 static void find_zone(Integrator *I, Stages *S, Judge *J) {
-    int around = 0;
-    for (long b = 0; b < S->blocks; b++) {
-        V clear = clearances(I, S->in[b]);
-        memcpy(S->clear + b * LANES, &clear, sizeof clear);
-        for (long l = 0; l < LANES; l++) {
-            double *tau = S->tau + b * LANES + l;
-            *tau = b * LANES + l < S->s && clear[l] < CROSSING ? crossing(I, S->in[b], S->N[b], l, S->h) : 0;
-            around |= !(clear[l] >= NEARBY);
-        }
-        along_branch(I, S->in[b], S->K[b], S->G[b]);
+    int around = 0, exact = present(&I->exact_rhs);
+    long nearest = 0;
+    for (long j = 0; j < S->s; j++) {
+        S->tau[j] = S->clear[j] < CROSSING && (!exact || I->through) ? crossing(I, S->in[j / LANES], S->N[j / LANES], j % LANES, S->h) : 0;
+        around |= !exact && !(S->clear[j] >= NEARBY);
+        if (S->clear[j] < S->clear[nearest]) nearest = j;
     }
+    if (exact) { /* one decision for all stages: what they differ by is no motion */
+        double tau = S->tau[nearest], part = 0;
+        if (tau > 0) part = continued_from(I, S->in[nearest / LANES], S->N[nearest / LANES], nearest % LANES, tau, S->clear[nearest]) / tau;
+        for (long j = 0; j < S->s; j++) S->tau[j] = 2 * sqrt(S->clear[j]) < AHEAD * part ? S->tau[j] * part : 0;
+        I->state->part = part;
+        around = part == 1;
+    }
+    for (long b = 0; b < S->blocks && around; b++) along_branch(I, S->in[b], S->K[b], S->G[b]);
     if (around && !S->around) J->floor *= ROUNDING;
     S->around = around;
 }
@@ -139,7 +226,7 @@ static void find_zone(Integrator *I, Stages *S, Judge *J) {
 /* Rates N next to a singular position corrected; H: the part of all of them along the branch. */
 static void correct_stages(Integrator *I, Stages *S) {
     for (long b = 0; b < S->blocks; b++) {
-        along_branch(I, S->in[b], S->N[b], S->H[b]);
+        if (S->around) along_branch(I, S->in[b], S->N[b], S->H[b]);
         for (long l = 0; l < LANES; l++)
             if (S->tau[b * LANES + l] > 0) correct_lane(I, S->in[b], S->N[b], S->H[b], l, S->tau[b * LANES + l]);
     }
@@ -221,14 +308,16 @@ static double change_along(Integrator *I, Stages *S, const double *dK, const dou
     return sum;
 }
 
-/* Of a state that `rate_at` has just been asked for: the rates' part along the branch, into `rate`. */
-static void along_at(Integrator *I, double h, double *rate) {
+/* Of a state that `rate_at` has just been asked for: the rates as stages next to a singular position have them, around one their part along the
+   branch, into `rate`. */
+static void beside_at(Integrator *I, int around, double h, double *rate) {
     struct State *T = I->state;
     V *in = T->point_in, *K = T->point_out;
-    double tau = clearances(I, in)[0] < CROSSING ? crossing(I, in, K, 0, h) : 0;
-    along_branch(I, in, K, T->one_along);
+    double clear = clearances(I, in)[0], tau = clear < CROSSING ? crossing(I, in, K, 0, h) : 0;
+    if (present(&I->exact_rhs)) tau = 2 * sqrt(clear) < AHEAD * T->part ? tau * T->part : 0;
+    if (around) along_branch(I, in, K, T->one_along);
     if (tau > 0) correct_lane(I, in, K, T->one_along, 0, tau);
-    for (long i = 0; i < I->nx; i++) rate[i] = T->one_along[i][0];
+    for (long i = 0; i < I->nx; i++) rate[i] = (around ? T->one_along : K)[i][0];
 }
 
 static double clearance_at(Integrator *I, double t, const double *x) {
@@ -239,7 +328,9 @@ static double clearance_at(Integrator *I, double t, const double *x) {
 }
 
 /* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
-static int is_crossing(Integrator *I, double t, const double *x) { return present(&I->clearance) && clearance_at(I, t, x) < CROSSING; }
+static int is_crossing(Integrator *I, double t, const double *x) {
+    return present(&I->clearance) && (!present(&I->exact_rhs) || I->state->straight) && clearance_at(I, t, x) < CROSSING;
+}
 
 /* Whether a step leads from elsewhere to beside a singular position, where its end is known to eps / x^2 only, or closely past two of them:
    `settle` finds what rounding has done at one. */
@@ -254,4 +345,63 @@ static int is_awkward(Integrator *I, const Stages *S, double h) {
     if (passes > 1) return 1;
     for (long i = 0; i < I->nx; i++) T->across[i] = I->x[i] + T->increment[i];
     return clearance_at(I, I->t + h, T->across) < BESIDE && !(clearance_at(I, I->t, I->x) < BESIDE);
+}
+
+/* States of a step at these fractions of it, clearances into `clear`, products of them into `all`; the arguments of a rhs stay in T->ahead. */
+static void clearances_within(Integrator *I, const Stages *S, const double *fractions, double *clear, double *all) {
+    struct State *T = I->state;
+    double P[65], Q[64];
+    for (long l = 0; l < LANES; l++) {
+        legendre_integrals(fractions[l], S->s, P, Q);
+        T->ahead[0][l] = S->t + S->h * fractions[l];
+        for (long i = 0; i < I->nx; i++) {
+            double sum = 0;
+            for (long k = 0; k < S->s; k++) sum += S->a[i * S->blocks * LANES + k] * Q[k];
+            T->ahead[1 + i][l] = I->x[i] + S->h * sum;
+        }
+        for (long i = 0; i < I->nu; i++) T->ahead[1 + I->nx + i][l] = S->in[0][1 + I->nx + i][0];
+    }
+    V found = clearances(I, T->ahead);
+    memcpy(clear, &found, sizeof found);
+    memcpy(all, &T->clearance_out[1], sizeof found);
+}
+
+/* Whether the polynomial of a step comes much closer to a singular position, between these fractions of it, than the stage there, with a product of
+   clearances `least`, and does not lead straight through. */
+static int skips(Integrator *I, const Stages *S, double from, double to, double least) {
+    struct State *T = I->state;
+    double fractions[LANES], clear[LANES], all[LANES], closest = least, seen = 0;
+    int through = 0;
+    for (int round = 0; round < ROUNDS; round++) {
+        double step = (to - from) / (LANES + 1), best = INFINITY, at = from;
+        for (long l = 0; l < LANES; l++) fractions[l] = from + step * (double)(l + 1);
+        clearances_within(I, S, fractions, clear, all);
+        for (long l = 0; l < LANES; l++)
+            if (all[l] < best) best = all[l], at = fractions[l];
+        closest = fmin(closest, best);
+        for (long l = 0; l < LANES; l++)
+            if (clear[l] < CROSSING && clear[l] > seen && closest < SEEN * least) {
+                V *K = T->exact_out;
+                rates_at(I, 1, T->ahead, K);
+                double tau = crossing(I, T->ahead, K, l, S->h);
+                through = tau > 0 && continued_from(I, T->ahead, K, l, tau, clear[l]) == tau;
+                seen = clear[l];
+            }
+        from = at - step;
+        to = at + step;
+    }
+    return closest < SEEN * least && !through;
+}
+
+/* Whether a step goes from one branch to another that comes close to it, between two stages that see nothing of this. */
+static int leaves_branch(Integrator *I, const Stages *S) {
+    if (!present(&I->exact_rhs) || S->around) return 0;
+    long s = S->s;
+    for (long j = 0; j < s; j++) {
+        int first = j == 0, last = j == s - 1;
+        if ((!first && S->clear_of_all[j - 1] < S->clear_of_all[j]) || (!last && S->clear_of_all[j + 1] <= S->clear_of_all[j])) continue;
+        if (!(S->clear_of_all[j] < (first || last ? NEARBY : AWAY))) continue;
+        if (skips(I, S, first ? 0 : S->method->c[j - 1], last ? 1 : S->method->c[j + 1], S->clear_of_all[j])) return 1;
+    }
+    return 0;
 }

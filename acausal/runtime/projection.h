@@ -5,13 +5,15 @@
 static int project(Integrator *I, double t, double *x) {
     if (!I->ng || is_crossing(I, t, x)) return 0;
     struct State *T = I->state;
+    int exact = present(&I->exact_projection) && clearance_at(I, t, x) < exact_limit(I);
     V *in = T->projection_in, *out = T->projection_out;
     double last = INFINITY;
     int changed = 0;
     for (int k = 0; k < 10; k++) {
         in[0] = v_all(t);
         for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-        run_kernel(&I->projection, in, T->projection_c, out, T->work);
+        if (exact) run_exact(I, 1, in, out);
+        else run_kernel(&I->projection, in, T->projection_c, out, T->work);
         double largest = 0;
         for (long i = 0; i < I->nx; i++) {
             double here = fabs(out[i][0] - x[i]), size = fmax(T->size[i], fabs(x[i]));

@@ -14,6 +14,7 @@ typedef struct {
     void *function;
     double *arguments, *results;
     long inputs, outputs, constants, work;
+    long twofold; /* whether the program is one for twofold.h */
 } Kernel;
 INLINE int present(const Kernel *k) { return k->run || k->program || k->evaluate; }
 
@@ -54,6 +55,7 @@ enum Code {
 /* One integration. The caller fills the first part; `begin` makes the rest. */
 typedef struct Integrator {
     long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards, positions;
+    long through; /* whether motions may lead straight through singular positions, where exact kernels are given */
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
     Kernel projection;  /* t, x, p -> x nearer to the invariants, invariants (ng) at the given x */
@@ -62,6 +64,8 @@ typedef struct Integrator {
     Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
     Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
     Kernel formula;     /* t -> inputs that are formulas */
+    Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
+    const double *usual; /* 1 / how much a velocity is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;
     int (*input)(void *user, double t, double *u); /* null: `u` does not change, but for what is in tables and formulas */

@@ -14,11 +14,13 @@ typedef struct {
     V *in[BLOCKS], *K[BLOCKS], *N[BLOCKS], *L[BLOCKS], *saved[BLOCKS]; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
     double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
     V *G[BLOCKS], *H[BLOCKS]; /* where `around`: the rates' parts along the branch, now and after the next iteration */
-    double *clear;   /* clearances */
+    double *clear, *clear_of_all; /* clearances, and products of them */
     double *tau;     /* how far to either side rates are continued from; 0: not needed */
     const Method *method; /* the last pointer */
     long s, blocks;
     double t, h; /* of the step */
+    int looked;      /* how many times clearances have been found */
+    int exact;       /* whether rates are found in twofold precision */
     int around;      /* whether some stages are around a singular position */
 } Stages;
 
@@ -115,6 +117,8 @@ struct State {
     double *row;             /* what is much in each row of the matrix that is factorised */
     V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
     double *across;
+    V *exact_c[2], *exact_out;
+    double *farther, *nearer; /* rates continued from nodes */
     Stages *fine;            /* of dense output; 0: not made yet */
     long made;               /* methods whose stages are made, as bits */
     Stages stages[METHODS], refining; /* per method; `fine` */
@@ -136,6 +140,8 @@ struct State {
     double factored_h, jacobian_time; /* of Newton */
     long factored_method, padded;
     int jacobian_fresh;
+    double part;             /* part of the usual distance that rates were continued from; 0: they were not */
+    int straight;            /* whether the last step led through a singular position, not past it */
     long capacity, coefficient_capacity, coefficient_count;
 };
 
@@ -176,8 +182,9 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->odd = reserve_lanes(I, B);
     S->tau = (double *)reserve_lanes(I, B);
     S->clear = (double *)reserve_lanes(I, B);
+    S->clear_of_all = (double *)reserve_lanes(I, B);
     S->a = (double *)reserve_lanes(I, B * I->nx);
-    int all = S->mu && S->to_legendre && S->c && S->b && S->hb && S->counted && S->odd && S->tau && S->clear && S->a;
+    int all = S->mu && S->to_legendre && S->c && S->b && S->hb && S->counted && S->odd && S->tau && S->clear && S->clear_of_all && S->a;
     for (long b = 0; b < B; b++) {
         S->in[b] = reserve_lanes(I, I->rhs.inputs);
         S->K[b] = reserve_lanes(I, I->nx);
@@ -222,9 +229,25 @@ static int stage_times(Integrator *I, Stages *S, double t, double h) {
     return 1;
 }
 
+/* Before an iteration: nothing is known of singular positions near its stages. */
+static void forget_surroundings(Integrator *I, Stages *S) {
+    S->around = S->exact = S->looked = 0;
+    I->state->part = 0;
+}
+
+static void look_around(Integrator *I, Stages *S);
+static void run_exact(Integrator *I, int which, const V *in, V *out);
+static int is_near(Integrator *I, const V *in);
+
+static void rates_at(Integrator *I, int exact, const V *in, V *out) {
+    if (exact) run_exact(I, 0, in, out);
+    else run_kernel(&I->rhs, in, I->state->rhs_c, out, I->state->work);
+}
+
 /* All rates from the states in `in`, into N. */
 static void stage_rates(Integrator *I, Stages *S) {
-    for (long b = 0; b < S->blocks; b++) run_kernel(&I->rhs, S->in[b], I->state->rhs_c, S->N[b], I->state->work);
+    if (present(&I->clearance) && S->looked < 2) look_around(I, S); /* the first guess may be poor */
+    for (long b = 0; b < S->blocks; b++) rates_at(I, S->exact, S->in[b], S->N[b]);
     I->evaluations += S->s;
     I->iterations++;
 }
@@ -243,7 +266,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
     in[0] = v_all(t);
     if (!inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-    run_kernel(&I->rhs, in, T->rhs_c, T->point_out, T->work);
+    rates_at(I, is_near(I, in), in, T->point_out);
     for (long i = 0; i < I->nx; i++) out[i] = T->point_out[i][0];
     I->evaluations++;
     return 1;
@@ -298,7 +321,7 @@ static void sample_noise(Integrator *I, const Stages *S) {
             memcpy(in, S->in[b], sizeof(V) * (size_t)I->rhs.inputs);
             for (long i = 0; i < I->nx; i++)
                 for (long l = 0; l < LANES; l++) in[1 + i][l] *= 1 + EPS * ((double)((draw = draw * 1664525u + 1013904223u) >> 30) - 1.5);
-            run_kernel(&I->rhs, in, T->rhs_c, T->rates[k], T->work);
+            rates_at(I, S->exact, in, T->rates[k]);
             if (S->around) along_branch(I, in, T->rates[k], T->rates[k]);
         }
         for (long i = 0; i < I->nx; i++)
@@ -434,11 +457,9 @@ static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judg
             for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
         combine_states(S, I->copy_to, I->copies, x);
         stage_rates(I, S);
-        if (present(&I->clearance) && J->count < 2) find_zone(I, S, J); /* the first guess may be poor */
-        if (S->around) {
-            correct_stages(I, S);
-            settle(I, S, S->N, x);
-        }
+        if (present(&I->clearance) && J->count < 2) find_zone(I, S, J);
+        if (present(&I->clearance)) correct_stages(I, S);
+        if (S->around) settle(I, S, S->N, x);
         enum Verdict v = judge(J, replace_rates(I, S, h, &whole));
         int still = v == DONE && whole < 0.25 * before; /* across the branch it converges still, and not yet to rounding errors */
         before = S->around ? whole : 0;

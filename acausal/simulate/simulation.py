@@ -145,7 +145,7 @@ def _problem(functions: Functions, at: Situation, compiled: bool) -> Problem:
     signal, native = at.signal(functions), functions.native(How.AUTO if compiled else How.CASADI)
     return Problem(
         functions.explicit_dynamics, functions.invariants, functions.projection, signal, at.p, signal.constant, native,
-        clearance=functions.clearance, positions=functions.space.nq,
+        clearance=functions.clearance, positions=functions.space.nq, exact=functions.exact,
     )  # fmt: skip
 
 

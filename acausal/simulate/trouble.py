@@ -17,6 +17,7 @@ from acausal.start.initial import initial_state
 from acausal.wording import callers_level, compact
 
 _SINGULAR = 1e-9
+_INVISIBLE = 1e-13
 _MASSLESS = 1e-12
 _MISSED = 1e-4
 _CUT = 0.2
@@ -51,6 +52,8 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
     values = matrices_at_steps(functions, run, functions.loop_matrix, steps)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
     smallest = least_spectrum(values / scale[:, None] / scale, _SINGULAR)
+    if functions.exact is not None:
+        smallest[smallest > _INVISIBLE] = np.inf  # what is nearer is known to as many digits as elsewhere
     if system.constraints.singular:
         smallest[~np.isin(steps, suspicious)] = np.inf
     worst = int(np.argmin(smallest))

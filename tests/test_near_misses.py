@@ -1,0 +1,172 @@
+"""Loops that come close to singular positions and miss them: there the motion turns sharply onto the branch that nearly crosses its own.
+
+Stored numbers: Taylor series of order 30 in quadruple precision for the points at the ends of the rods.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import SimulationError
+from acausal.runtime.kernels import twofold
+from acausal.runtime.load import runtime
+from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
+from tests.test_interpreter import kernel_values
+from tests.test_singular_loops import connected, drawn, four_bar
+from tests.test_singular_loops_in_space import LINKS, inversor
+
+G = 9.81
+
+
+def bound(rtol: float, missed: float) -> float:
+    """What a tolerance allows, or rounding of states of size one beside a singular position that is `missed` by so much."""
+    return 30 * rtol + 1e-13 / missed**0.5
+
+
+@pytest.mark.parametrize(
+    ("missed", "tips"),
+    [
+        (1e-3, [(0.29783315672950816, -0.2670120048846798), (-0.39674232719038444, -0.05094630325703695)]),
+        (-1e-5, [(0.27096903331490524, 0.2942376301297742), (-0.38840931538511575, 0.09559395232997593)]),
+        (1e-7, [(0.2665835786329193, -0.29821669236189), (-0.3855585168450391, 0.10651117353711634)]),
+        (-1e-9, [(0.2662447358514096, 0.29851924666830637), (-0.3852062347341028, 0.10777827574226306)]),
+        (1e-11, [(0.2662008397127695, -0.2985583911669817), (-0.38517622328764284, 0.10788548101513896)]),
+    ],
+)
+def test_a_four_bar_that_is_nearly_a_parallelogram_turns_where_it_nearly_folds(missed, tips):
+    """Rocker longer or shorter than the crank by so many m."""
+    lengths = 0.4, 1.0, 0.4 + missed
+    scene = four_bar(1.0, lengths, (1.0, 2.0, 1.5))
+    b, d = min((drawn(1.0, lengths, 0.9, side) for side in (1, -1)), key=lambda angles: abs(angles[1] - 0.9))
+    start = {scene.a.q: 0.9, scene.a.v: 5.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+    model = ac.build(scene)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        run = model.simulate(4.0, start, rtol=rtol, samples=3)
+        assert np.max(np.abs(run[scene.crank.tip.position][1:, :2] - tips)) < bound(rtol, abs(missed))
+        assert run.at(run.solution.t).energy_error() < bound(rtol, abs(missed))
+        assert run.statistics.steps < 1000
+
+
+@pytest.mark.parametrize(
+    ("missed", "places"),
+    [
+        (1e-3, (0.5305061260532385, 0.3157449712875923)),
+        (-1e-6, (0.5465535699199905, 0.33985788686305624)),
+        (1e-9, (0.5499676039731082, 0.3450367714063612)),
+        (-1e-11, (0.5499873966134344, 0.3450668365170236)),
+    ],
+)
+def test_a_slider_crank_with_nearly_equal_bars_folds_away_or_turns_back(missed, places):
+    """Where crank and rod together turn on the spot, or the slider comes back."""
+    scene, rod = ac.System(), 0.5 + missed
+    scene.world, scene.block = World((0, -G, 0)), RigidBody(0.7, (0.1, 0.1, 0.1))
+    scene.crank, scene.rod = RigidBody.rod(1.0, (0.5, 0, 0)), RigidBody.rod(1.0, (rod, 0, 0))
+    scene.pivot, scene.pin, scene.wrist, scene.slide = Revolute("z"), Revolute("z"), Revolute("z"), Prismatic("x")
+    connected(scene, [(scene.pivot, scene.world.frame, scene.crank.frame), (scene.pin, scene.crank.tip, scene.rod.frame)])
+    connected(scene, [(scene.slide, scene.world.frame, scene.block.frame), (scene.wrist, scene.rod.tip, scene.block.frame)])
+    at = 0.5 * np.cos(0.6) + np.sqrt(rod**2 - (0.5 * np.sin(0.6)) ** 2)
+    start = {scene.pivot.q: 0.6, scene.pivot.v: 3.0, scene.slide.q: ac.near(float(at))}
+    model = ac.build(scene)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        run = model.simulate(4.0, start, rtol=rtol, samples=3)
+        assert np.max(np.abs(run[scene.slide.q][1:] - places)) < bound(rtol, abs(missed))
+        assert run.at(run.solution.t).energy_error() < bound(rtol, abs(missed))
+
+
+@pytest.mark.parametrize(
+    ("lengths", "missed", "tips"),
+    [
+        ((1.0, 1.0007, 0.9998, 1.0003), 3e-4, [(-0.34402611629699215, 0.938960079718839), (-0.6840076596349058, 0.7294748258581504)]),
+        ((1.0, 1.000003, 0.999995, 1.000002), 2e-6, [(-0.4736300100871629, 0.8807239144844621), (-0.8994284398229873, 0.43706805149494404)]),
+        ((1.0, 1.000000003, 0.999999995, 1.000000002), 2e-9, [(-0.48432356919219616, 0.8748889531391582), (-0.9135137715206594, 0.4068078038117024)]),
+    ],
+)  # fmt: skip
+def test_several_nearly_equal_cranks_stay_near_one_fold_while_they_pass_another(lengths, missed, tips):
+    """One crank goes round while its neighbours hang nearly still: next to one singular position steps could leap past others."""
+    scene, n = ac.System(), len(lengths) - 1
+    scene.world = World((0, -G, 0))
+    scene.cranks, scene.bars = [RigidBody.rod(1.0, (0, x, 0)) for x in lengths], [RigidBody.rod(1.0, (1, 0, 0)) for _ in range(n)]
+    scene.feet, scene.heads = [Revolute("z") for _ in lengths], [Revolute("z") for _ in range(2 * n)]
+    connected(scene, [(scene.feet[k], scene.world.at((k, 0, 0)), scene.cranks[k].frame) for k in range(n + 1)])
+    for k in range(n):
+        one, bar, other = scene.cranks[k].tip, scene.bars[k], scene.cranks[k + 1].tip
+        connected(scene, [(scene.heads[2 * k], one, bar.frame), (scene.heads[2 * k + 1], bar.tip, other)])
+    start = {scene.feet[0].q: 0.0, scene.feet[0].v: -3.0} | {foot.q: ac.near(0.0) for foot in scene.feet[1:]}
+    model = ac.build(scene)
+    for rtol in (1e-6, 1e-11):
+        run = model.simulate(4.0, start, rtol=rtol, samples=3)
+        assert np.max(np.abs(run[scene.cranks[0].tip.position][1:, :2] - tips)) < 10 * bound(rtol, missed)
+        assert run.at(run.solution.t).energy_error() < bound(rtol, missed)
+
+
+class Inversor(ac.System):
+    """Peaucellier's linkage of rods whose lengths are round numbers, between particles; its plane is no constraint."""
+
+    def __init__(self, angle: float = 1.22) -> None:
+        places = inversor(angle)
+        self.world = World((0, -G, 0))
+        self.A, self.B, self.P, self.Q = (Particle(1.0, position=tuple(places[name])) for name in "ABPQ")
+        points = {name: getattr(self, name).point for name in "ABPQ"}
+        points |= {name: self.world.at(tuple(places[name])) for name in "OC"}
+        self.rods = [Rod({"O": 1.0, "C": 0.5}.get(a, 0.4)) for a, _ in LINKS]
+        for rod, (a, b) in zip(self.rods, LINKS, strict=True):
+            self.connect(points[a], rod.frame_a)
+            self.connect(rod.frame_b, points[b])
+
+
+@pytest.mark.parametrize("aside", [0.1, 1e-3, 1e-5])
+def test_a_linkage_of_rods_that_misses_its_flat_position_moves_alike_at_each_tolerance(aside):
+    """Pushed out of its plane by so many m/s, it goes through singular positions of rods that coincide, nearly where several are at once."""
+    scene = Inversor()
+    model = ac.build(scene)
+    start = {scene.P.point.velocity[2]: aside}
+    runs = [model.simulate(1.5, start, rtol=rtol, samples=16) for rtol in (1e-6, 1e-8, 1e-10)]
+    for run in runs:
+        assert run.energy_error() < 1e-7
+        assert run.statistics.steps < 500
+    for run, error in zip(runs, (1e-4, 1e-5), strict=False):
+        assert np.max(np.abs(run[scene.Q.point.position] - runs[-1][scene.Q.point.position])) < error * (1e-3 / min(aside, 1e-3))
+
+
+def test_what_is_missed_by_more_than_rounding_of_lengths_is_no_crossing():
+    """Lengths typed with twelve digits are equal; with eleven they differ."""
+    for missed, singular in ((0.0, True), (1e-13, True), (3e-12, False), (-1e-10, False)):
+        model = ac.build(four_bar(1.0, (0.4, 1.0, 0.4 + missed)))
+        assert model.system.constraints.singular is singular, missed
+        assert (model.functions.exact is None) is singular
+
+
+@pytest.mark.parametrize("step", [0.05, 0.02])
+def test_fixed_steps_do_not_leap_onto_another_branch(step):
+    """They follow the motion or are refused."""
+    lengths = 0.4, 1.0, 0.4 + 1e-8
+    scene = four_bar(1.0, lengths, (1.0, 2.0, 1.5))
+    b, d = min((drawn(1.0, lengths, 0.9, side) for side in (1, -1)), key=lambda angles: abs(angles[1] - 0.9))
+    start = {scene.a.q: 0.9, scene.a.v: 5.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+    with pytest.raises(SimulationError, match="smaller step"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ac.build(scene).simulate(4.0, start, step=step)
+
+
+def test_twofold_precision_has_thirty_digits():
+    """Of what geometry is made of: differences that are zero in exact arithmetic."""
+    library = runtime()
+    assert library is not None
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    zeros = [
+        (x + 1e-17) - x - 1e-17, (x * y) / y - x, ca.sqrt(x) ** 2 - x, ca.sin(x) ** 2 + ca.cos(x) ** 2 - 1, ca.sin(2 * x) - 2 * ca.sin(x) * ca.cos(x),
+        ca.cos(x + y) - (ca.cos(x) * ca.cos(y) - ca.sin(x) * ca.sin(y)), ca.tan(ca.atan2(x, y)) * y - x, ca.hypot(x, y) ** 2 - x**2 - y**2,
+        ca.sin(ca.asin(x / 10)) - x / 10, ca.cos(ca.acos(x / 10)) - x / 10, ca.fmax(x, y) + ca.fmin(x, y) - x - y, 1 / (1 / x) - x,
+    ]  # fmt: skip
+    t, none = ca.SX.sym("t"), ca.SX(0, 1)
+    rates = ca.Function("f", [t, ca.vertcat(x, y), none, none], [ca.vertcat(*zeros)])
+    points = np.random.default_rng(0).uniform(0.1, 9.0, (3, 64))
+    kernel = twofold(rates, ca.Function("g", [t, ca.vertcat(x, y), none], [x]), library.lanes).kernels[0]
+    assert np.max(np.abs(kernel_values(kernel, points, library))) < 3e-29
+    plain = np.array(rates(points[:1], points[1:], ca.DM(0, 1), ca.DM(0, 1)))
+    assert np.max(np.abs(plain)) > 1e-17
