@@ -11,6 +11,8 @@ import pytest
 
 import acausal as ac
 from acausal import errors
+from acausal.numerics.assembly import assemble
+from acausal.numerics.sizes import Sizes
 from components import Prismatic, Revolute, RigidBody, World
 from examples.andrews import Andrews
 from tests.assembly_scenes import (
@@ -631,3 +633,26 @@ def test_wrong_calls_for_functions_are_explained():
         model.assembly_function(None, [scene.a.q, scene.a.q], {scene.a.q: 0.7})
     with pytest.raises(errors.OptionError, match="steps is 0"):
         model.assembly_function(None, [scene.a.q], {scene.a.q: 0.7}, steps=0)
+
+
+def test_no_unknown_goes_farther_at_once_than_its_limit():
+    """And what is left is told row by row, with units."""
+    seen: list[np.ndarray] = []
+
+    def rows(y):
+        seen.append(y.copy())
+        return np.array([y[0] - 10.0, y[0] * y[1] - 20.0]), np.array([[1.0, 0.0], [y[1], y[0]]])
+
+    found = assemble(
+        rows, np.ones(2), sizes=Sizes(np.ones(2), np.array([1.0, 4.0]), limit=np.array([0.5, np.inf])), stride=np.inf
+    )
+    assert found.converged
+    assert np.allclose(found.y, (10.0, 2.0), rtol=0, atol=1e-12)
+    assert np.max(np.abs(np.diff(seen, axis=0)[:, 0])) <= 0.5 * (1 + 1e-12)
+    missed = assemble(
+        lambda y: (np.array([y[0] ** 2 + 3.0, 0.0 * y[1]]), np.diag([2 * y[0], 0.0])),
+        np.zeros(2),
+        sizes=Sizes(np.ones(2), 2 * np.ones(2)),
+    )
+    assert not missed.converged
+    assert missed.left.tolist() == [3.0, 0.0] == [missed.gap, 0.0]

@@ -103,3 +103,21 @@ def test_a_large_net_in_other_units_goes_through_the_same_numbers(monkeypatch):
     monkeypatch.setattr(independent, "LARGE", 0)
     one, other = (ac.build(RodNet(3, length)).initial_state().x for length in (0.1, 0.1 * 4.0**5))
     assert np.array_equal(4.0**5 * one, other)
+
+
+def test_many_rows_that_follow_leave_as_many_steps(monkeypatch):
+    """More rows than unknowns: least squares where columns are independent, and as many rows as are needed where they are not."""
+    rng = np.random.default_rng(3)
+    J = grid_rows(6, rng)
+    wide = rng.normal(size=(2 * J.shape[1], len(J))) @ J
+    tall = np.vstack([J, rng.normal(size=(J.shape[1], J.shape[1]))])
+    for rows, c in ((wide, wide @ rng.normal(size=J.shape[1])), (tall, rng.normal(size=len(tall)))):
+        for radius in (np.inf, 0.05):
+            monkeypatch.setattr(independent, "LARGE", 0)
+            assert assembly._plain_step(c, rows, radius, 1e-9) is not None
+            step = assembly._step(c, rows, radius)
+            monkeypatch.setattr(independent, "LARGE", 1e9)
+            exact = assembly._step(c, rows, radius)
+            assert np.max(np.abs(step)) <= radius
+            if radius == np.inf:
+                assert np.max(np.abs(step - exact)) < 1e-8 * np.max(np.abs(exact))

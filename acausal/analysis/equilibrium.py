@@ -174,9 +174,8 @@ def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, sizes: 
     z = given.z
     n, m = given.point.x.size, len(given.inputs)
     rows = given.rows(hard)
-    scale, limit, grows = np.ones(z.size), np.full(z.size, np.inf), np.zeros(z.size, dtype=bool)
+    scale, limit = np.ones(z.size), np.full(z.size, np.inf)
     scale[:n], limit[:nq] = sizes.x, _STEP * sizes.x[:nq]
-    grows[:nq] = True
     J = np.abs(rows.jacobian(z))
     slope = np.max(J[:, :n] * scale[:n], axis=1, initial=0.0)
     weight = 1.0 / np.where(slope > 0, slope, 1.0)
@@ -185,13 +184,13 @@ def _search(given: Unknowns, hard: Differentiable, soft: Differentiable, sizes: 
     for k in range(n + m, z.size):  # parameters enter nonlinearly, and most have a sign
         scale[k] = abs(z[k]) or scale[k]
         limit[k] = 0.5 * scale[k]
-    return NearestRoot(rows, given.rows(soft) if soft.size else None, scale, limit, grows)
+    return NearestRoot(rows, given.rows(soft) if soft.size else None, scale, limit)
 
 
 def _moving_as_asked(s: ReducedSystem, given: Unknowns, motion: ca.SX, search: NearestRoot) -> np.ndarray:
     """The nearest place with the rates asked for, whatever forces that needs: forces are linear in rates no farther than nearby."""
     rows = given.rows(Differentiable(s, motion))
-    found = NearestRoot(rows, None, search.scale, search.limit, search.grows)(given.z)
+    found = NearestRoot(rows, None, search.scale, search.limit)(given.z)
     return found.z if found.converged else given.z
 
 
@@ -199,7 +198,7 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
     """Where the scene sinks from its start through honey: small steps along the accelerations from rest, until they turn round."""
     s = functions.outputs.system
     q, v = slice(0, s.nq), slice(s.nq, s.nq + s.tree_velocities)
-    closed = NearestRoot(given.rows(Differentiable(s, s.closing)), None, search.scale, search.limit, search.grows)
+    closed = NearestRoot(given.rows(Differentiable(s, s.closing)), None, search.scale, search.limit)
     rates = Differentiable(s, ca.densify(s.mechanics.tree.rates))
     z, stride, before = given.z.copy(), _SINK, np.zeros(s.tree_velocities)
     z[v] = 0.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.analysis.actuation import Actuation
 from acausal.analysis.conditions import Unknowns
-from acausal.analysis.nearest import Floor, NearestRoot, Rows, largest_gaps
+from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
 from acausal.analysis.sizes import power_of_two, sizes_at
@@ -71,7 +71,7 @@ class Servo:
         self._hard = Differentiable(s, ca.vertcat(closing, *(e for chain in chains for e in chain[:-1])))
         self._top = Differentiable(s, ca.vertcat(*(chain[-1] for chain in chains)))
         self._x_dot = Differentiable(s, s.x_dot)
-        self._floor: Floor | None = None
+        self._usual: np.ndarray | None = None
         self._sizes = sizes_at(s, self._x_dot, began)
         self._limit = np.concatenate([_STEP * self._sizes.x[: s.nq], np.full(s.x.numel() - s.nq, np.inf)])
 
@@ -143,9 +143,9 @@ class Servo:
             rows.jacobian,
             lambda x, sizes: rows.rounding(x, sizes) + np.finfo(float).eps * np.abs(target),
         )
-        search = NearestRoot(gap, None, self._sizes.x, self._limit, np.isfinite(self._limit))
-        self._floor = self._floor or search.floor(guess)
-        found = search(guess, self._floor)
+        search = NearestRoot(gap, None, self._sizes.x, self._limit)
+        self._usual = search.usual(guess) if self._usual is None else self._usual
+        found = search(guess, self._usual)
         if not found.converged:
             names = ["a loop"] * self._closing
             names += [c.name + "'" * k for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]

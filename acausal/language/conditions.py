@@ -10,6 +10,9 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Condition, Parameter
 
+_KEPT = 32
+"""Values that stay known to be allowed."""
+
 
 class ParameterConditions:
     """All conditions on these parameters, in their order (np,). One CasADi function gives what is to be checked.
@@ -26,11 +29,13 @@ class ParameterConditions:
             sorted(found.values(), key=lambda c: c.value.sx.numel())
         )  # simple ones first
         p = ca.vertcat(ca.SX(0, 1), *(parameter.sx for parameter in parameters))
+        self._allowed = set[bytes]()
         self._values = ca.Function("conditions", [p], [ca.densify(c.value.sx) for c in self._conditions])
 
     def check(self, values: np.ndarray) -> None:
         """Raises `ParameterError` where these values (np,) break a condition."""
-        if not self._conditions:
+        key = values.tobytes()
+        if not self._conditions or key in self._allowed:
             return
         for condition, value in zip(self._conditions, self._values.call([ca.DM(values)]), strict=True):
             try:
@@ -40,6 +45,9 @@ class ParameterConditions:
                     f"{p.name} = {v:g}" for p, v in zip(self._parameters, values, strict=True) if p in condition.value.leaves
                 ]
                 raise ParameterError(f"With the parameters of this call ({', '.join(given)}): {error}") from None
+        if len(self._allowed) >= _KEPT:
+            self._allowed.clear()
+        self._allowed.add(key)
 
     def allow(self, values: np.ndarray) -> bool:
         """Whether these values (np,) keep all conditions."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
-from acausal.numerics.assembly import Residual, assemble
+from acausal.numerics.assembly import Residual, assemble, corrected
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.entries import entries, placed, places
-from acausal.numerics.independent import Independent, free_directions, rank_of
+from acausal.numerics.independent import free_directions, rank_of
 from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
 from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
@@ -232,33 +231,16 @@ class Walk:
         return exact.y if exact.converged else None
 
     def closed(self, z: np.ndarray, tolerance: float = _CLOSED, rank: int | None = None) -> np.ndarray | None:
-        """A configuration next to z with closed loops, by Newton's method with each Jacobian used twice; None if that fails.
+        """A configuration next to z with closed loops; None where Newton's method does not find one at once.
 
         `rank` of the Jacobian where loops are closed, if known: beside it, rows that are redundant there look independent, with
         singular values of the size of the gap, and steps along them go far astray.
         """
-        for _ in range(5):
-            c, J = self.closing(z)
-            if not (np.isfinite(J).all() and np.isfinite(c).all()):
-                return None
-            back = self._inverse(J, rank)
-            z = z - back(c)
-            z = z - back(self.closing(z)[0])
-            left = np.abs(self.closing(z)[0])
-            if np.all(left < np.maximum(tolerance, ROUNDING * self._rounding(z * self.unit) / self._rows)):
-                return z  # also without rows, where only velocities are constrained
-        return None
 
-    def _inverse(self, J: np.ndarray, rank: int | None) -> Callable[[np.ndarray], np.ndarray]:
-        """c -> the least change of z with J dz = c, J of this rank."""
-        plain = Independent.of(J, self.dependent)
-        if plain is not None and rank in (None, plain.rows.size):
-            return plain.least
-        U, s, Vt = np.linalg.svd(J, full_matrices=False)
-        kept = int(np.sum(s > self.dependent * np.max(s, initial=0.0))) if rank is None else rank
-        Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
-        inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
-        return lambda c: inverse @ c
+        def enough(c: np.ndarray, z: np.ndarray) -> bool:
+            return bool(np.all(np.abs(c) < np.maximum(tolerance, ROUNDING * self._rounding(z * self.unit) / self._rows)))
+
+        return corrected(self.closing, z, enough, self.dependent, rank)
 
     def samples(self, start: np.ndarray, count: int) -> list[np.ndarray]:
         """The assembled `start`, then up to `count` further configurations to either side, as far apart as the freedom allows; only the

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acausal.numerics.independent import Independent, damped
+from acausal.numerics.independent import Independent, damped, inverse
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import CLOSED, DEPENDENT, ROUNDING, STRIDE
 
@@ -39,11 +39,12 @@ _STRAIGHT = 1e-3
 
 @dataclass(frozen=True)
 class Assembled:
-    """Result of a search: `y`, the largest residual `gap` that is left, the same as part of its row's size, whether all are zero to
-    rounding, and the steps it took.
+    """Result of a search: `y`, the residuals `left` (m,), the largest `gap` of them, the same as part of its row's size, whether all are
+    zero to rounding, and the steps it took.
     """
 
     y: np.ndarray
+    left: np.ndarray
     gap: float
     part: float
     converged: bool
@@ -83,6 +84,25 @@ def assemble(
     elif found.converged and nearest is not None and found.iterations:
         found = _settled(rows, _in_units(nearest, unit), found, _Effort(20, stride, 1e-6, 8))
     return rows.result(found)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def corrected(
+    constraints: Residual, z: np.ndarray, enough: Callable[[np.ndarray, np.ndarray], bool], dependent: float, rank: int | None
+) -> np.ndarray | None:
+    """A z next to one that nearly meets the constraints, by Newton's method with each Jacobian, of this `rank` if it is known, used twice;
+    None where five of them are not `enough` (residuals and z).
+    """
+    for _ in range(5):
+        c, J = constraints(z)
+        if not (np.isfinite(J).all() and np.isfinite(c).all()):
+            return None
+        back = inverse(J, dependent, rank)
+        z = z - back(c)
+        z = z - back(constraints(z)[0])
+        if enough(constraints(z)[0], z):
+            return z  # also without rows, where only velocities are constrained
+    return None
 
 
 def brought_near(constraints: Residual, guess: np.ndarray, turning: np.ndarray, sizes: Sizes) -> np.ndarray:
@@ -133,6 +153,11 @@ class _Rows:
     def dependent(self) -> float:
         return DEPENDENT if self.sizes is None else self.sizes.dependent
 
+    def within(self, step: np.ndarray) -> np.ndarray:
+        """The step, or as much of it as no unknown's limit forbids."""
+        limit = None if self.sizes is None else self.sizes.limit
+        return step if limit is None else step / max(1.0, _largest(step / limit))
+
     def enough(self, c: np.ndarray, z: np.ndarray) -> bool:
         """Whether residuals c are zero but for rounding; False for what is no number."""
         if _largest(c) <= self.tolerance:
@@ -147,11 +172,11 @@ class _Rows:
     def result(self, found: _Closed) -> Assembled:
         """With units."""
         y = found.z * self.unit
-        part = _largest(found.c)
-        gap = part if self.sizes is None else _largest(found.c * self.sizes.rows)
+        left = found.c if self.sizes is None else found.c * self.sizes.rows
+        part, gap = _largest(found.c), _largest(left)
         if not part < np.inf:
             part = gap = np.inf
-        return Assembled(y, gap, part, found.converged, found.iterations)
+        return Assembled(y, left, gap, part, found.converged, found.iterations)
 
 
 @dataclass(frozen=True)
@@ -191,13 +216,14 @@ def _step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float = DEPEND
 
 def _plain_step(c: np.ndarray, J: np.ndarray, radius: float, dependent: float) -> np.ndarray | None:
     """The same for a large J where it is plain which rows, or else columns, are independent; None for others."""
-    wide = J.shape[0] <= J.shape[1]
-    found = Independent.of(J if wide else J.T, dependent)
-    if found is None or not (wide or found.rows.size == J.shape[1]):
-        return None
-    step = -found.least(c) if wide else -found.solve(J.T @ c)
-    if wide and found.rows.size < c.size and not _largest(c + J @ step) <= _SAID * _largest(c):
-        return None
+    columns = Independent.of(J.T, dependent) if J.shape[0] > J.shape[1] else None
+    if columns is not None and columns.rows.size == J.shape[1]:
+        step = -columns.solve(J.T @ c)
+    else:
+        found = Independent.of(J, dependent)
+        step = None if found is None else -found.least(c)
+        if step is None or not _largest(c + J @ step) <= _SAID * _largest(c):
+            return None
     if _largest(step) <= radius:
         return step
     (solve, most), inside = damped(J), None
@@ -221,6 +247,7 @@ def _descend(
     stride: float,
     slowest: float,
     dependent: float = DEPENDENT,
+    within: Callable[[np.ndarray], np.ndarray] = lambda step: step,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Towards least squares of `residual`, until it is small `enough` or its square shrinks by less than `slowest` in one step.
 
@@ -231,7 +258,7 @@ def _descend(
     for iteration in range(limit):
         if not square < np.inf or enough(c, z) or not np.isfinite(J).all():
             return z, c, J, iteration
-        step = _step(c, J, radius, dependent)
+        step = within(_step(c, J, radius, dependent))
         left = c + J @ step
         promised = square - float(left @ left)
         length = _largest(step)
@@ -266,7 +293,7 @@ def _approached(rows: _Rows, wishes: Residual, z: np.ndarray, stride: float) -> 
 
 
 def _closed(rows: _Rows, z: np.ndarray, limit: int, stride: float, spent: int = 0) -> _Closed:
-    z, c, J, iterations = _descend(rows, z, rows.enough, limit, stride, 1e-4, rows.dependent)
+    z, c, J, iterations = _descend(rows, z, rows.enough, limit, stride, 1e-4, rows.dependent, rows.within)
     if not rows.enough(c, z):
         return _Closed(z, c, False, spent + iterations)
     # quadratic convergence: after one more step nothing is left
@@ -309,9 +336,9 @@ def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> 
             if better is not None:
                 part = min(1.0, radius / max(_largest(better[0]), 1e-300))
                 step, promised = part * better[0], (2 - part) * part * better[1]
+        step = rows.within(step)
         length = _largest(step)
-        if length <= effort.last * (1 + _largest(found.z)):
-            break
+        short = length <= effort.last * (1 + _largest(found.z))
         trial = _closed(rows, found.z + step, 12, max(length, 1e-3))
         spent += 1 + trial.iterations
         next_r, next_Jw = wishes(trial.z)
@@ -324,6 +351,8 @@ def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> 
         if gained > 1e-4:
             found, r, Jw, square = trial, next_r, next_Jw, next_square
             J = rows(found.z)[1]
+        if short:
+            break
     return _Closed(found.z, found.c, True, spent)
 
 

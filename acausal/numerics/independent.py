@@ -24,6 +24,7 @@ _LIFT = 1e-12
 """Part of its square that is added to each row's, so that none vanishes."""
 _FOLLOWS = 0.1
 """What may be left of another one beside the span of these, as part of what counts as zero."""
+_SUMS = 3
 _SURE = 1e-4
 """Singular values above this part of the largest are no matter of doubt ..."""
 _MARGIN = 1e3
@@ -98,7 +99,7 @@ class Independent:
     @staticmethod
     def of(J: np.ndarray, dependent: float = DEPENDENT) -> Independent | None:
         """None where the matrix is small, or where singular values have to say which rows are independent: none are that are below `dependent`."""
-        if J.size < LARGE or J.shape[0] > J.shape[1] or not np.isfinite(J).all():
+        if J.size < LARGE or not np.isfinite(J).all():
             return None
         rows, matrix = np.arange(J.shape[0]), Sparse.of(J)
         gram, others = _gram(matrix), np.zeros(0, dtype=int)
@@ -113,12 +114,12 @@ class Independent:
         found = Independent(rows, matrix, solve)
         if not rows.size or not (heights > _PLAIN).all():
             return None
-        if any(
-            np.max(np.abs(found.free(found.free(J[i])))) > _FOLLOWS * dependent * max(1.0, np.max(np.abs(J[i]))) for i in others
-        ):
+        # a few sums of the others say what all of them do
+        sums = np.random.default_rng(10).normal(size=(_SUMS if others.size else 0, others.size)) @ J[others]
+        if any(np.max(np.abs(found.free(found.free(row)))) > _FOLLOWS * dependent for row in sums):
             return None
         sure = max(_SURE, _MARGIN * dependent) * max(1.0, most**0.5)
-        return found if found._least_values(_LOOKS)[0][0] > sure else None
+        return found if found._is_above(sure) else None
 
     @property
     def freedoms(self) -> int:
@@ -188,6 +189,13 @@ class Independent:
             found = found + solve(left)
         return None
 
+    def _is_above(self, value: float) -> bool:
+        """Whether a few inverse iterations find no singular value below this one."""
+        x = np.random.default_rng(9).normal(size=self.rows.size)
+        for _ in range(_LOOKS):
+            x = self.solve(x / np.linalg.norm(x))
+        return bool(np.linalg.norm(x) * value**2 < 1.0)
+
     def _least_values(self, most: int, count: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """By inverse iteration (Lanczos), no value below the true one; with the weights of rows (k, rows)."""
         k = self.rows.size
@@ -230,6 +238,20 @@ def free_directions(J: np.ndarray, zero: float) -> tuple[Callable[[np.ndarray], 
     _, s, Vt = np.linalg.svd(J)
     free = Vt[int(np.sum(s > zero * np.max(s, initial=1.0))) :].T
     return lambda x: free @ (free.T @ x), free.shape[1]
+
+
+def inverse(J: np.ndarray, zero: float, rank: int | None = None) -> Callable[[np.ndarray], np.ndarray]:
+    """c (m,) -> the least x (n,) that minimises |J x - c|, J of this rank; unless it is given, as many singular values as are above that part of
+    the largest.
+    """
+    plain = Independent.of(J, zero)
+    if plain is not None and rank in (None, plain.rows.size):
+        return plain.least
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    kept = int(np.sum(s > zero * np.max(s, initial=0.0))) if rank is None else rank
+    Vt[:, ~J.any(axis=0)] = 0.0  # but for rounding: what no row depends on stays exactly as it is
+    inverse = (Vt[:kept].T / s[:kept]) @ U[:, :kept].T
+    return lambda c: inverse @ c
 
 
 def damped(J: np.ndarray) -> tuple[Callable[[np.ndarray, float], np.ndarray], float]:

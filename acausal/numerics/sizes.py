@@ -32,6 +32,8 @@ class Sizes:
     dependent: float = DEPENDENT
     rate: float = 1.0
     """Of rates: the factor in `unknowns` and `rows` that makes them much."""
+    limit: np.ndarray | None = None
+    """How much each unknown may change at once, as part of its size (n,)."""
 
     def faster(self, rate: float) -> Sizes:
         """Of rates that are measured by a larger one."""
