@@ -16,8 +16,8 @@ import numpy as np
 
 from acausal.numerics.thresholds import DEPENDENT
 
-LARGE = 4096
-"""Entries of a matrix (m, n) from which on this is quicker than singular values."""
+LARGE = 32
+"""Rows and columns of a matrix (m, n) above which libraries find singular values in blocks, on all cores, others' work or not: this is quicker."""
 _PLAIN = 1e-8
 """Square of the sine of the angle between a row and those before it, above which it is independent of them."""
 _LIFT = 1e-12
@@ -99,7 +99,7 @@ class Independent:
     @staticmethod
     def of(J: np.ndarray, dependent: float = DEPENDENT) -> Independent | None:
         """None where the matrix is small, or where singular values have to say which rows are independent: none are that are below `dependent`."""
-        if J.size < LARGE or not np.isfinite(J).all():
+        if min(J.shape) <= LARGE or not np.isfinite(J).all():
             return None
         rows, matrix = np.arange(J.shape[0]), Sparse.of(J)
         gram, others = _gram(matrix), np.zeros(0, dtype=int)
