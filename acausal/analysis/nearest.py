@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from acausal.numerics.assembly import Residual, assemble, freedom
+from acausal.numerics.assembly import Assembled, assemble, freedom
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import ROUNDING
 
@@ -15,7 +16,6 @@ _ZERO = 1e3
 _AROUND = 0.1
 _SAMPLES = 5
 _RANK = 1e-8
-_PULL = 1e-8
 
 
 @dataclass(frozen=True)
@@ -68,15 +68,7 @@ class NearestRoot:
         rows = np.fmax(np.fmax(slope, usual), rounding)
         rows = np.where(rows > 0, rows, np.where(np.abs(r) > 0, np.abs(r), 1.0))
         sizes = Sizes(self.scale, rows, lambda z: self._zero(z) / ROUNDING, _RANK, limit=self.limit / self.scale)
-        found = assemble(
-            lambda z: (self.hard.residual(z), self.hard.jacobian(z)),
-            guess,
-            self._wishes(guess),
-            sizes=sizes,
-            tolerance=0.0,
-            stride=np.inf,
-            approach=False,
-        )
+        found = self._searched(guess, sizes)
         if not found.part < np.inf:
             return Root(found.y, found.left, found.left, False, np.zeros((guess.size, 0)))
         free = self.scale[:, None] * freedom(sizes.scaled(self.hard.jacobian(found.y)), _RANK)
@@ -86,25 +78,34 @@ class NearestRoot:
         """What counts as zero in each row (m,)."""
         return _ZERO * self.hard.rounding(z, self.scale)
 
-    def _wishes(self, guess: np.ndarray) -> Residual:
-        """Rows of wishes as parts of what the sizes of the unknowns make of them; with hardly any weight beside them, the change."""
+    def _searched(self, guess: np.ndarray, sizes: Sizes) -> Assembled:
+        """For the wishes first, then with these held, for the least change."""
+
+        def hard(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self.hard.residual(z), self.hard.jacobian(z)
 
         def back(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return (z - guess) / self.scale, np.diag(1 / self.scale)
 
-        soft = self.soft
+        soft, exact = self.soft, partial(assemble, tolerance=0.0, stride=np.inf, approach=False)
         if soft is None:
-            return back
+            return exact(hard, guess, back, sizes=sizes)
         most = np.max(np.abs(soft.jacobian(guess) * self.scale), axis=1, initial=0.0)
-        share = 1.0 / np.where(most > 0, most, 1.0)
+        size = np.where(most > 0, most, 1.0)
+        found = exact(hard, guess, lambda z: (soft.residual(z) / size, soft.jacobian(z) / size[:, None]), sizes=sizes)
+        if not found.converged:
+            return found
+        met, n = soft.residual(found.y), sizes.rows.size
 
-        def both(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            r, J = back(z)
-            return np.concatenate([share * soft.residual(z), _PULL * r]), np.vstack(
-                [share[:, None] * soft.jacobian(z), _PULL * J]
-            )
+        def held(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            (c, J), r = hard(z), soft.residual(z) - met
+            return np.concatenate([c, r]), np.vstack([J, soft.jacobian(z)])
 
-        return both
+        def rounding(z: np.ndarray) -> np.ndarray:
+            return np.concatenate([self._zero(z), _ZERO * soft.rounding(z, self.scale)]) / ROUNDING
+
+        nearest = exact(held, found.y, back, sizes=replace(sizes, rows=np.concatenate([sizes.rows, size]), rounding=rounding))
+        return replace(nearest, left=nearest.left[:n]) if nearest.converged else found
 
 
 def largest_gaps(names: Sequence[str], residual: np.ndarray, parts: np.ndarray) -> str:
