@@ -130,7 +130,7 @@ def _fighters(
         instead = None
         if k < _TRIED:
             others = [i for i in range(residual.size) if i not in own]
-            trial = _closed(search, found, data, others, sizes) if others else Assembled(found.y, 0.0, 0.0, True, 0)
+            trial = _closed(search, found, data, others, sizes) if others else Assembled(found.y, np.zeros(0), 0.0, 0.0, True, 0)
             if trial.converged:
                 instead = data[f.target.place] + search.rows(data, trial.y)(trial.y)[0][own]
         result.append(_Fighter(f.target, f.off, f.pull, instead))
