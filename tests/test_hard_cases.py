@@ -38,7 +38,7 @@ BOUNDS = {  # largest error by tolerance
     "chain_of_50": {1e-6: 1e-10, 1e-12: 1.5e-13},
     "spherical_pendulum_near_pole": {1e-6: 3e-7, 1e-12: 7e-11},
     "massless_coupler": {1e-6: 1e-8, 1e-12: 3e-13},
-    "nearly_folding": {1e-6: 3e-9, 1e-12: 5e-10},
+    "nearly_folding": {1e-6: 3e-9, 1e-12: 5e-12},
     "overdamped": {1e-6: 5e-12, 1e-12: 1e-13},
     "kepler_10_turns": {1e-6: 7e-5, 1e-12: 1e-10},
     "kepler_1000_turns": {1e-9: 3e-3, 1e-12: 7e-7},

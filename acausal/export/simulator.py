@@ -70,7 +70,7 @@ def export_simulator(model: Functions, folder: str | Path, initial: InitialState
 
     `initial`: what it starts from, with the values of its parameters. The numbers are those of `model.simulate` with method "gauss" or
     "radau", to the bit where compiler and processor are the same; only where the dynamics switch at times (pulses, ramps) does `simulate` know
-    when, and end steps there. Raises
+    when, and end steps there, and where loops come close to singular positions it has twice as many digits. Raises
     `ExportError` for functions that have no C, and when a file cannot be written.
     """
     target = Path(folder)
