@@ -61,8 +61,8 @@ class Problem:
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `native`: kernels of the
     same functions (a `NativeProblem`), made by whoever integrates where they are missing. `guards`: zeros to be located. `met`:
     (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;
-    None where they never do. `positions`: how many states are, the first ones. `breaks`: (n, 2) times [s] before and after which rates are smooth,
-    in order, and between which nothing happens. `exact`: what is used where
+    None where they never do. `positions`: how many states are, the first ones. `read`: ascending times [s] that will be read of the motion.
+    `breaks`: (n, 2) times [s] before and after which rates are smooth, in order, and between which nothing happens. `exact`: what is used where
     `clearance` is small.
     """
 
@@ -77,6 +77,7 @@ class Problem:
     met: np.ndarray | None = None
     clearance: ca.Function | None = None
     positions: int = 0
+    read: np.ndarray = field(default_factory=lambda: np.zeros(0))
     breaks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     exact: Exact | None = None
 

@@ -32,6 +32,7 @@ class Code(enum.IntEnum):
     TOO_MANY_STEPS = 8
     INPUT_FAILED = 9
     OUT_OF_MEMORY = 10
+    NOT_KEPT = 11
 
 
 class Method(ctypes.Structure):
@@ -112,7 +113,6 @@ class Integrator(ctypes.Structure):
         ("times", _Double),
         ("states", _Double),
         ("coefficients", _Double),
-        ("sizes", _Double),
         ("stage_count", _Long),
         ("offset", _Long),
         ("directions", ctypes.c_long),
@@ -120,6 +120,9 @@ class Integrator(ctypes.Structure):
         ("du", ctypes.c_void_p),
         ("dp", ctypes.c_void_p),
         ("user", ctypes.c_void_p),
+        ("budget", ctypes.c_size_t),
+        ("read", ctypes.c_void_p),
+        ("read_count", ctypes.c_long),
         ("block", ctypes.c_void_p),
         ("room", ctypes.c_size_t),
         ("used", ctypes.c_size_t),

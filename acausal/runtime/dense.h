@@ -32,7 +32,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     int newton = T->newton_now, noisy = T->noisy, unheard = T->unheard;
     double *met = T->size;
     memcpy(T->aside, T->noise, sizeof(double) * (size_t)I->nx);
-    T->size = I->sizes + k * I->nx;
+    T->size = I->coefficients + I->offset[k] + s * I->nx;
     T->newton_now = 0;
     forget_noise(I);
     T->noisy = 0;
@@ -80,7 +80,7 @@ static void state_within(long nx, const double *start, const double *a, long s, 
     }
 }
 
-/* States (n, nx) at times in ascending order. */
+/* States (n, nx) at times in ascending order. NOT_KEPT where a step that they lie in is not kept. */
 int dense(Integrator *I, long n, const double *t, double *x) {
     struct State *T = I->state;
     const Method *fine = I->fine;
@@ -92,12 +92,14 @@ int dense(Integrator *I, long n, const double *t, double *x) {
             continue;
         }
         long k = step_of(I, t[m]), row = k - I->first, s = I->stage_count[row], width = s;
-        const double *a = I->coefficients + I->offset[row], *start = I->states + row * nx;
+        const double *start = I->states + row * nx;
         double h = I->times[row + 1] - I->times[row], theta = (t[m] - I->times[row]) / h;
         if (theta == 0 || theta == 1) {
             memcpy(x + m * nx, start + (theta == 1 ? nx : 0), sizeof(double) * (size_t)nx);
             continue;
         }
+        if (I->offset[row] < 0) return NOT_KEPT;
+        const double *a = I->coefficients + I->offset[row];
         if (fine) {
             if (refined != k && !refine_step(I, T->fine, k)) return INPUT_FAILED;
             refined = k;

@@ -26,15 +26,14 @@ static int grow(void *array, size_t bytes) {
 static int make_last_step(Integrator *I, long stages) {
     I->times = reserve_doubles(I, 2);
     I->states = reserve_doubles(I, 2 * I->nx);
-    I->sizes = reserve_doubles(I, I->nx);
-    I->coefficients = reserve_doubles(I, stages * I->nx);
+    I->coefficients = reserve_doubles(I, (stages + 1) * I->nx);
     I->stage_count = reserve(I, sizeof(long));
     I->offset = reserve(I, sizeof(long));
     I->event_times = reserve_doubles(I, I->event_room);
     I->event_guards = reserve(I, sizeof(long) * (size_t)I->event_room);
     I->event_directions = reserve(I, sizeof(long) * (size_t)I->event_room);
     I->state->event_capacity = I->event_room;
-    return I->times && I->states && I->sizes && I->coefficients && I->stage_count && I->offset && I->event_times && I->event_guards && I->event_directions;
+    return I->times && I->states && I->coefficients && I->stage_count && I->offset && I->event_times && I->event_guards && I->event_directions;
 }
 
 /* Room for one more step. */
@@ -52,8 +51,43 @@ static int make_room(Integrator *I) {
     if (k + 1 < T->capacity) return 1;
     long c = T->capacity = k < 64 ? 128 : 2 * k;
     return grow(&I->times, sizeof(double) * (size_t)c) && grow(&I->states, sizeof(double) * (size_t)(c * n) + 8) &&
-           grow(&I->sizes, sizeof(double) * (size_t)(c * n) + 8) && grow(&I->stage_count, sizeof(long) * (size_t)c) &&
-           grow(&I->offset, sizeof(long) * (size_t)c);
+           grow(&I->stage_count, sizeof(long) * (size_t)c) && grow(&I->offset, sizeof(long) * (size_t)c);
+}
+
+/* Whether something is read of the step between two times; asked for one step after the other. */
+static int is_read(Integrator *I, double from, double to) {
+    struct State *T = I->state;
+    while (T->read_at < I->read_count && I->read[T->read_at] <= from) T->read_at++;
+    while (T->event_at < I->events && I->event_times[T->event_at] <= from) T->event_at++;
+    return (T->read_at < I->read_count && I->read[T->read_at] < to) || (T->event_at < I->events && I->event_times[T->event_at] < to);
+}
+
+/* Of the steps so far, `count` of them, keep only those that are read. */
+static void thin(Integrator *I, long count) {
+    struct State *T = I->state;
+    long end = 0;
+    for (long k = 0; k < count; k++) {
+        long size = (I->stage_count[k] + 1) * I->nx;
+        int read = is_read(I, I->times[k], I->times[k + 1]);
+        if (read) memmove(I->coefficients + end, I->coefficients + I->offset[k], sizeof(double) * (size_t)size);
+        I->offset[k] = read ? end : -1;
+        if (read) end += size;
+    }
+    T->thinned = 1;
+    T->coefficient_count = T->coefficient_capacity = end;
+    grow(&I->coefficients, sizeof(double) * (size_t)end + 8); /* it becomes smaller */
+}
+
+/* Makes room for the next step's coefficients where memory is limited: what is not read goes, the last step too, as soon as another follows. */
+static void spare(Integrator *I, long k) {
+    struct State *T = I->state;
+    if (!I->budget || k < 2) return;
+    if (!T->thinned) {
+        if (sizeof(double) * (size_t)T->coefficient_count > I->budget) thin(I, k - 1);
+    } else if (!is_read(I, I->times[k - 2], I->times[k - 1])) {
+        T->coefficient_count = I->offset[k - 2];
+        I->offset[k - 2] = -1;
+    }
 }
 
 /* Keep the state, and the coefficients of the step that led to it (none for the start), with the sizes that states have had. */
@@ -64,16 +98,17 @@ static int keep(Integrator *I, const Stages *S) {
     I->times[k] = I->t;
     memcpy(I->states + k * n, I->x, sizeof(double) * (size_t)n);
     if (!S) return 1;
+    spare(I, k);
     long s = S->s, width = S->blocks * LANES, at = T->coefficient_count;
-    if (!I->block && at + s * n > T->coefficient_capacity) {
-        T->coefficient_capacity = 2 * (at + s * n) + 1024;
+    if (!I->block && at + (s + 1) * n > T->coefficient_capacity) {
+        T->coefficient_capacity = 2 * (at + (s + 1) * n) + 1024;
         if (!grow(&I->coefficients, sizeof(double) * (size_t)T->coefficient_capacity)) return 0;
     }
     for (long i = 0; i < n; i++) memcpy(I->coefficients + at + i * s, S->a + i * width, sizeof(double) * (size_t)s);
-    memcpy(I->sizes + (k - 1) * n, T->size, sizeof(double) * (size_t)n);
+    memcpy(I->coefficients + at + n * s, T->size, sizeof(double) * (size_t)n);
     I->stage_count[k - 1] = s;
     I->offset[k - 1] = at;
-    T->coefficient_count = at + s * n;
+    T->coefficient_count = at + (s + 1) * n;
     return 1;
 }
 

@@ -7,7 +7,7 @@ import functools
 import time
 import weakref
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -29,6 +29,7 @@ from acausal.collocation.problem import (
     StatusKind,
 )
 from acausal.collocation.tableau import Tableau, gauss_legendre
+from acausal.errors import SimulationError
 from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
 from acausal.runtime.binding import (
@@ -48,6 +49,8 @@ from acausal.runtime.load import Runtime, runtime
 
 _Double = ctypes.POINTER(ctypes.c_double)
 _SLICE = 0.05
+BUDGET = 64 * 2**20
+"""Bytes of a run's polynomials that are kept whether they are read or not."""
 _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
 _STATUS = {
     Code.REACHED_END: (StatusKind.SUCCESS, ""),
@@ -234,6 +237,11 @@ class Run:
         self._p = np.ascontiguousarray(problem.parameters, dtype=float)
         self._u = np.zeros(max(1, native.nu))
         self._inputs = problem.inputs
+        self._begun = problem, self.x.copy(), t0, t1, tolerances
+        self._answers: list[str] = []
+        self._read = np.ascontiguousarray(problem.read, dtype=float)
+        if directions is None:
+            core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
         self._rhs = problem.rhs
         self._rounding_callback = RoundingFunction(self._round)
         core.rounding = self._rounding_callback
@@ -373,6 +381,7 @@ class Run:
                 elif code == Code.SLOW and slow is not None:
                     size = np.ctypeslib.as_array(core.size, self.x.shape).copy()
                     answer = slow(Pace(core.t, self.x.copy(), size, core.h, core.slowness, core.contraction, newton))
+                    self._answers.append(answer)
                     if answer == "leave":
                         return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
                     if answer == "newton":
@@ -430,19 +439,58 @@ class Run:
         crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
         return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True)
 
+    def kept(self, most: int) -> np.ndarray:
+        """Times and states at the ends of the first steps, a row each."""
+        n = min(self.core.steps + 1, most)
+        t, x = (
+            np.ctypeslib.as_array(part, (n * size,)) for part, size in ((self.core.times, 1), (self.core.states, self.native.nx))
+        )
+        return np.column_stack((t, x.reshape(n, -1)))
+
     def dense(self, times: np.ndarray) -> np.ndarray:
-        """States (nx, n) at times (n,) between the first and the last step."""
+        """States (nx, n) at times (n,) between the first and the last step. Raises `SimulationError` where the run has to be repeated, and is another
+        one then."""
         nx = self.native.nx
         order = np.argsort(times, kind="stable")
         wanted = np.ascontiguousarray(times[order], dtype=float)
         found = np.empty((wanted.size, nx))
-        if nx:
-            code = self.native.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
-            if code == Code.INPUT_FAILED and self.error is not None:
-                raise self.error
+        if nx and not self._dense(wanted, found):
+            self._repeat(wanted, found)
         result = np.empty((nx, wanted.size))
         result[:, order] = found.T
         return result
+
+    def _dense(self, wanted: np.ndarray, found: np.ndarray) -> bool:
+        """States into `found` (n, nx) at ascending times; whether all the steps are kept in which they lie."""
+        code = self.native.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
+        if code == Code.INPUT_FAILED and self.error is not None:
+            raise self.error
+        return code != Code.NOT_KEPT
+
+    def _repeat(self, wanted: np.ndarray, found: np.ndarray) -> None:
+        """The same as `_dense`, by running again, and keeping the steps that are asked for: as many at a time as there is room for."""
+        (problem, x0, t0, t1, tolerances), n = self._begun, self.core.steps + 1
+        t = np.ctypeslib.as_array(self.core.times, (n,))
+        step = np.clip(np.searchsorted(t, wanted, side="right") - 1, 0, n - 2)
+        size = 8 * (max(tableau.stages for tableau in self.choice.tableaus) + 1) * self.native.nx
+        number = np.cumsum(np.diff(step, prepend=-1) > 0) - 1  # of the steps that are asked for
+        parts = np.flatnonzero(np.diff(number // max(1, BUDGET // size), prepend=-1))
+        for first, last in zip(parts, [*parts[1:], wanted.size], strict=True):
+            here = np.ascontiguousarray(wanted[first:last])
+            tolerances = replace(tolerances, max_steps=int(step[last - 1]) + 1)
+            run = Run(self.native, replace(problem, read=here), x0, t0, t1, tolerances, self.choice)
+            run.core.budget = 1
+            answers = iter(self._answers)
+            status = run.advance(t1, None, lambda _, answers=answers: next(answers, "go on")).status
+            if status.kind is StatusKind.INTERRUPTED:
+                raise KeyboardInterrupt
+            end = int(step[last - 1]) + 2
+            if not (np.array_equal(run.kept(end), self.kept(end)) and run._dense(here, found[first:last])):
+                raise SimulationError(
+                    f"The motion is read at t = {here[0]:.6g} s, in a step that was not kept: the run is longer than memory is kept for, so it was "
+                    f"repeated, and is another one now by t = {t[end - 1]:.6g} s. Functions of time that are inputs must give the same "
+                    "number whenever they are asked; or ask for `samples` that are as close as you need them.", None,
+                )  # fmt: skip
 
 
 def _address(array: np.ndarray) -> int:

@@ -49,7 +49,8 @@ enum Code {
     NOT_CONVERGED,
     TOO_MANY_STEPS,
     INPUT_FAILED,
-    OUT_OF_MEMORY
+    OUT_OF_MEMORY,
+    NOT_KEPT         /* a step that is read is not among those that are kept */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. */
@@ -95,14 +96,19 @@ typedef struct Integrator {
     long *event_guards, *event_directions;
     struct Memory *memory;
     struct State *state;
-    /* steps kept: times (steps + 1), states (steps + 1, nx), stages and place of the coefficients of each step */
-    double *times, *states, *coefficients, *sizes; /* sizes (steps, nx): what states had been like by then */
+    /* steps kept: times (steps + 1), states (steps + 1, nx); stages of each step, and place of its coefficients (nx, stages), with what sizes
+       states had had by then (nx) behind them; place -1: not kept */
+    double *times, *states, *coefficients;
     long *stage_count, *offset;
     /* forward sensitivities: S (directions, nx) at the start, then now; inputs du (directions, nu) and dp (directions, np) */
     long directions;
     double *S;
     const double *du, *dp;
     void *user; /* of `input` */
+    /* Coefficients beyond `budget` bytes are kept of steps only in which there is an event, or one of the times `read`, which ascend. 0: all */
+    size_t budget;
+    const double *read;
+    long read_count;
     /* Memory of the caller, `room` bytes (see `needed`): then no other is taken, and the last step only is kept, with its events. Null: allocated. */
     char *block;
     size_t room, used;

@@ -143,6 +143,8 @@ struct State {
     double part;             /* part of the usual distance that rates were continued from; 0: they were not */
     int straight;            /* whether the last step led through a singular position, not past it */
     long capacity, coefficient_capacity, coefficient_count;
+    int thinned;             /* whether only steps that are read are kept */
+    long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };
 
 /* What of a kernel depends on parameters only, for the arguments `in`; room for it, and for the kernel's work. 0 when memory is short. */

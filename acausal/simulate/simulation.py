@@ -90,6 +90,7 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     problem = replace(problem, breaks=_breaks(functions, problem, t0, end))
     if options.events:
         problem = replace(problem, guards=_guards(functions, options.events))
+    problem = replace(problem, read=np.linspace(t0, end, options.samples))
     solution = _integrated(problem, initial.x, t0, end, options, called)
     times = np.linspace(t0, solution.t[-1], options.samples)
     run = Trajectory(functions, problem, solution, initial, times, options.events)
