@@ -80,22 +80,39 @@ static void state_within(long nx, const double *start, const double *a, long s, 
     }
 }
 
+/* The same at `count` places, at most LANES, side by side: x (count, nx). */
+static void states_within(long nx, const double *start, const double *a, long s, long width, const double *theta, long count, double h, double *x) {
+    double P[65], Q[64];
+    V integrals[64];
+    for (long l = 0; l < LANES; l++) {
+        legendre_integrals(theta[l < count ? l : count - 1], s, P, Q);
+        for (long q = 0; q < s; q++) integrals[q][l] = Q[q];
+    }
+    for (long i = 0; i < nx; i++) {
+        V sum = v_all(0.0);
+        for (long q = s - 1; q >= 0; q--) sum += integrals[q] * v_all(a[i * width + q]);
+        sum = v_all(start[i]) + v_all(h) * sum;
+        for (long l = 0; l < count; l++) x[l * nx + i] = sum[l];
+    }
+}
+
 /* States (n, nx) at times in ascending order. NOT_KEPT where a step that they lie in is not kept. */
 int dense(Integrator *I, long n, const double *t, double *x) {
     struct State *T = I->state;
     const Method *fine = I->fine;
     long nx = I->nx, refined = -1;
     if (fine && !fine_stages(I, fine)) return OUT_OF_MEMORY;
-    for (long m = 0; m < n; m++) {
+    for (long m = 0, count; m < n; m += count) {
+        count = 1;
         if (I->steps == I->first) {
             memcpy(x + m * nx, I->states, sizeof(double) * (size_t)nx);
             continue;
         }
         long k = step_of(I, t[m]), row = k - I->first, s = I->stage_count[row], width = s;
         const double *start = I->states + row * nx;
-        double h = I->times[row + 1] - I->times[row], theta = (t[m] - I->times[row]) / h;
-        if (theta == 0 || theta == 1) {
-            memcpy(x + m * nx, start + (theta == 1 ? nx : 0), sizeof(double) * (size_t)nx);
+        double begin = I->times[row], end = I->times[row + 1], h = end - begin, theta[LANES] = {(t[m] - begin) / h};
+        if (theta[0] == 0 || theta[0] == 1) {
+            memcpy(x + m * nx, start + (theta[0] == 1 ? nx : 0), sizeof(double) * (size_t)nx);
             continue;
         }
         if (I->offset[row] < 0) return NOT_KEPT;
@@ -107,7 +124,11 @@ int dense(Integrator *I, long n, const double *t, double *x) {
             s = T->fine->s;
             width = T->fine->blocks * LANES;
         }
-        state_within(nx, start, a, s, width, theta, h, x + m * nx);
+        for (; count < LANES && m + count < n && t[m + count] < end; count++) {
+            theta[count] = (t[m + count] - begin) / h;
+            if (theta[count] == 1) break;
+        }
+        states_within(nx, start, a, s, width, theta, count, h, x + m * nx);
     }
     return REACHED_END;
 }
