@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.collocation.problem import Problem
+from acausal.collocation.problem import Accuracy, Problem
 from acausal.errors import SimulationError
 from acausal.integrators.integrate import integrate
 from acausal.runtime import native
@@ -100,7 +100,7 @@ def test_stiff_runs_that_change_their_method_are_repeated_alike(monkeypatch: pyt
     times = np.linspace(0.0, 900.0, 23)
 
     def states(method: str) -> np.ndarray:
-        solution = integrate(van_der_pol, np.array([2.0, 0.0]), 0.0, 900.0, 1e-7, 1e-7, method=method)
+        solution = integrate(van_der_pol, np.array([2.0, 0.0]), 0.0, 900.0, Accuracy(1e-7, 1e-7), method=method)
         assert "radau" in solution.statistics.method
         return solution.dense(times)
 

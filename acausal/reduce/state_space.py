@@ -110,7 +110,7 @@ class StateSpace:
         answers = vanishing(self.put(rows), self.system.p, values)
         return np.array([answer is not Vanishing.YES for answer in answers], dtype=bool)
 
-    @property
+    @functools.cached_property
     def nq(self) -> int:
         """Number of configuration variables in x; they come first."""
         return sum(i < self.system.nq for i in self.places) if self.coordinates is None else self.coordinates.positions

@@ -237,7 +237,7 @@ class Run:
         self._p = np.ascontiguousarray(problem.parameters, dtype=float)
         self._u = np.zeros(max(1, native.nu))
         self._inputs = problem.inputs
-        self._begun = problem, self.x.copy(), t0, t1, tolerances
+        self._begun = problem, self.x.copy(), t0, t1, accuracy
         self._answers: list[str] = []
         self._read = np.ascontiguousarray(problem.read, dtype=float)
         if directions is None:
@@ -429,10 +429,13 @@ class Run:
         tableau = self.choice.tableaus[core.method]
         newton = " with Newton" if core.newton_steps and self.choice.newton is Newton.WHERE_SLOW else ""
         now = time.perf_counter()
-        waited = sum(kernels.made_between(self.started, now) for kernels, _, _ in self._in_use)
+        waited, worked = (
+            sum(spent(kernels, self.started, now) for kernels, _, _ in self._in_use)
+            for spent in (Kernels.made_between, Kernels.compiled_between)
+        )
         statistics = Statistics(
             tableau.name + newton, tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
-            now - self.started - waited, core.factorisations, self.kinds, self.native.compiling(self.started, now),
+            now - self.started - waited, core.factorisations, self.kinds, waited + worked,
         )  # fmt: skip
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]
@@ -469,7 +472,7 @@ class Run:
 
     def _repeat(self, wanted: np.ndarray, found: np.ndarray) -> None:
         """The same as `_dense`, by running again, and keeping the steps that are asked for: as many at a time as there is room for."""
-        (problem, x0, t0, t1, tolerances), n = self._begun, self.core.steps + 1
+        (problem, x0, t0, t1, accuracy), n = self._begun, self.core.steps + 1
         t = np.ctypeslib.as_array(self.core.times, (n,))
         step = np.clip(np.searchsorted(t, wanted, side="right") - 1, 0, n - 2)
         size = 8 * (max(tableau.stages for tableau in self.choice.tableaus) + 1) * self.native.nx
@@ -477,8 +480,8 @@ class Run:
         parts = np.flatnonzero(np.diff(number // max(1, BUDGET // size), prepend=-1))
         for first, last in zip(parts, [*parts[1:], wanted.size], strict=True):
             here = np.ascontiguousarray(wanted[first:last])
-            tolerances = replace(tolerances, max_steps=int(step[last - 1]) + 1)
-            run = Run(self.native, replace(problem, read=here), x0, t0, t1, tolerances, self.choice)
+            accuracy = replace(accuracy, max_steps=int(step[last - 1]) + 1)
+            run = Run(self.native, replace(problem, read=here), x0, t0, t1, accuracy, self.choice)
             run.core.budget = 1
             answers = iter(self._answers)
             status = run.advance(t1, None, lambda _, answers=answers: next(answers, "go on")).status

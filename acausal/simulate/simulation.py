@@ -79,30 +79,35 @@ class Options:
 
 def simulate(functions: Functions, at: Situation, end: float, options: Options) -> Trajectory:
     """A motion from t0 to the end [s]. Raises `StartValueError`, and `SimulationError` with the partial motion."""
-    called, t0, accuracy, space = time.perf_counter(), at.t0, options.accuracy, functions.space
+    called, t0, space = time.perf_counter(), at.t0, functions.space
     problem = _problem(functions, at, options.compiled)
     jumps = check_given_motions(functions.given_motions, t0, end, at.p)
     whole = at.initial(functions)
     check_decided(functions.outputs.system, t0, whole.x, at.p)
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))
-    problem = replace(problem, parameters=initial.p)
+    problem = replace(problem, parameters=initial.p, read=np.linspace(t0, end, options.samples))
     check_branch(functions, problem, t0, end, initial.x)
-    problem = replace(problem, breaks=_breaks(functions, problem, t0, end))
-    if options.events:
-        problem = replace(problem, guards=_guards(functions, options.events))
-    problem = replace(problem, read=np.linspace(t0, end, options.samples))
+    breaks, guards = _breaks(functions, problem, t0, end), _guards(functions, options.events) if options.events else None
+    if breaks.size or guards:
+        problem = replace(problem, breaks=breaks, guards=guards)
     solution = _integrated(problem, initial.x, t0, end, options, called)
-    times = np.linspace(t0, solution.t[-1], options.samples)
+    reached = float(solution.t[-1])
+    times = problem.read if reached == end else np.linspace(t0, reached, options.samples)
     run = Trajectory(functions, problem, solution, initial, times, options.events)
-    lost = [jumps, warn_if_singular(functions, run), warn_if_outside(functions, run)]
-    warn_if_pulled(functions, run)
-    warn_if_not_followed(functions, run)
-    if solution.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
-        warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
+    look_at(functions, run, options.accuracy, jumps)
     if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise_if_interrupted(run.status, run)
         raise SimulationError(failure(functions, run.status, end, run), run)
     return run
+
+
+def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
+    """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
+    lost = [jumps, warn_if_singular(functions, run), warn_if_outside(functions, run)]
+    warn_if_pulled(functions, run)
+    warn_if_not_followed(functions, run)
+    if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
+        warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
 
 
 def _integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: Options, called: float) -> Solution:
@@ -155,7 +160,7 @@ def _breaks(functions: Functions, problem: Problem, t0: float, t1: float) -> np.
     found = knots(problem.inputs, t0, t1)
     if functions.clocks is not None and t1 > t0:
         found = np.concatenate([found, functions.clocks.times(t0, t1, problem.parameters)])
-    return apart(found, t0, t1)
+    return apart(found, t0, t1) if found.size else np.zeros((0, 2))
 
 
 def _guards(functions: Functions, events: Sequence[when]) -> Guards:
