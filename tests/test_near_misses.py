@@ -133,6 +133,16 @@ def test_a_linkage_of_rods_that_misses_its_flat_position_moves_alike_at_each_tol
         assert np.max(np.abs(run[scene.Q.point.position] - runs[-1][scene.Q.point.position])) < error * (1e-3 / min(aside, 1e-3))
 
 
+def test_nearer_than_the_digits_of_states_a_motion_is_followed_or_refused():
+    """Not in steps without end."""
+    scene = Inversor()
+    model = ac.build(scene)
+    for rtol in (1e-8, 1e-10, 1e-12):
+        run = model.simulate(1.5, {scene.P.point.velocity[2]: 1e-7}, rtol=rtol, samples=16, raise_on_failure=False)
+        assert run.statistics.steps < 1500
+        assert run.energy_error() < 1e-6
+
+
 def test_what_is_missed_by_more_than_rounding_of_lengths_is_no_crossing():
     """Lengths typed with twelve digits are equal; with eleven they differ."""
     for missed, singular in ((0.0, True), (1e-13, True), (3e-12, False), (-1e-10, False)):

@@ -455,7 +455,7 @@ static enum Code one_adaptive(Integrator *I) {
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
         if (I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
-        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) return failed_at(I, STEP_UNDERFLOW);
+        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3) || (refused > 0 && is_lost(I, S, h))) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
         int solved = solve_stages(I, S, h, LEFT, &contraction);

@@ -15,6 +15,7 @@
 #define SEEN 0.05 /* part of the stages' least clearance that a step's polynomial may come closer */
 #define AWAY 0.9 /* clearance of stages between others beyond which nothing is near */
 #define ROUNDS 4
+#define SHORTEST 1e-9 /* part of the size of a mechanism that it moves by in a step next to a singular position */
 #define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance */
 #define CLOSER 8 /* times as close, the next distance that rates may be continued from */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
@@ -391,6 +392,15 @@ static int skips(Integrator *I, const Stages *S, double from, double to, double 
         to = at + step;
     }
     return closest < SEEN * least && !through;
+}
+
+/* Whether tries of steps have become so short, beside what the velocities are, that no distance from a singular position explains it which the states'
+   digits tell from none. */
+static int is_lost(const Integrator *I, const Stages *S, double h) {
+    double speed = 0;
+    if (!S->exact || !I->through) return 0;
+    for (long i = I->positions; i < I->nx; i++) speed += I->x[i] * I->usual[i] * I->x[i] * I->usual[i];
+    return h * sqrt(speed) < SHORTEST;
 }
 
 /* Whether a step goes from one branch to another that comes close to it, between two stages that see nothing of this. */
