@@ -10,6 +10,11 @@ stays on its branch, the one that its momentum selects. On the branch the accele
 found to rounding errors of 1e-16 / x, and accelerations to 1e-16 / x^3, across the branch; `clearance`, about x^2, tells the integrators
 where this matters, and what they do there is in acausal/integrators/passage.py. Nearer than 3e-5 the forces fade out.
 
+Where a motion misses such a position by d, as with lengths that nearly fit (x y = d^2), it turns onto the other branch within d, and nothing can be
+continued. There rates are found as they are, in twice as many digits (`LoopForces.exact`, acausal/runtime/twofold.h): what is lost is d^-3 of
+1e-32, and 1e-16 / d by the rounding of states themselves. Positions are brought to closed loops within these digits first. A step whose polynomial
+comes much nearer to a singular position than its stages is refused, unless it leads straight through: the stages would be on two branches.
+
 Damping is Bayo's penalty, and refinement his augmented Lagrangian (Bayo and Ledesma, Nonlinear Dynamics 9, 1996; Gonzalez and
 Kovecses, Multibody System Dynamics 29, 2013). It is in each row's own unit. Refinement of accelerations takes out what rounding of the
 matrix has done, by the ratio of masses times as much.
