@@ -456,14 +456,26 @@ class Model:
         return export_c(self.functions, folder)
 
     def export_simulator(
-        self, folder: str | Path, start: StartValues | None = None, parameters: ParameterValues | None = None
+        self,
+        folder: str | Path,
+        start: StartValues | None = None,
+        parameters: ParameterValues | None = None,
+        *,
+        name: str = "simulator",
+        outputs: Mapping[str, Expression] | None = None,
+        events: Sequence[when] = (),
     ) -> Path:
-        """Write a program in C that simulates the model from `start` and needs nothing else; returns the folder."""
+        """Write instances of the model's motion in C, and a program around them, that need nothing else; returns the folder.
+
+        They start from `start`. `name`: what all their names begin with; `outputs`: expressions that they compute, by names; `events`: zeros that
+        they look for. See `acausal.export.simulator`.
+        """
         from acausal.export.simulator import export_simulator
 
         at = self._situation(start, 0.0, None, parameters)
         here = self._decided.at(at.p)
-        return export_simulator(here.functions, folder, Model(here.system).initial_state(start, parameters=parameters))
+        initial = Model(here.system).initial_state(start, parameters=parameters)
+        return export_simulator(here.functions, folder, initial, name=name, outputs=outputs, events=events)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Model, (self.system,)

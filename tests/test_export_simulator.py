@@ -1,25 +1,47 @@
-"""The exported simulator: the numbers of the package from a C program that stands by itself."""
+"""The exported simulator: the numbers of the package from C that stands by itself; starts and failures told as data."""
 
 from __future__ import annotations
 
 import ctypes
+import functools
 import json
+import re
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.emit.compiler import compiler
 from acausal.errors import ExportError, UnknownVariableError
 from components import Force, Particle, Prismatic, Revolute, RigidBody, World
+from tests.exported import (
+    BAD_ARGUMENT,
+    CONDITION,
+    FAILED_INPUT,
+    FLAGS,
+    INPUT,
+    MAX_STEPS,
+    NON_FINITE,
+    OPEN_START,
+    PARAMETER,
+    RADAU,
+    STATE,
+    SUCCESS,
+    WARNINGS,
+    InputFunction,
+    Library,
+    compiled,
+    printed,
+    program,
+    runtime,
+)
 from tests.scenes import DoublePendulum, FourBar
 from tests.test_minimal import slider_crank
 from tests.test_sensitivity import AdjustableFourBar, Oscillator
-
-WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wno-psabi", "-Werror")
 
 
 def pendulum():
@@ -40,54 +62,18 @@ def stiff():
 SCENES = {scene.__name__: scene for scene in (pendulum, four_bar, stiff)}
 
 
-def compiled(
-    folder: Path, *flags: str, command: tuple[str, ...] | None = None, program: str = "simulator", **other: str | Path
-) -> Path:
-    """The program, made by the line in README.txt, without any warning. `other`: files to take instead of `main`.c, `runtime`.c."""
-    lines = (folder / "README.txt").read_text().splitlines()
-    words = next(line for line in lines if line.strip().startswith("cc ")).split()[1:]
-    command = command or compiler()
-    assert command is not None
-    words[words.index("simulator")] = program
-    words = [str(other.get(word.removesuffix(".c"), word)) for word in words]
-    made = subprocess.run([*command, *WARNINGS, *flags, *words], cwd=folder, capture_output=True, text=True)
-    assert made.returncode == 0, made.stderr
-    assert not made.stderr
-    return folder / program
+@functools.cache
+def exported(name: str):
+    """Model, start, end and library of a scene."""
+    model, start, end = SCENES[name]()
+    folder = Path(_scratch().name) / name
+    model.export_simulator(folder, start)
+    return model, start, end, Library(folder)
 
 
-@pytest.fixture(scope="module")
-def runtime(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The integrators as an object file: the same for all models, and the longest to compile."""
-    folder = ac.build(DoublePendulum()).export_simulator(tmp_path_factory.mktemp("runtime"))
-    command = compiler()
-    assert command is not None
-    flags = (*WARNINGS, "-O2", "-march=native", "-ffp-contract=off", "-fno-math-errno")
-    subprocess.run([*command, *flags, "-c", "runtime.c"], cwd=folder, check=True)
-    return folder / "runtime.o"
-
-
-def printed(program: Path, *words: object) -> tuple[list[str], np.ndarray]:
-    """Header and values of a run in an empty environment."""
-    command = [str(program), *map(str, words)]
-    run = subprocess.run(command, cwd="/", env={}, capture_output=True, text=True, check=True)
-    head, *rows = run.stdout.splitlines()
-    return head.split(","), np.array([row.split(",") for row in rows], dtype=float)
-
-
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory, runtime: Path):
-    """name -> model, start, end and program of a scene."""
-    made = {}
-
-    def get(name: str):
-        if name not in made:
-            model, start, end = SCENES[name]()
-            folder = model.export_simulator(tmp_path_factory.mktemp(name), start)
-            made[name] = model, start, end, compiled(folder, runtime=runtime)
-        return made[name]
-
-    return get
+@functools.cache
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory()
 
 
 @pytest.mark.parametrize(
@@ -95,107 +81,130 @@ def exported(tmp_path_factory: pytest.TempPathFactory, runtime: Path):
     [("pendulum", "gauss", 1e-3), ("pendulum", "gauss", 1e-10), ("pendulum", "radau", 1e-7), ("four_bar", "gauss", 1e-10),
      ("four_bar", "radau", 1e-8), ("stiff", "gauss", 1e-6), ("stiff", "radau", 1e-3), ("stiff", "radau", 1e-12)],
 )  # fmt: skip
-def test_prints_the_numbers_of_the_package_to_the_last_bit(exported, name, method, rtol):
-    model, start, end, program = exported(name)
-    head, table = printed(program, end, 57, rtol, method)
+def test_the_numbers_are_those_of_the_package_to_the_last_bit(name, method, rtol):
+    model, start, end, library = exported(name)
+    times = np.linspace(0, end, 57)
+    report, x = library.simulate(times, options=library.options(rtol=rtol, method=("gauss", "radau").index(method)))
     run = model.simulate(end, start, rtol=rtol, method=method)
-    assert head == ["t", *model.state_names]
-    assert np.array_equal(table[:, 0], np.linspace(0, end, 57))
-    assert np.array_equal(table[:, 1:].T, run.at(table[:, 0]).x)
+    assert (report.status, report.samples, report.steps) == (SUCCESS, 57, run.statistics.steps)
+    assert np.array_equal(x, run.at(times).x)
 
 
-def test_a_stiff_model_makes_gauss_solve_by_newton(exported):
+def test_a_stiff_model_makes_gauss_solve_by_newton():
     """Otherwise the comparison above would not see the decision between the two."""
     model, start, end, _ = exported("stiff")
     statistics = model.simulate(end, start, rtol=1e-6, method="gauss").statistics
     assert statistics.method == "gauss with Newton"
 
 
-@pytest.mark.slow
-def test_lanes_do_not_matter(exported):
-    _, _, end, program = exported("four_bar")
-    native = printed(program, end, 40, 1e-13)[1]
-    for lanes in {2, 4, 8}:
-        other = compiled(program.parent, f"-DLANES={lanes}", program=f"lanes{lanes}")
-        assert np.max(np.abs(printed(other, end, 40, 1e-13)[1] - native)) < 1e-12
-
-
-def test_another_compiler_gives_the_same_without_warnings(exported):
-    _, _, end, program = exported("four_bar")
-    other = compiled(program.parent, command=(sys.executable, "-m", "ziglang", "cc"), program="other")
-    assert np.max(np.abs(printed(other, end, 40, 1e-12)[1] - printed(program, end, 40, 1e-12)[1])) < 1e-12
-
-
-USE = r"""
-#include <stdio.h>
-#include <string.h>
-#include "simulator.h"
-static int push(void *user, double t, double *u) { u[0] = *(double *)user - 2 * t; return 1; }
-static int none(void *user, double t, double *u) { return t < 0.5 || !u || user; }
-static void show(const char *name, SimulatorReport *r, const double *x) {
-    printf("%s;%d;%s;%s;%ld;%ld;%.17g", name, (int)r->status, r->message, r->failed_state ? r->failed_state : "", r->samples, r->steps, r->time);
-    for (int i = 0; i < 6; i++) printf(";%.17g", x[i]);
-    printf("\n");
-}
-int main(void) {
-    double times[3] = {1, 1.5, 3}, bad[2] = {2, 1}, x[6] = {0}, x0[2] = {0.25, -1}, p[2] = {9, 2}, u[1] = {1.5}, worse[2] = {0.5, 1};
-    SimulatorReport r;
-    worse[1] /= 0.0;
-    simulate(0, 0, 0, 0, 0, 3, times, x, &r); show("default", &r, x);
-    simulate(0, 1, x0, u, p, 3, times, x, &r); show("values", &r, x);
-    SimulatorOptions o = simulator_defaults();
-    double three = 3;
-    o.input = push; o.user = &three; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("input", &r, x);
-    o.step = 0.03; o.order = 8; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("fixed", &r, x);
-    o.method = SIMULATOR_RADAU; o.order = 5; o.step = 0.02; simulate(&o, 0, x0, 0, p, 3, times, x, &r); show("radau", &r, x);
-    o = simulator_defaults(); o.max_steps = 4; memset(x, 0, sizeof x);
-    simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("short", &r, x);
-    o = simulator_defaults(); o.input = none; simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("stopped", &r, x);
-    o.order = 7; simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("order", &r, x);
-    o.order = 0; o.rtol = 2; simulate(&o, 0, 0, 0, 0, 3, times, x, &r); show("rtol", &r, x);
-    simulate(0, 0, 0, 0, 0, 2, bad, x, &r); show("times", &r, x);
-    simulate(0, 0, worse, 0, 0, 3, times, x, &r); show("start", &r, x);
-    return simulate(0, 0, 0, 0, 0, 3, times, x, 0);
-}
-"""
-
-
-def test_called_from_a_program(tmp_path, runtime):
+@pytest.fixture(scope="module")
+def oscillator(tmp_path_factory: pytest.TempPathFactory):
     scene = Oscillator(damping=0.1)
     model = ac.build(scene)
+    return scene, model, Library(model.export_simulator(tmp_path_factory.mktemp("oscillator"), {scene.rail.q: 0.3}))
+
+
+def test_the_program_prints_these_numbers(oscillator):
+    scene, model, library = oscillator
+    head, table = printed(program(library.path.parent), 2.0, 7, 1e-9)
+    run = model.simulate(2.0, {scene.rail.q: 0.3}, rtol=1e-9, method="gauss")
+    assert head == ["t", *model.state_names]
+    assert np.array_equal(table[:, 0], np.linspace(0, 2, 7))
+    assert np.array_equal(table[:, 1:].T, run.at(table[:, 0]).x)
+
+
+@pytest.mark.parametrize("words", [(), ("x",), ("1", "1"), ("1", "2.5"), ("1", "5", "7"), ("1", "5", "1e-8", "euler"), ("-1",)])
+def test_wrong_words_show_the_usage(oscillator, words):
+    made = oscillator[2].path.parent / "main"
+    if not made.exists():
+        program(made.parent)
+    run = subprocess.run([str(made), *words], capture_output=True, text=True)
+    assert run.returncode == 2
+    assert run.stderr.startswith("usage:")
+    assert not run.stdout
+
+
+@pytest.mark.slow
+def test_the_line_in_the_readme_and_the_makefile_build_it(oscillator, tmp_path):
+    library = oscillator[2]
+    folder = shutil.copytree(library.path.parent, tmp_path / "copy", ignore=shutil.ignore_patterns("*.so", "main"))
+    line = next(line for line in (folder / "README.txt").read_text().splitlines() if line.strip().startswith("cc "))
+    subprocess.run(line.replace("-O2", "-O0").split(), cwd=folder, check=True)
+    expected = printed(folder / "simulator", 1)[1]
+    (folder / "simulator").unlink()
+    flags = "-O0 -march=native -ffp-contract=off -fno-math-errno -Wno-psabi"
+    subprocess.run(["make", "-s", f"CFLAGS={flags}"], cwd=folder, check=True)
+    assert np.array_equal(printed(folder / "simulator", 1)[1], expected)
+    assert (folder / "libsimulator.so").exists()
+
+
+@pytest.mark.slow
+def test_another_compiler_gives_the_same(tmp_path):
+    """As libm of the two may differ, the same to rounding."""
+    _, _, end, library = exported("four_bar")
+    made = tmp_path / "library.so"
+    line = [sys.executable, "-m", "ziglang", "cc", *FLAGS, "-Wno-psabi", "-shared", "-o", str(made)]
+    subprocess.run([*line, "simulator.c", "model.c", "runtime.c", "-lm"], cwd=library.path.parent, check=True)
+    times = np.linspace(0, end, 40)
+    other = Library.__new__(Library)
+    (tmp_path / "libsimulator.so").symlink_to(made)
+    other.__init__(tmp_path)
+    options = library.options(rtol=1e-12)
+    assert np.max(np.abs(other.simulate(times, options=options)[1] - library.simulate(times, options=options)[1])) < 1e-12
+
+
+def test_values_inputs_and_methods_of_a_whole_motion(oscillator):
+    scene, model, library = oscillator
     start, p = {scene.rail.q: 0.25, scene.rail.v: -1.0}, {scene.stiffness: 9.0, scene.mass: 2.0}
-    (model.export_simulator(tmp_path, {scene.rail.q: 0.3}) / "use.c").write_text(USE)
-    text = subprocess.run(
-        [str(compiled(tmp_path, main="use.c", runtime=runtime))], env={}, capture_output=True, text=True, check=True
-    ).stdout
-    rows = {line.split(";")[0]: line.split(";")[1:] for line in text.splitlines()}
-    times = [1.0, 1.5, 3.0]
+    times, x0, values = [1.0, 1.5, 3.0], [0.25, -1.0], [9.0, 2.0]
 
-    def states(name: str) -> np.ndarray:
-        assert rows[name][:4] == ["0", "", "", "3"]
-        return np.array(rows[name][6:], dtype=float).reshape(3, 2).T
+    @InputFunction
+    def push(user, t, u):
+        u[0] = ctypes.cast(user, ctypes.POINTER(ctypes.c_double))[0] - 2 * t
+        return 1
 
-    def same(name: str, begin=start, **options) -> bool:
-        run = model.simulate(3.0, begin, **options)
-        assert rows[name][4] == str(run.statistics.steps)
-        return np.array_equal(states(name), run.at(times).x)
+    three = ctypes.c_double(3.0)
+    driven = {"input": push, "user": ctypes.addressof(three)}
+
+    def same(found, **options) -> bool:
+        run = model.simulate(3.0, **({"start": start, "method": "gauss"} | options))
+        assert (found[0].status, found[0].samples, found[0].steps) == (SUCCESS, 3, run.statistics.steps)
+        return np.array_equal(found[1], run.at(times).x)
 
     slope = {scene.push: lambda t: 3 - 2 * t}
-    assert same("default", {scene.rail.q: 0.3})
-    assert same("values", t0=1.0, parameters=p, inputs={scene.push: 1.5})
-    assert same("input", parameters=p, inputs=slope)
-    assert same("fixed", parameters=p, inputs=slope, step=0.03, order=8, method="gauss")
-    assert same("radau", parameters=p, inputs=slope, step=0.02, order=5, method="radau")
-    short = model.simulate(3.0, {scene.rail.q: 0.3}, max_steps=4, raise_on_failure=False)
-    assert rows["short"][:3] == ["4", "4 steps were not enough.", ""]
-    assert rows["short"][4:6] == ["4", f"{short.status.time:.17g}"]
-    assert int(rows["short"][3]) == sum(t <= short.status.time for t in times)
-    assert rows["stopped"][0] == "5"
-    assert float(rows["stopped"][5]) < 0.5
-    assert rows["order"][:2] == ["7", "There is no method of that order."]
-    assert rows["rtol"][:2] == ["7", "rtol must lie between 0 and 1."]
-    assert rows["times"][:2] == ["7", "Times must be in ascending order."]
-    assert rows["start"][:3] == ["2", "The start values are not finite.", "rail.v"]
+    assert same(library.simulate(times), start={scene.rail.q: 0.3})
+    assert same(library.simulate(times, 1.0, x0, [1.5], values), t0=1.0, parameters=p, inputs={scene.push: 1.5})
+    assert same(library.simulate(times, 0, x0, None, values, library.options(**driven)), parameters=p, inputs=slope)
+    fixed = library.options(**driven, step=0.03, order=8)
+    assert same(library.simulate(times, 0, x0, None, values, fixed), parameters=p, inputs=slope, step=0.03, order=8)
+    radau = library.options(**driven, step=0.02, order=5, method=RADAU)
+    assert same(
+        library.simulate(times, 0, x0, None, values, radau), parameters=p, inputs=slope, step=0.02, order=5, method="radau"
+    )
+
+
+def test_what_a_call_cannot_do_is_a_status_in_words(oscillator):
+    scene, model, library = oscillator
+    times = [1.0, 1.5, 3.0]
+    short = model.simulate(3.0, {scene.rail.q: 0.3}, max_steps=4, raise_on_failure=False, method="gauss")
+    report, x = library.simulate(times, options=library.options(max_steps=4))
+    assert (report.status, report.message, report.steps) == (MAX_STEPS, b"4 steps were not enough.", 4)
+    assert report.time == short.status.time and report.samples == sum(t <= short.status.time for t in times)
+    assert np.isnan(x[:, report.samples :]).all()
+    stopped = library.simulate(times, options=library.options(input=InputFunction(lambda _, t, u: t < 0.5)))[0]
+    assert (stopped.status, stopped.message) == (FAILED_INPUT, b"The inputs could not be computed.") and stopped.time < 0.5
+    report = library.simulate(times, x0=[0.5, np.inf])[0]
+    assert (report.status, report.message, report.failed_state) == (NON_FINITE, b"The start values are not finite.", b"rail.v")
+    for options, words in (
+        ({"order": 7}, "There is no method of that order."), ({"rtol": 2}, "rtol must lie"), ({"rtol": np.nan}, "rtol must lie"),
+        ({"atol": -1}, "atol must be"), ({"step": np.nan}, "step must be"), ({"max_steps": 0}, "max_steps"), ({"method": 3}, "no method"),
+    ):  # fmt: skip
+        wrong = library.options(**options)
+        report = library.simulate(times, options=wrong)[0]
+        assert report.status == BAD_ARGUMENT and words in report.message.decode()
+        assert library.c_size(ctypes.addressof(wrong)) == 0 and not library.c_create(ctypes.addressof(wrong), None, 0)
+    for wrong in ([2.0, 1.0], [-1.0, 1.0], [0.0, np.nan], [0.0, np.inf]):
+        assert library.simulate(wrong)[0].status == BAD_ARGUMENT
 
 
 def test_a_run_that_fails_says_where_and_names_the_state(tmp_path):
@@ -207,35 +216,47 @@ def test_a_run_that_fails_says_where_and_names_the_state(tmp_path):
     scene.connect(scene.rail.frame_b, scene.body.point)
     scene.connect(scene.force.point, scene.body.point)
     model = ac.build(scene)
-    program = compiled(model.export_simulator(tmp_path))
-    status = model.simulate(3.0, raise_on_failure=False).status
-    run = subprocess.run([str(program), "3", "5"], env={}, capture_output=True, text=True)
+    made = program(model.export_simulator(tmp_path))
+    status = model.simulate(3.0, raise_on_failure=False, method="gauss").status
+    run = subprocess.run([str(made), "3", "5"], env={}, capture_output=True, text=True)
     assert run.returncode == 1
     assert len(run.stdout.splitlines()) == 3  # header, start and 0.75 s
     assert f"System: {status.message} Stopped at t = 1 s of 3 s" in run.stderr
     assert f"The state that failed first: {model.state_names[status.worst]}." in run.stderr
 
 
-@pytest.mark.parametrize("words", [(), ("x",), ("1", "1"), ("1", "2.5"), ("1", "5", "7"), ("1", "5", "1e-8", "euler"), ("-1",)])
-def test_wrong_words_show_the_usage(exported, words):
-    run = subprocess.run([str(exported("pendulum")[3]), *words], capture_output=True, text=True)
-    assert run.returncode == 2
-    assert run.stderr.startswith("usage:")
-    assert not run.stdout
-
-
-def test_facts_and_parameters(tmp_path):
+def test_names_units_values_and_version(tmp_path, oscillator):
     scene = Oscillator()
     model = ac.build(scene)
     folder = model.export_simulator(tmp_path / "new" / "folder", {scene.rail.q: 0.2}, {scene.mass: 3.0})
     facts = json.loads((folder / "model.json").read_text())
-    assert facts["states"] == ["rail.q", "rail.v"]
+    assert facts["states"] == ["rail.q", "rail.v"] and facts["state_units"] == ["m", "m/s"]
     assert facts["start"] == [0.2, 0.0]
-    assert facts["parameters"] == ["stiffness", "mass"]
+    assert facts["parameters"] == ["stiffness", "mass"] and facts["parameter_units"] == ["N/m", "kg"]
     assert facts["parameter_values"] == [4.0, 3.0]
     assert facts["inputs"] == ["push"]
+    header = (folder / "simulator.h").read_text()
+    assert "SIMULATOR_PARAMETER_mass, /* mass [kg] = 3 */" in header and '#define SIMULATOR_VERSION "acausal ' in header
     with pytest.raises(UnknownVariableError, match="parameter"):
         model.export_simulator(tmp_path, parameters={ac.Parameter(1.0): 2.0})
+    library = oscillator[2]
+    assert library.names(STATE) == ["rail.q", "rail.v"] and library.units(STATE) == ["m", "m/s"]
+    assert library.names(INPUT) == ["push"] and library.c_index(PARAMETER, b"mass") == 1 and library.c_index(STATE, b"mass") == -1
+    assert library.c_exported(CONDITION, 0) == 0.3 and np.isnan(library.c_exported(7, 0)) and library.c_name(STATE, 2) is None
+    assert library.c_version().startswith(b"acausal ")
+
+
+def test_units_of_orientations_and_their_rates(tmp_path):
+    scene = ac.System()
+    scene.world, scene.body = World(), RigidBody(1.0, (1.0, 2.0, 3.0))
+    facts = json.loads((ac.build(scene).export_simulator(tmp_path) / "model.json").read_text())
+    assert facts["state_units"] == [*["1"] * 4, *["m"] * 3, *["rad/s"] * 3, *["m/s"] * 3]
+
+
+@pytest.mark.parametrize("name", ["", "4bar", "a-b", "model", "a b", "main", "häuser"])
+def test_a_name_that_c_cannot_have_is_refused(tmp_path, name):
+    with pytest.raises(ExportError, match="name"):
+        ac.build(DoublePendulum()).export_simulator(tmp_path, name=name)
 
 
 def test_folder_that_cannot_be_written(tmp_path):
@@ -244,115 +265,55 @@ def test_folder_that_cannot_be_written(tmp_path):
         ac.build(DoublePendulum()).export_simulator(tmp_path / "file")
 
 
-FLAGS = ("-O1", "-march=native", "-ffp-contract=off", "-fno-math-errno")
-SOURCES = ("simulator.c", "model.c", "runtime.c")
 TWO = r"""
 #include <cstdio>
-#define SIMULATOR_PREFIX one_
-#include "one/simulator.h"
-#undef SIMULATOR_PREFIX
-#define SIMULATOR_PREFIX two_
-#include "two/simulator.h"
+#include "one/one.h"
+#include "two/two.h"
 static int advance(const char *, const char *) { return 7; }
 int main() {
     double times[2] = {0.5, 1}, x[100];
     int failed = one_simulate(0, 0, 0, 0, 0, 2, times, x, 0);
-    for (long i = 0; i < 2 * one_model_states; i++) std::printf("%.17g\n", x[i]);
-    SimulatorOptions options = two_simulator_defaults();
-    failed += two_simulate(&options, 0, two_model_start, 0, 0, 2, times, x, 0);
-    for (long i = 0; i < 2 * two_model_states; i++) std::printf("%.17g\n", x[i]);
+    for (long i = 0; i < 2 * ONE_STATES; i++) std::printf("%.17g\n", x[i]);
+    two_instance *two = two_create(0, 0, 0);
+    failed += two_start(two, 0) + two_set_end(two, 1.0);
+    for (int k = 0; k < 2; k++) {
+        failed += two_advance(two, times[k]);
+        for (long i = 0; i < TWO_STATES; i++) std::printf("%.17g\n", two_get(two, TWO_STATE, i));
+    }
+    two_free(two);
     return failed + advance("", "") - 7;
 }
 """
 
 
-def run_of(library: ctypes.CDLL, states: int, times: list[float]) -> np.ndarray:
-    """States (states, times) by the library's `simulate` from its exported start."""
-    found = np.zeros((len(times), states))
-    library.simulate.argtypes = [ctypes.c_void_p, ctypes.c_double, *[ctypes.c_void_p] * 3, ctypes.c_long, *[ctypes.c_void_p] * 3]
-    assert library.simulate(None, 0.0, None, None, None, len(times), np.array(times).ctypes.data, found.ctypes.data, None) == 0
-    return found.T
-
-
 @pytest.mark.slow
-def test_shared_libraries_of_two_models_do_not_take_names_of_each_other_or_of_the_c_library(exported, tmp_path):
-    """Loaded for all to see, so that whatever is visible in the first hides the same in the second."""
-    command = compiler()
-    assert command is not None
-    for name in ("pendulum", "four_bar"):
-        model, start, end, program = exported(name)
-        library = tmp_path / f"{name}.so"
-        line = [*command, *WARNINGS, *FLAGS, "-fPIC", "-shared", "-o", str(library), *SOURCES, "-lm"]
-        subprocess.run(line, cwd=program.parent, check=True)
-        times = [0.0, end / 3, end]
-        found = run_of(ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL), len(model.state_names), times)
-        assert np.array_equal(found, model.simulate(end, start, method="gauss").at(times).x)
-        shown = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout
-        public = (program.parent / "simulator.h").read_text()
-        assert all(line.split()[-1] in public for line in shown.splitlines())
-
-
-@pytest.mark.slow
-def test_two_models_in_one_program_written_in_another_language(exported, tmp_path):
-    command = compiler()
-    assert command is not None
+def test_two_models_in_one_program_of_another_language_and_loaded_for_all_to_see(tmp_path):
+    """Neither takes names of the other or of the C library, as objects or as libraries loaded with RTLD_GLOBAL."""
     objects: list[str] = []
     expected: list[np.ndarray] = []
-    for prefix, name in (("one", "pendulum"), ("two", "four_bar")):
-        model, start, _, program = exported(name)
-        (tmp_path / prefix).symlink_to(program.parent)
-        for source in SOURCES:
-            objects.append(f"{prefix}_{source}.o")
-            line = [*command, *WARNINGS, *FLAGS, f"-DSIMULATOR_PREFIX={prefix}_"]
-            subprocess.run([*line, "-c", "-o", objects[-1], f"{prefix}/{source}"], cwd=tmp_path, check=True)
-        expected.append(model.simulate(1.0, start, method="gauss").at([0.5, 1.0]).x.T.ravel())
+    libraries: list[Library] = []
+    for name, scene in (("one", "pendulum"), ("two", "four_bar")):
+        model, start, _ = SCENES[scene]()
+        folder = model.export_simulator(tmp_path / name, start, name=name)
+        for source in (f"{name}.c", "model.c"):
+            objects.append(str(folder / f"{source}.o"))
+            compiled(folder, "-c", "-o", objects[-1], source)
+        objects.append(str(runtime(name)))
+        libraries.append(Library(folder, name))
+        expected.append(model.simulate(1.0, start, method="gauss").at([0.5, 1.0]).x)
+    for library, x in zip(libraries, expected, strict=True):
+        assert np.array_equal(library.simulate([0.5, 1.0])[1], x)
+        shown = subprocess.run(
+            ["nm", "-D", "--defined-only", str(library.path)], capture_output=True, text=True, check=True
+        ).stdout
+        public = (library.path.parent / f"{library.name}.h").read_text()
+        seen = {line.split()[-1] for line in shown.splitlines()}
+        assert seen == set(re.findall(rf"\b({library.name}_[a-z_]+)\(", public.split("extern")[1]))
     (tmp_path / "two.cpp").write_text(TWO)
-    subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "-o", "both", "two.cpp", *objects, "-lm"], cwd=tmp_path, check=True)
-    printed = subprocess.run([str(tmp_path / "both")], capture_output=True, text=True, check=True).stdout
-    assert np.array_equal(np.array(printed.split(), dtype=float), np.concatenate(expected))
-
-
-@pytest.fixture(scope="module")
-def position_independent(runtime: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The integrators for shared libraries."""
-    command = compiler()
-    assert command is not None
-    made = tmp_path_factory.mktemp("pic") / "runtime.o"
-    subprocess.run([*command, *FLAGS, "-fPIC", "-c", "-o", str(made), "runtime.c"], cwd=runtime.parent, check=True)
-    return made
-
-
-class Library:
-    """An exported simulator called through ctypes: what `simulate` says, and the states."""
-
-    def __init__(self, model: ac.Model, folder: Path, runtime: Path) -> None:
-        command = compiler()
-        assert command is not None
-        made = folder / "model.so"
-        line = [*command, *WARNINGS, *FLAGS, "-fPIC", "-shared", "-o", str(made), "simulator.c", "model.c", str(runtime), "-lm"]
-        subprocess.run(line, cwd=folder, check=True)
-        self.library, self.nx = ctypes.CDLL(str(made)), len(model.state_names)
-        array = [ctypes.c_void_p]
-        self.library.simulate.argtypes = [*array, ctypes.c_double, *array * 3, ctypes.c_long, *array * 3]
-        self.library.simulator_start.argtypes = [ctypes.c_double, *array * 4]
-
-    def run(self, times, t0=0.0, x0=None, p=None) -> tuple[int, np.ndarray]:
-        """Status and states (nx, times)."""
-        kept = [None if v is None else np.array(v, dtype=float) for v in (x0, p, times)]
-        x, p, t = (None if v is None else v.ctypes.data for v in kept)
-        found = np.full((len(times), self.nx), np.nan)
-        status = self.library.simulate(None, t0, x, None, p, len(times), t, found.ctypes.data, None)
-        return status, found.T
-
-    def start(self, conditions=None, p=None, t0=0.0) -> tuple[int, np.ndarray]:
-        """Status and start state."""
-        kept = [None if v is None else np.array(v, dtype=float) for v in (conditions, p)]
-        c, p = (None if v is None else v.ctypes.data for v in kept)
-        x = np.full(self.nx, np.nan)
-        return self.library.simulator_start(t0, c, None, p, x.ctypes.data), x
-
-
-OPEN = 8
+    warnings = [w for w in WARNINGS if not w.startswith("-std")]
+    subprocess.run(["g++", *warnings, "-o", "both", "two.cpp", *objects, "-lm"], cwd=tmp_path, check=True)
+    text = subprocess.run([str(tmp_path / "both")], capture_output=True, text=True, check=True).stdout
+    assert np.array_equal(np.array(text.split(), dtype=float), np.concatenate([x.T.ravel() for x in expected]))
 
 
 def adjustable_slider_crank():
@@ -389,49 +350,49 @@ def hung_arm():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [adjustable_slider_crank, adjustable_four_bar, hung_arm])
-def test_other_parameters_are_assembled_as_by_the_package_or_refused(tmp_path, position_independent, make):
+def test_other_parameters_are_assembled_as_by_the_package_or_refused(tmp_path, make):
     scene, start, values, closes = make()
     model = ac.build(scene)
-    library = Library(model, model.export_simulator(tmp_path, start), position_independent)
+    library = Library(model.export_simulator(tmp_path, start))
     times = [0.0, 0.3, 0.5]
-    status, found = library.run(times)
-    assert status == 0 and np.array_equal(found, model.simulate(0.5, start, method="gauss").at(times).x)
+    report, found = library.simulate(times)
+    assert report.status == SUCCESS and np.array_equal(found, model.simulate(0.5, start, method="gauss").at(times).x)
     for column in zip(*values.values(), strict=True):
         changed = dict(zip(values, column, strict=True))
         p = [changed.get(parameter, parameter.value) for parameter in model.system.flat.parameters]
-        status, found = library.run(times, p=p)
-        assert status == (0 if closes(column) else OPEN)
+        report, found = library.simulate(times, p=p)
+        assert report.status == (SUCCESS if closes(column) else OPEN_START)
         assert closes(column) or np.isnan(found).all()
         if closes(column):
             expected = model.simulate(0.5, start, parameters=changed, method="gauss").at(times).x
             assert np.max(np.abs(found - expected)) < 1e-9
-            assert library.run(times, x0=expected[:, 0], p=p)[0] == 0
+            assert library.simulate(times, x0=expected[:, 0], p=p)[0].status == SUCCESS
         if column != next(zip(*values.values(), strict=True)) and model.functions.invariants is not None:
-            assert library.run(times, x0=model.initial_state(start).x, p=p)[0] == OPEN  # that of other parameters
+            first = model.initial_state(start).x  # that of other parameters
+            assert library.simulate(times, x0=first, p=p)[0].status == OPEN_START
 
 
 @pytest.mark.slow
-def test_other_conditions_give_other_starts(tmp_path, position_independent):
+def test_other_conditions_give_other_starts(tmp_path):
     scene, start, _, _ = adjustable_four_bar()
     model = ac.build(scene)
-    library = Library(model, model.export_simulator(tmp_path, start), position_independent)
-    facts = json.loads((tmp_path / "model.json").read_text())
-    assert facts["conditions"] == ["a.q", "a.v"] and facts["condition_values"] == [1.0, 2.0]
-    x = model.initial_state(start).x
-    status, found = library.start()
-    assert status == 0 and np.array_equal(found, x)
+    library = Library(model.export_simulator(tmp_path, start))
+    assert library.names(CONDITION) == ["a.q", "a.v"] and library.units(CONDITION) == ["rad", "rad/s"]
+    x, instance = model.initial_state(start).x, library.instance()
+    assert instance.started() == SUCCESS and np.max(np.abs(instance.x - x)) < 1e-14
     for angle, speed in ((2.0, -1.0), (-1.5, 0.0), (9.0, 1e-9)):
-        status, found = library.start([angle, speed])
-        assert status == 0 and np.max(np.abs(np.array(model.functions.invariants(0, found, model.system.p_values)))) < 1e-13
-        assert np.isclose(found[0], angle, atol=1e-14) and abs(found[list(model.state_names).index("a.v")] - speed) < 1e-14 * (
-            1 + abs(speed)
-        )
-        assert library.run([0.0, 0.1], x0=found)[0] == 0
+        assert instance.set_values(CONDITION, [angle, speed]) == SUCCESS and instance.started() == SUCCESS
+        found = instance.x
+        assert np.max(np.abs(np.array(model.functions.invariants(0, found, model.system.p_values)))) < 1e-13
+        assert np.isclose(found[0], angle, atol=1e-14)
+        assert abs(found[list(model.state_names).index("a.v")] - speed) < 1e-14 * (1 + abs(speed))
+        assert library.simulate([0.0, 0.1], x0=found)[0].status == SUCCESS
     for k in range(x.size):  # one number of a start state that is wrong
         wrong = x.copy()
         wrong[k] += 1e-3
-        assert library.run([0.0, 0.1], x0=wrong)[0] == OPEN
-    assert library.start([np.nan, 1.0])[0] == OPEN
+        assert library.simulate([0.0, 0.1], x0=wrong)[0].status == OPEN_START
+    assert instance.set_values(CONDITION, [np.nan, 1.0]) == SUCCESS and instance.started() == OPEN_START
+    assert "does not close the loops" in instance.words() and instance.advance(1.0) == BAD_ARGUMENT
 
 
 class ScaledFourBar(ac.System):
@@ -455,11 +416,11 @@ class ScaledFourBar(ac.System):
 
 
 @pytest.mark.slow
-def test_an_exported_simulator_moves_alike_in_all_units(tmp_path, position_independent):
+def test_an_exported_simulator_moves_alike_in_all_units(tmp_path):
     """Assembled and simulated by the same program with lengths, masses and times of other units: every bit is the same."""
     scene = ScaledFourBar()
     model = ac.build(scene)
-    library = Library(model, model.export_simulator(tmp_path, {scene.a.q: 1.0, scene.a.v: 6.0}), position_independent)
+    library = Library(model.export_simulator(tmp_path, {scene.a.q: 1.0, scene.a.v: 6.0}))
     seen: list[np.ndarray] = []
     for length, mass, time in [
         (0, 0, 1),
@@ -474,11 +435,14 @@ def test_an_exported_simulator_moves_alike_in_all_units(tmp_path, position_indep
     ]:
         L, M, T = 4.0**length, 4.0**mass, 4.0**time
         p = [L, M, 9.81 * L / T**2]
-        status, start = library.start([1.0, 6.0 / T], p)
-        assert status == 0
-        status, found = library.run([0.0, 0.5 * T, 1.0 * T], x0=start, p=p)
-        assert status == 0
-        seen.append(found * np.array([[T] if name.endswith(".v") else [1.0] for name in model.state_names]))
+        instance = library.instance()
+        assert instance.set_values(CONDITION, [1.0, 6.0 / T]) == instance.set_values(PARAMETER, p) == SUCCESS
+        assert instance.started() == instance.set_end(T) == SUCCESS
+        columns = []
+        for t in (0.0, 0.5 * T, 1.0 * T):
+            assert instance.advance(t) == SUCCESS
+            columns.append(instance.x)
+        seen.append(np.array(columns).T * np.array([[T] if name.endswith(".v") else [1.0] for name in model.state_names]))
     assert all(np.array_equal(seen[0], other) for other in seen[1:])
     expected = model.simulate(1.0, {scene.a.q: 1.0, scene.a.v: 6.0}, method="gauss").at([0.0, 0.5, 1.0]).x
     assert np.max(np.abs(seen[0] - expected)) < 1e-12

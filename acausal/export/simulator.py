@@ -1,11 +1,12 @@
-"""A simulator of one model in C that stands by itself: its kernels, the integrators, and a program that prints its motion."""
+"""Simulation of one model in C that stands by itself: its kernels, the integrators, instances of its motion, and a program that prints one."""
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
-import shutil
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,22 @@ from acausal.emit.emit import Source, emit, translation_units
 from acausal.emit.library import SOURCES
 from acausal.errors import ExportError
 from acausal.export.start_functions import StartFunctions, start_c, start_functions
+from acausal.language.expression import Expression
 from acausal.numerics.bound import copied_states
+from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
+from acausal.outputs.state_units import state_units
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.native import directional_derivative, projection_with_invariants
+from acausal.simulate.events import when
 from acausal.start.initial import InitialState
 
 PROGRAM = Path(__file__).resolve().parent / "program"
-"""Folder of the C sources that are the same for all models."""
+"""Folder of the C sources that are the same for all models but for a name."""
 _GAUSS = tuple(gauss_legendre(s) for s in (4, 6, 8))
 _RADAU = tuple(radau_iia(s) for s in (3, 5, 7))
 _MODEL_HEAD = """\
-/* The model: functions, names, values. Only what model.h and simulator.h declare is seen by other files. */
+/* The model: functions, names, values. Only what model.h declares is seen by other files. */
 #include "model.h"
 #include "assembly.h"
 #undef EXPORT
@@ -42,90 +47,204 @@ _README = """\
     cc -O2 -march=native -ffp-contract=off -fno-math-errno -o simulator main.c simulator.c model.c runtime.c -lm
     ./simulator 10 > motion.csv
 
-It needs a C99 compiler with vector extensions (GCC, Clang) and libm, nothing else. Leave out -march=native for a program that runs on
-other processors too. All files must be compiled with the same flags; with -Wall, add -Wno-psabi.
+or `make`, or CMake. It needs a C99 compiler with vector extensions (GCC, Clang) and libm, nothing else. Leave out -march=native for a
+program that runs on other processors too. All files must be compiled with the same flags; with -Wall, add -Wno-psabi.
 
     ./simulator end [samples] [rtol] [method]
 
-prints the states at equally spaced times from 0 to `end` seconds, separated by commas. `method`: gauss, or radau for stiff models.
+prints states and outputs at equally spaced times from 0 to `end` seconds, separated by commas; events go to the other stream. `method`:
+gauss, or radau for stiff models.
 
-{nx} states, {nu} inputs, {np} parameters; names and values are in model.json. To simulate from a program of your own, see `simulate`
-in simulator.h: other start values, parameters and inputs, fixed steps, what to do when a run fails.
-
-As a shared library: leave main.c out and add -fPIC -shared. Two models in one program: give the files of each a prefix of their own, e.g.
--DSIMULATOR_PREFIX=arm_; simulator.h says more.
+{nx} states, {nu} inputs, {np} parameters; names, units and values are in simulator.h and model.json. To simulate from a program of your own:
+instances, see simulator.h. `make` also builds the shared library that Python's ctypes can load; main.c may be left out.
 
 main.c                    the program
-simulator.h, simulator.c  one run
+simulator.h, simulator.c  instances
 model.h, model.c          the model
 assembly.h                its start, assembled for other values
 methods.h                 coefficients of the integrators
 names.h                   who sees which names
 runtime.h, runtime.c      the integrators; the other headers belong to them
+Makefile, CMakeLists.txt  program and library
 """
 
 
-def export_simulator(model: Functions, folder: str | Path, initial: InitialState) -> Path:
+def export_simulator(
+    model: Functions,
+    folder: str | Path,
+    initial: InitialState,
+    *,
+    name: str = "simulator",
+    outputs: Mapping[str, Expression] | None = None,
+    events: Sequence[when] = (),
+) -> Path:
     """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
 
-    `initial`: what it starts from, with the values of its parameters. The numbers are those of `model.simulate` with method "gauss" or
-    "radau", to the bit where compiler and processor are the same; only where the dynamics switch at times (pulses, ramps) does `simulate` know
-    when, and end steps there, and where loops come close to singular positions it has twice as many digits. Raises
-    `ExportError` for functions that have no C, and when a file cannot be written.
+    `initial`: what it starts from, with the values of its parameters. `name`: an identifier that all its names begin with, and its header.
+    `outputs`: expressions of the scene's variables that it computes, by names. `events`: zeros that it looks for. The numbers are those of
+    `model.simulate` with method "gauss" or "radau", to the bit where compiler and processor are the same; only where the dynamics switch at times
+    (pulses, ramps) does `simulate` know when, and end steps there, and where loops come close to singular positions it has twice as many digits.
+    Raises `ExportError` for functions that have no C, for a name that is no identifier, and when a file cannot be written.
     """
     target = Path(folder)
     start = start_functions(model, initial)
-    facts = _Facts(
-        title=model.outputs.system.flat.name,
-        states=model.state_names,
-        inputs=model.input_names,
-        parameters=model.parameter_names,
-        start=tuple(initial.x.tolist()),
-        input_values=tuple(model.outputs.system.u_defaults.tolist()),
-        parameter_values=tuple(initial.p.tolist()),
-        conditions=start.names,
-        condition_values=start.values,
-    )
-    heading = f"{facts.title}: a simulator in C"
-    texts = {
-        "model.c": _model_c(model, facts, start),
-        "assembly.h": start_c(start),
+    kinds = _kinds(model, initial, start, {} if outputs is None else outputs, events)
+    title = model.outputs.system.flat.name
+    heading = f"{title}: simulation in C"
+
+    templates = {
+        path.name: path.read_text(encoding="utf-8")
+        for folder in (SOURCES, PROGRAM)
+        for path in sorted(folder.iterdir())
+        if _is_template(path)
+    }
+    _check_name(name, templates)
+
+    def named(text: str) -> str:
+        return text.replace("simulator", name).replace("SIMULATOR", name.upper())
+
+    texts = {named(file): named(text) for file, text in templates.items()}
+    texts |= {
+        "model.c": _model_c(model, title, kinds, start, {} if outputs is None else outputs, events),
+        "assembly.h": start_c(start, f"{name}_hidden_"),
         "methods.h": _methods_h(),
-        "model.json": json.dumps({"functions": ["simulate"], **asdict(facts)}, indent=2),
-        "README.txt": _README.format(
-            heading=heading, line="=" * len(heading), nx=len(facts.states), nu=len(facts.inputs), np=len(facts.parameters)
+        "model.json": json.dumps(_facts(title, kinds), indent=2),
+        "README.txt": named(_README).format(
+            heading=heading,
+            line="=" * len(heading),
+            nx=kinds["state"].count,
+            nu=kinds["input"].count,
+            np=kinds["parameter"].count,
         ),
     }
+    filled = {
+        "{title}": title.replace("*/", "* /"),
+        "{version}": _string(f"acausal {importlib.metadata.version('acausal')}"),
+        "{indices}": "".join(_indices(kind, name.upper()) for kind in kinds.values()),
+    }
+    for placeholder, text in filled.items():
+        texts[f"{name}.h"] = texts[f"{name}.h"].replace(placeholder, text)
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for source in [*SOURCES.glob("*.[ch]"), *PROGRAM.glob("*.[ch]")]:  # names.h is in both: that of the program
-            shutil.copyfile(source, target / source.name)
-        for name, text in texts.items():
-            (target / name).write_text(text, encoding="utf-8")
+        for file, text in texts.items():
+            (target / file).write_text(text, encoding="utf-8")
     except OSError as error:
         raise ExportError(f"export_simulator: cannot write to '{target}': {error}.") from error
     return target
 
 
+def _is_template(path: Path) -> bool:
+    return path.suffix in (".c", ".h") or path.name in ("Makefile", "CMakeLists.txt")
+
+
+def _check_name(name: str, templates: Mapping[str, str]) -> None:
+    """Raises `ExportError` for what is no identifier of C, or makes names that are in the files already."""
+    words = set(re.findall(r"[A-Za-z_]\w*(?:\.[ch]\b)?", "\n".join([*templates, *templates.values()])))
+    own = {word for word in words if re.match("simulator[_.]", word.lower())}
+    made = {word.replace("simulator", name).replace("SIMULATOR", name.upper()) for word in own}
+    taken = sorted(made & (words - own))
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or taken:
+        raise ExportError(
+            f"export_simulator: name={name!r} cannot be what the names of C functions begin with"
+            + (f", since there is a '{taken[0]}' already" if taken else "")
+            + ". Give another word of letters and digits: 'arm'."
+        )
+
+
 @dataclass(frozen=True)
-class _Facts:
-    title: str
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    start: tuple[float, ...]
-    input_values: tuple[float, ...]
-    parameter_values: tuple[float, ...]
-    conditions: tuple[str, ...]
-    condition_values: tuple[float, ...]
+class _Kind:
+    """Numbers of one kind: names, units, values when exported."""
+
+    word: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: tuple[float, ...]
+
+    @property
+    def count(self) -> int:
+        return len(self.names)
 
 
-def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
-    """Kernels, names and values of a model; what model.h and simulator.h declare."""
+def _kinds(
+    model: Functions, initial: InitialState, start: StartFunctions, outputs: Mapping[str, Expression], events: Sequence[when]
+) -> dict[str, _Kind]:
+    """In the order of `simulator_kind`."""
+    for event in events:
+        if model.outputs.resolve(event.expression).numel() != 1:
+            raise ExportError(
+                f"export_simulator: {event.expression!r} in `events` is not a scalar; give one event for each entry."
+            )
+    flat = model.outputs.system.flat
+    constants = model.space.elimination.constants.numel()
+    entries = {key: model.outputs.resolve(value).numel() for key, value in outputs.items()}
+    shown = [(key + (f"[{k}]" if n > 1 else ""), expression_unit(outputs[key])) for key, n in entries.items() for k in range(n)]
+    found = [
+        _Kind("state", model.state_names, state_units(model), tuple(initial.x.tolist())),
+        _Kind(
+            "input",
+            model.input_names,
+            tuple(i.unit for i in flat.inputs),
+            tuple(model.outputs.system.u_defaults.tolist()),
+        ),
+        _Kind(
+            "parameter", model.parameter_names, (*(p.unit for p in flat.parameters), *[""] * constants), tuple(initial.p.tolist())
+        ),
+        _Kind("condition", start.names, start.units, start.values),
+        _Kind("output", tuple(n for n, _ in shown), tuple(u for _, u in shown), (float("nan"),) * len(shown)),
+        _Kind(
+            "event",
+            tuple(expression_name(model.outputs, e.expression) for e in events),
+            tuple(expression_unit(e.expression) for e in events),
+            (float("nan"),) * len(events),
+        ),
+    ]
+    return {kind.word: kind for kind in found}
+
+
+def _facts(title: str, kinds: Mapping[str, _Kind]) -> dict[str, Any]:
+    """What model.json holds."""
+    facts: dict[str, Any] = {"title": title}
+    for kind in kinds.values():
+        facts |= {f"{kind.word}s": kind.names, f"{kind.word}_units": kind.units}
+    return facts | {
+        "start": kinds["state"].values,
+        **{f"{word}_values": kinds[word].values for word in ("input", "parameter", "condition")},
+    }
+
+
+def _indices(kind: _Kind, prefix: str) -> str:
+    """Constants for the numbers of a kind, with names and units, and how many there are."""
+    lines: list[str] = []
+    used: set[str] = set()
+    for name, unit, value in zip(kind.names, kind.units, kind.values, strict=True):
+        word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
+        while word in used:
+            word += "_"
+        used.add(word)
+        told = (
+            name.replace("*/", "* /")
+            + (f" [{unit}]" if unit else "")
+            + ("" if np.isnan(value) or kind.word == "state" else f" = {value:g}")
+        )
+        lines.append(f"    {prefix}_{kind.word.upper()}_{word}, /* {told} */\n")
+    return f"enum {{\n{''.join(lines)}    {prefix}_{kind.word.upper()}S\n}};\n"
+
+
+def _model_c(
+    f: Functions,
+    title: str,
+    kinds: Mapping[str, _Kind],
+    start: StartFunctions,
+    outputs: Mapping[str, Expression],
+    events: Sequence[when],
+) -> str:
+    """Kernels, names and values of a model; what model.h declares."""
     rhs = f.explicit_dynamics
+    shown = [f.outputs.resolve(e) for e in outputs.values()]
     sources = [
         emit(rhs, "model_rhs", parameters=(3,)),
         emit(directional_derivative(rhs, (1,)), "model_jvp", parameters=(3,)),
+        emit(f.output(ca.vertcat(ca.SX(0, 1), *map(ca.vec, shown)), name="outputs"), "model_outputs", parameters=(3,)),
     ]
     invariants = 0
     if f.invariants is not None and f.projection is not None:
@@ -133,45 +252,45 @@ def _model_c(f: Functions, facts: _Facts, start: StartFunctions) -> str:
         sources.append(emit(projection_with_invariants(f.invariants, f.projection), "model_projection", parameters=(2,)))
     if f.clearance is not None and f.outputs.system.constraints.singular:
         sources.append(emit(f.clearance, "model_clearance", parameters=(2,)))
-    kernels = {source.name: source for source in sources}
+    if events:
+        guards = f.output(ca.vertcat(*(f.outputs.resolve(e.expression) for e in events)), name="guards")
+        sources.append(emit(guards, "model_guard", parameters=(3,)))
     copies = copied_states(rhs)
-    names = {"state": facts.states, "input": facts.inputs, "parameter": facts.parameters, "condition": facts.conditions}
-    shared = {f"{kind}_names": ("char *const", [*map(_string, of), "0"]) for kind, of in names.items()}
-    values = {"start": facts.start, "input_values": facts.input_values, "parameter_values": facts.parameter_values}
-    values["condition_values"] = facts.condition_values
-    shared |= {name: ("double", [v.hex() for v in of] or ["0"]) for name, of in values.items()}
-    copies = copied_states(rhs)
-    own = {f"copy_{word}": [str(pair[k]) for pair in copies] or ["0"] for k, word in enumerate(("to", "from"))}
-    sizes = {f"{kind}s": len(of) for kind, of in names.items()}
+    numbers = {f"copy_{word}": [str(pair[k]) for pair in copies] for k, word in enumerate(("to", "from"))}
+    numbers |= {"guard_direction": [str(e.sign) for e in events], "guard_stops": [str(int(e.stop)) for e in events]}
     fields = [
-        *(
-            f".{word} = {_kernel(kernels[f'model_{word}'])}"
-            for word in ("rhs", "jvp", "projection", "clearance")
-            if f"model_{word}" in kernels
-        ),
-        *(f".{name} = {size}" for name, size in sizes.items()),
+        *(f".{source.name.removeprefix('model_')} = {_kernel(source)}" for source in sources),
+        f".quantities = {_array([_quantities(kind) for kind in kinds.values()])}",
+        f".title = {_string(title)}, .width = LANES, .invariants = {invariants}, .copies = {len(copies)}, .positions = {f.space.nq}",
+        *(f".{name} = {name}" for name in numbers),
         f".constants = {start.assembly.numel_out(1)}, .depends = depends, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
         *([] if start.holds is None else [f".holds = {_plain(start.holds)}"]),
-        f".width = LANES, .invariants = {invariants}, .copies = {len(copies)}, .positions = {f.space.nq}",
-        *(f".{name} = {name}" for name in ("state_names", *values, *own)),
     ]
     lines = [
-        *(f"#define {name.upper()} {_array(entries)}" for name, (_, entries) in shared.items()),
-        *(
-            f"static const {kind} {name}[] = {name.upper()};"
-            for name, (kind, _) in shared.items()
-            if name in ("state_names", *values)
-        ),
-        *(f"static const long {name}[] = {_array(entries)};" for name, entries in own.items()),
+        *(line for kind in kinds.values() for line in _quantity_arrays(kind)),
+        *(f"static const long {name}[] = {_array(entries or ['0'])};" for name, entries in numbers.items()),
         f"static const char depends[] = {_array([str(int(d)) for d in start.depends])};",
-        f"const Model model = {{{', '.join(fields)}}};",
-        "/* The same once more for other programs, which may put their own in its place. */",
-        f"const char model_title[] = {_string(facts.title)};",
-        *(f"const long model_{name} = {size};" for name, size in sizes.items()),
-        *(f"const {kind} model_{name}[] = {name.upper()};" for name, (kind, _) in shared.items()),
+        "const Model model = {\n    " + ",\n    ".join(fields) + "\n};",
     ]
     return "\n".join([_MODEL_HEAD, *translation_units(sources, 1), *lines, ""])
+
+
+def _quantity_arrays(kind: _Kind) -> list[str]:
+    texts = {"names": kind.names, "units": kind.units}
+    words = [
+        f"static const char *const {kind.word}_{of}[] = {_array([*map(_string, entries), '0'])};" for of, entries in texts.items()
+    ]
+    return [*words, f"static const double {kind.word}_values[] = {_array([_hex(v) for v in kind.values] or ['0'])};"]
+
+
+def _quantities(kind: _Kind) -> str:
+    """`Quantities` of model.h."""
+    return f"{{{kind.count}, {kind.word}_names, {kind.word}_units, {kind.word}_values}}"
+
+
+def _hex(value: float) -> str:
+    return value.hex() if np.isfinite(value) else '__builtin_nan("")'
 
 
 def _kernel(source: Source) -> str:

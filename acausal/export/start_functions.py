@@ -20,7 +20,7 @@ _HEAD = """\
 #include <math.h>
 #define CASADI_SYMBOL_EXPORT static __attribute__((unused))
 #define CASADI_CODEGEN_PREFIX
-#define CODEGEN_PREFIX SIMULATOR_NAME(simulator_)
+#define CODEGEN_PREFIX {prefix}
 #pragma GCC visibility push(hidden)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdangling-pointer"
@@ -32,7 +32,7 @@ _TAIL = "\n#pragma GCC diagnostic pop\n#pragma GCC visibility pop\n"
 class StartFunctions:
     """`assembly`: data (start values, t0, u, p without constants) -> (x, constants of integration), NaN where there is no such start; `depends`:
     on which of the data. `gaps`: (t, x, u, p) -> how far positions and velocities are from closing, and how large the velocities are, without
-    unit; None without constraints. `holds`: (t, x, u, p) -> not negative where what was decided holds. `names`, `values`: of the start values.
+    unit; None without constraints. `holds`: (t, x, u, p) -> not negative where what was decided holds. `names`, `units`, `values`: of the start values.
     """
 
     assembly: ca.Function
@@ -40,6 +40,7 @@ class StartFunctions:
     gaps: ca.Function | None
     holds: ca.Function | None
     names: tuple[str, ...]
+    units: tuple[str, ...]
     values: tuple[float, ...]
 
 
@@ -59,6 +60,7 @@ def start_functions(functions: Functions, initial: InitialState) -> StartFunctio
         _gaps(functions, initial),
         functions.holds,
         names,
+        tuple(met.unit for met in initial.met for _ in range(met.wanted.size)),
         tuple(account.data[: len(names)].tolist()),
     )
 
@@ -107,12 +109,12 @@ def _gaps(functions: Functions, initial: InitialState) -> ca.Function | None:
     return folded_function("gaps", space.arguments, [ca.densify(result)])
 
 
-def start_c(start: StartFunctions) -> str:
-    """A header with C of the functions, for inclusion after simulator.h."""
+def start_c(start: StartFunctions, prefix: str) -> str:
+    """A header with C of the functions; `prefix`: what names begin with that might be taken for those of others."""
     generator = ca.CodeGenerator("start", {"casadi_int": "long long int"})
     for function in (start.assembly, start.gaps, start.holds):
         if function is not None:
             generator.add(function)
     with tempfile.TemporaryDirectory() as folder:
         made = generator.generate(f"{folder}/")
-        return _HEAD + Path(made).read_text(encoding="utf-8") + _TAIL
+        return _HEAD.replace("{prefix}", prefix) + Path(made).read_text(encoding="utf-8") + _TAIL

@@ -20,6 +20,15 @@ def expression_name(outputs: Outputs, wanted: Expression | ca.SX) -> str:
     return outputs.name(wanted) if isinstance(wanted, Symbol) else _cut(_spelled(outputs, wanted))
 
 
+def expression_unit(expression: Expression) -> str:
+    """Of a variable, or of entries of variables with one unit; else unknown."""
+    if isinstance(expression, Symbol):
+        return expression.unit
+    units = {leaf.unit for leaf in expression.leaves}
+    entries = ca.vec(expression.sx)
+    return units.pop() if len(units) == 1 and all(entries[i].is_symbolic() for i in range(entries.numel())) else ""
+
+
 def labels(outputs: Outputs, wanted: Expression | ca.SX) -> tuple[str, ...]:
     """Of every entry, column by column."""
     if isinstance(wanted, Symbol):

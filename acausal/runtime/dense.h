@@ -132,3 +132,22 @@ int dense(Integrator *I, long n, const double *t, double *x) {
     }
     return REACHED_END;
 }
+
+/* The state (nx) at a time that the steps which are kept reach to, back on the invariants. Steps to come do not see it. */
+int state_at(Integrator *I, double t, double *x) {
+    struct State *T = I->state;
+    V *in = T->projection_in, *out = T->projection_out;
+    int good = 1;
+    if (I->steps == I->first) memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
+    else if (dense(I, 1, &t, x) != REACHED_END) return INPUT_FAILED;
+    if (!I->ng) return REACHED_END;
+    in[0] = v_all(t);
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+    for (int pass = 0; pass < PASSES; pass++) {
+        run_kernel(&I->projection, in, T->projection_c, out, T->work);
+        memcpy(in + 1, out, sizeof(V) * (size_t)I->nx);
+    }
+    for (long i = 0; i < I->nx; i++) good &= isfinite(out[i][0]) != 0;
+    for (long i = 0; i < I->nx && good; i++) x[i] = out[i][0];
+    return REACHED_END;
+}

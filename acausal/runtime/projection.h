@@ -29,7 +29,10 @@ static int project(Integrator *I, double t, double *x) {
     return changed;
 }
 
-/* The same for n states (n, nx) at times t, side by side in lanes, three corrections; states that come out not finite stay as they are. */
+#define PASSES 3 /* moving positions opens the velocity rows a little; the next correction closes them */
+
+#ifndef ONLY_COMPILED_KERNELS
+/* The same for n states (n, nx) at times t, side by side in lanes, so many corrections; states that come out not finite stay as they are. */
 int project_states(const Kernel *k, long nx, long np, const double *p, long n, const double *t, double *x) {
     size_t values = (size_t)(k->inputs + k->outputs + k->constants + k->work + 4);
     char *raw = malloc(sizeof(V) * values + 64);
@@ -43,7 +46,7 @@ int project_states(const Kernel *k, long nx, long np, const double *p, long n, c
             in[0][l] = t[at];
             for (long i = 0; i < nx; i++) in[1 + i][l] = x[at * nx + i];
         }
-        for (int pass = 0; pass < 3; pass++) { /* moving q opens the velocity rows a little; the next pass closes them */
+        for (int pass = 0; pass < PASSES; pass++) {
             run_kernel(k, in, c, out, w);
             for (long i = 0; i < nx; i++) in[1 + i] = out[i];
         }
@@ -56,3 +59,4 @@ int project_states(const Kernel *k, long nx, long np, const double *p, long n, c
     free(raw);
     return REACHED_END;
 }
+#endif

@@ -123,10 +123,11 @@ EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void use_newton(Integrator *I);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
-EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
+EXPORT int state_at(Integrator *I, double t, double *x);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS
 EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);
+EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
 EXPORT long widest(void);
 #endif
 #endif

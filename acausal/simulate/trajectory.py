@@ -16,8 +16,8 @@ import numpy as np
 from acausal.collocation.problem import Problem, Solution, Statistics, Status
 from acausal.errors import OptionError
 from acausal.language.component import System
-from acausal.language.expression import Expression, Symbol
-from acausal.outputs.expression_names import expression_name
+from acausal.language.expression import Expression
+from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.runtime.kernels import How
@@ -193,7 +193,7 @@ class Trajectory:
         """Name and unit for axes and tables."""
         if isinstance(expression, str):
             return self.label(self.outputs.system.flat.named(expression))
-        name, unit = expression_name(self.outputs, expression), _unit(expression)
+        name, unit = expression_name(self.outputs, expression), expression_unit(expression)
         return f"{name} [{unit}]" if unit else name
 
     def _repr_html_(self) -> str:
@@ -243,12 +243,3 @@ def _read(
     run = Trajectory(functions, problem, solution, initial, t, watched)
     run.__dict__["x"] = x
     return run
-
-
-def _unit(expression: Expression) -> str:
-    """Of a variable, or of entries of variables with one unit; else unknown."""
-    if isinstance(expression, Symbol):
-        return expression.unit
-    units = {leaf.unit for leaf in expression.leaves}
-    entries = ca.vec(expression.sx)
-    return units.pop() if len(units) == 1 and all(entries[i].is_symbolic() for i in range(entries.numel())) else ""

@@ -1,4 +1,4 @@
-/* Simulates the model from its exported start and prints the states: one line of comma-separated values a time. */
+/* Simulates the model from its exported start and prints time, states and outputs: one line of comma-separated values a time. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,9 +21,27 @@ static double number(const char *text) {
     return rest == text || *rest ? NAN : value;
 }
 
+static void print_names(simulator_kind kind) {
+    for (long i = 0; i < simulator_count(kind); i++) printf(",%s", simulator_name(kind, i));
+}
+
+static void print_values(simulator_instance *s, simulator_kind kind) {
+    for (long i = 0; i < simulator_count(kind); i++) printf(",%.17g", simulator_get(s, kind, i));
+}
+
+/* To a time, past events; what ends the motion before is told. */
+static int go_to(simulator_instance *s, double t) {
+    int status;
+    while ((status = simulator_advance(s, t)) == SIMULATOR_AT_EVENT) {
+        simulator_crossing event = simulator_event(s);
+        fprintf(stderr, "%s at %.17g s\n", simulator_name(SIMULATOR_EVENT, event.event), event.time);
+    }
+    return status;
+}
+
 int main(int count, char **words) {
     if (count < 2 || count > 5) return usage(words[0]);
-    SimulatorOptions options = simulator_defaults();
+    simulator_options options = simulator_defaults();
     double end = number(words[1]), wanted = count > 2 ? number(words[2]) : 501;
     if (count > 3) options.rtol = number(words[3]);
     if (count > 4 && strcmp(words[4], "radau") == 0) options.method = SIMULATOR_RADAU;
@@ -31,31 +49,34 @@ int main(int count, char **words) {
     if (!(end >= 0) || !isfinite(end) || !(wanted >= 2 && wanted <= 1e8) || wanted != floor(wanted)) return usage(words[0]);
     if (!(options.rtol > 0 && options.rtol < 1)) return usage(words[0]);
 
-    long n = (long)wanted;
-    double *times = malloc(sizeof(double) * (size_t)n), *states = malloc(sizeof(double) * (size_t)(n * model_states));
-    if (!times || !states) {
-        fprintf(stderr, "%s: not enough memory for %ld samples.\n", model_title, n);
+    simulator_instance *s = simulator_create(&options, 0, 0);
+    if (!s) {
+        const char *mistake = simulator_mistake(&options);
+        fprintf(stderr, "%s: %s\n", simulator_title(), mistake ? mistake : "Not enough memory.");
         return 1;
     }
-    for (long k = 0; k < n; k++) times[k] = (double)k * (end / (double)(n - 1));
-    times[n - 1] = end;
-    SimulatorReport report;
-    simulate(&options, 0.0, 0, 0, 0, n, times, states, &report);
-
     printf("t");
-    for (long i = 0; i < model_states; i++) printf(",%s", model_state_names[i]);
+    print_names(SIMULATOR_STATE);
+    print_names(SIMULATOR_OUTPUT);
     printf("\n");
-    for (long k = 0; k < report.samples; k++) {
-        printf("%.17g", times[k]);
-        for (long i = 0; i < model_states; i++) printf(",%.17g", states[k * model_states + i]);
+    long n = (long)wanted;
+    int status = simulator_start(s, 0.0);
+    if (status == SIMULATOR_SUCCESS) status = simulator_set_end(s, end);
+    for (long k = 0; k < n && status == SIMULATOR_SUCCESS; k++) {
+        double t = k == n - 1 ? end : (double)k * (end / (double)(n - 1));
+        status = go_to(s, t);
+        if (status != SIMULATOR_SUCCESS && status != SIMULATOR_STOPPED) break;
+        printf("%.17g", simulator_time(s));
+        print_values(s, SIMULATOR_STATE);
+        print_values(s, SIMULATOR_OUTPUT);
         printf("\n");
     }
-    if (report.status != SIMULATOR_SUCCESS) {
-        fprintf(stderr, "%s: %s Stopped at t = %g s of %g s after %ld steps.", model_title, report.message, report.time, end, report.steps);
+    if (status != SIMULATOR_SUCCESS) {
+        simulator_report report = simulator_summary(s);
+        fprintf(stderr, "%s: %s Stopped at t = %g s of %g s after %ld steps.", simulator_title(), report.message, report.time, end, report.steps);
         if (report.failed_state) fprintf(stderr, " The state that failed first: %s.", report.failed_state);
         fprintf(stderr, "\n");
     }
-    free(times);
-    free(states);
-    return report.status == SIMULATOR_SUCCESS ? 0 : 1;
+    simulator_free(s);
+    return status == SIMULATOR_SUCCESS || status == SIMULATOR_STOPPED ? 0 : 1;
 }

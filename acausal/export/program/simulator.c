@@ -1,4 +1,4 @@
-/* One run: options checked, method chosen, integrated, read at the times that are wanted. */
+/* Instances: one motion each, in one block of memory. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,104 +8,59 @@
 
 #define FINEST 1e-15
 #define CLOSED 1e-6 /* gaps that a start may have, in parts of the model's size, or of its velocities */
+#define ALIGNED 64
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
+#define KINDS (SIMULATOR_EVENT + 1)
 
-static const SimulatorOptions defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0, 0};
+enum Stage { NEW, STARTED, FAILED };
+enum Renewal { NOTHING_NEW, NEW_INPUTS, NEW_VALUES };
 
-SimulatorOptions simulator_defaults(void) { return defaults; }
+struct simulator_instance {
+    Integrator I; /* the motion, as far as steps have been taken; its pointers lead into the same block */
+    simulator_options options;
+    void *owned;  /* memory of malloc, 0: the caller's */
+    size_t size;
+    enum Stage stage;
+    enum Renewal renewed; /* what was set since the last step: then a new piece of the motion begins */
+    double present, end;
+    long told;    /* events of the last step that have been told */
+    simulator_crossing crossing;
+    simulator_report report; /* the last status; the rest: of the pieces before the present one */
+    double *values[KINDS]; /* the present ones of each kind */
+    double *x, *met, *data; /* where the piece began, then the end of the last step; sizes that states have had; for the assembly */
+    V *in, *out, *c, *w;    /* of the outputs */
+    const double **arguments;
+    double **results, *work;
+    long long *integers;
+};
 
-static int finished(SimulatorReport *report, SimulatorStatus status, const char *message) {
-    report->status = status;
-    snprintf(report->message, sizeof report->message, "%s", message);
-    return status;
+static const simulator_options defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0, 0};
+
+simulator_options simulator_defaults(void) { return defaults; }
+
+const char *simulator_title(void) { return model.title; }
+
+const char *simulator_version(void) { return SIMULATOR_VERSION; }
+
+static long count_of(simulator_kind kind) { return (int)kind < 0 || (int)kind >= KINDS ? 0 : model.quantities[kind].count; }
+
+static int exists(simulator_kind kind, long i) { return i >= 0 && i < count_of(kind); }
+
+long simulator_count(simulator_kind kind) { return count_of(kind); }
+
+const char *simulator_name(simulator_kind kind, long i) { return exists(kind, i) ? model.quantities[kind].names[i] : 0; }
+
+const char *simulator_unit(simulator_kind kind, long i) { return exists(kind, i) ? model.quantities[kind].units[i] : 0; }
+
+double simulator_exported(simulator_kind kind, long i) { return exists(kind, i) ? model.quantities[kind].values[i] : NAN; }
+
+long simulator_index(simulator_kind kind, const char *name) {
+    for (long i = 0; name && i < count_of(kind); i++)
+        if (strcmp(model.quantities[kind].names[i], name) == 0) return i;
+    return -1;
 }
 
-/* What is wrong with a call; 0 when nothing is. */
-static const char *mistake(const SimulatorOptions *options, double t0, long n, const double *times, const double *states) {
-    if (lanes() != LANES || model.width != LANES) return "model.c, runtime.c and simulator.c were compiled with different flags.";
-    if (n < 1 || !times || !states) return "At least one time is needed, and room for its states.";
-    if (!isfinite(t0) || !(times[0] >= t0) || !isfinite(times[n - 1])) return "Times must be finite and not before the start.";
-    for (long k = 1; k < n; k++)
-        if (!(times[k] >= times[k - 1])) return "Times must be in ascending order.";
-    if (!(options->rtol > 0 && options->rtol < 1)) return "rtol must lie between 0 and 1.";
-    if (!(options->atol >= 0)) return "atol must be positive, or 0 to judge states by their sizes alone.";
-    if (!(options->step >= 0)) return "step must be positive, or 0 for steps as the tolerances allow.";
-    return 0;
-}
-
-static int called(const PlainFunction *f, const double *const *arguments, double *const *results, long n, long m) {
-    const double **arg = malloc(sizeof *arg * (size_t)(f->arguments + 1));
-    double **res = malloc(sizeof *res * (size_t)(f->results + 1)), *w = malloc(sizeof *w * (size_t)(f->w + 1));
-    long long *iw = malloc(sizeof *iw * (size_t)(f->iw + 1));
-    int good = arg && res && w && iw;
-    if (good) {
-        for (long i = 0; i < n; i++) arg[i] = arguments[i];
-        for (long i = 0; i < m; i++) res[i] = results[i];
-        f->run(arg, res, iw, w, 0);
-    }
-    free(arg);
-    free(res);
-    free(w);
-    free(iw);
-    return good;
-}
-
-/* Whether the start depends on one of `count` data, the first of which is number `first`, that is not what it was when exported. */
-static int moved(long first, long count, const double *values, const double *exported) {
-    for (long i = 0; i < count; i++)
-        if (model.depends[first + i] && !(values[i] == exported[i])) return 1;
-    return 0;
-}
-
-/* The state at which a run starts, and the constants in p that belong to it. */
-static SimulatorStatus assemble(double t0, const double *conditions, const double *u, double *p, double *x) {
-    const long c = model.conditions, nu = model.inputs, own = model.parameters - model.constants;
-    const double zero = 0;
-    memcpy(x, model.start, sizeof(double) * (size_t)model.states);
-    if (!moved(0, c, conditions, model.condition_values) && !moved(c, 1, &t0, &zero) && !moved(c + 1, nu, u, model.input_values) &&
-        !moved(c + 1 + nu, own, p, model.parameter_values)) {
-        memcpy(p + own, model.parameter_values + own, sizeof(double) * (size_t)model.constants);
-        return SIMULATOR_SUCCESS;
-    }
-    double *data = malloc(sizeof(double) * (size_t)(c + 1 + nu + own));
-    if (!data) return SIMULATOR_OUT_OF_MEMORY;
-    memcpy(data, conditions, sizeof(double) * (size_t)c);
-    data[c] = t0;
-    memcpy(data + c + 1, u, sizeof(double) * (size_t)nu);
-    memcpy(data + c + 1 + nu, p, sizeof(double) * (size_t)own);
-    int good = called(&model.assembly, (const double *const[]){data}, (double *const[]){x, p + own}, 1, 2);
-    free(data);
-    if (!good) return SIMULATOR_OUT_OF_MEMORY;
-    for (long i = 0; i < model.states; i++)
-        if (!isfinite(x[i])) return SIMULATOR_OPEN_START;
-    return SIMULATOR_SUCCESS;
-}
-
-static SimulatorStatus decided(double t0, const double *x, const double *u, const double *p) {
-    double margin = 0;
-    if (!model.holds.run) return SIMULATOR_SUCCESS;
-    if (!called(&model.holds, (const double *const[]){&t0, x, u, p}, (double *const[]){&margin}, 4, 1)) return SIMULATOR_OUT_OF_MEMORY;
-    return margin >= 0 ? SIMULATOR_SUCCESS : SIMULATOR_OTHER_MODEL;
-}
-
-static SimulatorStatus closed(double t0, const double *x, const double *u, const double *p) {
-    double gaps[3] = {0, 0, 0};
-    if (!model.gaps.run) return SIMULATOR_SUCCESS;
-    if (!called(&model.gaps, (const double *const[]){&t0, x, u, p}, (double *const[]){gaps}, 4, 1)) return SIMULATOR_OUT_OF_MEMORY;
-    return gaps[0] <= CLOSED && gaps[1] <= CLOSED * gaps[2] ? SIMULATOR_SUCCESS : SIMULATOR_OPEN_START;
-}
-
-int simulator_start(double t0, const double *conditions, const double *u, double *p, double *x) {
-    double *own = malloc(sizeof(double) * (size_t)(model.parameters + 1));
-    if (!own) return SIMULATOR_OUT_OF_MEMORY;
-    memcpy(own, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
-    const double *given = u ? u : model.input_values;
-    SimulatorStatus status = assemble(t0, conditions ? conditions : model.condition_values, given, own, x);
-    if (status == SIMULATOR_SUCCESS) status = decided(t0, x, given, own);
-    if (p) memcpy(p, own, sizeof(double) * (size_t)model.parameters);
-    free(own);
-    return (int)status;
-}
+/* Methods */
 
 static const Method *of_order(const Method *methods, long count, long order) {
     for (long k = 0; k < count; k++)
@@ -121,11 +76,11 @@ static long gauss_order(double rtol) {
 
 static long radau_order(double rtol) { return rtol > 1e-6 ? 5 : rtol > 1e-10 ? 9 : 13; }
 
-/* Sets the methods of a run. Returns 0 when there is none like that. */
-static int choose_method(Integrator *I, const SimulatorOptions *options, double rtol) {
+/* Sets the methods of an instance. Returns 0 when there is none like that. */
+static int choose_method(Integrator *I, const simulator_options *options) {
     I->methods = 1;
     if (options->method == SIMULATOR_GAUSS) {
-        I->method_list = of_order(gauss_methods, COUNT(gauss_methods), options->order ? options->order : gauss_order(rtol));
+        I->method_list = of_order(gauss_methods, COUNT(gauss_methods), options->order ? options->order : gauss_order(I->rtol));
         if (!I->method_list) return 0;
         I->fine = gauss_refining + (I->method_list - gauss_methods);
         I->newton = WHERE_SLOW;
@@ -134,122 +89,523 @@ static int choose_method(Integrator *I, const SimulatorOptions *options, double 
     I->newton = ALWAYS;
     if (options->method != SIMULATOR_RADAU) return 0;
     if (options->order || options->step > 0) {
-        I->method_list = of_order(radau_methods, COUNT(radau_methods), options->order ? options->order : radau_order(rtol));
+        I->method_list = of_order(radau_methods, COUNT(radau_methods), options->order ? options->order : radau_order(I->rtol));
         return I->method_list != 0;
     }
     I->method_list = radau_methods;
     I->methods = COUNT(radau_methods);
-    I->method = rtol > 1e-4 ? 0 : 1;
+    I->method = I->rtol > 1e-4 ? 0 : 1;
     I->adapt_order = 1;
     return 1;
 }
 
-static enum Code run(Integrator *I) {
-    int code, newton = 0;
-    if (!begin(I)) return OUT_OF_MEMORY;
-    while ((code = advance(I)) == PAUSED || code == SLOW) /* Newton costs a Jacobian: worth it where steps grow several times */
-        if (code == SLOW && I->slowness > 5 && !newton) {
-            newton = 1;
-            use_newton(I);
-        }
-    return (enum Code)code;
+/* An integration with nothing in it yet; 0 when there is no such method. */
+static int blank(Integrator *I, const simulator_options *options) {
+    *I = (Integrator){.nx = count_of(SIMULATOR_STATE), .nu = count_of(SIMULATOR_INPUT), .np = count_of(SIMULATOR_PARAMETER),
+                      .ng = model.invariants, .positions = model.positions, .guards = count_of(SIMULATOR_EVENT),
+                      .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection, .clearance = model.clearance,
+                      .guard = model.guard, .guard_direction = model.guard_direction, .guard_stops = model.guard_stops,
+                      .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from,
+                      .max_steps = options->max_steps, .step = options->step, .atol = options->atol,
+                      .input = options->input, .user = options->user, .event_room = SIMULATOR_EVENTS_OF_A_STEP};
+    I->rtol = fmax(options->rtol, FINEST);
+    return choose_method(I, options);
 }
 
-/* States at the times that were reached, back on the invariants; how many. */
-static enum Code sample(Integrator *I, long n, const double *times, double *states, long *samples) {
-    long reached = 0;
-    while (reached < n && times[reached] <= I->t) reached++;
-    enum Code code = (enum Code)dense(I, reached, times, states);
-    if (code != REACHED_END) return code;
-    *samples = reached;
-    if (!I->ng || !reached) return REACHED_END;
-    return (enum Code)project_states(&I->projection, I->nx, I->np, I->parameters, reached, times, states);
+const char *simulator_mistake(const simulator_options *options) {
+    Integrator I;
+    if (!options) options = &defaults;
+    if (lanes() != LANES || model.width != LANES) return "The files were compiled with different flags.";
+    if (!(options->rtol > 0 && options->rtol < 1)) return "rtol must lie between 0 and 1.";
+    if (!(options->atol >= 0)) return "atol must be positive, or 0 to judge states by their sizes alone.";
+    if (!(options->step >= 0)) return "step must be positive, or 0 for steps as the tolerances allow.";
+    if (options->max_steps < 1) return "max_steps must be positive.";
+    return blank(&I, options) ? 0 : "There is no method of that order.";
 }
 
-static int conclude(SimulatorReport *report, const Integrator *I, enum Code code) {
-    char message[160];
-    switch (code) {
-    case REACHED_END: return finished(report, SIMULATOR_SUCCESS, "");
-    case TOO_MANY_STEPS:
-        snprintf(message, sizeof message, "%ld steps were not enough.", I->max_steps);
-        return finished(report, SIMULATOR_MAX_STEPS, message);
-    case INPUT_FAILED: return finished(report, SIMULATOR_INPUT_FAILED, "The inputs could not be computed.");
-    case OUT_OF_MEMORY: return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
-    default: break;
+/* Memory */
+
+static char *aligned_to(char *at) { return at + (ALIGNED - (size_t)at % ALIGNED) % ALIGNED; }
+
+static long larger(long a, long b) { return a > b ? a : b; }
+
+/* The place of an array in the block; only counted where there is none. */
+static void *take(char *block, size_t *used, size_t bytes) {
+    void *at = block ? block + *used : 0;
+    *used += (bytes + ALIGNED - 1) / ALIGNED * ALIGNED;
+    return at;
+}
+
+/* The arrays of an instance, which stands at the beginning of its block. Returns the size of the block; s and block may be 0 to count. */
+static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
+    simulator_instance counted;
+    size_t used = 0, room = needed(I);
+    const PlainFunction *plain[] = {&model.assembly, &model.gaps, &model.holds};
+    long arguments = 0, results = 0, integers = 0, work = 0;
+    for (long k = 0; k < COUNT(plain); k++) {
+        arguments = larger(arguments, plain[k]->arguments);
+        results = larger(results, plain[k]->results);
+        integers = larger(integers, plain[k]->iw);
+        work = larger(work, plain[k]->w);
     }
-    if (I->worst >= 0 && I->worst < I->nx) report->failed_state = model.state_names[I->worst];
-    if (code == NON_FINITE) return finished(report, SIMULATOR_NON_FINITE, "A rate became infinite or not a number.");
-    if (code == NOT_CONVERGED)
-        return finished(report, SIMULATOR_NOT_CONVERGED, "The stage equations did not converge; use a smaller step.");
-    return finished(report, SIMULATOR_STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here.");
+    long data = count_of(SIMULATOR_CONDITION) + 1 + I->nu + I->np;
+    if (!s) s = &counted;
+    take(block, &used, sizeof *s);
+    for (int kind = 0; kind < KINDS; kind++) s->values[kind] = take(block, &used, sizeof(double) * (size_t)count_of((simulator_kind)kind));
+    s->x = take(block, &used, sizeof(double) * (size_t)I->nx);
+    s->met = take(block, &used, sizeof(double) * (size_t)I->nx);
+    s->data = take(block, &used, sizeof(double) * (size_t)data);
+    s->in = take(block, &used, sizeof(V) * (size_t)model.outputs.inputs);
+    s->out = take(block, &used, sizeof(V) * (size_t)model.outputs.outputs);
+    s->c = take(block, &used, sizeof(V) * (size_t)(model.outputs.constants + 1));
+    s->w = take(block, &used, sizeof(V) * (size_t)(model.outputs.work + 1));
+    s->arguments = take(block, &used, sizeof(double *) * (size_t)arguments);
+    s->results = take(block, &used, sizeof(double *) * (size_t)results);
+    s->integers = take(block, &used, sizeof(long long) * (size_t)integers);
+    s->work = take(block, &used, sizeof(double) * (size_t)work);
+    s->I.block = take(block, &used, room);
+    s->I.room = room;
+    s->I.x = s->x;
+    s->I.u = s->values[SIMULATOR_INPUT];
+    s->I.parameters = s->values[SIMULATOR_PARAMETER];
+    return used;
 }
 
-static const char *without_start(SimulatorStatus status) {
+size_t simulator_size(const simulator_options *options) {
+    Integrator I;
+    if (!options) options = &defaults;
+    if (simulator_mistake(options)) return 0;
+    blank(&I, options);
+    return arrange(0, 0, &I) + ALIGNED;
+}
+
+/* A block of `size` bytes with room to align it; 0 when there is none. */
+static simulator_instance *block_for(void *memory, size_t bytes, size_t size, void **owned) {
+    *owned = memory ? 0 : malloc(size);
+    if (memory ? bytes < size : !*owned) return 0;
+    return (simulator_instance *)(void *)aligned_to(memory ? memory : *owned);
+}
+
+void simulator_reset(simulator_instance *s) {
+    for (int kind = 0; kind < KINDS; kind++) {
+        const Quantities *q = &model.quantities[kind];
+        if (q->count) memcpy(s->values[kind], q->values, sizeof(double) * (size_t)q->count);
+    }
+    s->stage = NEW;
+    s->renewed = NOTHING_NEW;
+    s->present = 0;
+    s->end = INFINITY;
+    s->crossing = (simulator_crossing){-1, 0, NAN};
+    memset(&s->report, 0, sizeof s->report);
+}
+
+simulator_instance *simulator_create(const simulator_options *options, void *memory, size_t bytes) {
+    void *owned;
+    size_t size = simulator_size(options);
+    simulator_instance *s = size ? block_for(memory, bytes, size, &owned) : 0;
+    if (!s) return 0;
+    memset(s, 0, sizeof *s);
+    s->options = options ? *options : defaults;
+    s->owned = owned;
+    s->size = size;
+    blank(&s->I, &s->options);
+    arrange(s, (char *)s, &s->I);
+    simulator_reset(s);
+    return s;
+}
+
+int simulator_restore(simulator_instance *s, const simulator_instance *from) {
+    void *owned = s->owned;
+    const char *block = from->I.block;
+    if (s == from) return SIMULATOR_SUCCESS;
+    if (s->size != from->size) return SIMULATOR_BAD_ARGUMENT;
+    memcpy(s, from, s->size - ALIGNED);
+    s->owned = owned;
+    arrange(s, (char *)s, &s->I);
+    if (s->I.state) moved_integration(&s->I, block);
+    return SIMULATOR_SUCCESS;
+}
+
+simulator_instance *simulator_copy(const simulator_instance *from, void *memory, size_t bytes) {
+    void *owned;
+    simulator_instance *s = block_for(memory, bytes, from->size, &owned);
+    if (!s) return 0;
+    s->owned = owned;
+    s->size = from->size;
+    simulator_restore(s, from);
+    return s;
+}
+
+void simulator_free(simulator_instance *s) {
+    if (s) free(s->owned);
+}
+
+/* What happened */
+
+static const char *in_words(simulator_status status) {
     switch (status) {
+    case SIMULATOR_SUCCESS: return "";
+    case SIMULATOR_AT_EVENT: return "An event.";
+    case SIMULATOR_STOPPED: return "An event ended the motion.";
+    case SIMULATOR_STEP_UNDERFLOW: return "The step size fell to rounding: the motion may be singular here.";
+    case SIMULATOR_NON_FINITE: return "A rate became infinite or not a number.";
+    case SIMULATOR_NOT_CONVERGED: return "The stage equations did not converge; use a smaller step.";
+    case SIMULATOR_FAILED_INPUT: return "The inputs could not be computed.";
+    case SIMULATOR_OUT_OF_MEMORY: return "Not enough memory.";
     case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
     case SIMULATOR_OTHER_MODEL: return "With these values other equations are needed: export a model that is built with them.";
-    case SIMULATOR_NON_FINITE: return "The start values are not finite.";
-    case SIMULATOR_INPUT_FAILED: return "The inputs could not be computed.";
-    default: return "Not enough memory.";
+    default: return "The call makes no sense.";
     }
 }
 
-int simulate(const SimulatorOptions *options, double t0, const double *x0, const double *u, const double *p, long n,
-             const double *times, double *states, SimulatorReport *report) {
-    SimulatorReport unread;
-    if (!options) options = &defaults;
+static int said(simulator_instance *s, simulator_status status, const char *message) {
+    snprintf(s->report.message, sizeof s->report.message, "%s", message ? message : in_words(status));
+    return (int)(s->report.status = status);
+}
+
+/* The motion has failed for good. */
+static int failed(simulator_instance *s, simulator_status status, const char *message) {
+    s->stage = FAILED;
+    return said(s, status, message);
+}
+
+/* What the integrator could not do. */
+static int gave_up(simulator_instance *s, enum Code code) {
+    char message[160];
+    const Integrator *I = &s->I;
+    switch (code) {
+    case TOO_MANY_STEPS:
+        snprintf(message, sizeof message, "%ld steps were not enough.", s->options.max_steps);
+        return failed(s, SIMULATOR_MAX_STEPS, message);
+    case INPUT_FAILED: return failed(s, SIMULATOR_FAILED_INPUT, 0);
+    case OUT_OF_MEMORY: return failed(s, SIMULATOR_OUT_OF_MEMORY, 0);
+    default: break;
+    }
+    if (I->worst >= 0 && I->worst < I->nx) s->report.failed_state = model.quantities[SIMULATOR_STATE].names[I->worst];
+    return failed(s, code == NON_FINITE ? SIMULATOR_NON_FINITE : code == NOT_CONVERGED ? SIMULATOR_NOT_CONVERGED : SIMULATOR_STEP_UNDERFLOW, 0);
+}
+
+const char *simulator_message(const simulator_instance *s) { return s->report.message; }
+
+double simulator_time(const simulator_instance *s) { return s->present; }
+
+simulator_crossing simulator_event(const simulator_instance *s) { return s->crossing; }
+
+/* What the present piece of the motion has cost so far, and all before. */
+simulator_report simulator_summary(const simulator_instance *s) {
+    const Integrator *I = &s->I;
+    simulator_report r = s->report;
+    r.time = s->present;
+    r.reached = s->stage == NEW ? s->present : I->t;
+    r.steps += I->steps;
+    r.rejected += I->rejected;
+    r.newton_steps += I->newton_steps;
+    r.evaluations += I->evaluations;
+    r.factorisations += I->factorisations;
+    r.order = I->method_list[I->method].order;
+    return r;
+}
+
+/* Numbers */
+
+static int changeable(const simulator_instance *s, simulator_kind kind) {
+    if (kind == SIMULATOR_INPUT) return !s->options.input;
+    return kind == SIMULATOR_PARAMETER || kind == SIMULATOR_CONDITION || (kind == SIMULATOR_STATE && s->stage != NEW);
+}
+
+static int renewed_by(simulator_instance *s, simulator_kind kind) {
+    if (kind == SIMULATOR_STATE || kind == SIMULATOR_PARAMETER) s->renewed = NEW_VALUES;
+    else if (kind == SIMULATOR_INPUT && s->renewed == NOTHING_NEW) s->renewed = NEW_INPUTS;
+    return SIMULATOR_SUCCESS;
+}
+
+int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value) {
+    if (!exists(kind, i) || !changeable(s, kind)) return said(s, SIMULATOR_BAD_ARGUMENT, "There is no such number, or it cannot be set.");
+    s->values[kind][i] = value;
+    return renewed_by(s, kind);
+}
+
+int simulator_set_all(simulator_instance *s, simulator_kind kind, const double *values) {
+    if (!changeable(s, kind)) return said(s, SIMULATOR_BAD_ARGUMENT, "Numbers of this kind cannot be set.");
+    if (count_of(kind)) memcpy(s->values[kind], values, sizeof(double) * (size_t)count_of(kind));
+    return renewed_by(s, kind);
+}
+
+/* Inputs at the present time. Returns 0 when they could not be computed. */
+static int present_inputs(simulator_instance *s) { return !s->I.input || s->I.input(s->I.user, s->present, s->values[SIMULATOR_INPUT]); }
+
+static int find_outputs(simulator_instance *s) {
+    const Kernel *k = &model.outputs;
+    const double *parts[] = {&s->present, s->values[SIMULATOR_STATE], s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]};
+    const long counts[] = {1, s->I.nx, s->I.nu, s->I.np};
+    long at = 0;
+    for (int part = 0; part < 4; part++)
+        for (long i = 0; i < counts[part]; i++) s->in[at++] = v_all(parts[part][i]);
+    k->prepare(s->in, s->c, s->c, s->w);
+    k->run(s->in, s->c, s->out, s->w);
+    for (long i = 0; i < k->outputs; i++) s->values[SIMULATOR_OUTPUT][i] = s->out[i][0];
+    return SIMULATOR_SUCCESS;
+}
+
+/* Brings the numbers of a kind up to the present time. */
+static int find(simulator_instance *s, simulator_kind kind) {
+    if (kind != SIMULATOR_INPUT && kind != SIMULATOR_OUTPUT) return SIMULATOR_SUCCESS;
+    if (s->stage == NEW && kind == SIMULATOR_OUTPUT) return said(s, SIMULATOR_BAD_ARGUMENT, "Outputs need a start.");
+    if (s->stage != NEW && !present_inputs(s)) return said(s, SIMULATOR_FAILED_INPUT, 0);
+    return kind == SIMULATOR_OUTPUT && count_of(kind) ? find_outputs(s) : SIMULATOR_SUCCESS;
+}
+
+double simulator_get(simulator_instance *s, simulator_kind kind, long i) {
+    return exists(kind, i) && find(s, kind) == SIMULATOR_SUCCESS ? s->values[kind][i] : NAN;
+}
+
+int simulator_get_all(simulator_instance *s, simulator_kind kind, double *values) {
+    int status = find(s, kind);
+    if (status == SIMULATOR_SUCCESS && count_of(kind)) memcpy(values, s->values[kind], sizeof(double) * (size_t)count_of(kind));
+    return status;
+}
+
+/* Starts */
+
+static void run_plain(simulator_instance *s, const PlainFunction *f, const double *const *arguments, long n, double *const *results, long m) {
+    for (long i = 0; i < n; i++) s->arguments[i] = arguments[i];
+    for (long i = 0; i < m; i++) s->results[i] = results[i];
+    f->run(s->arguments, s->results, s->integers, s->work, 0);
+    memset(s->arguments, 0, sizeof *s->arguments * (size_t)f->arguments);
+    memset(s->results, 0, sizeof *s->results * (size_t)f->results);
+}
+
+/* Whether the start depends on one of `count` data, the first of which is number `first`, that is not what it was when exported. */
+static int differs(long first, long count, const double *values, const double *exported) {
+    for (long i = 0; i < count; i++)
+        if (model.depends[first + i] && !(values[i] == exported[i])) return 1;
+    return 0;
+}
+
+/* The state at which a motion starts at the present time, and the constants in p that belong to it. */
+static simulator_status assemble(simulator_instance *s) {
+    const long c = count_of(SIMULATOR_CONDITION), nu = s->I.nu, own = s->I.np - model.constants;
+    const double *conditions = s->values[SIMULATOR_CONDITION], *u = s->values[SIMULATOR_INPUT], zero = 0;
+    double *p = s->values[SIMULATOR_PARAMETER], *x = s->values[SIMULATOR_STATE], *data = s->data;
+    const double *exported = model.quantities[SIMULATOR_PARAMETER].values;
+    if (!differs(0, c, conditions, model.quantities[SIMULATOR_CONDITION].values) && !differs(c, 1, &s->present, &zero) &&
+        !differs(c + 1, nu, u, model.quantities[SIMULATOR_INPUT].values) && !differs(c + 1 + nu, own, p, exported)) {
+        memcpy(x, model.quantities[SIMULATOR_STATE].values, sizeof(double) * (size_t)s->I.nx);
+        memcpy(p + own, exported + own, sizeof(double) * (size_t)model.constants);
+        return SIMULATOR_SUCCESS;
+    }
+    memcpy(data, conditions, sizeof(double) * (size_t)c);
+    data[c] = s->present;
+    memcpy(data + c + 1, u, sizeof(double) * (size_t)nu);
+    memcpy(data + c + 1 + nu, p, sizeof(double) * (size_t)own);
+    run_plain(s, &model.assembly, (const double *const[]){data}, 1, (double *const[]){x, p + own}, 2);
+    for (long i = 0; i < s->I.nx; i++)
+        if (!isfinite(x[i])) return SIMULATOR_OPEN_START;
+    return SIMULATOR_SUCCESS;
+}
+
+/* Whether the model is what these values need, and, where it is not known, whether its loops are closed. */
+static simulator_status fits(simulator_instance *s, int assembled) {
+    const double *const arguments[] = {&s->present, s->values[SIMULATOR_STATE], s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]};
+    double gaps[3] = {0, 0, 0}, margin = 0;
+    for (long i = 0; i < s->I.nx; i++)
+        if (!isfinite(arguments[1][i])) {
+            s->report.failed_state = model.quantities[SIMULATOR_STATE].names[i];
+            return SIMULATOR_NON_FINITE;
+        }
+    if (model.gaps.run && !assembled) {
+        run_plain(s, &model.gaps, arguments, 4, (double *const[]){gaps}, 1);
+        if (!(gaps[0] <= CLOSED && gaps[1] <= CLOSED * gaps[2])) return SIMULATOR_OPEN_START;
+    }
+    if (model.holds.run) run_plain(s, &model.holds, arguments, 4, (double *const[]){&margin}, 1);
+    return margin >= 0 ? SIMULATOR_SUCCESS : SIMULATOR_OTHER_MODEL;
+}
+
+/* The state at the present time, back on the invariants, as it is read. */
+static int read_present(simulator_instance *s) {
+    return state_at(&s->I, s->present, s->values[SIMULATOR_STATE]) == REACHED_END ? SIMULATOR_SUCCESS : failed(s, SIMULATOR_FAILED_INPUT, 0);
+}
+
+/* A piece of the motion begins at the present time and states; h: size of its first step, 0: not known; `met`: sizes that states have had. */
+static int begin_piece(simulator_instance *s, double h, const double *met) {
+    const Integrator old = s->I;
+    Integrator *I = &s->I;
+    blank(I, &s->options);
+    arrange(s, (char *)s, I);
+    memcpy(s->x, s->values[SIMULATOR_STATE], sizeof(double) * (size_t)I->nx);
+    I->max_steps = s->options.max_steps - s->report.steps;
+    I->t = s->present;
+    I->h = h;
+    I->method = h > 0 ? old.method : I->method;
+    if (!begin(I)) return failed(s, SIMULATOR_OUT_OF_MEMORY, 0);
+    for (long i = 0; met && i < I->nx; i++) I->size[i] = fmax(I->size[i], met[i]);
+    if (I->newton == WHERE_SLOW && h > 0 && old.newton_steps) use_newton(I);
+    s->told = 0;
+    s->renewed = NOTHING_NEW;
+    s->stage = STARTED;
+    return said(s, SIMULATOR_SUCCESS, 0);
+}
+
+/* A start is tried at time t, from given states or the conditions. */
+static int start_from(simulator_instance *s, double t, const double *states) {
+    if (!isfinite(t)) return said(s, SIMULATOR_BAD_ARGUMENT, "The start must be at a finite time.");
+    memset(&s->report, 0, sizeof s->report);
+    s->crossing = (simulator_crossing){-1, 0, NAN};
+    s->I.steps = s->I.rejected = s->I.newton_steps = s->I.evaluations = s->I.factorisations = 0;
+    s->renewed = NOTHING_NEW;
+    s->stage = NEW;
+    s->present = t;
+    if (!present_inputs(s)) return said(s, SIMULATOR_FAILED_INPUT, 0);
+    if (states) memcpy(s->values[SIMULATOR_STATE], states, sizeof(double) * (size_t)s->I.nx);
+    simulator_status status = states ? SIMULATOR_SUCCESS : assemble(s);
+    if (status == SIMULATOR_SUCCESS) status = fits(s, !states);
+    if (status != SIMULATOR_SUCCESS) return said(s, status, status == SIMULATOR_NON_FINITE ? "The start values are not finite." : 0);
+    int begun = begin_piece(s, 0, 0);
+    return begun == SIMULATOR_SUCCESS ? read_present(s) : begun;
+}
+
+int simulator_start(simulator_instance *s, double t) { return start_from(s, t, 0); }
+
+int simulator_start_at(simulator_instance *s, double t, const double *states) { return start_from(s, t, states); }
+
+int simulator_renew(simulator_instance *s) { return renewed_by(s, SIMULATOR_INPUT); }
+
+/* Goes on at the present time with what has been set. */
+static int renew(simulator_instance *s) {
+    if (!present_inputs(s)) return failed(s, SIMULATOR_FAILED_INPUT, 0);
+    simulator_status status = s->renewed == NEW_VALUES ? fits(s, 0) : SIMULATOR_SUCCESS;
+    if (status != SIMULATOR_SUCCESS) return failed(s, status, status == SIMULATOR_NON_FINITE ? "The values that were set are not finite." : 0);
+    simulator_report r = simulator_summary(s);
+    s->report.steps = r.steps;
+    s->report.rejected = r.rejected;
+    s->report.newton_steps = r.newton_steps;
+    s->report.evaluations = r.evaluations;
+    s->report.factorisations = r.factorisations;
+    memcpy(s->met, s->I.size, sizeof(double) * (size_t)s->I.nx);
+    return begin_piece(s, s->I.h, s->met);
+}
+
+/* The motion */
+
+int simulator_set_end(simulator_instance *s, double end) {
+    if (isnan(end) || (s->stage != NEW && end < s->I.t)) return said(s, SIMULATOR_BAD_ARGUMENT, "The end must not lie before steps that were taken.");
+    s->end = end;
+    return SIMULATOR_SUCCESS;
+}
+
+/* One step of the integrator towards a time. */
+static int take_step(simulator_instance *s, double towards) {
+    Integrator *I = &s->I;
+    I->end = isfinite(s->end) ? s->end : towards;
+    I->events = s->told = 0;
+    enum Code code = I->nx ? (enum Code)advance(I) : REACHED_END;
+    if (!I->nx) I->t = I->end;
+    if (code == SLOW && I->slowness > 5 && !I->newton_steps) use_newton(I); /* it costs a Jacobian: worth it where steps grow several times */
+    if (code == SLOW || code == PAUSED || code == REACHED_END || code == EVENT) return SIMULATOR_SUCCESS;
+    s->present = I->t;
+    memcpy(s->values[SIMULATOR_STATE], I->x, sizeof(double) * (size_t)I->nx);
+    return gave_up(s, code);
+}
+
+/* To the next event that has not been told, if it comes by time t. */
+static int next_event(simulator_instance *s, double t) {
+    const Integrator *I = &s->I;
+    if (s->told >= I->events || I->event_times[s->told] > t) return SIMULATOR_SUCCESS;
+    long guard = I->event_guards[s->told];
+    s->crossing = (simulator_crossing){guard, (int)I->event_directions[s->told], I->event_times[s->told]};
+    s->told++;
+    s->present = fmin(s->crossing.time, I->t);
+    int status = read_present(s);
+    return status != SIMULATOR_SUCCESS ? status : said(s, model.guard_stops[guard] ? SIMULATOR_STOPPED : SIMULATOR_AT_EVENT, 0);
+}
+
+/* What keeps an instance from moving to time t; SIMULATOR_SUCCESS when it may go on. */
+static int may_move(simulator_instance *s, double t) {
+    if (s->stage == NEW) return said(s, SIMULATOR_BAD_ARGUMENT, "There is no motion yet: start it.");
+    if (s->stage == FAILED) return (int)s->report.status;
+    if (!(t >= s->present) || !(t < INFINITY)) return said(s, SIMULATOR_BAD_ARGUMENT, "Times must be finite and not before the present one.");
+    if (t > s->end) return said(s, SIMULATOR_BAD_ARGUMENT, "The time lies beyond the end of the motion.");
+    if (s->renewed != NOTHING_NEW) return renew(s);
+    if (s->report.status == SIMULATOR_STOPPED) return SIMULATOR_STOPPED;
+    return said(s, SIMULATOR_SUCCESS, 0);
+}
+
+int simulator_advance(simulator_instance *s, double t) {
+    int status = may_move(s, t);
+    while (status == SIMULATOR_SUCCESS) {
+        status = next_event(s, t);
+        if (status != SIMULATOR_SUCCESS) break;
+        if (t <= s->I.t) {
+            s->present = t;
+            return read_present(s);
+        }
+        status = take_step(s, t);
+    }
+    return status;
+}
+
+int simulator_step(simulator_instance *s, double t) {
+    int status = may_move(s, t), taken = 0;
+    while (status == SIMULATOR_SUCCESS) {
+        status = next_event(s, t);
+        if (status != SIMULATOR_SUCCESS) break;
+        if (taken || t <= s->I.t || s->present < s->I.t) {
+            s->present = fmin(t, s->I.t);
+            return read_present(s);
+        }
+        status = take_step(s, t);
+        taken = 1;
+    }
+    return status;
+}
+
+/* Whole motions */
+
+static int refused(simulator_report *report, simulator_status status, const char *message) {
+    report->status = status;
+    snprintf(report->message, sizeof report->message, "%s", message);
+    return (int)status;
+}
+
+static int read_times(simulator_instance *s, long n, const double *times, double *states, long *samples) {
+    int status = simulator_set_end(s, times[n - 1]);
+    for (long k = 0; k < n && status == SIMULATOR_SUCCESS; k++) {
+        do status = simulator_advance(s, times[k]);
+        while (status == SIMULATOR_AT_EVENT);
+        if (status != SIMULATOR_SUCCESS) break;
+        simulator_get_all(s, SIMULATOR_STATE, states + k * s->I.nx);
+        *samples = k + 1;
+    }
+    return status;
+}
+
+/* What is wrong with times; 0 when nothing is. */
+static const char *wrong_times(double t0, long n, const double *times, const double *states) {
+    if (n < 1 || !times || !states) return "At least one time is needed, and room for its states.";
+    if (!isfinite(t0) || !(times[0] >= t0) || !isfinite(times[n - 1])) return "Times must be finite and not before the start.";
+    for (long k = 1; k < n; k++)
+        if (!(times[k] >= times[k - 1])) return "Times must be in ascending order.";
+    return 0;
+}
+
+int simulator_simulate(const simulator_options *options, double t0, const double *x0, const double *u, const double *p, long n,
+                       const double *times, double *states, simulator_report *report) {
+    simulator_report unread;
     if (!report) report = &unread;
     memset(report, 0, sizeof *report);
-    report->time = t0;
-    const char *wrong = mistake(options, t0, n, times, states);
-    if (wrong) return finished(report, SIMULATOR_BAD_ARGUMENT, wrong);
-
-    Integrator I = {.nx = model.states, .nu = model.inputs, .np = model.parameters, .ng = model.invariants, .positions = model.positions,
-                    .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection, .clearance = model.clearance,
-                    .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from, .slice = INFINITY,
-                    .t = t0, .end = times[n - 1], .step = options->step, .max_steps = options->max_steps};
-    I.rtol = fmax(options->rtol, FINEST);
-    I.atol = options->atol;
-    I.input = options->input;
-    I.user = options->user;
-    if (!choose_method(&I, options, I.rtol)) return finished(report, SIMULATOR_BAD_ARGUMENT, "There is no method of that order.");
-
-    double *own = malloc(sizeof(double) * (size_t)(model.states + model.inputs + model.parameters + 1));
-    if (!own) return finished(report, SIMULATOR_OUT_OF_MEMORY, "Not enough memory.");
-    double *parameters = own + model.states + model.inputs;
-    I.x = own;
-    I.u = own + model.states;
-    I.parameters = parameters;
-    memcpy(I.u, u ? u : model.input_values, sizeof(double) * (size_t)model.inputs);
-    memcpy(parameters, p ? p : model.parameter_values, sizeof(double) * (size_t)model.parameters);
-    if (x0) memcpy(I.x, x0, sizeof(double) * (size_t)model.states);
-    int given = !I.input || I.input(I.user, t0, I.u);
-    SimulatorStatus begun = !given ? SIMULATOR_INPUT_FAILED
-                            : x0   ? SIMULATOR_SUCCESS
-                                   : assemble(t0, model.condition_values, I.u, parameters, I.x);
-    for (long i = 0; i < model.states && begun == SIMULATOR_SUCCESS; i++)
-        if (!isfinite(I.x[i])) {
-            report->failed_state = model.state_names[i];
-            begun = SIMULATOR_NON_FINITE;
-        }
-    if (x0 && begun == SIMULATOR_SUCCESS) begun = closed(t0, I.x, I.u, parameters);
-    if (begun == SIMULATOR_SUCCESS) begun = decided(t0, I.x, I.u, parameters);
-    if (begun != SIMULATOR_SUCCESS) {
-        free(own);
-        return finished(report, begun, without_start(begun));
-    }
-
-    enum Code code = run(&I);
-    report->time = I.t;
-    report->steps = I.steps;
-    report->rejected = I.rejected;
-    report->newton_steps = I.newton_steps;
-    report->evaluations = I.evaluations;
-    report->factorisations = I.factorisations;
-    report->order = I.method_list[I.method].order;
-    enum Code read = code == OUT_OF_MEMORY ? code : sample(&I, n, times, states, &report->samples);
-    conclude(report, &I, code == REACHED_END ? read : code);
-    finish(&I);
-    free(own);
-    return report->status;
+    report->time = report->reached = t0;
+    const char *wrong = simulator_mistake(options);
+    if (!wrong) wrong = wrong_times(t0, n, times, states);
+    if (wrong) return refused(report, SIMULATOR_BAD_ARGUMENT, wrong);
+    simulator_instance *s = simulator_create(options, 0, 0);
+    if (!s) return refused(report, SIMULATOR_OUT_OF_MEMORY, in_words(SIMULATOR_OUT_OF_MEMORY));
+    if (u) simulator_set_all(s, SIMULATOR_INPUT, u);
+    if (p) simulator_set_all(s, SIMULATOR_PARAMETER, p);
+    int status = x0 ? simulator_start_at(s, t0, x0) : simulator_start(s, t0);
+    long samples = 0;
+    if (status == SIMULATOR_SUCCESS) status = read_times(s, n, times, states, &samples);
+    *report = simulator_summary(s);
+    report->samples = samples;
+    simulator_free(s);
+    return status;
 }
