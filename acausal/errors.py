@@ -109,6 +109,10 @@ class ExportError(AcausalError):
     """A file or library could not be written, compiled or loaded."""
 
 
+class CacheError(ExportError):
+    """Compiled code could not be kept."""
+
+
 class NoCompilerWarning(UserWarning):
     """The integrators in C are not there, nor a compiler to build them; CasADi's own take their place."""
 

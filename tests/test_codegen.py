@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -510,9 +511,9 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[str]]:
     found: list[Sequence[str]] = []
     run = compiler.run_compiler
 
-    def counted(command: Sequence[str]) -> None:
+    def counted(command: Sequence[str], *patience: float) -> None:
         found.append(command)
-        run(command)
+        run(command, *patience)
 
     monkeypatch.setattr(compiler, "run_compiler", counted)
     return found
@@ -572,7 +573,7 @@ from tests.scenes import FourBar
 f = ac.build(FourBar()).functions
 wanted = [Wanted("rhs", f.explicit_dynamics, (3,)), Wanted("projection", f.projection, (2,))]
 run = compiler.run_compiler
-compiler.run_compiler = lambda command: (print("compiles"), run(command))
+compiler.run_compiler = lambda *asked: (print("compiles"), run(*asked))
 print(Compilation(tuple(wanted), compiler.compiler()).result()[1][0].outputs)
 """
 
@@ -617,16 +618,39 @@ def test_whatever_code_depends_on_compiles_again(
         patch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-DUNUSED"))
         assert grows()
     with monkeypatch.context() as patch:
-        headers = Path(shutil.copytree(compiler.SOURCES, tmp_path / "runtime"))
-        for module in (compiler, kernels):
-            patch.setattr(module, "SOURCES", headers)
+        headers = Path(shutil.copytree(library.SOURCES, tmp_path / "runtime"))
+        patch.setattr(library, "SOURCES", headers)
         for name in ("lanes.h", "vector_math.h"):
             with (headers / name).open("a") as file:
                 file.write("/* changed */\n")
-            kernels._sources.cache_clear()
+            assert not grows()  # this process has read them
+            _read_again()
             assert grows()
-    kernels._sources.cache_clear()
+    _read_again()
     assert not grows()
+
+
+def _read_again() -> None:
+    library.sources.cache_clear()
+    kernels._sources.cache_clear()
+
+
+def test_a_header_that_is_edited_while_a_compiler_runs_does_no_harm(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was hashed is what is compiled: the library of the one text never stands under the name of the other."""
+    headers = Path(shutil.copytree(library.SOURCES, tmp_path / "runtime"))
+    monkeypatch.setattr(library, "SOURCES", headers)
+    _read_again()
+    command = _script(tmp_path / "editing", f"echo '#error edited' > {headers / 'lanes.h'}", "$COMPILE")
+    try:
+        assert _value(command) == 10.0
+        _read_again()
+        with pytest.raises(ExportError, match="edited"):
+            Compilation((SIMPLE,), command).result()
+    finally:
+        monkeypatch.undo()
+        _read_again()
 
 
 SIMPLE_ALONE = """
@@ -693,14 +717,40 @@ def test_a_full_disk_leaves_nothing_behind(cache: Path, monkeypatch: pytest.Monk
     assert _files(cache) == []
 
 
-def test_a_library_that_does_not_load_is_named(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("damage", ["cut off", "one bit", "empty", "text", "folder"])
+def test_a_damaged_library_is_made_anew(cache: Path, runs: list[Sequence[str]], damage: str) -> None:
+    """Loaded, one that is cut off would end the process by a signal."""
     Compilation((SIMPLE,), COMMAND).result()
     (name,) = _files(cache)
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / name).write_text("not a library")
-    monkeypatch.setenv("ACAUSAL_CACHE", str(tmp_path / "elsewhere"))
-    with pytest.raises(ExportError, match=f"{name}' cannot be loaded: .*Delete this file"):
-        Compilation((SIMPLE,), COMMAND).result()
+    content = (cache / name).read_bytes()
+    (cache / name).unlink()  # never changed in place: somebody may use it
+    if damage == "folder":
+        (cache / name).mkdir()
+        with pytest.raises(ExportError, match="ACAUSAL_CACHE"):
+            Compilation((SIMPLE,), COMMAND).result()
+        return
+    middle = len(content) // 2
+    flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+    (cache / name).write_bytes({"cut off": content[:middle], "one bit": flipped, "empty": b"", "text": b"not a library"}[damage])
+    assert _value() == 10.0 and len(runs) == 3  # the other one is that of the lanes
+    assert (cache / name).read_bytes() == content
+
+
+def test_what_killed_processes_left_is_removed_a_day_later(cache: Path) -> None:
+    for name, age in (("build-old", 2 * 86400), ("build-new", 60), ("mine", 2 * 86400)):
+        (cache / name).mkdir(parents=True)
+        os.utime(cache / name, (time.time() - age,) * 2)
+    assert _value() == 10.0
+    assert {"build-new", "mine"} <= set(_files(cache)) and "build-old" not in _files(cache)
+
+
+def test_a_compiler_that_hangs_is_ended_with_what_it_started(cache: Path, tmp_path: Path) -> None:
+    command = _script(tmp_path / "hanging", f"(sleep 1; touch {tmp_path / 'still there'}) & wait")
+    with pytest.raises(ExportError, match=r"has not ended after 0\.2 s: .*hanging"):
+        compiler.cached_library("hanging", [""], command=command, patience=0.2)
+    assert _files(cache) == []
+    time.sleep(1.2)
+    assert not (tmp_path / "still there").exists()
 
 
 def test_the_cache_may_be_named_from_here_or_from_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -743,7 +793,7 @@ def test_a_compiler_that_fails_once_does_not_change_the_number_of_lanes(cache: P
     assert _value(command) == 10.0
 
 
-_KEPT = (compiler.compiler, load.runtime, automatic.warn_no_compiler)
+_KEPT = (compiler.compiler, load.runtime, load._tried, load.compiled_runtime, automatic.warn_no_compiler)
 """What a process remembers of compilers."""
 
 

@@ -5,6 +5,7 @@ It imports nothing beside Python's own modules, since it is needed before anythi
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import os
@@ -50,10 +51,16 @@ def variants() -> tuple[Variant, ...]:
     return (Variant("", 2),)
 
 
+@functools.cache
+def sources() -> dict[str, bytes]:
+    """The C sources by name, read once in a process: what is hashed is what is compiled, even while somebody edits them."""
+    return {file.name: file.read_bytes() for file in sorted(SOURCES.glob("*.[ch]"))}
+
+
 def sources_hash() -> str:
     """Of everything that the library is made from."""
-    files = [*sorted(SOURCES.glob("*.[ch]")), Path(__file__)]
-    return hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()[:24]
+    parts = {**sources(), Path(__file__).name: Path(__file__).read_bytes()}
+    return hashlib.sha256(b"\0".join(name.encode() + content for name, content in parts.items())).hexdigest()[:24]
 
 
 def compiler_at_hand() -> tuple[str, ...] | None:

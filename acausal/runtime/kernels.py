@@ -19,11 +19,11 @@ import numpy as np
 
 from acausal.emit.compiler import NATIVE, cached_library, compiler, in_background
 from acausal.emit.emit import EMITTER, emit, translation_units
-from acausal.emit.library import SOURCES
+from acausal.emit.library import sources
 from acausal.emit.program import Program, program
 from acausal.errors import ExportError
 from acausal.numerics.bound import BoundFunction, arguments
-from acausal.runtime.load import Runtime, loaded
+from acausal.runtime.load import Runtime, usable
 
 logger = logging.getLogger("acausal")
 EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
@@ -78,14 +78,15 @@ class Kernels:
         self._alive: list[object] = []  # what the kernels, also former ones, need in memory
         command = compiler() if how in (How.AUTO, How.COMPILED) else None
         self._compilation = None if command is None else Compilation(tuple(wanted), command, runtime.options)
-        if self._compilation is not None and (how is How.COMPILED or self._compilation.cached()):
+        self.kind = "interpreted"
+        if how is How.COMPILED and self._compilation is not None:
             self._take_compiled()
-            self.kind = "compiled"
+        elif self._compilation is not None and self._compilation.cached() and self._took_compiled():
+            pass
         elif how is How.CASADI:
             self.current = [_evaluated(w.function, self._alive, self.stopped) for w in wanted]
             self.kind = "CasADi's"
         else:
-            self.kind = "interpreted"
             programs = [program(w.function, w.name, runtime.lanes, parameters=w.parameters) for w in wanted]
             self._alive += programs
             self.current = [_interpreted(p) for p in programs]
@@ -107,14 +108,24 @@ class Kernels:
 
     def spent(self, seconds: float) -> None:
         """The kernels have run for some time more."""
-        if self._compilation is None or self.version:
+        if self._compilation is None or self._compilation.spoilt or self.version:
             return
         self._spent += seconds
         if self._spent > 0.5 * self._cost:
             self._compilation.begin()
-        if self._compilation.succeeded:
+        if self._compilation.succeeded and self._took_compiled():
+            self.version = 1
+
+    def _took_compiled(self) -> bool:
+        """Whether there are compiled kernels that can be loaded; where a compiler makes others, nobody asks it again."""
+        assert self._compilation is not None
+        try:
             self._take_compiled()
-            self.version, self.kind = 1, "compiled"
+        except ExportError as error:
+            logger.info("acausal: %s", error)
+            self._compilation.spoilt = True
+            return False
+        return True
 
     def _take_compiled(self) -> None:
         assert self._compilation is not None
@@ -125,7 +136,7 @@ class Kernels:
                 f"Kernels were compiled for {lanes} lanes and the runtime for {self._lanes}; was the compiler changed?"
             )
         self._alive.append(library)
-        self.current = found
+        self.current, self.kind = found, "compiled"
 
 
 class Compilation:
@@ -137,16 +148,19 @@ class Compilation:
         self._key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
         self._begun: float | None = None
         self._ended: float | None = None
-        self.succeeded = False
+        self.succeeded = self.spoilt = False
 
     def cached(self) -> bool:
         """Whether this has been compiled before, by whatever process."""
-        return self._library(None) is not None
+        try:
+            return self._library(None) is not None
+        except ExportError:  # there is no cache
+            return False
 
     def result(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """The library, which must be kept as long as the kernels are used, and the kernels. Raises `ExportError`."""
-        library = loaded(self._library(None) or self._compiled())
-        return library, [_kernel(library, w.name) for w in self._wanted]
+        with usable(self._library(None) or self._compiled()) as library:
+            return library, [_kernel(library, w.name) for w in self._wanted]
 
     def begin(self) -> None:
         """Compile in the background, unless that has begun."""
@@ -241,5 +255,5 @@ def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
 @functools.cache
 def _sources() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
-    files = [SOURCES / "names.h", SOURCES / "lanes.h", SOURCES / "vector_math.h", *EMITTER]
-    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+    headers = [sources()[name] for name in ("names.h", "lanes.h", "vector_math.h")]
+    return hashlib.sha256(b"\0".join([*headers, *(file.read_bytes() for file in EMITTER)])).hexdigest()

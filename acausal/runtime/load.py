@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
+import warnings
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 
-from acausal.emit.compiler import NATIVE, cached_library, compiler
-from acausal.emit.library import SOURCES, Variant, sources_hash, variants
-from acausal.errors import ExportError
+from acausal.emit.compiler import NATIVE, cached_library, compiler, folder_of_process
+from acausal.emit.library import BUILT, Variant, sources, sources_hash, variants
+from acausal.errors import CacheError, ExportError, NoCompilerWarning
+from acausal.wording import callers_level
+
+_PATIENCE = 300.0
+"""Seconds that a compiler may take for the integrators."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +35,35 @@ def runtime() -> Runtime | None:
     Raises `ExportError` where a compiler fails.
     """
     command = compiler()
-    return _built(command or ()) or (None if command is None else compiled_runtime(command))
+    built = _built(command or ())
+    if built is not None or command is None:
+        return built
+    found = _tried(command)
+    if isinstance(found, ExportError):
+        raise found
+    return found
+
+
+@functools.cache
+def _tried(command: tuple[str, ...]) -> Runtime | ExportError:
+    """What comes of `compiled_runtime`, failures too: one try is enough for a process."""
+    try:
+        return compiled_runtime(command)
+    except ExportError as error:
+        return error
 
 
 @functools.cache
 def compiled_runtime(command: tuple[str, ...]) -> Runtime:
-    """The integrators compiled by `command` for this processor, or found in the cache. Raises `ExportError`."""
-    path = cached_library(sources_hash(), [(SOURCES / "runtime.c").read_text(encoding="utf-8")], command=command)
+    """The integrators compiled by `command` for this processor, or found in the cache. Where it cannot be written, that is said, and they are
+    compiled for this process alone. Raises `ExportError`.
+    """
+    key, parts = sources_hash(), [sources()["runtime.c"].decode()]
+    try:
+        path = cached_library(key, parts, command=command, patience=_PATIENCE)
+    except CacheError as error:
+        path = cached_library(key, parts, command=command, patience=_PATIENCE, folder=folder_of_process())
+        warnings.warn(f"{error} Until then each process compiles its own.", NoCompilerWarning, stacklevel=callers_level())
     assert path is not None
     return _runtime(path, (NATIVE,))
 
@@ -57,24 +86,25 @@ def _of(variant: Variant, command: tuple[str, ...]) -> Runtime:
 
 
 def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
-    library = loaded(path)
     pointer, number = ctypes.c_void_p, ctypes.c_long
-    library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = library.use_newton.argtypes = [pointer]
-    library.exchange.argtypes = [pointer, number, pointer]
-    library.dense.argtypes = [pointer, number, pointer, pointer]
-    library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
-    library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
-    library.lanes.restype = library.widest.restype = number
-    library.finish.restype = library.use_newton.restype = None
-    return Runtime(library, library.lanes(), options)
+    with usable(path) as library:
+        library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = library.use_newton.argtypes = [pointer]
+        library.exchange.argtypes = [pointer, number, pointer]
+        library.dense.argtypes = [pointer, number, pointer, pointer]
+        library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
+        library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
+        library.lanes.restype = library.widest.restype = library.integrator_size.restype = number
+        library.finish.restype = library.use_newton.restype = None
+        return Runtime(library, library.lanes(), options)
 
 
-def loaded(path: Path) -> ctypes.CDLL:
-    """A library of compiled code. Raises `ExportError` where it cannot be loaded."""
+@contextlib.contextmanager
+def usable(path: Path) -> Generator[ctypes.CDLL]:
+    """A library of compiled code. Where it cannot be loaded, or something in it is missed, it is removed from the cache, and `ExportError` raised."""
     try:
-        return ctypes.CDLL(str(path))
-    except OSError as error:
-        raise ExportError(
-            f"The compiled code in '{path}' cannot be loaded: {error}. "
-            "Delete this file, or set the environment variable ACAUSAL_CACHE to another folder."
-        ) from error
+        yield ctypes.CDLL(str(path))
+    except (OSError, AttributeError, ValueError) as error:
+        if path.parent != BUILT:
+            with contextlib.suppress(OSError):
+                path.unlink()
+        raise ExportError(f"The compiled code in '{path}' cannot be used: {error}. It is made anew the next time.") from error

@@ -29,7 +29,7 @@ from acausal.collocation.problem import (
     StatusKind,
 )
 from acausal.collocation.tableau import Tableau, gauss_legendre
-from acausal.errors import SimulationError
+from acausal.errors import ExportError, SimulationError
 from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
 from acausal.runtime.binding import (
@@ -530,6 +530,8 @@ def native_problem(
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
     library = runtime()
+    if library is not None and library.library.integrator_size() != ctypes.sizeof(Integrator):
+        raise ExportError("The integrators in C are of another version than this process: were sources changed? Start it again.")
     return None if library is None else NativeProblem(rhs, invariants, project, clearance, exact, positions, how, library)
 
 

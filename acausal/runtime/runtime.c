@@ -21,6 +21,9 @@
 long lanes(void) { return LANES; }
 
 #ifndef ONLY_COMPILED_KERNELS
+/* Python, which has the structure once more, is to have the same. */
+long integrator_size(void) { return (long)sizeof(Integrator); }
+
 /* The most lanes for which this processor has registers, and all that compilers use with them. */
 long widest(void) {
 #if defined(__x86_64__)

@@ -129,5 +129,6 @@ EXPORT long lanes(void);
 EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);
 EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
 EXPORT long widest(void);
+EXPORT long integrator_size(void);
 #endif
 #endif
