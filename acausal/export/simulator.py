@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -224,7 +225,7 @@ def _indices(kind: _Kind, prefix: str) -> str:
         told = (
             name.replace("*/", "* /")
             + (f" [{unit}]" if unit else "")
-            + ("" if np.isnan(value) or kind.word == "state" else f" = {value:g}")
+            + ("" if math.isnan(value) or kind.word == "state" else f" = {value:g}")
         )
         lines.append(f"    {prefix}_{kind.word.upper()}_{word}, /* {told} */\n")
     return f"enum {{\n{''.join(lines)}    {prefix}_{kind.word.upper()}S\n}};\n"
@@ -290,7 +291,7 @@ def _quantities(kind: _Kind) -> str:
 
 
 def _hex(value: float) -> str:
-    return value.hex() if np.isfinite(value) else '__builtin_nan("")'
+    return value.hex() if math.isfinite(value) else '__builtin_nan("")'
 
 
 def _kernel(source: Source) -> str:
