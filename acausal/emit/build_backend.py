@@ -1,7 +1,8 @@
 """setuptools, and the runtime's libraries built before a wheel or an editable installation is made.
 
-Where no compiler is found, ziglang from PyPI is asked for. Where that is not to be had either, or a compiler fails, the package
-installs without libraries, and says so: the first compiler that is found later builds them.
+Where no compiler is found, ziglang from PyPI is asked for. Where that is not to be had either (without a network, without build isolation), or
+a compiler fails, the package installs without libraries, and says so: the first compiler that is found later builds them. Wheels without
+libraries are the same for all platforms. Processors other than x86-64 get one library of two lanes: that is compiled, but has never run.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from library import BUILT, FLAGS, SOURCES, Variant, compiler_at_hand, variants  # type: ignore[import-not-found]  # beside this file, see pyproject.toml
+from library import BUILT, FLAGS, SOURCES, Variant, compiler_at_hand, sources_hash, variants  # type: ignore[import-not-found]  # beside this file, see pyproject.toml
 from setuptools import build_meta
 from setuptools.command.bdist_wheel import bdist_wheel  # pyright: ignore[reportMissingModuleSource]  # of the build's own setuptools
 
@@ -29,7 +30,7 @@ class PlatformWheel(bdist_wheel):
 
     def finalize_options(self) -> None:
         super().finalize_options()
-        self.root_is_pure = not BUILT.exists()
+        self.root_is_pure = not _built()
 
     def get_tag(self) -> tuple[str, str, str]:
         return "py3", "none", super().get_tag()[2]
@@ -59,15 +60,21 @@ def build_editable(wheel_directory: str, config_settings: _Settings = None, meta
 
 def build_libraries() -> None:
     """The libraries of all variants that the compiler can build."""
+    for old in _built():
+        if not old.name.startswith(sources_hash()):
+            old.unlink()
     command = compiler_at_hand()
     if command is None:
         print("acausal: no C compiler was found; its runtime is built when one is there.", file=sys.stderr)
         return
     BUILT.mkdir(exist_ok=True)
-    for old in BUILT.iterdir():
-        old.unlink()
     for variant in variants():
         _build(variant, command)
+
+
+def _built() -> list[Path]:
+    """What is in the folder of libraries."""
+    return [*BUILT.iterdir()] if BUILT.exists() else []
 
 
 def _build(variant: Variant, command: tuple[str, ...]) -> None:
@@ -80,7 +87,10 @@ def _build(variant: Variant, command: tuple[str, ...]) -> None:
         if result.returncode == 0:
             os.replace(made, variant.file)
         else:
-            print(f"acausal: its runtime cannot be built for {variant.architecture}:\n{result.stderr[-2000:]}", file=sys.stderr)
+            print(
+                f"acausal: its runtime cannot be built for {variant.architecture or 'this machine'}:\n{result.stderr[-2000:]}",
+                file=sys.stderr,
+            )
 
 
 def _compiler_from_pypi() -> list[str]:

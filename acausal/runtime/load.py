@@ -15,7 +15,7 @@ from acausal.emit.library import BUILT, Variant, sources, sources_hash, variants
 from acausal.errors import CacheError, ExportError, NoCompilerWarning
 from acausal.wording import callers_level
 
-_PATIENCE = 300.0
+_PATIENCE = 900.0
 """Seconds that a compiler may take for the integrators."""
 
 
