@@ -13,7 +13,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # 
 os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 os.environ["JAX_PLATFORMS"] = "cpu"
 
-from benchmarks import compiler_flags, dynamics, growth, loops, plot, scene_sizes, sizes  # noqa: E402
+from benchmarks import calls, compiler_flags, dynamics, growth, loops, plot, scene_sizes, sizes  # noqa: E402
 from benchmarks.peers.table import main  # noqa: E402
 
 sizes.run()
@@ -24,6 +24,7 @@ scene_sizes.run()
 compiler_flags.main()
 growth.run()
 loops.run()
+calls.run()
 out = Path("out")
 out.mkdir(exist_ok=True)
 main(["--out", str(out / "speed.json")])
