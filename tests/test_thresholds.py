@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import JumpWarning, LockedError
+from acausal.errors import AssemblyError, JumpWarning, LockedError, StartValueError
 from acausal.outputs.self_stress import loop_reactions
-from components import AngleSource, CartesianTranslation, Particle, Revolute, RigidBody, Rod, World
+from components import AngleSource, CartesianTranslation, Fixed, Particle, Revolute, RigidBody, Rod, World
 from tests.scenes import Pendulum, bennett_linkage
+from tests.similar import Units, four_bar_scene
 
 
 def bead_on_two_rods(apart: float) -> ac.System:
@@ -112,3 +113,33 @@ def test_of_reactions_that_rigid_bodies_leave_open_the_least_ones_are_given():
         free = W @ U[:, int(np.sum(s > 1e-7 * s[0])) :]
         left = free.T @ (np.concatenate(wrenches) / sizes[:, 0])
         assert free.size and np.max(np.abs(left)) < 5e-12 * np.linalg.norm(free) * np.linalg.norm(wrenches)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("misfit", "fits"), [(3e-10, True), (1e-8, False)])
+def test_rigid_parts_fit_to_nine_digits_of_their_lengths(size: float, misfit: float, fits: bool):
+    scene = ac.System()
+    scene.world, scene.hinge, scene.body = World(), Revolute("y"), RigidBody.rod(1.0, (0, 0, -size))
+    scene.one, scene.other = Fixed((0, 0, -size)), Fixed((0, 0, -size * (1 + misfit)))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.body.frame, scene.one.frame_a, scene.other.frame_a)
+    scene.connect(scene.one.frame_b, scene.other.frame_b)
+    if fits:
+        assert ac.build(scene).degrees_of_freedom == 1
+        return
+    with pytest.raises(AssemblyError, match="does not fit"):
+        ac.build(scene)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("off", "met"), [(1e-7, True), (1e-5, False)])
+def test_states_are_typed_to_six_digits(size: float, off: float, met: bool):
+    scene = four_bar_scene(Units(length=size))
+    model = ac.build(scene)
+    x = model.initial_state({scene.a.q: 0.3}).x
+    x[1] += off
+    if met:
+        assert model.linearize(x).A.shape == (2, 2)
+        return
+    with pytest.raises(StartValueError, match="violate the constraints"):
+        model.linearize(x)
