@@ -146,6 +146,7 @@ class StatusKind(enum.Enum):
     NOT_CONVERGED = "the implicit equations of a step could not be solved"
     INTERRUPTED = "interrupted by the user"
     MAX_STEPS = "the largest number of steps was reached"
+    SLIDES = "the rates switch back and forth without end"
     BUILTIN_FAILED = "CasADi's integrator gave up"
 
 

@@ -19,7 +19,7 @@ from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.numerics.folding import folded_function
-from acausal.outputs.clocks import Clocks, clocks
+from acausal.numerics.switching import Switching, switching
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
@@ -267,20 +267,20 @@ class Functions:
 
         parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact
         try:
-            return self._native.of(how, lambda: native_problem(*parts, self.space.nq, how))
+            return self._native.of(how, lambda: native_problem(*parts, self.space.nq, how, self.switching))
         except ExportError:  # whoever integrates tries again, and says what is wrong
             return None
+
+    @functools.cached_property
+    def switching(self) -> Switching | None:
+        """The dynamics with their switches held; None without any that time, states or inputs decide."""
+        return switching(self.explicit_dynamics)
 
     @functools.cached_property
     def _native(self) -> SharedProblems:
         from acausal.runtime.native import SharedProblems
 
         return SharedProblems()
-
-    @functools.cached_property
-    def clocks(self) -> Clocks | None:
-        """Switches in the dynamics that time alone decides; None without any."""
-        return clocks(self.explicit_dynamics)
 
     @functools.cached_property
     def loop_matrix(self) -> ca.Function:

@@ -1,6 +1,6 @@
 /* Values of the inputs where a kernel has its arguments. */
 static void give_inputs(const Integrator *I, V *in) {
-    for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = v_all(I->u[i]);
+    for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
 }
 
 static int make_guards(Integrator *I) {
@@ -59,6 +59,7 @@ static int make_parts(Integrator *I) {
     if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I) || !make_exact(I))) return 0;
     if (I->formulas && !make_formulas(I)) return 0;
     if (I->guards && !make_guards(I)) return 0;
+    if (I->held && !make_switches(I)) return 0;
     if (!make_vectors(I, most) || (I->directions && !make_sensitivity(I))) return 0;
     return !(I->block || I->counted) || make_rest(I, most);
 }
@@ -104,23 +105,21 @@ void moved_integration(Integrator *I, const char *block) {
 }
 
 /* To the far side of a break: what the rates were before says nothing of what they are now. */
-static void cross_break(Integrator *I) {
-    struct State *T = I->state;
+static int cross_break(Integrator *I) {
     I->t = fmin(I->end, I->breaks[2 * I->next_break++ + 1]);
     if (I->t == I->end) I->times[I->steps - I->first] = I->t;
-    T->last_h = 0;
-    T->start_known = 0;
-    T->jacobian_fresh = 0;
-    I->error = 0;
+    forget_rates(I);
+    return !I->held || agree(I, I->t, I->x, 1);
 }
 
 /* Where the next step must end: before the next break that lies ahead, or at the end. */
-static double next_stop(Integrator *I) {
+static int next_stop(Integrator *I, double *stop) {
     while (I->next_break < I->break_count && I->breaks[2 * I->next_break] <= I->t) {
-        if (I->t < I->breaks[2 * I->next_break + 1]) cross_break(I);
-        else I->next_break++;
+        if (I->t >= I->breaks[2 * I->next_break + 1]) I->next_break++;
+        else if (!cross_break(I)) return 0;
     }
-    return I->next_break < I->break_count ? fmin(I->end, I->breaks[2 * I->next_break]) : I->end;
+    *stop = I->next_break < I->break_count ? fmin(I->end, I->breaks[2 * I->next_break]) : I->end;
+    return 1;
 }
 
 static enum Code run_steps(Integrator *I) {
@@ -128,19 +127,21 @@ static enum Code run_steps(Integrator *I) {
     double deadline = I->slice > 0 ? now() + I->slice : 0;
     if (!T->begun) {
         if (!keep(I, 0)) return OUT_OF_MEMORY;
+        if (I->held && !begin_sides(I)) return INPUT_FAILED;
         if (I->end > I->t && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
         T->begun = 1;
     }
     while (I->t < I->end && I->nx) {
         if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
-        double end = I->end, stop = next_stop(I);
+        double end = I->end, stop;
+        if (!next_stop(I, &stop)) return INPUT_FAILED;
         if (I->t >= end) break;
         I->end = stop;
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         I->end = end;
         if (code == REACHED_END && I->guards) code = watch(I);
-        if (code == REACHED_END && stop < end && I->t >= stop) cross_break(I);
+        if (code == REACHED_END && stop < end && I->t >= stop && !cross_break(I)) return INPUT_FAILED;
         if (code != REACHED_END) return code;
         if (I->newton == WHERE_SLOW && I->step == 0 && T->hard >= T->asked) {
             T->asked = T->asked < 1000 ? 2 * T->asked : T->asked;
@@ -162,9 +163,9 @@ int advance(Integrator *I) {
 /* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */
 int exchange(Integrator *I, long which, const Kernel *k) {
     struct State *T = I->state;
-    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula};
-    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in};
-    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c};
+    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change};
+    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in};
+    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c};
     if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
     *kernels[which] = *k;
     return 1;

@@ -33,6 +33,7 @@ class Code(enum.IntEnum):
     INPUT_FAILED = 9
     OUT_OF_MEMORY = 10
     NOT_KEPT = 11
+    SLIDES = 12
 
 
 class Method(ctypes.Structure):
@@ -70,7 +71,21 @@ class Table(ctypes.Structure):
     ]
 
 
-KERNELS = ("rhs", "jvp", "projection", "guard", "variation", "projected", "clearance", "formula", "exact_rhs", "exact_projection")
+KERNELS = (
+    "rhs",
+    "jvp",
+    "projection",
+    "guard",
+    "variation",
+    "projected",
+    "clearance",
+    "formula",
+    "rows",
+    "sides",
+    "row_change",
+    "exact_rhs",
+    "exact_projection",
+)
 """Kernels of an integration, in the order of runtime.h."""
 
 
@@ -80,6 +95,11 @@ class Integrator(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "through")),
         *((name, Kernel) for name in KERNELS),
+        ("held", ctypes.c_long),
+        ("row_count", ctypes.c_long),
+        ("row_switch", _Long),
+        ("row_factor", _Double),
+        ("row_plus", _Double),
         ("usual", ctypes.c_void_p),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
@@ -98,7 +118,7 @@ class Integrator(ctypes.Structure):
         ("breaks", ctypes.c_void_p),
         ("break_count", ctypes.c_long),
         ("next_break", ctypes.c_long),
-        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst", "passages")),
+        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst", "passages", "switched")),
         ("size", _Double),
         *((name, ctypes.c_double) for name in ("h", "error", "contraction", "slowness")),
         ("guard_direction", _Long),
@@ -113,6 +133,7 @@ class Integrator(ctypes.Structure):
         ("times", _Double),
         ("states", _Double),
         ("coefficients", _Double),
+        ("step_sides", _Double),
         ("stage_count", _Long),
         ("offset", _Long),
         ("directions", ctypes.c_long),

@@ -20,7 +20,11 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     double t = I->times[k], h = I->times[k + 1] - t, P[64];
     const double *x = I->states + k * I->nx, *a = I->coefficients + I->offset[k];
     long s = I->stage_count[k];
-    if (!stage_times(I, F, t, h)) return 0;
+    double *held = T->side;
+    if (I->held) T->side = I->step_sides + k * I->held;
+    int given = stage_times(I, F, t, h);
+    T->side = held;
+    if (!given) return 0;
     for (long j = 0; j < F->blocks * LANES; j++) {
         legendre_values(F->method->c[j < F->s ? j : F->s - 1], s, P);
         for (long i = 0; i < I->nx; i++) {

@@ -26,6 +26,7 @@ static int grow(void *array, size_t bytes) {
 static int make_last_step(Integrator *I, long stages) {
     I->times = reserve_doubles(I, 2);
     I->states = reserve_doubles(I, 2 * I->nx);
+    I->step_sides = reserve_doubles(I, I->held);
     I->coefficients = reserve_doubles(I, (stages + 1) * I->nx);
     I->stage_count = reserve(I, sizeof(long));
     I->offset = reserve(I, sizeof(long));
@@ -33,7 +34,7 @@ static int make_last_step(Integrator *I, long stages) {
     I->event_guards = reserve(I, sizeof(long) * (size_t)I->event_room);
     I->event_directions = reserve(I, sizeof(long) * (size_t)I->event_room);
     I->state->event_capacity = I->event_room;
-    return I->times && I->states && I->coefficients && I->stage_count && I->offset && I->event_times && I->event_guards && I->event_directions;
+    return I->times && I->states && I->step_sides && I->coefficients && I->stage_count && I->offset && I->event_times && I->event_guards && I->event_directions;
 }
 
 /* Room for one more step. */
@@ -51,7 +52,8 @@ static int make_room(Integrator *I) {
     if (k + 1 < T->capacity) return 1;
     long c = T->capacity = k < 64 ? 128 : 2 * k;
     return grow(&I->times, sizeof(double) * (size_t)c) && grow(&I->states, sizeof(double) * (size_t)(c * n) + 8) &&
-           grow(&I->stage_count, sizeof(long) * (size_t)c) && grow(&I->offset, sizeof(long) * (size_t)c);
+           grow(&I->stage_count, sizeof(long) * (size_t)c) && grow(&I->offset, sizeof(long) * (size_t)c) &&
+           grow(&I->step_sides, sizeof(double) * (size_t)(c * I->held) + 8);
 }
 
 /* Whether something is read of the step between two times; asked for one step after the other. */
@@ -106,6 +108,7 @@ static int keep(Integrator *I, const Stages *S) {
     }
     for (long i = 0; i < n; i++) memcpy(I->coefficients + at + i * s, S->a + i * width, sizeof(double) * (size_t)s);
     memcpy(I->coefficients + at + n * s, T->size, sizeof(double) * (size_t)n);
+    if (I->held) memcpy(I->step_sides + (k - 1) * I->held, T->side, sizeof(double) * (size_t)I->held);
     I->stage_count[k - 1] = s;
     I->offset[k - 1] = at;
     T->coefficient_count = at + (s + 1) * n;
@@ -435,9 +438,31 @@ static int rests_on_rounding(Integrator *I, double h) {
     return explains;
 }
 
+#define INSTANT 1e-9 /* of a step: no time passes */
+
+/* Where a step is to end so that a switch goes over there; see switches.h. */
+struct Landing {
+    long row, tries, total; /* of the switch, -1: none is known; tries to meet it, places tried */
+    int over;               /* whether it goes over at the end of the step */
+    double planned, slope;  /* size of the step without it; slope of the row [1/s] */
+};
+static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
+static enum Code go_over(Integrator *I, const struct Landing *L);
+static int agree(Integrator *I, double t, const double *x, int all);
+
+/* After a step, at the end of which a switch may go over. */
+static enum Code finish_step(Integrator *I, const struct Landing *L) {
+    struct State *T = I->state;
+    if (I->held && !(T->last_h < INSTANT * L->planned)) memset(T->overs, 0, sizeof(long) * (size_t)I->held);
+    if (L->row < 0 || !L->over) return REACHED_END;
+    enum Code code = go_over(I, L);
+    return code != REACHED_END ? code : agree(I, I->t, I->x, 0) ? REACHED_END : INPUT_FAILED;
+}
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
+    struct Landing L = {-1, 0, 0, 0, 0, 0};
     if (I->max_step > 0) I->h = fmin(I->h, I->max_step);
     double first = fmin(I->h, I->end - I->t);
     if (!T->missed || first > T->planned) T->planned = first; /* near a jump steps stay small: states are sized by those before */
@@ -454,7 +479,7 @@ static enum Code one_adaptive(Integrator *I) {
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
-        if (I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
+        if (L.row < 0 && I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3) || (refused > 0 && is_lost(I, S, h))) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
@@ -462,6 +487,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (solved < 0) return INPUT_FAILED;
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
+            L.row = -1;
             if (old) continue; /* again with a new Jacobian */
             if (!asked++ && stalls_on_rounding(I, S, h)) continue;
             /* where it converged well until now, something local is in the way: other nodes may miss it */
@@ -476,6 +502,7 @@ static enum Code one_adaptive(Integrator *I) {
         step_increments(I, S);
         double error = step_error(I, S, h);
         if (!(error <= 1)) {
+            L.row = -1;
             double power = -1 / (double)(S->method->error_order + 1);
             double growth = error < INFINITY ? 0.65 * pow(error, power) : 0.1;
             I->h = h * fmin(0.9, fmax(0.15, growth));
@@ -504,6 +531,22 @@ static enum Code one_adaptive(Integrator *I) {
             misses++;
             continue;
         }
+        if (I->held) {
+            double part = landing(I, S, h, &L);
+            if (part < 0) return INPUT_FAILED;
+            if (part == 0) {
+                enum Code code = go_over(I, &L);
+                if (code != REACHED_END) return code;
+                L.row = -1;
+            } else if (part != 1) {
+                I->h = part * h;
+                T->planned = fmin(T->planned, I->h);
+            }
+            if (part != 1) {
+                refused--;
+                continue;
+            }
+        }
         if (I->directions && !solve_variations(I, S, h)) {
             I->h = 0.5 * h;
             I->rejected++;
@@ -521,7 +564,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (!refused && T->doubts > 0) T->doubts--;
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
-        return REACHED_END;
+        return finish_step(I, &L);
     }
 }
 
@@ -531,6 +574,8 @@ static enum Code one_fixed(Integrator *I) {
     if (!S) return OUT_OF_MEMORY;
     double h = fmin(I->step, I->end - I->t), contraction;
     if (I->end - I->t - h < 1e-9 * h) h = I->end - I->t;
+    struct Landing L = {-1, 0, 0, 0, 0, 0};
+again:;
     int solved = 0;
     if (T->newton_now) {
         T->jacobian_fresh = 0;
@@ -557,9 +602,22 @@ static enum Code one_fixed(Integrator *I) {
         enum Code code = failed_at(I, STEP_UNDERFLOW);
         return code == STEP_UNDERFLOW ? NOT_CONVERGED : code;
     }
-    if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;
     legendre_coefficients(I, S, S->K);
     step_increments(I, S);
     if (leaves_branch(I, S)) return NOT_CONVERGED;
-    return accept_step(I, S, h);
+    if (I->held) {
+        double part = landing(I, S, h, &L);
+        if (part < 0) return INPUT_FAILED;
+        if (part == 0) {
+            enum Code code = go_over(I, &L);
+            if (code != REACHED_END) return code;
+            L.row = -1;
+        } else {
+            h *= part;
+        }
+        if (part != 1) goto again;
+    }
+    if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;
+    enum Code accepted = accept_step(I, S, h);
+    return accepted == REACHED_END ? finish_step(I, &L) : accepted;
 }

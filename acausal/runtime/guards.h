@@ -19,6 +19,7 @@ typedef struct {
     long s, width, guard;
     double t, h, noise;
     int first, searches, memory;
+    int rows; /* whether rows of switches are followed, not guards */
 } Path;
 
 static double chebyshev_point(int k) { return 0.5 - 0.5 * cos(PI * k / (POINTS - 1)); }
@@ -27,7 +28,8 @@ static double chebyshev_point(int k) { return 0.5 - 0.5 * cos(PI * k / (POINTS -
 static int guard_values(const Path *p, const double *theta, int count, double *values) {
     Integrator *I = p->I;
     struct State *T = I->state;
-    V *in = T->guard_in;
+    V *in = p->rows ? T->rows_in : T->guard_in, *out = p->rows ? T->rows_out : T->guard_out, *constants = p->rows ? T->rows_c : T->guard_c;
+    long n = p->rows ? I->row_count : I->guards;
     for (int k = 0; k < count; k += LANES) {
         V at = v_all(theta[k]);
         for (int l = 0; l < LANES; l++) at[l] = theta[k + l < count ? k + l : count - 1];
@@ -44,15 +46,15 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
             in[1 + i] = v_select(m0, v_all(p->start[i]), v_select(m1, v_all(p->stop[i]), x));
         }
         if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
-        run_kernel(&I->guard, in, T->guard_c, T->guard_out, T->work);
+        run_kernel(p->rows ? &I->rows : &I->guard, in, constants, out, T->work);
         for (int l = 0; l < LANES && k + l < count; l++)
-            for (long g = 0; g < I->guards; g++) values[(k + l) * I->guards + g] = T->guard_out[g][l];
+            for (long g = 0; g < n; g++) values[(k + l) * n + g] = out[g][l];
     }
     return 1;
 }
 
 static double one_value(const Path *p, double theta) {
-    double *values = p->I->state->guard_values;
+    double *values = p->rows ? p->I->state->one_row : p->I->state->guard_values;
     return guard_values(p, &theta, 1, values) ? values[p->guard] : NAN;
 }
 
@@ -203,15 +205,14 @@ static int follow(Path *p, double lo, double hi, int depth) {
     return 1;
 }
 
-/* End the motion within the last step: state, kept step and its coefficients. */
-static void cut_step(Integrator *I, const Path *p, double theta) {
-    struct State *T = I->state;
-    long k = I->steps - 1 - I->first, nx = I->nx, s = I->stage_count[k];
+/* Coefficients of the last step that is kept for the interval from its start to theta. */
+static void rescale_step(Integrator *I, double theta) {
+    long k = I->steps - 1 - I->first, s = I->stage_count[k];
     double P[64], K[64], values[64 * 64], *a = I->coefficients + I->offset[k];
-    const Method *m = &I->method_list[I->method];
-    state_within(nx, p->start, p->a, p->s, p->width, theta, p->h, I->x);
+    const Method *m = I->method_list;
+    while (m->stages != s) m++; /* the next step may have another one */
     for (long j = 0; j < s; j++) legendre_values(theta * m->c[j], s, values + j * s);
-    for (long i = 0; i < nx; i++) {
+    for (long i = 0; i < I->nx; i++) {
         for (long j = 0; j < s; j++) {
             K[j] = 0;
             for (long q = 0; q < s; q++) K[j] += values[j * s + q] * a[i * s + q];
@@ -222,12 +223,25 @@ static void cut_step(Integrator *I, const Path *p, double theta) {
         }
         memcpy(a + i * s, P, sizeof(double) * (size_t)s);
     }
-    I->t = p->t + theta * p->h;
+}
+
+/* The last step ends at another time, in the state that I->x now is. */
+static void end_step_at(Integrator *I, double t) {
+    struct State *T = I->state;
+    long k = I->steps - I->first;
+    I->t = t;
     project(I, I->t, I->x);
-    I->times[k + 1] = I->t;
-    memcpy(I->states + (k + 1) * nx, I->x, sizeof(double) * (size_t)nx);
-    memset(T->carry, 0, sizeof(double) * (size_t)nx);
-    T->last_h = 0;
+    I->times[k] = I->t;
+    memcpy(I->states + k * I->nx, I->x, sizeof(double) * (size_t)I->nx);
+    memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
+}
+
+/* End the motion within the last step: state, kept step and its coefficients. */
+static void cut_step(Integrator *I, const Path *p, double theta) {
+    state_within(I->nx, p->start, p->a, p->s, p->width, theta, p->h, I->x);
+    rescale_step(I, theta);
+    end_step_at(I, p->t + theta * p->h);
+    I->state->last_h = 0;
 }
 
 /* What rounding makes of all guards at theta. Returns 0 when the input function failed. */
@@ -264,7 +278,7 @@ static enum Code watch(Integrator *I) {
     struct State *T = I->state;
     long k = I->steps - 1 - I->first, n = I->guards;
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
-              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->steps == 1, 0, 1};
+              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->steps == 1, 0, 1, 0};
     double theta[POINTS], values[POINTS], c[POINTS];
     T->events_before = I->events;
     for (int j = 0; j < POINTS; j++) theta[j] = chebyshev_point(j);

@@ -28,13 +28,13 @@ static V table_at(const Table *T, V t) {
     return value;
 }
 
-/* All inputs at the times t, of whose lanes the first `count` are wanted. Returns 0 when the input function failed. */
-static int inputs_at(Integrator *I, V t, long count, V *u) {
+/* Inputs other than sides at the times t, of whose lanes the first `count` are wanted. Returns 0 when the input function failed. */
+static int own_inputs_at(Integrator *I, V t, long count, V *u) {
     struct State *T = I->state;
     if (!I->input && !I->tables && !I->formulas) return 1;
     for (long l = 0; l < LANES && (I->input || l == 0); l++) {
         if (I->input && l < count && !I->input(I->user, t[l], I->u)) return 0;
-        for (long i = 0; i < I->nu; i++) {
+        for (long i = 0; i < I->nu - I->held; i++) {
             if (I->input) u[i][l] = I->u[i];
             else u[i] = v_all(I->u[i]);
         }
@@ -46,6 +46,12 @@ static int inputs_at(Integrator *I, V t, long count, V *u) {
         for (long k = 0; k < I->formulas; k++) u[I->formula_input[k]] = T->formula_out[k];
     }
     return 1;
+}
+
+/* The same with the sides of switches. */
+static int inputs_at(Integrator *I, V t, long count, V *u) {
+    for (long k = 0; k < I->held; k++) u[I->nu - I->held + k] = v_all(I->state->side[k]);
+    return own_inputs_at(I, t, count, u);
 }
 
 /* Arrays of the kernel of formulas, which takes time only. 0 when memory is short. */

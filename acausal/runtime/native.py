@@ -32,6 +32,7 @@ from acausal.collocation.tableau import Tableau, gauss_legendre
 from acausal.errors import ExportError, SimulationError
 from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
+from acausal.numerics.switching import Switching
 from acausal.runtime.binding import (
     KERNELS,
     Code,
@@ -51,6 +52,7 @@ _Double = ctypes.POINTER(ctypes.c_double)
 _SLICE = 0.05
 BUDGET = 64 * 2**20
 """Bytes of a run's polynomials that are kept whether they are read or not."""
+_SLIDES = "The motion slides along a switch of the rates, {0}: from both sides it is led back there, so that no side lasts."
 _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
 _STATUS = {
     Code.REACHED_END: (StatusKind.SUCCESS, ""),
@@ -104,24 +106,36 @@ class NativeProblem:
 
     def __init__(
         self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, clearance: ca.Function | None,
-        exact: Exact | None, positions: int, how: How, runtime: Runtime,
+        exact: Exact | None, positions: int, how: How, runtime: Runtime, switching: Switching | None = None,
     ) -> None:  # fmt: skip
         self.rhs, self.how, self.runtime, self.library = rhs, how, runtime, runtime.library
         self._project = project
+        self.switching = switching
+        if switching is not None:
+            self.rhs = rhs = switching.rates
         wanted = [Wanted("rhs", rhs, (3,))]
         if invariants is not None and project is not None:
             wanted.append(Wanted("projection", projection_with_invariants(invariants, project), (2,)))
         if clearance is not None:
             wanted.append(Wanted("clearance", clearance, (2,)))
+        if self.switching is not None:
+            wanted += [Wanted("rows", self.switching.rows, (3,)), Wanted("sides", self.switching.sides, (3,))]
         self.lanes = runtime.lanes
         self._made: weakref.WeakSet[Kernels] = weakref.WeakSet()
         self.kernels = self._kernels(*wanted)
         self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
-        self.positions, self.crosses, self.exact = positions, clearance is not None, exact
+        self.held = 0 if self.switching is None else len(self.switching.words)
+        self.positions, self.crosses = positions, clearance is not None
+        self.exact = exact if exact is None or not self.held else replace(exact, rhs=self._without_sides(exact.rhs))
         self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
         pairs = copied_states(rhs)
         self._copies = [(ctypes.c_long * max(1, len(pairs)))(*(pair[k] for pair in pairs)) for k in (0, 1)]
         self.copies = len(pairs)
+
+    def _without_sides(self, function: ca.Function) -> ca.Function:
+        """A function (t, x, u, p) as one that is given the sides of switches too."""
+        t, x, u, p = (ca.SX.sym(name, n) for name, n in zip("txup", (1, self.nx, self.nu, self.np), strict=True))
+        return ca.Function(function.name(), [t, x, u, p], [function.call([t, x, u[: self.nu - self.held], p])[0]])
 
     def _kernels(self, *wanted: Wanted) -> Kernels:
         found = Kernels(wanted, self.runtime, self.how)
@@ -153,6 +167,8 @@ class NativeProblem:
         wanted = [Wanted("variation", directional_derivative(self.rhs, (1, 2, 3)), (3,))]
         if self.ng and self._project is not None:
             wanted.append(Wanted("projected", directional_derivative(self._project, (1, 2)), (2,)))
+        if self.switching is not None:
+            wanted.append(Wanted("row_change", directional_derivative(self.switching.rows, (1, 2, 3)), (3,)))
         return self._kernels(*wanted)
 
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
@@ -163,6 +179,8 @@ class NativeProblem:
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
     def guard(self, function: ca.Function) -> Kernels:
         """Guards (t, x, u, p) -> values as a kernel."""
+        if self.held:
+            function = self._without_sides(function)
         return self._kernels(Wanted("guard", function, (3,)))
 
     @functools.cache  # noqa: B019  # as long as the problem lives
@@ -248,14 +266,22 @@ class Run:
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, accuracy.rtol, accuracy.atol
         core.step, core.max_steps, core.max_step = accuracy.step or 0.0, accuracy.max_steps, accuracy.max_step or 0.0
+        self._hold()
         self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
         self.kinds = native.kernels.kind
-        if native.nu:
+        own = native.nu - native.held
+        if own:
             if problem.constant_inputs is not None:
-                self._u[:] = problem.constant_inputs
+                self._u[:own] = problem.constant_inputs
             else:
                 self._give(problem.inputs if isinstance(problem.inputs, Inputs) else None)
-        self._use(native.kernels, "rhs", *(["projection"] if native.ng else []), *(["clearance"] if native.crosses else []))
+        self._use(
+            native.kernels,
+            "rhs",
+            *(["projection"] if native.ng else []),
+            *(["clearance"] if native.crosses else []),
+            *(["rows", "sides"] if native.held else []),
+        )
         if native.exact is not None and native.exact_kernels is not None:
             core.exact_rhs, core.exact_projection = native.exact_kernels.kernels
             core.through, core.usual = native.exact.through, _address(native.exact.usual)
@@ -275,11 +301,23 @@ class Run:
         if hasattr(self, "core"):
             self.native.library.finish(ctypes.byref(self.core))
 
+    def _hold(self) -> None:
+        core, found = self.core, self.native.switching
+        if found is None:
+            return
+        self._rows = [
+            np.ascontiguousarray(found.switch, dtype=np.int_),
+            *(np.ascontiguousarray(a, dtype=float) for a in (found.factor, found.plus)),
+        ]
+        core.held, core.row_count = self.native.held, found.switch.size
+        core.row_switch = ctypes.cast(_address(self._rows[0]), ctypes.POINTER(ctypes.c_long))
+        core.row_factor, core.row_plus = (ctypes.cast(_address(a), _Double) for a in self._rows[1:])
+
     def _give(self, inputs: Inputs | None) -> None:
         """Tables and formulas to the runtime; the rest is asked for by a callback, all where nothing is known of them."""
         core = self.core
         if inputs is not None:
-            self._u[:] = inputs.numbers
+            self._u[: inputs.numbers.size] = inputs.numbers
             self._tables = [(np.ascontiguousarray(c.begins), np.ascontiguousarray(c.coefficients)) for _, c in inputs.tables]
             self._table_list = (Table * len(self._tables))(*(
                 Table(i, *c.coefficients.shape, c.first, c.period, *(ctypes.cast(_address(a), _Double) for a in arrays))
@@ -298,10 +336,16 @@ class Run:
     def _follow(self, directions: Directions) -> None:
         core = self.core
         self.S = np.ascontiguousarray(directions.dx.T, dtype=float)
-        self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (directions.du, directions.dp))
+        du = np.vstack([directions.du, np.zeros((self.native.held, self.S.shape[0]))])
+        self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
-        self._use(self.native.variation, "variation", *(["projected"] if self.native.ng else []))
+        self._use(
+            self.native.variation,
+            "variation",
+            *(["projected"] if self.native.ng else []),
+            *(["row_change"] if self.native.held else []),
+        )
 
     def _watch(self, guards: Guards) -> None:
         n, core = len(guards.directions), self.core
@@ -335,7 +379,7 @@ class Run:
     def _input(self, _: int | None, t: float, u: Any) -> int:
         try:
             if self._functions is None:
-                u[: self.native.nu] = self._inputs(np.array([t]))[:, 0].tolist()
+                u[: self.native.nu - self.native.held] = self._inputs(np.array([t]))[:, 0].tolist()
             else:
                 for i, function in self._functions:
                     u[i] = function(t)
@@ -413,6 +457,8 @@ class Run:
             raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")
         if code == Code.EVENT:
             return Outcome(Status(StatusKind.SUCCESS, core.t), stopped=True)
+        if code == Code.SLIDES and self.native.switching is not None:
+            return Outcome(Status(StatusKind.SLIDES, core.t, _SLIDES.format(self.native.switching.words[core.worst])))
         kind, message = _STATUS[code]
         failed = kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0
         return Outcome(Status(kind, core.t, message.format(core.max_steps), core.worst if failed else None))
@@ -524,15 +570,18 @@ def native_problem(
     exact: Exact | None = None,
     positions: int = 0,
     how: How = How.AUTO,
+    switching: Switching | None = None,
 ) -> NativeProblem | None:
-    """Kernels for `Problem`s with these functions; None where the runtime cannot be had.
+    """Kernels for `Problem`s with these functions; None where the runtime cannot be had. `switching`: of rhs, whose switches then end steps.
 
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
     library = runtime()
     if library is not None and library.library.integrator_size() != ctypes.sizeof(Integrator):
         raise ExportError("The integrators in C are of another version than this process: were sources changed? Start it again.")
-    return None if library is None else NativeProblem(rhs, invariants, project, clearance, exact, positions, how, library)
+    return (
+        None if library is None else NativeProblem(rhs, invariants, project, clearance, exact, positions, how, library, switching)
+    )
 
 
 class SharedProblems:

@@ -35,7 +35,7 @@ static int jacobian(Integrator *I, double t, const double *x) {
     long n = I->nx, fixed = 1 + n + I->nu + I->np;
     V *in = T->jvp_in;
     in[0] = v_all(t);
-    for (long i = 0; i < I->nu; i++) in[1 + n + i] = v_all(I->u[i]);
+    for (long i = 0; i < I->nu - I->held; i++) in[1 + n + i] = v_all(I->u[i]);
     if (!inputs_at(I, in[0], 1, in + 1 + n)) return 0;
     for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
     for (long i = fixed; i < I->jvp.inputs; i++) in[i] = v_all(0.0);

@@ -15,6 +15,7 @@
 #include "driver.h"
 #include "dense.h"
 #include "guards.h"
+#include "switches.h"
 #include "advance.h"
 #include "columns.h"
 

@@ -50,7 +50,8 @@ enum Code {
     TOO_MANY_STEPS,
     INPUT_FAILED,
     OUT_OF_MEMORY,
-    NOT_KEPT         /* a step that is read is not among those that are kept */
+    NOT_KEPT,        /* a step that is read is not among those that are kept */
+    SLIDES           /* along a switch, number `worst`: both sides lead back to it */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. */
@@ -65,7 +66,15 @@ typedef struct Integrator {
     Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
     Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
     Kernel formula;     /* t -> inputs that are formulas */
+    Kernel rows;        /* t, x, u, p -> values that are positive as long as switches are at their true sides */
+    Kernel sides;       /* t, x, u without sides, p -> the true sides */
+    Kernel row_change;  /* t, x, u, p, dx, du, dp -> changes of the rows */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
+    /* The last `held` of the nu inputs are sides of switches, kept by the runtime; row r is one of switch row_switch[r], which goes over to
+       row_factor[r] times its side + row_plus[r] */
+    long held, row_count;
+    const long *row_switch;
+    const double *row_factor, *row_plus;
     const double *usual; /* 1 / how much a velocity is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;
@@ -86,7 +95,7 @@ typedef struct Integrator {
     const double *breaks; /* (break_count, 2): rates are smooth before the first and after the second; between them time is skipped */
     long break_count, next_break;
     /* results */
-    long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst, passages; /* passages: steps around singular positions */
+    long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst, passages, switched; /* passages: steps around singular positions; switched: times that switches went over */
     double *size; /* largest magnitude met so far, per state */
     double h, error, contraction, slowness; /* of the last step; slowness: step size that accuracy allows over that of the iteration */
     const long *guard_direction, *guard_stops; /* per guard: which crossings count (0 both, 1 rising, -1 falling); whether it ends the run */
@@ -98,7 +107,7 @@ typedef struct Integrator {
     struct State *state;
     /* steps kept: times (steps + 1), states (steps + 1, nx); stages of each step, and place of its coefficients (nx, stages), with what sizes
        states had had by then (nx) behind them; place -1: not kept */
-    double *times, *states, *coefficients;
+    double *times, *states, *coefficients, *step_sides; /* step_sides (steps, held): of switches */
     long *stage_count, *offset;
     /* forward sensitivities: S (directions, nx) at the start, then now; inputs du (directions, nu) and dp (directions, np) */
     long directions;

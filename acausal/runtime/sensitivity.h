@@ -10,7 +10,7 @@ static int make_sensitivity(Integrator *I) {
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
     if (!arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed)) return 0;
-    for (long i = 0; i < I->nu && !I->counted; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
+    for (long i = 0; i < I->nu - I->held && !I->counted; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
     if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n)) return 0;
     T->D = reserve_lanes(I, B * n);
     T->D_size = reserve_lanes(I, B * n);

@@ -100,6 +100,12 @@ struct State {
     V *point_in, *point_out; /* rhs at one point */
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     V *formula_in, *formula_out, *formula_c;
+    V *rows_in, *rows_out, *rows_c, *sides_in, *sides_out, *sides_c, *row_change_in, *row_change_out, *row_change_c;
+    double *side;                   /* of switches */
+    double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
+    double *row_values, *row_noise, *one_row;
+    char *far;                      /* whether a row has been far from zero since its switch went over */
+    long *overs;                    /* how often each switch went over since the last step */
     char *copied;
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
@@ -211,7 +217,7 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
             S->counted[b][l] = j < s ? 1.0 : 0.0;
             S->odd[b][l] = (double)(2 * j + 1);
         }
-        for (long i = 0; i < I->nu; i++) S->in[b][1 + I->nx + i] = v_all(I->u[i]);
+        for (long i = 0; i < I->nu - I->held; i++) S->in[b][1 + I->nx + i] = v_all(I->u[i]);
         for (long i = 0; i < I->np; i++) S->in[b][1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
     }
     return 1;
@@ -241,9 +247,24 @@ static void look_around(Integrator *I, Stages *S);
 static void run_exact(Integrator *I, int which, const V *in, V *out);
 static int is_near(Integrator *I, const V *in);
 
-static void rates_at(Integrator *I, int exact, const V *in, V *out) {
-    if (exact) run_exact(I, 0, in, out);
-    else run_kernel(&I->rhs, in, I->state->rhs_c, out, I->state->work);
+/* Rates at the points in lanes. Where switches are held beyond the end of a law, as sqrt(x) held at x > 0 is, values are missing: there the
+   true sides are taken. */
+static void rates_at(Integrator *I, int exact, V *in, V *out) {
+    struct State *T = I->state;
+    if (exact) {
+        run_exact(I, 0, in, out);
+        return;
+    }
+    run_kernel(&I->rhs, in, T->rhs_c, out, T->work);
+    if (!I->held) return;
+    V lost = v_all(0.0), *side = in + 1 + I->nx + I->nu - I->held;
+    for (long i = 0; i < I->nx; i++) lost += out[i] - out[i];
+    if (!i_any(lost != v_all(0.0))) return;
+    memcpy(T->sides_in, in, sizeof(V) * (size_t)(1 + I->nx + I->nu - I->held));
+    run_kernel(&I->sides, T->sides_in, T->sides_c, T->sides_out, T->work);
+    for (long k = 0; k < I->held; k++) side[k] = v_select(lost != v_all(0.0), T->sides_out[k], side[k]);
+    run_kernel(&I->rhs, in, T->rhs_c, out, T->work);
+    for (long k = 0; k < I->held; k++) side[k] = v_all(T->side[k]);
 }
 
 /* All rates from the states in `in`, into N. */
@@ -282,7 +303,11 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 #define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
 #define UNHEARD 8          /* steps in which nothing was forgiven to rounding: then it is not looked at any more */
 
-static double heard(double value, double noise) { return fmax(fabs(value) - noise, 0); }
+/* What is left of a value beside noise; not a number where it is none. */
+static double heard(double value, double noise) {
+    double left = fabs(value) - noise;
+    return left <= 0 ? 0 : left;
+}
 
 /* The least scale of state i in a step of size h: where it is nothing but rounding, so much that rounding is no more than what the iteration
    may leave; less, the more there is beside rounding. */

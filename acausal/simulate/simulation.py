@@ -87,7 +87,10 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))
     problem = replace(problem, parameters=initial.p, read=np.linspace(t0, end, options.samples))
     check_branch(functions, problem, t0, end, initial.x)
-    breaks, guards = _breaks(functions, problem, t0, end), _guards(functions, options.events) if options.events else None
+    breaks, guards = (
+        apart(knots(problem.inputs, t0, end), t0, end),
+        _guards(functions, options.events) if options.events else None,
+    )
     if breaks.size or guards:
         problem = replace(problem, breaks=breaks, guards=guards)
     solution = _integrated(problem, initial.x, t0, end, options, called)
@@ -132,7 +135,7 @@ def sensitivity_run(
         if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
     problem = _problem(functions, at, compiled)
-    problem = replace(problem, breaks=_breaks(functions, problem, at.t0, float(times[-1])))
+    problem = replace(problem, breaks=apart(knots(problem.inputs, at.t0, float(times[-1])), at.t0, float(times[-1])))
     found = sensitivities(functions, problem, at, times, wrt, accuracy)
     status = found.found.status
     raise_if_interrupted(status, None)
@@ -153,14 +156,6 @@ def _problem(functions: Functions, at: Situation, compiled: bool) -> Problem:
         functions.explicit_dynamics, functions.invariants, functions.projection, signal, at.p, signal.constant, native,
         clearance=functions.clearance, positions=functions.space.nq, exact=functions.exact,
     )  # fmt: skip
-
-
-def _breaks(functions: Functions, problem: Problem, t0: float, t1: float) -> np.ndarray:
-    """(n, 2) times before and after which the rates are smooth: switches in time, knots of inputs."""
-    found = knots(problem.inputs, t0, t1)
-    if functions.clocks is not None and t1 > t0:
-        found = np.concatenate([found, functions.clocks.times(t0, t1, problem.parameters)])
-    return apart(found, t0, t1) if found.size else np.zeros((0, 2))
 
 
 def _guards(functions: Functions, events: Sequence[when]) -> Guards:

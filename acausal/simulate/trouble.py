@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Sequence
 
@@ -193,7 +194,10 @@ def raise_if_interrupted(status: Status, run: Trajectory | None) -> None:
 
 def failure(functions: Functions, status: Status, t1: float, run: Trajectory | None) -> str:
     """Why a run ended early: the status, the state that failed first, and what has no inertia there."""
-    worst = ""
+    worst, message = "", status.message
+    if status.kind is StatusKind.SLIDES:
+        message = re.sub(r"\b([txup])_(\d+)\b", lambda found: _argument(functions, found[1], int(found[2])), message)
+        worst = " Dry friction that sticks is like that: a law that is steep and smooth there, such as tanh(v / 1e-3) in place of sign(v), has a motion."
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
     if run is not None:
@@ -201,9 +205,14 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
     if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
         worst += _without_inertia(functions, run) or _out_of_reach(functions, run, t1)
     return (
-        f"{status.message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
+        f"{message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
         "The motion until then is in this error's `trajectory`."
     )
+
+
+def _argument(functions: Functions, kind: str, k: int) -> str:
+    names = {"x": functions.state_names, "u": functions.input_names, "p": functions.parameter_names}
+    return "t" if kind == "t" else names[kind][k]
 
 
 def _lost_input(functions: Functions, run: Trajectory, t1: float) -> str:

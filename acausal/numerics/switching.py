@@ -1,0 +1,168 @@
+"""Switches inside a function: what jumps or bends, held at one side, and the values that say how long that side is the true one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.folding import folded_function
+
+_COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX)
+_WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
+_PERIODIC = (ca.OP_FMOD, ca.OP_REMAINDER)
+_SWITCHES = {*_COMPARED, *_WHOLE, *_PERIODIC, ca.OP_SIGN, ca.OP_FABS}
+
+
+@dataclass(frozen=True, eq=False)
+class Switching:
+    """A function x' = f(t, x, u, p) with its switches held: those that parameters alone do not decide.
+
+    `rates`: (t, x, (u, sides), p) -> x', smooth in t, x and u. `rows`: (t, x, (u, sides), p) -> values that are positive where the sides are
+    the true ones; `sides`: (t, x, u, p) -> the true ones. Where row k becomes negative, side `switch`[k] becomes `factor`[k] side + `plus`[k].
+    `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ...
+    """
+
+    rates: ca.Function
+    rows: ca.Function
+    sides: ca.Function
+    switch: np.ndarray
+    factor: np.ndarray
+    plus: np.ndarray
+    words: tuple[str, ...]
+
+
+def switching(function: ca.Function) -> Switching | None:
+    """That of an SX function (t, x, u, p) -> x'; None without any switch."""
+    if not function.is_a("SXFunction"):
+        return None
+    codes = {function.instruction_id(k) for k in range(function.n_instructions())}
+    if not codes & _SWITCHES:
+        return None
+    found = _Holder()
+    arguments = [ca.vertcat(*(ca.SX.sym(f"{name}_{k}") for k in range(function.size1_in(i)))) for i, name in enumerate("txup")]
+    held = found.held(function, arguments)
+    if not found.sides:
+        return None
+    t, x, u, p = arguments
+    inputs = ca.vertcat(u, *found.sides)
+    true = ca.Function("true", arguments, [ca.vertcat(*(row.true for row in found.switches))])
+    return Switching(
+        folded_function("rates", [t, x, inputs, p], [ca.densify(held)]),
+        folded_function("rows", [t, x, inputs, p], [ca.densify(ca.vertcat(*found.rows))]),
+        folded_function("sides", arguments, [ca.densify(true(*arguments))]),
+        np.array(found.switch),
+        np.array(found.factor, dtype=float),
+        np.array(found.plus, dtype=float),
+        tuple(switch.words for switch in found.switches),
+    )
+
+
+@dataclass(frozen=True)
+class _Switch:
+    """Its true side, and what is looked at in words."""
+
+    true: ca.SX
+    words: str
+
+
+class _Holder:
+    """Repeats a function's operations, with switches held."""
+
+    def __init__(self) -> None:
+        self.sides: list[ca.SX] = []
+        self.switches: list[_Switch] = []
+        self.rows: list[ca.SX] = []
+        self.switch: list[int] = []
+        self.factor: list[float] = []
+        self.plus: list[float] = []
+        self._known: list[tuple[ca.SX, ca.SX]] = []
+
+    def held(self, f: ca.Function, arguments: Sequence[ca.SX]) -> ca.SX:
+        """The first result with switches held."""
+        size = f.sz_w() + 1
+        work, true, moving = [ca.SX(0)] * size, [ca.SX(0)] * size, [False] * size
+        result = ca.SX.zeros(f.sparsity_out(0))
+        entries = [ca.SX(0)] * f.nnz_out(0)
+        for k in range(f.n_instructions()):
+            code, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+            if code == ca.OP_OUTPUT:
+                if to[0] == 0:
+                    entries[to[1]] = work[of[0]]
+                continue
+            if code == ca.OP_INPUT:
+                work[to[0]] = true[to[0]] = arguments[of[0]][of[1]]
+                moving[to[0]] = of[0] < 3
+            elif code == ca.OP_CONST:
+                work[to[0]] = true[to[0]] = ca.SX(f.instruction_constant(k))
+                moving[to[0]] = False
+            else:
+                a, b = [work[i] for i in of], [true[i] for i in of]
+                now = any(moving[i] for i in of)
+                exact = ca.SX.unary(code, b[0]) if len(of) == 1 else ca.SX.binary(code, b[0], b[1])
+                if now and code in _SWITCHES:
+                    work[to[0]] = self._side(code, a, b)
+                else:
+                    work[to[0]] = ca.SX.unary(code, a[0]) if len(of) == 1 else ca.SX.binary(code, a[0], a[1])
+                true[to[0]], moving[to[0]] = exact, now
+        for k, entry in enumerate(entries):
+            result.nz[k] = entry
+        return result
+
+    def _side(self, code: int, a: list[ca.SX], true: list[ca.SX]) -> ca.SX:
+        """The result of a switching operation on `a`, held."""
+        if code in _COMPARED or code == ca.OP_FABS:
+            below = self._below(a[0] - a[1] if len(a) == 2 else a[0], true[0] - true[1] if len(a) == 2 else true[0])
+            if code in (ca.OP_LT, ca.OP_LE):
+                return below
+            if code == ca.OP_FABS:
+                return (1 - 2 * below) * a[0]
+            return ca.if_else(below, a[0], a[1]) if code == ca.OP_FMIN else ca.if_else(below, a[1], a[0])
+        if code == ca.OP_SIGN:
+            side = self._new(a[0], ca.sign(true[0]))
+            self._row(ca.if_else(side > 0, a[0], ca.if_else(side < 0, 1, a[0])), 0, -1)
+            self._row(ca.if_else(side < 0, -a[0], ca.if_else(side > 0, 1, -a[0])), 0, 1)
+            return side
+        if code == ca.OP_CEIL:
+            return -self._whole(-a[0], ca.floor(-true[0]), 0, 1)
+        if code == ca.OP_FLOOR:
+            return self._whole(a[0], ca.floor(true[0]), 0, 1)
+        ratio, exact = a[0] / a[1], true[0] / true[1]
+        if code == ca.OP_REMAINDER:
+            return a[0] - a[1] * self._whole(ratio, exact - ca.remainder(exact, 1), -0.5, 0.5)
+        return a[0] - a[1] * self._whole(ratio, ca.if_else(exact < 0, ca.ceil(exact), ca.floor(exact)), None, None)
+
+    def _below(self, value: ca.SX, true: ca.SX) -> ca.SX:
+        """Whether a value is negative, 0 or 1."""
+        for known, side in self._known:
+            if ca.is_equal(known, value, 3):
+                return side
+            if ca.is_equal(known, -value, 3):
+                return 1 - side
+        side = self._new(value, true < 0)
+        self._row((1 - 2 * side) * value, -1, 1)
+        self._known.append((value, side))
+        return side
+
+    def _whole(self, value: ca.SX, true: ca.SX, low: float | None, high: float | None) -> ca.SX:
+        """The number n with n + low <= value < n + high; without these, towards zero."""
+        side = self._new(value, true)
+        below = side + low if low is not None else ca.if_else(side > 0, side, side - 1)
+        above = side + high if high is not None else ca.if_else(side < 0, side, side + 1)
+        self._row(value - below, 1, -1)
+        self._row(above - value, 1, 1)
+        return side
+
+    def _new(self, value: ca.SX, true: ca.SX) -> ca.SX:
+        side = ca.SX.sym(f"side{len(self.sides)}")
+        self.sides.append(side)
+        self.switches.append(_Switch(true, str(value)))
+        return side
+
+    def _row(self, row: ca.SX, factor: float, plus: float) -> None:
+        self.rows.append(row)
+        self.switch.append(len(self.sides) - 1)
+        self.factor.append(factor)
+        self.plus.append(plus)

@@ -1,0 +1,312 @@
+/* Switches: comparisons, signs, minima, moduli, steps in the rates. Each is held at one side while a step is taken, so that the rates are
+   smooth in the step and beyond its end; its rows are positive as long as the side that is held is the true one. Where a row becomes
+   negative the step is taken again so that it ends there, to rounding, and the switch goes over to the other side.
+
+   Next to the end the state is moved along the rates that are known, to just beyond the switch: laws of either side need not be defined on the
+   other. Values of rows no larger than what rounding makes of them have no sign. Where a switch goes over and back and over again in one instant,
+   ten times as much counts as rounding, and again ten times, so that what only touches it gets away; where that does not help no side lasts,
+   and the motion slides along the switch. */
+
+#define OVERS 3       /* times that a switch goes over in one instant; from then on more and more counts as rounding */
+#define ENDLESS 9     /* times that tell that it slides */
+#define LANDINGS 8    /* tries to end a step where a switch goes over */
+#define BACK 1e-3     /* of a step: how far before its end a row's slope is taken from */
+#define MOST 30       /* places in a step tried; then it becomes shorter until none is left */
+#define HOP 1e-5      /* of a step: how far from its end a switch may go over; the state is moved there */
+
+static int make_switches(Integrator *I) {
+    struct State *T = I->state;
+    long fixed = 1 + I->nx + I->nu;
+    if (!arranged(I, &I->rows, &T->rows_in, &T->rows_out, &T->rows_c, fixed)) return 0;
+    if (!arranged(I, &I->sides, &T->sides_in, &T->sides_out, &T->sides_c, fixed - I->held)) return 0;
+    if (I->directions && !arranged(I, &I->row_change, &T->row_change_in, &T->row_change_out, &T->row_change_c, fixed)) return 0;
+    T->side = reserve_doubles(I, I->held);
+    T->overs = reserve(I, sizeof(long) * (size_t)I->held);
+    T->step_by_side = reserve_doubles(I, 2 * I->held);
+    T->row_values = reserve_doubles(I, POINTS * I->row_count);
+    T->row_noise = reserve_doubles(I, I->row_count);
+    T->far = reserve(I, (size_t)I->row_count);
+    T->one_row = reserve_doubles(I, POINTS * I->row_count);
+    if (!T->chebyshev) {
+        T->chebyshev = reserve_doubles(I, POINTS * POINTS);
+        if (T->chebyshev) chebyshev_cosines(T->chebyshev);
+    }
+    return I->counted || (T->side && T->overs && T->step_by_side && T->row_values && T->row_noise && T->far && T->one_row && T->chebyshev);
+}
+
+/* Rows at a point, into T->one_row, and what rounding makes of them, into T->row_noise. Returns 0 when the input function failed. */
+static int rows_at(Integrator *I, double t, const double *x) {
+    struct State *T = I->state;
+    V *in = T->rows_in;
+    unsigned draw = 1;
+    for (long r = 0; r < I->row_count; r++) T->row_noise[r] = 0;
+    for (int round = 0; round < (LANES < 8 ? 8 / LANES : 1); round++) {
+        for (long i = -1; i < I->nx; i++) {
+            double value = i < 0 ? t : x[i], unit = EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i])));
+            in[1 + i] = v_all(value);
+            for (long l = 1; l < LANES; l++) in[1 + i][l] += unit * ((double)((draw = draw * 1664525u + 1013904223u) >> 29) / 2 - 1.75);
+        }
+        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
+        run_kernel(&I->rows, in, T->rows_c, T->rows_out, T->work);
+        for (long r = 0; r < I->row_count; r++) {
+            T->one_row[r] = T->rows_out[r][0];
+            for (long l = 1; l < LANES; l++) {
+                double change = fabs(T->rows_out[r][l] - T->one_row[r]);
+                if (change < INFINITY) T->row_noise[r] = fmax(T->row_noise[r], ROUNDINGS * change);
+            }
+        }
+    }
+    for (long r = 0; r < I->row_count; r++)
+        for (long k = OVERS; k < T->overs[I->row_switch[r]]; k++) T->row_noise[r] *= 10;
+    return 1;
+}
+
+static void go_to_other_side(Integrator *I, long row) {
+    double *side = &I->state->side[I->row_switch[row]];
+    *side = I->row_factor[row] * *side + I->row_plus[row];
+}
+
+/* Sides that are not true at (t, x) go over; those in doubt stay. `all` true ones at first, where nothing is known of them, or only of inputs
+   that jump. Returns 0 when the input function failed. */
+static int agree(Integrator *I, double t, const double *x, int all) {
+    struct State *T = I->state;
+    for (int again = 0; again < 8; again++) {
+        if (all && again == 0) {
+            V *in = T->sides_in;
+            in[0] = v_all(t);
+            for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+            for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
+            if (!own_inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
+            run_kernel(&I->sides, in, T->sides_c, T->sides_out, T->work);
+        }
+        if (!rows_at(I, t, x)) return 0;
+        int wrong = 0;
+        for (long r = 0; r < I->row_count; r++) {
+            if (!(T->one_row[r] < -T->row_noise[r])) continue;
+            wrong = 1;
+            if (all && again == 0) T->side[I->row_switch[r]] = T->sides_out[I->row_switch[r]][0];
+            else go_to_other_side(I, r);
+        }
+        if (!wrong) break;
+    }
+    return 1;
+}
+
+/* The sides at the start. */
+static int begin_sides(Integrator *I) {
+    struct State *T = I->state;
+    if (!agree(I, I->t, I->x, 1)) return 0;
+    for (long k = 0; k < I->held; k++) T->side[k] = T->sides_out[k][0];
+    return agree(I, I->t, I->x, 0);
+}
+
+/* The state some time [s] later, or before, by the midpoint rule; h: size of the last step. Returns 0 when the input function failed. */
+static int hop(Integrator *I, double time, double h) {
+    struct State *T = I->state;
+    double *x = T->factor, *rate = T->most;
+    if (!rate_at(I, I->t, I->x, rate)) return 0;
+    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * time * rate[i];
+    if (!rate_at(I, I->t + 0.5 * time, x, rate)) return 0;
+    for (long i = 0; i < I->nx; i++) {
+        x[i] = I->x[i] + time * rate[i];
+        if (!isfinite(x[i])) return 1;
+    }
+    memcpy(I->x, x, sizeof(double) * (size_t)I->nx);
+    if (I->steps > 0 && fabs(time) > 64 * EPS * h) rescale_step(I, 1 + time / h);
+    end_step_at(I, I->t + time);
+    return 1;
+}
+
+/* To where the row of a switch has become negative by no more than rounding. Returns 0 when the input function failed. */
+static int meet_row(Integrator *I, const struct Landing *L) {
+    struct State *T = I->state;
+    long k = I->steps - I->first;
+    double h = k > 0 ? I->times[k] - I->times[k - 1] : L->planned, farthest = L->over ? HOP * h : INSTANT * L->planned;
+    for (int again = 0; again < 3 && L->slope < 0; again++) {
+        if (!rows_at(I, I->t, I->x)) return 0;
+        double value = T->one_row[L->row], noise = T->row_noise[L->row], time = -(value + noise) / L->slope;
+        if ((value <= 0 && value >= -2 * noise) || !(fabs(time) <= farthest)) break;
+        if (!hop(I, time, h)) return 0;
+    }
+    return 1;
+}
+
+/* What was known of the rates says nothing of those after a jump. */
+static void forget_rates(Integrator *I) {
+    struct State *T = I->state;
+    T->last_h = 0;
+    T->start_known = 0;
+    T->jacobian_fresh = 0;
+    I->error = 0;
+}
+
+/* Derivatives of the motion jump where rates do, as the time at which the switch goes over moves: by (f- - f+) dt. `shift`: a short time [s]. */
+static int jump_directions(Integrator *I, long row, double shift, const double *before, const double *after) {
+    struct State *T = I->state;
+    long n = I->nx, rest = 1 + n + I->nu + I->np;
+    V *in = T->row_change_in;
+    double value[2], *x = T->factor;
+    for (int k = 0; k < 2; k++) {
+        double time = k ? shift : -shift;
+        for (long i = 0; i < n; i++) x[i] = I->x[i] + time * before[i];
+        if (!rows_at(I, I->t + time, x)) return 0;
+        value[k] = T->one_row[row];
+    }
+    double slope = (value[1] - value[0]) / (2 * shift);
+    if (!(fabs(slope) > 0)) return 1;
+    in[0] = v_all(I->t);
+    for (long i = 0; i < n; i++) in[1 + i] = v_all(I->x[i]);
+    if (!inputs_at(I, in[0], 1, in + 1 + n)) return 0;
+    for (long b = 0; b < direction_blocks(I); b++) {
+        V *D = T->D + b * n;
+        memcpy(in + rest, D, sizeof(V) * (size_t)n);
+        set_directions(I, in + rest + n, b, 1);
+        run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
+        V dt = T->row_change_out[row] / v_all(-slope);
+        for (long i = 0; i < n; i++) D[i] = v_fma(v_all(before[i] - after[i]), dt, D[i]);
+    }
+    return 1;
+}
+
+/* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
+static enum Code go_over(Integrator *I, const struct Landing *L) {
+    struct State *T = I->state;
+    long k = I->row_switch[L->row];
+    if (!meet_row(I, L)) return INPUT_FAILED;
+    double *remembered = &T->step_by_side[2 * k], *before = T->most, *after = T->aside, jump = 0, last = T->last_h;
+    if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
+    double old = T->side[k], new;
+    remembered[old > 0] = L->planned;
+    go_to_other_side(I, L->row);
+    new = T->side[k];
+    for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
+    if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
+    for (long i = 0; i < I->nx; i++) jump = fmax(jump, fabs(after[i] - before[i]) * L->planned / T->scale[i]);
+    T->side[k] = old; /* rows are those that are held until now */
+    if (I->directions && !jump_directions(I, L->row, 0.1 * BACK * L->planned, before, after)) return INPUT_FAILED;
+    T->side[k] = new;
+    I->h = remembered[new > 0] > 0 ? remembered[new > 0] : L->planned;
+    forget_rates(I);
+    if (jump <= 1) T->last_h = last; /* they only bend */
+    I->switched++;
+    if (++T->overs[k] > ENDLESS && jump > 1) {
+        I->worst = k;
+        return SLIDES;
+    }
+    return REACHED_END;
+}
+
+/* Whether values in Chebyshev points, in order of time, are far from zero. */
+static int is_far_above(const double *v) {
+    double least = v[0], most = v[0];
+    for (int k = 1; k < POINTS; k++) {
+        if (!isfinite(v[k])) return 0;
+        least = fmin(least, v[k]), most = fmax(most, v[k]);
+    }
+    return least > 0.5 * (most - least);
+}
+
+/* Whether what has these Chebyshev coefficients keeps above what is no more than noise. */
+static int stays_above(const double *c, double noise) {
+    double rest = 0;
+    for (int k = 1; k < POINTS; k++) rest += fabs(c[k]);
+    return c[0] - 1.01 * rest >= -noise;
+}
+
+/* Where a row becomes negative between lo and hi, 2 where it does not, -1 when the input function failed. `known`: its values, or null. */
+static double first_below(Path *p, double lo, double hi, const double *known, int depth) {
+    struct State *T = p->I->state;
+    double theta[POINTS], v[POINTS], c[POINTS], middle = 0.5 * (lo + hi);
+    int finite = 0, below = -1;
+    for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? hi : lo + (hi - lo) * chebyshev_point(j);
+    if (!known && !guard_values(p, theta, POINTS, T->one_row)) return -1;
+    for (int j = 0; j < POINTS; j++) {
+        v[j] = (known ? known : T->one_row)[j * p->I->row_count + p->guard];
+        finite += isfinite(v[j]) != 0;
+        if (below < 0 && v[j] < -p->noise) below = j;
+    }
+    int deep = depth > 30 || ++p->searches > SEARCHES;
+    if (finite == 0 || (finite < POINTS && deep)) return below < 0 ? 2 : theta[below];
+    if (finite == POINTS) {
+        chebyshev_coefficients(T->chebyshev, v, c);
+        if (stays_above(c, p->noise)) return 2;
+        if (is_monotone(c) || deep) {
+            if (below < 0) return 2;
+            if (below == 0 || v[below - 1] <= 0) return below == 0 ? lo : theta[below - 1];
+            return zero_between(p, theta[below - 1], theta[below], v[below - 1], v[below]);
+        }
+    }
+    double found = first_below(p, lo, middle, 0, depth + 1);
+    return found == 2 ? first_below(p, middle, hi, 0, depth + 1) : found;
+}
+
+/* The first row that becomes negative in a step, into L, and where; 2 where none does, -1 when the input function failed. */
+static double first_switch(Path *p, struct Landing *L) {
+    Integrator *I = p->I;
+    struct State *T = I->state;
+    double theta[POINTS], v[POINTS], first = 2;
+    int noise_known = 0;
+    for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? 1 : chebyshev_point(j);
+    if (!guard_values(p, theta, POINTS, T->row_values)) return -1;
+    for (long r = 0; r < I->row_count; r++) {
+        for (int j = 0; j < POINTS; j++) v[j] = T->row_values[j * I->row_count + r];
+        if (is_far_above(v)) {
+            T->far[r] = 1;
+            continue;
+        }
+        if (!noise_known && !rows_at(I, p->t + p->h, p->stop)) return -1;
+        noise_known = 1;
+        if (T->overs[I->row_switch[r]] > ENDLESS) continue;
+        p->guard = r;
+        p->noise = T->row_noise[r];
+        p->searches = 0;
+        double here = first_below(p, 0, 1, T->row_values, 0);
+        if (here < 0) return -1;
+        if (v[0] > 100 * p->noise) T->far[r] = 1;
+        if (here == 2 && fabs(v[POINTS - 1]) <= p->noise && T->far[r]) here = 1; /* the step ends there */
+        if (here > 1 || here >= first) continue;
+        if (v[0] <= p->noise && here > 0 && one_value(p, 0.5 * here) <= 2 * p->noise) here = 0;
+        first = here;
+        L->row = r;
+    }
+    return first;
+}
+
+static double next_landing(Path *p, struct Landing *L) {
+    Integrator *I = p->I;
+    struct State *T = I->state;
+    double end = p->t + p->h, edge = 2 * EPS * fabs(end);
+    p->guard = L->row;
+    if (!rows_at(I, end, p->stop)) return -1;
+    double noise = T->row_noise[L->row], value = T->one_row[L->row], slope = (value - one_value(p, 1 - BACK)) / BACK;
+    double theta = 1 - value / slope;
+    L->slope = slope / p->h;
+    if (fabs(value) <= noise || fabs(theta - 1) * p->h <= edge || (!I->directions && slope < 0 && fabs(theta - 1) <= HOP)) return 1;
+    if (slope < 0 && theta > 0.25 && theta < 1.5 && ++L->tries <= LANDINGS) return theta;
+    return value < 0 && L->tries > LANDINGS ? 1 : 2;
+}
+
+/* Of a step that has been solved: 1, it may be taken; 0, a switch goes over before it; otherwise the part of it to try instead, so that it
+   ends where a switch goes over. -1: the input function failed. */
+static double landing(Integrator *I, const Stages *S, double h, struct Landing *L) {
+    struct State *T = I->state;
+    for (long i = 0; i < I->nx; i++) T->aside[i] = I->x[i] + T->increment[i];
+    Path p = {I, S->a, I->x, T->aside, S->s, S->blocks * LANES, 0, I->t, h, 0, 0, 0, 1, 1};
+    double to = 2;
+    L->over = 0;
+    if (L->row >= 0) to = next_landing(&p, L);
+    if (to == 2) {
+        L->row = -1;
+        L->tries = 0;
+        to = first_switch(&p, L);
+        if (to == 2) return 1;
+        L->planned = fmax(I->h, h);
+        if (to < 0) return to;
+        p.guard = L->row;
+        L->slope = (one_value(&p, to + BACK) - one_value(&p, to)) / (BACK * h);
+        if (++L->total > MOST) return 0.5 * to;
+        if (to * h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) to = 0;
+    }
+    L->over = to == 1;
+    return to;
+}
