@@ -55,17 +55,6 @@ def eigenvectors(tableau: Tableau) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @functools.cache
-def embedded_formula(tableau: Tableau) -> tuple[float, np.ndarray]:
-    """gamma and weights (s,) of the embedded formula of Radau IIA, of order s: Hairer and Wanner II, (IV.8.15)."""
-    values = eigenvectors(tableau)[0]
-    gamma = float(np.real(values[np.argmin(np.abs(np.imag(values)))]))
-    powers = np.vander(tableau.c, tableau.stages, increasing=True).T
-    moments = 1 / np.arange(1, tableau.stages + 1)
-    moments[0] -= gamma
-    return gamma, np.linalg.solve(powers, moments) - tableau.b
-
-
-@functools.cache
 def gauss_legendre(stages: int) -> Tableau:
     """Gauss-Legendre collocation, order 2 s, symplectic."""
     nodes, _ = legendre.leggauss(stages)

@@ -25,6 +25,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.native import directional_derivative, projection_with_invariants
+from acausal.runtime.pattern import jacobian_pattern
 from acausal.simulate.events import when
 from acausal.start.initial import InitialState
 
@@ -259,6 +260,9 @@ def _model_c(
     copies = copied_states(rhs)
     numbers = {f"copy_{word}": [str(pair[k]) for pair in copies] for k, word in enumerate(("to", "from"))}
     numbers |= {"guard_direction": [str(e.sign) for e in events], "guard_stops": [str(int(e.stop)) for e in events]}
+    pattern = jacobian_pattern(rhs)
+    entries = {"start": pattern.start, "row": pattern.row, "colour": pattern.colour, "order": pattern.order}
+    patterns = {f"pattern_{word}": [*map(str, of)] for word, of in entries.items()}
     fields = [
         *(f".{source.name.removeprefix('model_')} = {_kernel(source)}" for source in sources),
         f".quantities = {_array([_quantities(kind) for kind in kinds.values()])}",
@@ -267,10 +271,12 @@ def _model_c(
         f".constants = {start.assembly.numel_out(1)}, .depends = depends, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
         *([] if start.holds is None else [f".holds = {_plain(start.holds)}"]),
+        f".operations = {rhs.n_instructions()}",
+        f".pattern = {{{', '.join(patterns)}, {pattern.colours}, {pattern.fill}, {pattern.work.hex()}}}",
     ]
     lines = [
         *(line for kind in kinds.values() for line in _quantity_arrays(kind)),
-        *(f"static const long {name}[] = {_array(entries or ['0'])};" for name, entries in numbers.items()),
+        *(f"static const long {name}[] = {_array(entries or ['0'])};" for name, entries in (numbers | patterns).items()),
         f"static const char depends[] = {_array([str(int(d)) for d in start.depends])};",
         "const Model model = {\n    " + ",\n    ".join(fields) + "\n};",
     ]

@@ -11,7 +11,7 @@ from acausal.collocation.problem import Accuracy, Newton, Problem, Progress, Sol
 from acausal.collocation.tableau import gauss_legendre
 from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator, native
-from acausal.runtime.native import Choice, Pace
+from acausal.runtime.native import Choice
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Gauss(AbstractIntegrator):
         compiled, accuracy = native(problem), accuracy.with_step(self.step)
         order = self.order or default_order(accuracy.rtol, compiled.lanes)
         choice = Choice((gauss_legendre(order // 2),), Newton.WHERE_SLOW)
-        return compiled.integrate(problem, x0, t0, t1, accuracy, choice, progress, newton_where_slow)[0]
+        return compiled.integrate(problem, x0, t0, t1, accuracy, choice, progress)
 
 
 def default_order(rtol: float, lanes: int) -> int:
@@ -46,8 +46,3 @@ def default_order(rtol: float, lanes: int) -> int:
     if lanes >= 4:
         return 16 if rtol < (2e-4 if lanes >= 8 else 1e-5) else 8
     return 8 if rtol >= 1e-4 else 12 if rtol >= 1e-7 else 16
-
-
-def newton_where_slow(pace: Pace) -> str:
-    """Newton costs a Jacobian and linear algebra: worth it where it makes steps several times larger."""
-    return "newton" if pace.slowness > 5 and not pace.newton else "go on"

@@ -13,6 +13,9 @@ from acausal.errors import OptionError
 from acausal.integrators.base import AbstractIntegrator, native
 from acausal.runtime.native import Choice
 
+ADAPTIVE = tuple(radau_iia(s) for s in (3, 5, 7))
+"""Orders 5, 9 and 13, between which the driver changes."""
+
 
 @dataclass(frozen=True)
 class Radau(AbstractIntegrator):
@@ -35,14 +38,13 @@ class Radau(AbstractIntegrator):
     ) -> Solution:
         """See `AbstractIntegrator`."""
         rtol, accuracy = accuracy.rtol, accuracy.with_step(self.step)
-        return native(problem).integrate(problem, x0, t0, t1, accuracy, self.choice(rtol), progress)[0]
+        return native(problem).integrate(problem, x0, t0, t1, accuracy, self.choice(rtol), progress)
 
     def choice(self, rtol: float) -> Choice:
         """Tableaus for the C runtime: orders 5, 9 and 13 unless one is asked for."""
         if self.order is not None or self.step is not None:
             return Choice((radau_iia(((self.order or _order(rtol)) + 1) // 2),), Newton.ALWAYS)
-        tableaus = tuple(radau_iia(s) for s in (3, 5, 7))
-        return Choice(tableaus, Newton.ALWAYS, start=0 if rtol > 1e-4 else 1, adapt_order=True)
+        return Choice(ADAPTIVE, Newton.ALWAYS, start=0 if rtol > 1e-4 else 1, adapt_order=True)
 
 
 def _order(rtol: float) -> int:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.collocation.problem import Accuracy, Directions, Newton, Problem, Status, StatusKind
-from acausal.collocation.tableau import gauss_legendre
-from acausal.integrators.automatic import stiffness_of
+from acausal.collocation.problem import Accuracy, Directions, Problem, Status, StatusKind
+from acausal.integrators.automatic import gauss_or_radau
 from acausal.integrators.base import native
-from acausal.integrators.gauss import default_order
-from acausal.integrators.radau import Radau
-from acausal.runtime.native import Choice, Run
+from acausal.runtime.native import Run
 
 
 @dataclass(frozen=True)
@@ -39,21 +36,12 @@ def integrate_sensitivities(
     x = np.full((x0.size, times.size), np.nan)
     S = np.full((times.size, *directions.dx.shape), np.nan)
     x[:, 0], S[0] = x0, directions.dx
-    tableau = gauss_legendre(default_order(accuracy.rtol, compiled.lanes) // 2)
-    slow, choice = stiffness_of(problem, tableau), Choice((tableau,), Newton.WHERE_SLOW)
+    choice = gauss_or_radau(accuracy.rtol, compiled.lanes)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), accuracy, choice, directions)
-    status, passages = Status(StatusKind.SUCCESS, float(times[0])), 0
+    status = Status(StatusKind.SUCCESS, float(times[0]))
     for k, end in enumerate(times[1:], start=1):
-        outcome = run.advance(float(end), slow=slow)
-        if outcome.left:
-            passages += run.core.passages
-            now = Directions(run.S.T.copy(), directions.du, directions.dp)
-            choice = Radau().choice(accuracy.rtol)
-            problem = replace(problem, met=np.ctypeslib.as_array(run.core.size, run.x.shape).copy())
-            run = Run(compiled, problem, run.x, outcome.status.time, float(end), accuracy, choice, now)
-            outcome = run.advance(float(end))
-        status = outcome.status
+        status = run.advance(float(end)).status
         if status.kind is not StatusKind.SUCCESS:
             break
         x[:, k], S[k] = run.x, run.S.T
-    return Sensitive(x, S, status, passages + run.core.passages)
+    return Sensitive(x, S, status, run.core.passages)

@@ -45,7 +45,7 @@ static int make_rest(Integrator *I, long most) {
     int made = make_last_step(I, most) || I->counted;
     for (I->method = 0; I->method < I->methods; I->method++) made = made && stages_of(I);
     I->method = method;
-    return made && (I->newton == NEVER || make_newton(I)) && (!I->fine || fine_stages(I, I->fine));
+    return made && (I->newton != WHERE_SLOW || make_krylov(I) || I->counted) && (I->newton == NEVER || make_newton(I)) && (!I->fine || fine_stages(I, I->fine));
 }
 
 static int make_parts(Integrator *I) {
@@ -72,9 +72,8 @@ int begin(Integrator *I) {
     if (I->methods > METHODS) return 0;
     struct State *T = I->state = reserve(I, sizeof(struct State));
     if (!T || !make_parts(I)) return 0;
-    T->patience = DOUBTS;
+    T->patience = DOUBTS + I->nx / 4; /* looking costs a rate for each state */
     T->newton_now = I->newton == ALWAYS;
-    T->asked = 4;
     return 1;
 }
 
@@ -101,7 +100,7 @@ void moved_integration(Integrator *I, const char *block) {
     }
     redirect(&I->size, &I->size + 1, block, I->room, I->block);
     redirect(&I->event_times, &I->event_directions + 1, block, I->room, I->block);
-    redirect(&I->times, &I->offset + 1, block, I->room, I->block);
+    redirect(&I->times, &I->kinds + 1, block, I->room, I->block);
 }
 
 /* To the far side of a break: what the rates were before says nothing of what they are now. */
@@ -143,11 +142,6 @@ static enum Code run_steps(Integrator *I) {
         if (code == REACHED_END && I->guards) code = watch(I);
         if (code == REACHED_END && stop < end && I->t >= stop && !cross_break(I)) return INPUT_FAILED;
         if (code != REACHED_END) return code;
-        if (I->newton == WHERE_SLOW && I->step == 0 && T->hard >= T->asked) {
-            T->asked = T->asked < 1000 ? 2 * T->asked : T->asked;
-            T->hard = 0;
-            return SLOW;
-        }
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }
     return REACHED_END;
@@ -169,12 +163,4 @@ int exchange(Integrator *I, long which, const Kernel *k) {
     if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
     *kernels[which] = *k;
     return 1;
-}
-
-/* From the next step on, stages are solved by Newton; `jvp` must be set. */
-void use_newton(Integrator *I) {
-    I->state->newton_now = 1;
-    I->state->jacobian_fresh = 0;
-    I->state->hard = 0;
-    I->state->asked = 4;
 }

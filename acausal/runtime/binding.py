@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.collocation.tableau import Tableau, eigenvectors, embedded_formula
+from acausal.collocation.tableau import Tableau, eigenvectors
 from acausal.runtime.kernels import Kernel
+from acausal.runtime.pattern import Pattern
 
 _Double = ctypes.POINTER(ctypes.c_double)
 _Long = ctypes.POINTER(ctypes.c_long)
@@ -24,16 +25,15 @@ class Code(enum.IntEnum):
     REACHED_END = 0
     PAUSED = 1
     NEEDS_JACOBIAN = 2
-    SLOW = 3
-    EVENT = 4
-    STEP_UNDERFLOW = 5
-    NON_FINITE = 6
-    NOT_CONVERGED = 7
-    TOO_MANY_STEPS = 8
-    INPUT_FAILED = 9
-    OUT_OF_MEMORY = 10
-    NOT_KEPT = 11
-    SLIDES = 12
+    EVENT = 3
+    STEP_UNDERFLOW = 4
+    NON_FINITE = 5
+    NOT_CONVERGED = 6
+    TOO_MANY_STEPS = 7
+    INPUT_FAILED = 8
+    OUT_OF_MEMORY = 9
+    NOT_KEPT = 10
+    SLIDES = 11
 
 
 class Method(ctypes.Structure):
@@ -42,7 +42,6 @@ class Method(ctypes.Structure):
     _fields_ = [
         ("stages", ctypes.c_long),
         ("order", ctypes.c_long),
-        ("error_order", ctypes.c_long),
         ("kind", ctypes.c_long),
         ("c", _Double),
         ("b", _Double),
@@ -56,8 +55,6 @@ class Method(ctypes.Structure):
         ("V_im", _Double),
         ("W_re", _Double),
         ("W_im", _Double),
-        ("gamma", ctypes.c_double),
-        ("weights", _Double),
     ]
 
 
@@ -69,6 +66,23 @@ class Table(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("first", "period")),
         *((name, _Double) for name in ("begins", "coefficients")),
     ]
+
+
+class JacobianPattern(ctypes.Structure):
+    """`Pattern` of runtime.h."""
+
+    _fields_ = [
+        *((name, _Long) for name in ("start", "row", "colour", "order")),
+        ("colours", ctypes.c_long),
+        ("fill", ctypes.c_double),
+        ("work", ctypes.c_double),
+    ]
+
+    @staticmethod
+    def of(pattern: Pattern) -> JacobianPattern:
+        """Of arrays that must live as long as it."""
+        arrays = (a.ctypes.data_as(_Long) for a in (pattern.start, pattern.row, pattern.colour, pattern.order))
+        return JacobianPattern(*arrays, pattern.colours, pattern.fill, pattern.work)
 
 
 KERNELS = (
@@ -93,7 +107,7 @@ class Integrator(ctypes.Structure):
     """`Integrator` of runtime.h."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "through")),
+        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "operations", "through")),
         *((name, Kernel) for name in KERNELS),
         ("held", ctypes.c_long),
         ("row_count", ctypes.c_long),
@@ -118,9 +132,10 @@ class Integrator(ctypes.Structure):
         ("breaks", ctypes.c_void_p),
         ("break_count", ctypes.c_long),
         ("next_break", ctypes.c_long),
-        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "worst", "passages", "switched")),
+        ("pattern", JacobianPattern),
+        *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "radau_steps", "worst", "passages", "switched")),
         ("size", _Double),
-        *((name, ctypes.c_double) for name in ("h", "error", "contraction", "slowness")),
+        *((name, ctypes.c_double) for name in ("h", "error", "contraction")),
         ("guard_direction", _Long),
         ("guard_stops", _Long),
         ("fine", ctypes.POINTER(Method)),
@@ -136,6 +151,7 @@ class Integrator(ctypes.Structure):
         ("step_sides", _Double),
         ("stage_count", _Long),
         ("offset", _Long),
+        ("kinds", _Long),
         ("directions", ctypes.c_long),
         ("S", ctypes.c_void_p),
         ("du", ctypes.c_void_p),
@@ -171,14 +187,12 @@ def method_table(tableaus: tuple[Tableau, ...]) -> MethodTable:
     methods: list[Method] = []
     for tableau in tableaus:
         values, V, W = eigenvectors(tableau)
-        radau = tableau.name == "radau"
-        gamma, weights = embedded_formula(tableau) if radau else (0.0, np.zeros(tableau.stages))
         methods.append(
             Method(
-                tableau.stages, tableau.order, tableau.stages if radau else tableau.order, int(radau),
+                tableau.stages, tableau.order, int(tableau.name == "radau"),
                 pointer(tableau.c), pointer(tableau.b), pointer(tableau.A), pointer(tableau.mu), pointer(tableau.to_legendre), values.size,
                 pointer(np.real(values)), pointer(np.imag(values)), pointer(np.real(V)), pointer(np.imag(V)),
-                pointer(np.real(W)), pointer(np.imag(W)), gamma, pointer(weights),
+                pointer(np.real(W)), pointer(np.imag(W)),
             )
         )  # fmt: skip
     return MethodTable((Method * len(methods))(*methods), tuple(alive))

@@ -121,7 +121,7 @@ int dense(Integrator *I, long n, const double *t, double *x) {
         }
         if (I->offset[row] < 0) return NOT_KEPT;
         const double *a = I->coefficients + I->offset[row];
-        if (fine) {
+        if (fine && I->kinds[row] == GAUSS) {
             if (refined != k && !refine_step(I, T->fine, k)) return INPUT_FAILED;
             refined = k;
             a = T->fine->a;

@@ -30,11 +30,12 @@ static int make_last_step(Integrator *I, long stages) {
     I->coefficients = reserve_doubles(I, (stages + 1) * I->nx);
     I->stage_count = reserve(I, sizeof(long));
     I->offset = reserve(I, sizeof(long));
+    I->kinds = reserve(I, sizeof(long));
     I->event_times = reserve_doubles(I, I->event_room);
     I->event_guards = reserve(I, sizeof(long) * (size_t)I->event_room);
     I->event_directions = reserve(I, sizeof(long) * (size_t)I->event_room);
     I->state->event_capacity = I->event_room;
-    return I->times && I->states && I->step_sides && I->coefficients && I->stage_count && I->offset && I->event_times && I->event_guards && I->event_directions;
+    return I->times && I->states && I->step_sides && I->coefficients && I->stage_count && I->offset && I->kinds && I->event_times && I->event_guards && I->event_directions;
 }
 
 /* Room for one more step. */
@@ -52,7 +53,7 @@ static int make_room(Integrator *I) {
     if (k + 1 < T->capacity) return 1;
     long c = T->capacity = k < 64 ? 128 : 2 * k;
     return grow(&I->times, sizeof(double) * (size_t)c) && grow(&I->states, sizeof(double) * (size_t)(c * n) + 8) &&
-           grow(&I->stage_count, sizeof(long) * (size_t)c) && grow(&I->offset, sizeof(long) * (size_t)c) &&
+           grow(&I->stage_count, sizeof(long) * (size_t)c) && grow(&I->offset, sizeof(long) * (size_t)c) && grow(&I->kinds, sizeof(long) * (size_t)c) &&
            grow(&I->step_sides, sizeof(double) * (size_t)(c * I->held) + 8);
 }
 
@@ -110,6 +111,7 @@ static int keep(Integrator *I, const Stages *S) {
     memcpy(I->coefficients + at + n * s, T->size, sizeof(double) * (size_t)n);
     if (I->held) memcpy(I->step_sides + (k - 1) * I->held, T->side, sizeof(double) * (size_t)I->held);
     I->stage_count[k - 1] = s;
+    I->kinds[k - 1] = S->method->kind;
     I->offset[k - 1] = at;
     T->coefficient_count = at + (s + 1) * n;
     return 1;
@@ -167,10 +169,13 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
     return fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit);
 }
 
-/* Error of a Gauss step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
-   a_k ~ a_0 r^k; the last one known gives r, and quadrature on s nodes misses a_2s. Rounding of the rates makes (2 k + 1) times as much
-   of a_k at most. */
-static double gauss_error(Integrator *I, Stages *S, double h) {
+#define TARGET 0.65 /* of the step size at which a Radau step's error would be one */
+
+/* Error of a step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
+   a_k ~ a_0 r^k; the last one known gives r, and quadrature of order p misses a_p. Rounding of the
+   rates makes (2 k + 1) times as much of a_k at most. Inside of Radau steps, whose dense output is not refined, a_s is missed: that is to be as small
+   as the tolerance, too; what asks for the shorter next step counts. */
+static double step_error_of(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
     double sizes[64] = {0}, largest = 0;
@@ -195,7 +200,10 @@ static double gauss_error(Integrator *I, Stages *S, double h) {
     }
     double tail = sizes[s - 1];
     if (s > 2) tail = fmax(tail, largest * pow(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
-    return largest * pow(tail / largest, 2.0 * (double)s / (double)(s - 1));
+    double order = (double)S->method->order, end = largest * pow(tail / largest, order / (double)(s - 1));
+    if (S->method->kind == GAUSS) return end;
+    double inside = tail * pow(tail / largest, 1 / (double)(s - 1)) / (double)(4 * s + 2);
+    return fmax(end, pow(TARGET, order + 1) * pow(inside, (order + 1) / (double)(s + 1)));
 }
 
 /* Whether the rates jump or bend before the first or after the last node, where no stage sees it: the polynomial then misses the rates
@@ -204,7 +212,9 @@ static double gauss_error(Integrator *I, Stages *S, double h) {
 static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
-    double first = 0, last = 0, tail = 0, largest = 0, soonest = h / (T->unit * PART * T->reach);
+    double *off[2] = {T->before, T->most};
+    int radau = S->method->kind == RADAU;
+    double worst = 0, tail = 0, largest = 0, soonest = h / (T->unit * PART * T->reach);
     for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->start_known && !rate_at(I, I->t, I->x, T->start_rate)) return -1;
     int beside = S->around || T->part > 0;
@@ -221,15 +231,17 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
         if (!isfinite(T->end_rate[i])) return 1;
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
         double noise = (double)s * T->noise[i];
-        first = fmax(first, fmin(heard(even - odd - T->start_rate[i], noise) * unit, soonest));
-        last = fmax(last, fmin(heard(even + odd - T->end_rate[i], noise) * unit, soonest));
+        double ends[2] = {even - odd - T->start_rate[i], even + odd - T->end_rate[i]};
+        for (int e = 0; e < 2; e++) off[e][i] = copysign(heard(ends[e], noise), ends[e]);
         tail = fmax(tail, fabs(a[s - 1]) * unit);
         for (long k = 0; k < s; k++) largest = fmax(largest, fabs(a[k]) * unit);
     }
-    double worst = fmax(first, last);
+    if (radau) forget_fast(I, S->method, off[0]); /* Gauss forgets nothing; the last stage of Radau is the end of the step */
+    for (int e = 0; e < (radau ? 1 : 2); e++)
+        for (long i = 0; i < I->nx; i++) worst = fmax(worst, fmin(fabs(off[e][i]) * (h / T->scale[i]), soonest));
     if (S->method->c[0] * worst <= 1) return 0;
     double next = tail * pow(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
-    return strict || worst > 6 * next;
+    return (strict && !radau) || worst > (strict ? 2 : 6) * next;
 }
 
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
@@ -255,11 +267,12 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
         if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
     I->steps++;
     if (T->newton_now) I->newton_steps++;
+    I->radau_steps += S->method->kind == RADAU;
     I->passages += S->around != 0;
     double *rate = T->start_rate;
     T->start_rate = T->end_rate;
     T->end_rate = rate;
-    T->start_known &= S->method->kind == GAUSS && S->s > 2;
+    T->start_known &= S->s > 2;
     if (S->around) legendre_coefficients(I, S, S->K);
     T->last_h = h;
     T->last_s = S->s;
@@ -288,7 +301,7 @@ static enum Code failed_at(Integrator *I, enum Code code) {
    change quickly, hence a least step; what is too long is rejected. */
 static int first_step(Integrator *I) {
     struct State *T = I->state;
-    double span = I->end - I->t, time = INFINITY, soon = 1e-3 * span, order = (double)I->method_list[I->method].error_order;
+    double span = I->end - I->t, time = INFINITY, soon = 1e-3 * span, order = (double)I->method_list[I->method].order;
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
     double *later = T->factor;
     for (int k = 0; k < 8; k++, soon = fmax(0.1 * time, 1e-3 * soon)) {
@@ -310,8 +323,8 @@ static int first_step(Integrator *I) {
 static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
     if (error == 0) return 4 * h;
-    double power = 1 / (double)(I->method_list[I->method].error_order + 1);
-    double growth = 0.55 * pow(error, -power);
+    double power = 1 / (double)(I->method_list[I->method].order + 1);
+    double growth = (I->method_list[I->method].kind == RADAU ? TARGET : 0.55) * pow(error, -power);
     if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
     return h * fmin(4.0, fmax(0.3, growth));
 }
@@ -323,11 +336,8 @@ static void choose_size(Integrator *I, double h, double wanted, double contracti
     double best = squared ? 0.2 : 0.3, limit = INFINITY;
     if (failed) limit = 0.7 * h;
     else if (contraction > 0) limit = squared ? h * sqrt(best / contraction) : h * best / contraction;
-    int slow = failed || wanted > 2 * limit;
     I->h = fmin(wanted, limit);
-    I->slowness = wanted / I->h;
     if (T->newton_now && !failed && I->h >= h && I->h < 1.2 * h) I->h = h; /* the factors serve again */
-    T->hard = slow || T->newton_now ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0; /* Newton may hide that it is stiff */
     if (T->newton_now) T->jacobian_fresh = contraction < 0.03;
 }
 
@@ -338,7 +348,7 @@ static void choose_order(Integrator *I, double contraction, int failed) {
     long new = I->method;
     if (failed || contraction > 0.8) new--;
     else if (contraction < 0.002) new++;
-    if (new < 0 || new >= I->methods || new == I->method) return;
+    if (new < 0 || new >= I->methods || new == I->method || I->method_list[new].kind != RADAU) return;
     I->method = new;
     T->since_switch = 0;
     I->error = 0;
@@ -368,34 +378,21 @@ static int refresh_jacobian(Integrator *I) {
 #define SOON 0.1     /* of a step: a little later */
 #define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
 
-static double error_of(Integrator *I, Stages *S, double h) {
-    return S->method->kind == RADAU ? radau_error(I, S, I->t, h, I->x) : gauss_error(I, S, h);
-}
-
-static void forget_noise(Integrator *I) {
-    struct State *T = I->state;
-    T->noisy = T->unheard = 0;
-    for (long i = 0; i < I->nx; i++) {
-        T->noise[i] = T->least[i];
-        T->noisy |= T->least[i] > 0;
-    }
-}
-
 /* The error of a step in units of its scale. Where it asks for shorter steps, what of it is rounding is looked at and forgiven, which no
    step size makes smaller; for as long as there is something to forgive. */
 static double step_error(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     int noisy = T->noisy;
     T->noisy = 0;
-    double error = error_of(I, S, h);
-    if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->error_order + 1))) return error;
+    double error = step_error_of(I, S, h);
+    if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->order + 1))) return error;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
         forget_noise(I);
-        return error_of(I, S, h);
+        return step_error_of(I, S, h);
     }
-    double left = error_of(I, S, h);
+    double left = step_error_of(I, S, h);
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
     if (T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
     return left;
@@ -468,8 +465,10 @@ static enum Code one_adaptive(Integrator *I) {
     if (!T->missed || first > T->planned) T->planned = first; /* near a jump steps stay small: states are sized by those before */
     if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
+        if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
+        double spent = T->spent;
         if (++refused) T->doubts++;
         if (I->rounding && T->doubts >= T->patience) {
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
@@ -489,6 +488,12 @@ static enum Code one_adaptive(Integrator *I) {
             T->jacobian_fresh = T->jacobian_time == I->t;
             L.row = -1;
             if (old) continue; /* again with a new Jacobian */
+            if (!T->newton_now && (I->steps == 0 || !(I->contraction < 0.1))) {
+                int left = leave_fixed_point(I, S, h, T->planned, fmax(contraction, 0.5), fmax(contraction / 0.2, 2), T->spent - spent);
+                if (left < 0) return INPUT_FAILED;
+                if (left && I->steps == 0 && !first_step(I)) return INPUT_FAILED;
+                if (left) continue;
+            }
             if (!asked++ && stalls_on_rounding(I, S, h)) continue;
             /* where it converged well until now, something local is in the way: other nodes may miss it */
             I->h = (I->contraction < 0.1 && tries++ < 4 ? 0.85 : 0.4) * h;
@@ -503,7 +508,7 @@ static enum Code one_adaptive(Integrator *I) {
         double error = step_error(I, S, h);
         if (!(error <= 1)) {
             L.row = -1;
-            double power = -1 / (double)(S->method->error_order + 1);
+            double power = -1 / (double)(S->method->order + 1);
             double growth = error < INFINITY ? 0.65 * pow(error, power) : 0.1;
             I->h = h * fmin(0.9, fmax(0.15, growth));
             I->rejected++;
@@ -523,7 +528,7 @@ static enum Code one_adaptive(Integrator *I) {
             refused--;
             continue;
         }
-        int kink = S->method->kind == GAUSS && S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
+        int kink = S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
         if (kink < 0) return INPUT_FAILED;
         if (kink) {
             I->h = 0.3 * h;
@@ -561,9 +566,13 @@ static enum Code one_adaptive(Integrator *I) {
         enum Code accepted = accept_step(I, S, h);
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
+        if (S->method->kind == RADAU) choose_order(I, contraction, failed);
+        int known = 1;
+        if (T->newton_now) known = review_newton(I, h);
+        else if (wanted > 2 * I->h) known = leave_fixed_point(I, S, h, wanted, contraction, wanted / I->h, T->spent - spent);
+        if (known < 0) return INPUT_FAILED;
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (!refused && T->doubts > 0) T->doubts--;
-        if (S->method->kind == RADAU) choose_order(I, contraction, failed);
         return finish_step(I, &L);
     }
 }

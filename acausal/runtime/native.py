@@ -39,6 +39,7 @@ from acausal.runtime.binding import (
     GuardRoundingFunction,
     InputFunction,
     Integrator,
+    JacobianPattern,
     Method,
     MethodTable,
     RoundingFunction,
@@ -47,13 +48,14 @@ from acausal.runtime.binding import (
 )
 from acausal.runtime.kernels import How, Kernels, Twofold, Wanted, twofold
 from acausal.runtime.load import Runtime, runtime
+from acausal.runtime.pattern import Pattern, jacobian_pattern
 
 _Double = ctypes.POINTER(ctypes.c_double)
 _SLICE = 0.05
 BUDGET = 64 * 2**20
 """Bytes of a run's polynomials that are kept whether they are read or not."""
 _SLIDES = "The motion slides along a switch of the rates, {0}: from both sides it is led back there, so that no side lasts."
-_GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN, Code.SLOW)
+_GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN)
 _STATUS = {
     Code.REACHED_END: (StatusKind.SUCCESS, ""),
     Code.STEP_UNDERFLOW: (StatusKind.STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here."),
@@ -65,8 +67,8 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Choice:
-    """Which methods run: tableaus (the first one starts), where Newton replaces fixed-point
-    iteration, and whether the order adapts along the list."""
+    """Which methods run: tableaus, where Newton replaces fixed-point iteration, which one starts, and whether Radau's order adapts along the list.
+    `WHERE_SLOW` begins with Gauss; Radaus after it in the list are for where the motion is stiff."""
 
     tableaus: tuple[Tableau, ...]
     newton: Newton
@@ -75,30 +77,11 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Pace:
-    """What an integration is like: state x and sizes of the states (nx,) at t [s], step size h [s], the size that accuracy allows over h
-    (`slowness`), contraction of the iteration, and whether it is Newton's."""
-
-    t: float
-    x: np.ndarray
-    size: np.ndarray
-    h: float
-    slowness: float
-    contraction: float
-    newton: bool
-
-
-Slow = Callable[[Pace], str]
-"""-> "go on", "newton" or "leave", asked where the iteration and not accuracy sets the step size, and now and then while Newton iterates."""
-
-
-@dataclass(frozen=True)
 class Outcome:
-    """Where an integration stands: `stopped` by a guard, `left` because it is stiff."""
+    """Where an integration stands: `stopped` by a guard."""
 
     status: Status
     stopped: bool = False
-    left: bool = False
 
 
 class NativeProblem:
@@ -162,6 +145,11 @@ class NativeProblem:
         return self._kernels(Wanted("jvp", directional_derivative(self.rhs, (1,)), (3,)))
 
     @functools.cached_property
+    def pattern(self) -> Pattern:
+        """Of df/dx."""
+        return jacobian_pattern(self.rhs)
+
+    @functools.cached_property
     def variation(self) -> Kernels:
         """(t, x, u, p, dx, du, dp) -> change of x', and (t, x, p, dx, dp) -> change of x after projection."""
         wanted = [Wanted("variation", directional_derivative(self.rhs, (1, 2, 3)), (3,))]
@@ -189,8 +177,9 @@ class NativeProblem:
         table = method_table(choice.tableaus)
         core = Integrator(
             nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
-            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
+            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, operations=self.rhs.n_instructions(), method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
         )  # fmt: skip
+        core.pattern = JacobianPattern.of(self.pattern)
         if choice.tableaus[0].name == "gauss":
             s = choice.tableaus[0].stages
             fine = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
@@ -217,19 +206,16 @@ class NativeProblem:
         accuracy: Accuracy,
         choice: Choice,
         progress: Progress | None = None,
-        slow: Slow | None = None,
-    ) -> tuple[Solution, bool]:
-        """The solution, and whether `slow` ended it early by "leave"."""
+    ) -> Solution:
+        """The solution, or what there is of it."""
         if not np.isfinite(x0).all():
             worst = int(np.flatnonzero(~np.isfinite(x0))[0])
             status = Status(StatusKind.NON_FINITE, t0, "The start values are not finite.", worst)
             empty = Statistics(choice.tableaus[0].name, choice.tableaus[0].order, 0, 0, 0, 0, 0.0)
-            return Solution(
-                np.array([t0]), x0[:, None], lambda times: np.repeat(x0[:, None], times.size, axis=1), empty, status
-            ), False
+            return Solution(np.array([t0]), x0[:, None], lambda times: np.repeat(x0[:, None], times.size, axis=1), empty, status)
         run = Run(self, problem, x0, t0, t1, accuracy, choice)
-        outcome = run.advance(t1, progress, slow)
-        return run.solution(outcome.status, outcome.stopped), outcome.left
+        outcome = run.advance(t1, progress)
+        return run.solution(outcome.status, outcome.stopped)
 
 
 class Run:
@@ -256,7 +242,6 @@ class Run:
         self._u = np.zeros(max(1, native.nu))
         self._inputs = problem.inputs
         self._begun = problem, self.x.copy(), t0, t1, accuracy
-        self._answers: list[str] = []
         self._read = np.ascontiguousarray(problem.read, dtype=float)
         if directions is None:
             core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
@@ -409,11 +394,11 @@ class Run:
         np.ctypeslib.as_array(values, (found.size,))[:] = found
         return 1
 
-    def advance(self, end: float, progress: Progress | None = None, slow: Slow | None = None) -> Outcome:
+    def advance(self, end: float, progress: Progress | None = None) -> Outcome:
         """Run until `end`, or what stops it before."""
         core, advance, reference = self.core, self.native.library.advance, ctypes.byref(self.core)
         core.end = end
-        t0, shown, newton = core.t, self.started, False
+        t0, shown = core.t, self.started
         seen = time.perf_counter()
         try:
             while (code := advance(reference)) in _GO_ON:
@@ -422,16 +407,6 @@ class Run:
                 self._raise_from_kernels()
                 if code == Code.NEEDS_JACOBIAN:
                     self._use(self.native.jvp, "jvp")
-                elif code == Code.SLOW and slow is not None:
-                    size = np.ctypeslib.as_array(core.size, self.x.shape).copy()
-                    answer = slow(Pace(core.t, self.x.copy(), size, core.h, core.slowness, core.contraction, newton))
-                    self._answers.append(answer)
-                    if answer == "leave":
-                        return Outcome(Status(StatusKind.SUCCESS, core.t), left=True)
-                    if answer == "newton":
-                        self._use(self.native.jvp, "jvp")
-                        newton = True
-                        self.native.library.use_newton(reference)
                 elif progress is not None and seen - shown > 0.2:
                     shown = seen
                     progress((core.t - t0) / (end - t0))
@@ -473,14 +448,13 @@ class Run:
             t = np.ctypeslib.as_array(core.times, (n,)).copy()
             x = np.ctypeslib.as_array(core.states, (n, nx)).T.copy()
         tableau = self.choice.tableaus[core.method]
-        newton = " with Newton" if core.newton_steps and self.choice.newton is Newton.WHERE_SLOW else ""
         now = time.perf_counter()
         waited, worked = (
             sum(spent(kernels, self.started, now) for kernels, _, _ in self._in_use)
             for spent in (Kernels.made_between, Kernels.compiled_between)
         )
         statistics = Statistics(
-            tableau.name + newton, tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
+            self._ran(), tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
             now - self.started - waited, core.factorisations, self.kinds, waited + worked,
         )  # fmt: skip
         events = (core.event_times, core.event_guards, core.event_directions)
@@ -495,6 +469,18 @@ class Run:
             np.ctypeslib.as_array(part, (n * size,)) for part, size in ((self.core.times, 1), (self.core.states, self.native.nx))
         )
         return np.column_stack((t, x.reshape(n, -1)))
+
+    def _ran(self) -> str:
+        """The methods that made the steps."""
+        core, tableaus = self.core, self.choice.tableaus
+        if self.choice.newton is not Newton.WHERE_SLOW:
+            return tableaus[0].name
+        gauss = "gauss with Newton" if core.newton_steps > core.radau_steps else "gauss"
+        if not core.radau_steps:
+            return gauss
+        if core.radau_steps == core.steps:
+            return "radau"
+        return f"{gauss}, then radau" if core.method else f"{gauss} and radau in turns"
 
     def dense(self, times: np.ndarray) -> np.ndarray:
         """States (nx, n) at times (n,) between the first and the last step. Raises `SimulationError` where the run has to be repeated, and is another
@@ -529,8 +515,7 @@ class Run:
             accuracy = replace(accuracy, max_steps=int(step[last - 1]) + 1)
             run = Run(self.native, replace(problem, read=here), x0, t0, t1, accuracy, self.choice)
             run.core.budget = 1
-            answers = iter(self._answers)
-            status = run.advance(t1, None, lambda _, answers=answers: next(answers, "go on")).status
+            status = run.advance(t1).status
             if status.kind is StatusKind.INTERRUPTED:
                 raise KeyboardInterrupt
             end = int(step[last - 1]) + 2

@@ -2,6 +2,26 @@
 
 static long padded(long n) { return (n + LANES - 1) / LANES * LANES; }
 
+/* Costs of Newton's iteration, in operations on lanes. */
+static double jacobian_cost(const Integrator *I) {
+    return (double)((I->pattern.colours + LANES - 1) / LANES) * (2.5 * (double)I->operations + 4 * (double)I->nx);
+}
+static double dense_cost(const Integrator *I, double eigenvalues) {
+    double n = (double)I->nx;
+    return eigenvalues * n * n * (5 + 0.5 * n);
+}
+static double sparse_cost(const Integrator *I, double eigenvalues) {
+    return ceil(eigenvalues / LANES) * (10 * I->pattern.work + 40 * I->pattern.fill);
+}
+static int is_sparse(const Integrator *I) { return 2 * sparse_cost(I, 4) < dense_cost(I, 4); }
+static double factor_cost(const Integrator *I, const Method *m) {
+    return is_sparse(I) ? sparse_cost(I, (double)m->eigenvalues) : dense_cost(I, (double)m->eigenvalues);
+}
+static double direction_cost(const Integrator *I, const Method *m) {
+    double n = (double)I->nx, e = (double)m->eigenvalues;
+    return e * 6 * n * (double)m->stages + (is_sparse(I) ? ceil(e / LANES) * 20 * I->pattern.fill : 2 * e * n * n);
+}
+
 static int make_newton(Integrator *I) {
     struct State *T = I->state;
     if (T->J) return 1;
@@ -9,11 +29,16 @@ static int make_newton(Integrator *I) {
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].eigenvalues > m) m = I->method_list[k].eigenvalues;
     T->padded = padded(n);
-    T->J = (double *)reserve_lanes(I, n * T->padded);
-    T->complex_re = (double *)reserve_lanes(I, m * n * T->padded);
-    T->complex_im = (double *)reserve_lanes(I, m * n * T->padded);
-    T->pivots = reserve(I, sizeof(long) * (size_t)(m * n));
+    T->J = reserve_doubles(I, I->pattern.start[n] + 1);
     T->row = reserve_doubles(I, n);
+    if (is_sparse(I)) {
+        if (!make_sparse(I, (m + LANES - 1) / LANES)) return 0;
+    } else {
+        T->complex_re = (double *)reserve_lanes(I, m * n * T->padded);
+        T->complex_im = (double *)reserve_lanes(I, m * n * T->padded);
+        T->pivots = reserve(I, sizeof(long) * (size_t)(m * n));
+        if (!I->counted && (!T->complex_re || !T->complex_im || !T->pivots)) return 0;
+    }
     T->rhs_re = reserve_doubles(I, T->padded);
     T->rhs_im = reserve_doubles(I, T->padded);
     T->jvp_in = reserve_lanes(I, I->jvp.inputs);
@@ -24,12 +49,12 @@ static int make_newton(Integrator *I) {
     T->dK = reserve_doubles(I, s * n);
     T->residual = reserve_doubles(I, s * n);
     if (I->counted) return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
-    if (!T->J || !T->complex_re || !T->complex_im || !T->pivots || !T->row || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
+    if (!T->J || !T->row || !T->rhs_re || !T->rhs_im || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
     return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
 }
 
-/* J = df/dx at (t, x), exact, LANES directions at a time. */
+/* J = df/dx at (t, x), exact, LANES directions at a time, each the sum of those of columns that share no row. */
 static int jacobian(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
     long n = I->nx, fixed = 1 + n + I->nu + I->np;
@@ -39,14 +64,18 @@ static int jacobian(Integrator *I, double t, const double *x) {
     if (!inputs_at(I, in[0], 1, in + 1 + n)) return 0;
     for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
     for (long i = fixed; i < I->jvp.inputs; i++) in[i] = v_all(0.0);
-    for (long d = 0; d < n; d += LANES) {
-        for (long l = 0; l < LANES && d + l < n; l++) in[fixed + d + l][l] = 1.0;
+    for (long d = 0; d < I->pattern.colours; d += LANES) {
+        for (long j = 0; j < n; j++) {
+            in[fixed + j] = v_all(0.0);
+            if (I->pattern.colour[j] >= d && I->pattern.colour[j] < d + LANES) in[fixed + j][I->pattern.colour[j] - d] = 1.0;
+        }
         run_kernel(&I->jvp, in, T->jvp_c, T->jvp_out, T->work);
-        for (long l = 0; l < LANES && d + l < n; l++) {
-            in[fixed + d + l][l] = 0.0;
-            for (long i = 0; i < n; i++) T->J[i * T->padded + d + l] = T->jvp_out[i][l];
+        for (long j = 0; j < n; j++) {
+            if (I->pattern.colour[j] < d || I->pattern.colour[j] >= d + LANES) continue;
+            for (long a = I->pattern.start[j]; a < I->pattern.start[j + 1]; a++) T->J[a] = T->jvp_out[I->pattern.row[a]][I->pattern.colour[j] - d];
         }
     }
+    T->spent += jacobian_cost(I);
     T->jacobian_fresh = 1;
     T->jacobian_time = t;
     T->factored_h = 0;
@@ -69,11 +98,13 @@ static int factor_shifted(Integrator *I, double re, double im, double *A_re, dou
     struct State *T = I->state;
     long n = I->nx, w = T->padded, W = w / LANES;
     V *R = (V *)A_re, *M = (V *)A_im;
-    const V *J = (const V *)T->J;
-    for (long k = 0; k < n * W; k++) {
-        R[k] = J[k] * v_all(-re);
-        M[k] = J[k] * v_all(-im);
-    }
+    memset(R, 0, sizeof(V) * (size_t)(n * W));
+    memset(M, 0, sizeof(V) * (size_t)(n * W));
+    for (long j = 0; j < n; j++)
+        for (long a = I->pattern.start[j]; a < I->pattern.start[j + 1]; a++) {
+            A_re[I->pattern.row[a] * w + j] = T->J[a] * -re;
+            A_im[I->pattern.row[a] * w + j] = T->J[a] * -im;
+        }
     for (long i = 0; i < n; i++) A_re[i * w + i] += 1.0;
     measure_rows(I, A_re, A_im);
     for (long k = 0; k < n; k++) {
@@ -145,24 +176,69 @@ static void solve_shifted(Integrator *I, const double *A_re, const double *A_im,
     }
 }
 
+/* Number e of values, or the last one where there are fewer, in lanes from e on. */
+static V in_lanes(const double *values, long stride, long e, long count) {
+    V v = v_all(0.0);
+    for (long l = 0; l < LANES; l++) v[l] = values[(e + l < count ? e + l : count - 1) * stride];
+    return v;
+}
+
+static int factor_sparse(Integrator *I, const Method *m, double h) {
+    measure_sparse_rows(I, h * m->eigen_re[0], h * m->eigen_im[0]);
+    for (long e = 0; e < m->eigenvalues; e += LANES) {
+        struct Factors *F = &I->state->sparse.blocks[e / LANES];
+        V re = in_lanes(m->eigen_re, 1, e, m->eigenvalues) * v_all(h), im = in_lanes(m->eigen_im, 1, e, m->eigenvalues) * v_all(h);
+        if (!(F->known && factor_again(I, F, re, im)) && !factor_anew(I, F, re, im)) return 0;
+    }
+    return 1;
+}
+
+static int factor_dense(Integrator *I, const Method *m, double h) {
+    struct State *T = I->state;
+    long block = I->nx * T->padded;
+    for (long e = 0; e < m->eigenvalues; e++)
+        if (!factor_shifted(I, h * m->eigen_re[e], h * m->eigen_im[e], T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * I->nx)) return 0;
+    return 1;
+}
+
 /* Factors 1 - h lambda J for the eigenvalues of the method's A. */
 static int factorise(Integrator *I, const Method *m, double h) {
     struct State *T = I->state;
     if (T->factored_h == h && T->factored_method == I->method) return 1;
-    long block = I->nx * T->padded;
-    for (long e = 0; e < m->eigenvalues; e++)
-        if (!factor_shifted(I, h * m->eigen_re[e], h * m->eigen_im[e], T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * I->nx)) return 0;
+    T->factored_h = 0;
+    if (!(T->sparse_now ? factor_sparse(I, m, h) : factor_dense(I, m, h))) return 0;
     T->factored_h = h;
     T->factored_method = I->method;
     I->factorisations++;
+    T->spent += factor_cost(I, m);
     return 1;
 }
 
-/* dK (stages, nx) = (1 - h A x J)^-1 R for residuals R of the stage equations, given by stage and state. */
-static void newton_direction(Integrator *I, const Method *m, const double *R, double *dK) {
+static void sparse_direction(Integrator *I, const Method *m, const double *R, double *dK) {
+    struct Sparse *S = &I->state->sparse;
+    long n = I->nx, s = m->stages, count = m->eigenvalues;
+    for (long e = 0; e < count; e += LANES) {
+        memset(S->re, 0, sizeof(V) * (size_t)n);
+        memset(S->im, 0, sizeof(V) * (size_t)n);
+        for (long j = 0; j < s; j++) {
+            V re = in_lanes(m->W_re + j, s, e, count), im = in_lanes(m->W_im + j, s, e, count);
+            for (long i = 0; i < n; i++) {
+                S->re[i] += re * v_all(R[j * n + i]);
+                S->im[i] += im * v_all(R[j * n + i]);
+            }
+        }
+        solve_sparse(I, &S->blocks[e / LANES]);
+        for (long j = 0; j < s; j++)
+            for (long l = 0; l < LANES && e + l < count; l++) {
+                double re = m->V_re[j * count + e + l], im = m->V_im[j * count + e + l];
+                for (long i = 0; i < n; i++) dK[j * n + i] += re * S->re[n + i][l] - im * S->im[n + i][l];
+            }
+    }
+}
+
+static void dense_direction(Integrator *I, const Method *m, const double *R, double *dK) {
     struct State *T = I->state;
     long n = I->nx, s = m->stages, block = n * T->padded;
-    memset(dK, 0, sizeof(double) * (size_t)(s * n));
     for (long e = 0; e < m->eigenvalues; e++) {
         double *re = T->rhs_re, *im = T->rhs_im;
         for (long i = 0; i < n; i++) {
@@ -178,6 +254,14 @@ static void newton_direction(Integrator *I, const Method *m, const double *R, do
             for (long i = 0; i < n; i++) dK[j * n + i] += vr * re[i] - vi * im[i];
         }
     }
+}
+
+/* dK (stages, nx) = (1 - h A x J)^-1 R for residuals R of the stage equations, given by stage and state. */
+static void newton_direction(Integrator *I, const Method *m, const double *R, double *dK) {
+    memset(dK, 0, sizeof(double) * (size_t)(m->stages * I->nx));
+    I->state->spent += direction_cost(I, m);
+    if (I->state->sparse_now) sparse_direction(I, m, R, dK);
+    else dense_direction(I, m, R, dK);
 }
 
 static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
@@ -215,34 +299,23 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
     }
 }
 
-/* Error of a Radau step in units of its scale: embedded formula of order s with the rate at the start, filtered by
-   (1 - h gamma J)^-1: Hairer and Wanner II, (IV.8.19), and once more for steps within a boundary layer, (IV.8.20). */
-static double radau_error(Integrator *I, Stages *S, double t, double h, const double *x) {
+/* What is left of a change of rates in a step of size h where fast decay forgets it, in place: (1 - h gamma J)^-1, by the factors of the most real
+   eigenvalue gamma. */
+static void forget_fast(Integrator *I, const Method *m, double *rates) {
     struct State *T = I->state;
-    const Method *m = S->method;
     long n = I->nx, block = n * T->padded, e = 0;
     for (long k = 1; k < m->eigenvalues; k++)
-        if (fabs(m->eigen_im[k]) < fabs(m->eigen_im[e])) e = k; /* gamma, the real one */
-    double *re = T->rhs_re, *im = T->rhs_im, norm = 0, heard_with = m->gamma;
-    for (long j = 0; j < S->s; j++) heard_with += fabs(m->weights[j]);
-    for (int again = 0; again < 2; again++) {
-        if (again)
-            for (long i = 0; i < n; i++) T->before[i] = x[i] + re[i];
-        if (!rate_at(I, t, again ? T->before : x, T->rate)) return NAN;
-        if (S->around || T->part > 0) beside_at(I, S->around, h, T->rate);
+        if (fabs(m->eigen_im[k]) < fabs(m->eigen_im[e])) e = k;
+    if (T->sparse_now) {
+        struct Sparse *S = &T->sparse;
         for (long i = 0; i < n; i++) {
-            double inner = m->gamma * T->rate[i];
-            for (long j = 0; j < S->s; j++) inner += m->weights[j] * (S->around ? S->G : S->K)[j / LANES][i][j % LANES];
-            re[i] = h * inner;
-            if (T->noisy) re[i] = copysign(heard(re[i], h * T->noise[i] * heard_with), re[i]);
-            im[i] = 0;
+            S->re[i] = v_all(rates[i]);
+            S->im[i] = v_all(0.0);
         }
-        solve_shifted(I, T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * n, re, im);
-        double sum = 0;
-        for (long i = 0; i < n; i++) sum += (re[i] / T->scale[i]) * (re[i] / T->scale[i]);
-        double here = sqrt(sum / (double)n);
-        if (!again || here < norm) norm = here;
-        if (!(norm > 1)) break;
+        solve_sparse(I, &S->blocks[e / LANES]);
+        for (long i = 0; i < n; i++) rates[i] = S->re[n + i][e % LANES];
+        return;
     }
-    return norm;
+    memset(T->rhs_im, 0, sizeof(double) * (size_t)n);
+    solve_shifted(I, T->complex_re + e * block, T->complex_im + e * block, T->pivots + e * n, rates, T->rhs_im);
 }

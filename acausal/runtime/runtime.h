@@ -20,12 +20,10 @@ INLINE int present(const Kernel *k) { return k->run || k->program || k->evaluate
 
 /* A collocation method. Matrices are row-major; A = Re(V diag(eigenvalues) W) with one of each conjugate pair. */
 typedef struct {
-    long stages, order, error_order, kind;
+    long stages, order, kind;
     const double *c, *b, *A, *mu, *to_legendre; /* A[i][j] = mu[i][j] b[j] */
     long eigenvalues;
     const double *eigen_re, *eigen_im, *V_re, *V_im, *W_re, *W_im;
-    double gamma;           /* of the embedded error formula of Radau */
-    const double *weights;  /* the same, (stages) */
 } Method;
 
 /* An input that is a piecewise polynomial of time: piece k from begins[k] on, the first one before that too, with `terms` coefficients,
@@ -36,13 +34,20 @@ typedef struct {
     const double *begins, *coefficients;
 } Table;
 
+/* Which entries of df/dx are not zero, by columns: starts (nx + 1), rows; a colour for each column, those of one colour sharing no row; the order of
+   elimination, entries that L then has, and squares of their numbers by columns, summed. */
+typedef struct {
+    const long *start, *row, *colour, *order;
+    long colours;
+    double fill, work;
+} Pattern;
+
 enum Kind { GAUSS, RADAU };
 enum Newton { NEVER, WHERE_SLOW, ALWAYS };
 enum Code {
     REACHED_END,
     PAUSED,          /* the time slice is over: call advance again */
     NEEDS_JACOBIAN,  /* set `jvp`, call advance again */
-    SLOW,            /* the iteration, not accuracy, sets the step size: look for stiffness, call advance again */
     EVENT,           /* a guard that ends the run has fired: the last event */
     STEP_UNDERFLOW,
     NON_FINITE,
@@ -54,9 +59,10 @@ enum Code {
     SLIDES           /* along a switch, number `worst`: both sides lead back to it */
 };
 
-/* One integration. The caller fills the first part; `begin` makes the rest. */
+/* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
+   Radau's by order, for where the motion is stiff; `operations` of the rates at one point tell what is cheaper. */
 typedef struct Integrator {
-    long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards, positions;
+    long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards, positions, operations;
     long through; /* whether motions may lead straight through singular positions, where exact kernels are given */
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
@@ -94,10 +100,11 @@ typedef struct Integrator {
     double slice;                    /* seconds until PAUSED; 0: after each step */
     const double *breaks; /* (break_count, 2): rates are smooth before the first and after the second; between them time is skipped */
     long break_count, next_break;
+    Pattern pattern;
     /* results */
-    long steps, rejected, evaluations, iterations, factorisations, newton_steps, worst, passages, switched; /* passages: steps around singular positions; switched: times that switches went over */
+    long steps, rejected, evaluations, iterations, factorisations, newton_steps, radau_steps, worst, passages, switched; /* passages: steps around singular positions; switched: times that switches went over */
     double *size; /* largest magnitude met so far, per state */
-    double h, error, contraction, slowness; /* of the last step; slowness: step size that accuracy allows over that of the iteration */
+    double h, error, contraction; /* of the last step */
     const long *guard_direction, *guard_stops; /* per guard: which crossings count (0 both, 1 rising, -1 falling); whether it ends the run */
     const Method *fine;                        /* whose nodes refine Gauss steps; null: as they are */
     long events;                               /* found so far, in order of time */
@@ -108,7 +115,7 @@ typedef struct Integrator {
     /* steps kept: times (steps + 1), states (steps + 1, nx); stages of each step, and place of its coefficients (nx, stages), with what sizes
        states had had by then (nx) behind them; place -1: not kept */
     double *times, *states, *coefficients, *step_sides; /* step_sides (steps, held): of switches */
-    long *stage_count, *offset;
+    long *stage_count, *offset, *kinds;
     /* forward sensitivities: S (directions, nx) at the start, then now; inputs du (directions, nu) and dp (directions, np) */
     long directions;
     double *S;
@@ -129,7 +136,6 @@ EXPORT size_t needed(const Integrator *I);
 EXPORT void moved_integration(Integrator *I, const char *block);
 EXPORT int advance(Integrator *I);
 EXPORT int exchange(Integrator *I, long which, const Kernel *k);
-EXPORT void use_newton(Integrator *I);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int state_at(Integrator *I, double t, double *x);

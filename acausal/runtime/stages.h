@@ -2,7 +2,7 @@
 
 #define EPS 2.220446049250313e-16
 
-#define METHODS 3     /* of one integration, at most */
+#define METHODS 4     /* of one integration, at most */
 #define MOST_STAGES 32 /* of one method */
 #define BLOCKS (MOST_STAGES / LANES)
 
@@ -94,6 +94,22 @@ struct GuardState {
     double since;
 };
 
+/* Sparse LU (see sparse.h): columns k of L (unit diagonal) and U by start, row (of L: of the matrix, of U: number of its pivot) and value; pivots by
+   row and inverse. */
+struct Factors {
+    long *L_start, *L_row, *U_start, *U_row, *pivot_row, *pivot_of; /* pivot_of: number of the pivot in a row, -1 before it has one */
+    V *L_re, *L_im, *U_re, *U_im, *D_re, *D_im;
+    long L_room, U_room;
+    long known; /* whether pivots are */
+};
+
+struct Sparse {
+    struct Factors blocks[BLOCKS]; /* LANES eigenvalues each */
+    V *re, *im;                    /* work (n): a column, a right-hand side; a solution */
+    long *stack, *at, *pattern;
+    char *seen;
+};
+
 /* What `begin` makes: first all pointers, up to `made`. */
 struct State {
     V *rhs_c, *jvp_c, *projection_c, *guard_c, *work;
@@ -120,6 +136,8 @@ struct State {
     V *D, *D_size, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, rates, Legendre coefficients, at stages */
     double *J, *complex_re, *complex_im, *rhs_re, *rhs_im, *dK, *residual; /* Newton */
     long *pivots;
+    struct Sparse sparse;
+    double *krylov;          /* work of looking for stiffness */
     double *row;             /* what is much in each row of the matrix that is factorised */
     V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
     double *across;
@@ -142,7 +160,12 @@ struct State {
     long terms;
     long events_before, event_capacity;
     int newton_now, begun, start_known;
-    long hard, asked;        /* slow steps, less those that are not; how many until stiffness is looked for */
+    /* Costs so far, in operations on lanes: of everything, of what the iteration made short since stiffness was looked for and before, and at the
+       last review of Newton's iteration, with its time and step; changes to Newton's iteration */
+    double spent, wasted, turned, review_spent, review_t;
+    long review_steps, turns;
+    int suspected;           /* whether it looked stiff the last time */
+    int sparse_now;          /* whether the matrices of Newton are */
     double factored_h, jacobian_time; /* of Newton */
     long factored_method, padded;
     int jacobian_fresh;
@@ -267,12 +290,18 @@ static void rates_at(Integrator *I, int exact, V *in, V *out) {
     for (long k = 0; k < I->held; k++) side[k] = v_all(T->side[k]);
 }
 
+/* Of the rates at all stages and what goes with them, in operations on lanes. */
+static double sweep_cost(const Integrator *I, const Stages *S) {
+    return (double)S->blocks * ((double)I->operations + ((double)S->s + 6) * (double)I->nx);
+}
+
 /* All rates from the states in `in`, into N. */
 static void stage_rates(Integrator *I, Stages *S) {
     if (present(&I->clearance) && S->looked < 2) look_around(I, S); /* the first guess may be poor */
     for (long b = 0; b < S->blocks; b++) rates_at(I, S->exact, S->in[b], S->N[b]);
     I->evaluations += S->s;
     I->iterations++;
+    I->state->spent += sweep_cost(I, S);
 }
 
 /* L = h b K: stages are x + mu L, and the step is x + sum of L. With mu_ij + mu_ji = 1 exactly, Gauss stays symplectic in spite of
@@ -292,6 +321,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
     rates_at(I, is_near(I, in), in, T->point_out);
     for (long i = 0; i < I->nx; i++) out[i] = T->point_out[i][0];
     I->evaluations++;
+    T->spent += (double)I->operations;
     return 1;
 }
 
@@ -372,6 +402,15 @@ static double noise_in(const Integrator *I, double h) {
     double most = 0;
     for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(h) * T->noise[i] / T->scale[i]);
     return most;
+}
+
+static void forget_noise(Integrator *I) {
+    struct State *T = I->state;
+    T->noisy = T->unheard = 0;
+    for (long i = 0; i < I->nx; i++) {
+        T->noise[i] = T->least[i];
+        T->noisy |= T->least[i] > 0;
+    }
 }
 
 /* In fixed-point iteration, positions that are integrals of velocities count through these. */

@@ -26,7 +26,8 @@ typedef struct {
     Kernel outputs;    /* t, x, u, p -> outputs */
     long width;        /* LANES of model.c */
     Quantities quantities[SIMULATOR_EVENT + 1];
-    long invariants, copies, positions;
+    long invariants, copies, positions, operations;
+    Pattern pattern;
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     const long *guard_direction, *guard_stops;
     long constants;                 /* parameters that follow from the start; they come last */

@@ -102,7 +102,7 @@ static int choose_method(Integrator *I, const simulator_options *options) {
 /* An integration with nothing in it yet; 0 when there is no such method. */
 static int blank(Integrator *I, const simulator_options *options) {
     *I = (Integrator){.nx = count_of(SIMULATOR_STATE), .nu = count_of(SIMULATOR_INPUT), .np = count_of(SIMULATOR_PARAMETER),
-                      .ng = model.invariants, .positions = model.positions, .guards = count_of(SIMULATOR_EVENT),
+                      .ng = model.invariants, .positions = model.positions, .operations = model.operations, .pattern = model.pattern, .guards = count_of(SIMULATOR_EVENT),
                       .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection, .clearance = model.clearance,
                       .guard = model.guard, .guard_direction = model.guard_direction, .guard_stops = model.guard_stops,
                       .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from,

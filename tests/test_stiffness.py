@@ -1,0 +1,125 @@
+"""Stiffness: which way the default goes, that it comes back, and that large stiff systems stay affordable."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.linalg
+
+import acausal as ac
+from acausal.collocation.problem import Accuracy, Problem, StatusKind
+from acausal.integrators.integrate import integrate
+from acausal.runtime.pattern import jacobian_pattern
+from components import Prismatic, Revolute, RigidBody, TranslationalDamper, TranslationalGround, TranslationalSpring, World
+
+
+def linear(J: np.ndarray) -> Problem:
+    """x' = J x."""
+    n = J.shape[0]
+    t, x, u, p = (ca.SX.sym(name, k) for name, k in (("t", 1), ("x", n), ("u", 0), ("p", 0)))
+    matrix = ca.sparsify(ca.DM(J))
+    rhs = ca.Function("rhs", [t, x, u, p], [ca.densify(ca.SX(matrix) @ x)])
+    return Problem(rhs, None, None, lambda times: np.zeros((0, times.size)), np.zeros(0))
+
+
+def heat(n: int) -> np.ndarray:
+    """Second differences on n points of a rod of length one, ends at zero."""
+    return (n + 1) ** 2 * (np.diag(-2.0 * np.ones(n)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1))
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_heat_in_five_hundred_points_takes_few_steps(rtol):
+    """Eigenvalues up to -1e6 [1/s]: a sine of one half wave decays as its own, and nothing else shows."""
+    n = 500
+    shape = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
+    solution = integrate(linear(heat(n)), shape, 0.0, 0.3, Accuracy(rtol, 0.0))
+    slow = -4 * (n + 1) ** 2 * np.sin(np.pi / (2 * (n + 1))) ** 2
+    assert solution.status.kind is StatusKind.SUCCESS and solution.statistics.steps < 150
+    assert "radau" in solution.statistics.method
+    assert np.max(np.abs(solution.x[:, -1] - np.exp(0.3 * slow) * shape)) < 3 * rtol
+
+
+def test_elimination_fills_little_and_colours_are_few():
+    pattern = jacobian_pattern(linear(heat(200)).rhs)
+    assert pattern.colours == 3 and pattern.fill < 3 * 200
+    starts, rows = pattern.start, pattern.row
+    for colour in range(pattern.colours):
+        of = np.concatenate([rows[starts[j] : starts[j + 1]] for j in np.flatnonzero(pattern.colour == colour)])
+        assert np.unique(of).size == of.size
+
+
+@pytest.mark.parametrize("method", ["radau", "gauss", "auto"])
+@pytest.mark.parametrize("scale", [1.0, 2.0**40])
+def test_sparse_systems_that_need_pivots_are_solved(method, scale):
+    """Pairs without diagonal entries, coupled at random and damped: exact by the matrix exponential; half the states in other units."""
+    rng = np.random.default_rng(5)
+    n = 60
+    J = np.zeros((n, n))
+    for k in range(0, n, 2):
+        J[k, k + 1] = 1.0
+        J[k + 1, k] = -(10 ** rng.uniform(0, 6))
+        J[k + 1, k + 1] = -(10 ** rng.uniform(1, 4))
+        J[k + 1, rng.integers(0, n)] += rng.uniform(-1, 1)
+    units = np.where(np.arange(n) % 4 < 2, 1.0, scale)
+    pattern = jacobian_pattern(linear(J).rhs)
+    assert 8 * pattern.work < n**3  # otherwise dense matrices would be tried here
+    x0 = rng.standard_normal(n)
+    exact = scipy.linalg.expm(J) @ x0
+    solution = integrate(linear(J * units[:, None] / units), x0 * units, 0.0, 1.0, Accuracy(1e-9, 0.0), method=method)
+    assert np.max(np.abs(solution.x[:, -1] / units - exact)) < 1e-7 * np.max(np.abs(x0))
+
+
+def test_the_default_comes_back_when_stiffness_ends():
+    """Twenty-four oscillators, of which friction that is switched off smoothly holds half."""
+    n = 24
+
+    def rates(t, x):
+        friction = 1e5 * (1 - ca.tanh(20 * (t - 1))) / 2
+        q, v = ca.vertsplit(x[:n]), ca.vertsplit(x[n:])
+        return ca.vertcat(
+            *v, *(-(4.0 + k) * q[k] - (friction if k % 2 else 0.0) * (v[k] - v[k - 1]) - ca.sin(q[(k + 1) % n]) for k in range(n))
+        )
+
+    symbols = [ca.SX.sym(name, k) for name, k in (("t", 1), ("x", 2 * n), ("u", 0), ("p", 0))]
+    rhs = ca.Function("rhs", symbols, [rates(symbols[0], symbols[1])])
+    given = Problem(rhs, None, None, lambda times: np.zeros((0, times.size)), np.zeros(0))
+    x0 = np.concatenate([np.linspace(0.1, 1, n), np.zeros(n)])
+    auto, radau = (integrate(given, x0, 0.0, 20.0, Accuracy(1e-8, 0.0), method=method) for method in ("auto", "radau"))
+    assert "in turns" in auto.statistics.method
+    assert np.max(np.abs(auto.x[:, -1] - radau.x[:, -1])) < 1e-5
+
+
+def sledge(damping: float) -> tuple[ac.Model, dict[ac.Expression, float]]:
+    """A pendulum on a sledge that a spring of 1e8 N/m holds, with or without a damper."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.hinge = World(), Prismatic("x"), Revolute("y")
+    scene.sledge, scene.rod = RigidBody.box(2.0, (0.2, 0.2, 0.2)), RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.sledge.frame)
+    scene.connect(scene.sledge.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.spring, scene.damper, scene.ground = TranslationalSpring(1e8), TranslationalDamper(damping), TranslationalGround()
+    for part in (scene.spring, scene.damper):
+        scene.connect(scene.ground.flange, part.flange_a)
+        scene.connect(part.flange_b, scene.rail.flange)
+    return ac.build(scene), {scene.hinge.q: 1.0}
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_the_default_goes_as_the_better_method(rtol):
+    model, start = sledge(1e4)
+    auto, radau = (model.simulate(3.0, start, rtol=rtol, method=method) for method in ("auto", "radau"))
+    fine = model.simulate(3.0, start, rtol=1e-12, method="gauss")
+    assert auto.statistics.steps < 1.3 * radau.statistics.steps + 5
+    hinge = next(iter(start))
+    assert abs(auto[hinge][-1] - fine[hinge][-1]) < 20 * rtol
+    inside = np.linspace(0, 3, 301)
+    assert np.max(np.abs(auto.at(inside)[hinge] - fine.at(inside)[hinge])) < 20 * rtol
+
+
+def test_a_fast_oscillation_without_damping_stays_with_gauss():
+    model, start = sledge(0.0)
+    run = model.simulate(0.5, start, rtol=1e-6)
+    assert "radau" not in run.statistics.method
+    assert run.energy_error() < 1e-5
