@@ -164,3 +164,10 @@ int exchange(Integrator *I, long which, const Kernel *k) {
     *kernels[which] = *k;
     return 1;
 }
+
+/* A run that goes on from another one's end solves its stages by Newton's iteration as that one did; `jvp` must be set. */
+void use_newton(Integrator *I) {
+    I->state->newton_now = 1;
+    I->state->jacobian_fresh = 0;
+    start_review(I);
+}

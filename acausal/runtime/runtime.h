@@ -135,6 +135,7 @@ EXPORT int begin(Integrator *I);
 EXPORT size_t needed(const Integrator *I);
 EXPORT void moved_integration(Integrator *I, const char *block);
 EXPORT int advance(Integrator *I);
+EXPORT void use_newton(Integrator *I);
 EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);

@@ -13,6 +13,7 @@
 #define needed simulator_hidden_needed
 #define moved_integration simulator_hidden_moved
 #define advance simulator_hidden_advance
+#define use_newton simulator_hidden_use_newton
 #define exchange simulator_hidden_exchange
 #define finish simulator_hidden_finish
 #define dense simulator_hidden_dense

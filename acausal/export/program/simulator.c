@@ -500,8 +500,7 @@ static int take_step(simulator_instance *s, double towards) {
     I->events = s->told = 0;
     enum Code code = I->nx ? (enum Code)advance(I) : REACHED_END;
     if (!I->nx) I->t = I->end;
-    if (code == SLOW && I->slowness > 5 && !I->newton_steps) use_newton(I); /* it costs a Jacobian: worth it where steps grow several times */
-    if (code == SLOW || code == PAUSED || code == REACHED_END || code == EVENT) return SIMULATOR_SUCCESS;
+    if (code == PAUSED || code == REACHED_END || code == EVENT) return SIMULATOR_SUCCESS;
     s->present = I->t;
     memcpy(s->values[SIMULATOR_STATE], I->x, sizeof(double) * (size_t)I->nx);
     return gave_up(s, code);
