@@ -831,11 +831,12 @@ def test_without_a_compiler_the_libraries_of_the_package_run(
     """The one for this processor, with the bits of one that is compiled here; an edited source makes them strangers."""
     scene = FourBar()
     compiled = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0})
+    lanes = compiled_runtime(COMMAND).library.widest()
     _built(tmp_path, monkeypatch)
     request.getfixturevalue("no_compiler")
     assert compiler.compiler() is None
     found = load.runtime()
-    assert found is not None and found.lanes == compiled_runtime(COMMAND).library.widest()
+    assert found is not None and found.lanes == lanes
     run = ac.build(scene).simulate(0.2, {scene.a.q: -0.5, scene.a.v: 3.0})
     assert (run[scene.c.q] == compiled[scene.c.q]).all()
     monkeypatch.setattr(library, "sources_hash", lambda: "edited")

@@ -11,6 +11,7 @@ import pytest
 import acausal as ac
 from acausal import errors
 from acausal.numerics.terms import rounded
+from acausal.start.situation import situation
 from components import Particle, Prismatic, Revolute, RigidBody, Screw, World
 from tests.assembly_scenes import closed, two_rods_to_a_driven_pivot
 from tests.scenes import FourBar
@@ -23,7 +24,7 @@ def decisions(of: Units, name: str) -> tuple[object, np.ndarray]:
     """What was decided about the loops, and the start without units."""
     similar = SCENES[name](of)
     model = ac.build(similar.scene)
-    c, found = model.system.constraints, model._whole_start(similar.start, 0.0, None, None)
+    c, found = model.system.constraints, situation(model.functions.outputs, similar.start).initial(model.functions)
     r = model.system
     seen = ca.vertcat(*(ca.vec(ca.densify(model.functions.outputs.resolve(e))) / unit for e, unit in similar.seen))
     values = ca.Function("seen", [r.t, r.x, r.u, r.p], [seen])(0, found.x, r.u_defaults, r.p_values)

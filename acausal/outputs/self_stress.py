@@ -25,8 +25,8 @@ from acausal.parts.pose import Pose, symbolic
 from acausal.topology.mechanism import Edge
 
 _STIFFNESS = 1e4
-"""What is left of it is its cube; times as much rounding of the rows comes in, where they only depend on one another when assembled."""
-_STEPS = 3
+"""What is left of it is its fifth power; times as much rounding of the rows comes in, where they only depend on one another when assembled."""
+_STEPS = 5
 
 
 @dataclass(frozen=True, repr=False)
