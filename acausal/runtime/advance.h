@@ -72,7 +72,7 @@ int begin(Integrator *I) {
     if (I->methods > METHODS) return 0;
     struct State *T = I->state = reserve(I, sizeof(struct State));
     if (!T || !make_parts(I)) return 0;
-    T->patience = DOUBTS + I->nx / 4; /* looking costs a rate for each state */
+    T->patience = present(&I->clearance) ? DOUBTS : DOUBTS + I->nx / 4; /* looking costs a rate for each state */
     T->newton_now = I->newton == ALWAYS;
     return 1;
 }

@@ -571,6 +571,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->newton_now) known = review_newton(I, h);
         else if (wanted > 2 * I->h) known = leave_fixed_point(I, S, h, wanted, contraction, wanted / I->h, T->spent - spent);
         if (known < 0) return INPUT_FAILED;
+        leave_where_steep(I, failed || wanted > 2 * I->h);
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (!refused && T->doubts > 0) T->doubts--;
         return finish_step(I, &L);

@@ -163,7 +163,7 @@ struct State {
     /* Costs so far, in operations on lanes: of everything, of what the iteration made short since stiffness was looked for and before, and at the
        last review of Newton's iteration, with its time and step; changes to Newton's iteration */
     double spent, wasted, turned, review_spent, review_t;
-    long review_steps, turns;
+    long review_steps, turns, hard;
     int suspected;           /* whether it looked stiff the last time */
     int sparse_now;          /* whether the matrices of Newton are */
     double factored_h, jacobian_time; /* of Newton */

@@ -149,6 +149,8 @@ static double largest_eigenvalue(const Method *m) {
     return most;
 }
 
+#define STEEP 4 /* slow steps, less those that are not */
+
 static void start_review(Integrator *I) {
     struct State *T = I->state;
     T->review_spent = T->spent;
@@ -186,7 +188,7 @@ static long first_radau(const Integrator *I) { return I->methods > 1 ? (I->rtol 
    cost so much: whether to go on by another way, in steps of size `next`. -1 when the input function failed. */
 static int leave_fixed_point(Integrator *I, Stages *S, double h, double next, double contraction, double slowness, double cost) {
     struct State *T = I->state;
-    if (I->newton != WHERE_SLOW || S->around || T->part > 0 || !(slowness > 1)) return 0;
+    if (I->newton != WHERE_SLOW || present(&I->clearance) || !(slowness > 1)) return 0;
     T->wasted += cost * (1 - 1 / slowness);
     double newton = newton_cost(I, S);
     if (T->wasted < (I->steps == 0 ? 0.5 : 2) * newton + 0.2 * T->turned) return 0;
@@ -204,11 +206,20 @@ static int leave_fixed_point(Integrator *I, Stages *S, double h, double next, do
     return 1;
 }
 
+/* Beside singular positions of loops rates are steep and not stiff, and a spectrum says nothing: there Newton's iteration takes over after some
+   steps that fixed-point iteration makes short, and stays. */
+static void leave_where_steep(Integrator *I, int slow) {
+    struct State *T = I->state;
+    if (I->newton != WHERE_SLOW || T->newton_now || !present(&I->clearance)) return;
+    T->hard = slow ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0;
+    if (T->hard >= STEEP) turn_to_newton(I, 0, I->h);
+}
+
 /* Now and then while Newton iterates: whether Gauss by fixed-point iteration is cheaper again, or Gauss better left to Radau. -1 when the input
    function failed. */
 static int review_newton(Integrator *I, double h) {
     struct State *T = I->state;
-    if (I->newton != WHERE_SLOW) return 0;
+    if (I->newton != WHERE_SLOW || present(&I->clearance)) return 0;
     Stages *S = &T->stages[0];
     double look = (KRYLOV + 2) * (double)I->operations + 1e3 + 2.0 * KRYLOV * KRYLOV * (double)I->nx, spent = T->spent - T->review_spent;
     if (spent < 30 * look || I->steps - T->review_steps < 8) return 0;
