@@ -492,7 +492,7 @@ static enum Code one_adaptive(Integrator *I) {
                 int left = leave_fixed_point(I, S, h, T->planned, fmax(contraction, 0.5), fmax(contraction / 0.2, 2), T->spent - spent);
                 if (left < 0) return INPUT_FAILED;
                 if (left && I->steps == 0 && !first_step(I)) return INPUT_FAILED;
-                if (left) continue;
+                if (left) return present(&I->jvp) ? one_adaptive(I) : NEEDS_JACOBIAN; /* the step begins anew, whoever had the kernel */
             }
             if (!asked++ && stalls_on_rounding(I, S, h)) continue;
             /* where it converged well until now, something local is in the way: other nodes may miss it */

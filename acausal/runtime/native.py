@@ -92,6 +92,7 @@ class NativeProblem:
         exact: Exact | None, positions: int, how: How, runtime: Runtime, switching: Switching | None = None,
     ) -> None:  # fmt: skip
         self.rhs, self.how, self.runtime, self.library = rhs, how, runtime, runtime.library
+        self.operations = rhs.n_instructions()  # with switches that choose, as exports have them: who counts costs decides alike
         self._project = project
         self.switching = switching
         if switching is not None:
@@ -177,7 +178,7 @@ class NativeProblem:
         table = method_table(choice.tableaus)
         core = Integrator(
             nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
-            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, operations=self.rhs.n_instructions(), method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
+            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, operations=self.operations, method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
         )  # fmt: skip
         core.pattern = JacobianPattern.of(self.pattern)
         if choice.tableaus[0].name == "gauss":
