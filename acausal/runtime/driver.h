@@ -241,7 +241,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
         for (long i = 0; i < I->nx; i++) worst = fmax(worst, fmin(fabs(off[e][i]) * (h / T->scale[i]), soonest));
     if (S->method->c[0] * worst <= 1) return 0;
     double next = tail * pow(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
-    return (strict && !radau) || worst > (strict ? 2 : 6) * next;
+    return (strict && !radau) || worst > (strict ? 2 : 6) * next; 
 }
 
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
@@ -571,7 +571,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->newton_now) known = review_newton(I, h);
         else if (wanted > 2 * I->h) known = leave_fixed_point(I, S, h, wanted, contraction, wanted / I->h, T->spent - spent);
         if (known < 0) return INPUT_FAILED;
-        leave_where_steep(I, failed || wanted > 2 * I->h);
+        leave_where_steep(I, failed || wanted > 2 * I->h, S->around || T->part > 0);
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (!refused && T->doubts > 0) T->doubts--;
         return finish_step(I, &L);

@@ -149,7 +149,8 @@ static double largest_eigenvalue(const Method *m) {
     return most;
 }
 
-#define STEEP 4 /* slow steps, less those that are not */
+#define STEEP 2   /* slow steps, less those that are not */
+#define BEHIND 8  /* steps by Newton's iteration at least */
 
 static void start_review(Integrator *I) {
     struct State *T = I->state;
@@ -177,6 +178,7 @@ static void turn_to_gauss(Integrator *I) {
     struct State *T = I->state;
     T->newton_now = 0;
     T->wasted = T->turned = 0;
+    T->hard = 0;
     I->error = I->contraction = 0;
     I->method = 0;
 }
@@ -207,10 +209,14 @@ static int leave_fixed_point(Integrator *I, Stages *S, double h, double next, do
 }
 
 /* Beside singular positions of loops rates are steep and not stiff, and a spectrum says nothing: there Newton's iteration takes over after some
-   steps that fixed-point iteration makes short, and stays. */
-static void leave_where_steep(Integrator *I, int slow) {
+   steps that fixed-point iteration makes short, and leaves some steps behind them. */
+static void leave_where_steep(Integrator *I, int slow, int beside) {
     struct State *T = I->state;
-    if (I->newton != WHERE_SLOW || T->newton_now || !present(&I->clearance)) return;
+    if (I->newton != WHERE_SLOW || !present(&I->clearance)) return;
+    if (T->newton_now) {
+        if (!beside && I->steps - T->review_steps >= BEHIND) turn_to_gauss(I);
+        return;
+    }
     T->hard = slow ? T->hard + 1 : T->hard > 0 ? T->hard - 1 : 0;
     if (T->hard >= STEEP) turn_to_newton(I, 0, I->h);
 }
