@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
+import signal
+import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -402,17 +405,25 @@ class Run:
         t0, shown = core.t, self.started
         seen = time.perf_counter()
         try:
-            while (code := advance(reference)) in _GO_ON:
+            with interrupts_noted() as interrupts:
+                code = advance(reference)
+            while code in _GO_ON:
                 seen, before = time.perf_counter(), seen
                 self._spent(seen - before)
                 self._raise_from_kernels()
+                if interrupts:
+                    raise KeyboardInterrupt
                 if code == Code.NEEDS_JACOBIAN:
                     self._use(self.native.jvp, "jvp")
                 elif progress is not None and seen - shown > 0.2:
                     shown = seen
                     progress((core.t - t0) / (end - t0))
+                with interrupts_noted() as interrupts:
+                    code = advance(reference)
             self._spent(time.perf_counter() - seen)
             self._raise_from_kernels()
+            if interrupts:
+                raise KeyboardInterrupt
         except KeyboardInterrupt:
             return Outcome(Status(StatusKind.INTERRUPTED, core.t, "Interrupted."))
         return self._outcome(Code(code))
@@ -526,6 +537,23 @@ class Run:
                     f"repeated, and is another one now by t = {t[end - 1]:.6g} s. Functions of time that are inputs must give the same "
                     "number whenever they are asked; or ask for `samples` that are as close as you need them.", None,
                 )  # fmt: skip
+
+
+@contextlib.contextmanager
+def interrupts_noted() -> Generator[list[int], None, None]:
+    """Ctrl-C within is noted in the list and raised by nobody: raised at the door of a function that C calls, it would be lost."""
+    noted: list[int] = []
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield noted
+        return
+    signal.signal(signal.SIGINT, lambda number, _: noted.append(number))
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _address(array: np.ndarray) -> int:
