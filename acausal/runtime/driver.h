@@ -456,6 +456,16 @@ static enum Code finish_step(Integrator *I, const struct Landing *L) {
     return code != REACHED_END ? code : agree(I, I->t, I->x, 0) ? REACHED_END : INPUT_FAILED;
 }
 
+/* Which part of a step of size h is to be made, so that it ends at a switch: 1 all of it, 0 none, since the step begins there, and has gone over. */
+static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, double *part) {
+    *part = landing(I, S, h, L);
+    if (*part < 0) return INPUT_FAILED;
+    if (*part > 0) return REACHED_END;
+    enum Code code = go_over(I, L);
+    L->row = -1;
+    return code;
+}
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
@@ -537,13 +547,10 @@ static enum Code one_adaptive(Integrator *I) {
             continue;
         }
         if (I->held) {
-            double part = landing(I, S, h, &L);
-            if (part < 0) return INPUT_FAILED;
-            if (part == 0) {
-                enum Code code = go_over(I, &L);
-                if (code != REACHED_END) return code;
-                L.row = -1;
-            } else if (part != 1) {
+            double part;
+            enum Code code = land(I, S, h, &L, &part);
+            if (code != REACHED_END) return code;
+            if (part != 0 && part != 1) {
                 I->h = part * h;
                 T->planned = fmin(T->planned, I->h);
             }
@@ -616,15 +623,10 @@ again:;
     step_increments(I, S);
     if (leaves_branch(I, S)) return NOT_CONVERGED;
     if (I->held) {
-        double part = landing(I, S, h, &L);
-        if (part < 0) return INPUT_FAILED;
-        if (part == 0) {
-            enum Code code = go_over(I, &L);
-            if (code != REACHED_END) return code;
-            L.row = -1;
-        } else {
-            h *= part;
-        }
+        double part;
+        enum Code code = land(I, S, h, &L, &part);
+        if (code != REACHED_END) return code;
+        if (part != 0) h *= part;
         if (part != 1) goto again;
     }
     if (I->directions && !solve_variations(I, S, h)) return NOT_CONVERGED;

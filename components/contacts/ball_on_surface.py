@@ -12,8 +12,7 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
-from components.geometry.surfaces import AbstractSurface
-from components.guides.point_on_surface import checked_surface
+from components.geometry.surfaces import AbstractSurface, checked_surface
 
 
 @final

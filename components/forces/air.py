@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any, final
 
 import casadi as ca
+import numpy as np
 
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Scalar, of_time, scalar, sx, vector
+from acausal.language.expression import Expression, Scalar, of_time, scalar, sx, vector
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
@@ -34,7 +35,7 @@ class AbstractAirForce(AbstractForce, ABC):
 
     @final
     def actions(self, placement: Placement) -> tuple[Action, ...]:
-        return (Action(self.point, self.push(self._through_air(placement), placement), ca.SX.zeros(3)),)
+        return (Action(self.point, self.push(_through_air(self.point, self.wind, placement), placement), ca.SX.zeros(3)),)
 
     @final
     def potential_energy(self, placement: Placement) -> ca.SX:
@@ -43,11 +44,6 @@ class AbstractAirForce(AbstractForce, ABC):
     @final
     def power_loss(self, placement: Placement) -> ca.SX:
         return -ca.dot(self.actions(placement)[0].force, placement.velocity(self.point))
-
-    def _through_air(self, placement: Placement) -> ca.SX:
-        wind = sx(self.wind)
-        velocity = placement.velocity(self.point)
-        return velocity if wind.is_zero() else velocity - symbolic(placement.pose(self.point).rotation).T @ wind
 
 
 @final
@@ -109,7 +105,7 @@ class PitchingMoment(AbstractForce):
         self.wind = vector(of_time(wind), "PitchingMoment's wind", unit="m/s")
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
-        velocity = placement.velocity(self.frame) - symbolic(placement.pose(self.frame).rotation).T @ sx(self.wind)
+        velocity = _through_air(self.frame, self.wind, placement)
         moment = sx(self.coefficient) * _speed(velocity) * ca.cross(velocity, sx(self.axis))
         return (Action(self.frame, ca.SX.zeros(3), moment),)
 
@@ -122,3 +118,9 @@ class PitchingMoment(AbstractForce):
 
 def _speed(velocity: ca.SX) -> ca.SX:
     return ca.sqrt(ca.sumsqr(velocity) + _LEAST)
+
+
+def _through_air(connector: Point, wind: np.ndarray | Expression, placement: Placement) -> ca.SX:
+    """Velocity of a connector against a medium that moves with `wind` in the world, in the connector's axes."""
+    velocity, moved = placement.velocity(connector), sx(wind)
+    return velocity if moved.is_zero() else velocity - symbolic(placement.pose(connector).rotation).T @ moved

@@ -126,6 +126,13 @@ class SplineCurve(AbstractCurve):
         return ca.SX(0, 1) if self.closed else within(s, self.ends)
 
 
+def checked_curve(curve: object, part: str) -> AbstractCurve:
+    """Raises `ParameterError` for anything else."""
+    if not isinstance(curve, AbstractCurve):
+        raise ParameterError(f"{part}'s curve is {curve!r} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5).")
+    return curve
+
+
 def within(s: ca.SX, ends: tuple[float, float]) -> ca.SX:
     """Positive between both ends, of size 1 in the middle."""
     half = (ends[1] - ends[0]) / 2

@@ -8,7 +8,9 @@ from typing import Any, ClassVar, final
 
 import casadi as ca
 
+from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, scalar, sx
+from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
 from components.geometry.curves import within
 from components.geometry.laws import place
@@ -64,6 +66,15 @@ class AbstractSurface(ABC):
         at, v = ca.SX.sym("q", q.numel()), ca.SX.sym("v", 2)
         change = ca.substitute(ca.jacobian(ca.jtimes(self.normal(at), at, self.rates(at, v)), v), at, q)
         return ca.solve(self.metric(q), self.slopes(q).T @ change)
+
+
+def checked_surface(surface: object, part: str) -> AbstractSurface:
+    """Raises `ParameterError` for anything else."""
+    if not isinstance(surface, AbstractSurface):
+        raise ParameterError(
+            f"{part}'s surface is {surface!r} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
+        )
+    return surface
 
 
 @final

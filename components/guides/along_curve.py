@@ -6,12 +6,10 @@ from typing import final
 
 import casadi as ca
 
-from acausal.errors import ParameterError
 from acausal.language.expression import Variable, sx
-from acausal.language.origin import origin
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
-from components.geometry.curves import AbstractCurve
+from components.geometry.curves import AbstractCurve, checked_curve
 from components.orientation import Axis, axis_vector
 
 
@@ -30,11 +28,7 @@ class AlongCurve(AbstractJoint):
     v = Variable("m/s", "rate of the curve's parameter")
 
     def __init__(self, curve: AbstractCurve, side: Axis = "y") -> None:
-        if not isinstance(curve, AbstractCurve):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ParameterError(
-                f"AlongCurve's curve is {curve!r} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5)."
-            )
-        self.curve, self.side = curve, axis_vector(side, "AlongCurve's side")
+        self.curve, self.side = checked_curve(curve, "AlongCurve"), axis_vector(side, "AlongCurve's side")
         self._declare("q", curve.unit)
         self._declare("v", f"{curve.unit or '1'}/s")
 

@@ -7,12 +7,10 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.errors import ParameterError
 from acausal.language.expression import Variable
-from acausal.language.origin import origin
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
-from components.geometry.curves import AbstractCurve
+from components.geometry.curves import AbstractCurve, checked_curve
 
 
 @final
@@ -30,11 +28,7 @@ class PointOnCurve(AbstractJoint):
     v = Variable("m/s", "rate of the curve's parameter")
 
     def __init__(self, curve: AbstractCurve) -> None:
-        if not isinstance(curve, AbstractCurve):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ParameterError(
-                f"PointOnCurve's curve is {curve!r} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5)."
-            )
-        self.curve = curve
+        self.curve = checked_curve(curve, "PointOnCurve")
         self._declare("q", curve.unit)
         self._declare("v", f"{curve.unit or '1'}/s")
 

@@ -7,12 +7,10 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.errors import ParameterError
 from acausal.language.expression import Variable
-from acausal.language.origin import origin
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
-from components.geometry.surfaces import AbstractSurface
+from components.geometry.surfaces import AbstractSurface, checked_surface
 
 
 @final
@@ -45,12 +43,3 @@ class PointOnSurface(AbstractJoint):
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.surface.inside(q)
-
-
-def checked_surface(surface: object, part: str) -> AbstractSurface:
-    """Raises `ParameterError` for anything else."""
-    if not isinstance(surface, AbstractSurface):
-        raise ParameterError(
-            f"{part}'s surface is {surface!r} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
-        )
-    return surface
