@@ -21,4 +21,9 @@ benchmark: .venv/.ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,benchmark]'
 	$(BIN)/python -m benchmarks
 
-.PHONY: demo lint test benchmark
+# pages that teach, in docs/_build/index.html; every example on them is run, and warnings are errors
+docs: .venv/.ready
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,docs]'
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
+
+.PHONY: demo lint test benchmark docs

@@ -12,6 +12,8 @@ from pathlib import Path
 import acausal as ac
 from components import Revolute, RigidBody, Spring, Torque, World
 
+LIMIT = 1e-11  # of what main returns
+
 REFERENCE = {  # angles [rad] of the joints at t = 0.03 s
     "O": 15.81077119515371018081515, "F": -15.75637105841184331506904, "B": 0.04082224011964586472819047,
     "G": -0.5347301163420795409883205, "A5": 0.5244099658799540645348654, "H": 0.5347301163420795409883205,

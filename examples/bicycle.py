@@ -17,6 +17,8 @@ from acausal.simulate.trajectory import Trajectory
 from acausal.visual.shapes import Polygon, Torus
 from components import Revolute, RigidBody, RollingDisk, World
 
+LIMIT = 1e-11  # of what main returns
+
 WHEELBASE, TRAIL, TILT = 1.02, 0.08, np.pi / 10  # of the steering axis from the vertical
 REAR, FRONT = 0.3, 0.35  # radii of the wheels [m]
 REFERENCE = {  # time [s]: lean of the rear frame [rad], its rate about its own x [rad/s], steering angle [rad], its rate [rad/s],

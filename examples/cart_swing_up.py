@@ -11,6 +11,8 @@ import numpy as np
 import acausal as ac
 from components import ForceSource, Prismatic, Revolute, RigidBody, World
 
+LIMIT = 2e-2  # of what main returns
+
 
 class CartPole(ac.System):
     """A cart on a rail with a rod on a hinge; the force on the cart is an input."""
@@ -54,6 +56,7 @@ def main(folder: str = "out") -> float:
     run = model.simulate(end, inputs={scene.force: lambda t: np.interp(t, times, force)}, rtol=1e-9)
     error = abs(float(run[scene.hinge.q][-1]) - np.pi)
     print(f"simulated with that force, the pendulum ends {error:.1e} rad from upright")
+    run.picture(f"{folder}/cart_swing_up.png", times=(0.0, 0.6, 1.2, 2.0))
     run.animate(f"{folder}/cart_swing_up.html")
     return error
 

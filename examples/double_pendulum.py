@@ -6,6 +6,8 @@ python examples/double_pendulum.py
 import acausal as ac
 from components import Revolute, RigidBody, World
 
+LIMIT = 1e-9  # of what main returns
+
 
 class DoublePendulum(ac.System):
     """Two uniform rods on two hinges."""
@@ -31,6 +33,7 @@ def main(folder: str = "out") -> float:
     print(run)
     print("tip at the end:", run[scene.lower.tip.position][-1])
     print(f"energy kept to {run.energy_error():.1e}")
+    run.picture(f"{folder}/double_pendulum.png", times=(0.0, 0.4, 0.8))
     run.animate(f"{folder}/double_pendulum.html")
     return run.energy_error()
 

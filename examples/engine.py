@@ -15,6 +15,8 @@ import numpy as np
 import acausal as ac
 from components import Inertia, Prismatic, Revolute, RigidBody, World
 
+LIMIT = 1e-13  # of what main returns
+
 STEEL = 7700.0  # kg/m^3
 CRANK, ROD, BORE, STROKE = 0.1, 0.2, 0.1, 0.35  # m; STROKE: length of the cylinder in the pressure's law
 COMPRESSION = (177.4132, -287.2189, 151.8252, -24.9973, 2.4)  # bar, polynomials of 1 - s / STROKE, highest power first

@@ -8,6 +8,8 @@ import numpy as np
 import acausal as ac
 from components import Revolute, RigidBody, World
 
+LIMIT = 1e-13  # of what main returns
+
 NORMAL = np.array([1.0, 2.0, 2.0]) / 3
 ALONG = np.array([2.0, -2.0, 1.0]) / 3
 
@@ -39,6 +41,7 @@ def main(folder: str = "out") -> float:
     print(run)
     print(f"loop closed to {gap:.1e} m, energy kept to {run.energy_error():.1e}")
     print("largest pull in the coupler's pin:", np.max(np.linalg.norm(run[scene.c.frame_b.force], axis=1)), "N")
+    run.picture(f"{folder}/four_bar.png", times=(0.0, 0.3, 0.6))
     run.animate(f"{folder}/four_bar.html")
     model.draw_graph(f"{folder}/four_bar_graph.png")
     return gap

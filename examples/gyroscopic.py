@@ -13,6 +13,8 @@ import numpy as np
 import acausal as ac
 from components import Revolute, RigidBody, Spherical, World
 
+LIMIT = 1e-12  # of what main returns
+
 STEEL = 7700.0  # kg/m^3
 
 

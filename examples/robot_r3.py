@@ -39,6 +39,8 @@ from components import (
     World,
 )
 
+LIMIT = 1e-4  # of what main returns
+
 BEGIN = np.radians((-60, 20, 90, 0, -110, 0))  # rad
 END = np.radians((60, -70, -35, 45, 110, 45))
 SPEED, ACCELERATION = np.array((3, 1.5, 5, 3.1, 3.1, 4.1)), np.array((15, 15, 15, 60, 60, 60))  # largest ones, rad/s and rad/s^2

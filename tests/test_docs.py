@@ -1,0 +1,29 @@
+"""The pages that teach: what they need is there, and what they show runs. `make docs` runs the rest of it."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+sys.path.append(str(DOCS))
+
+from tools.catalogue import catalogue  # noqa: E402
+from tools.scenes import FOLDER, script_of  # noqa: E402
+
+
+@pytest.mark.parametrize("kind", catalogue(), ids=lambda kind: kind.name)
+def test_each_part_has_a_text_and_a_script_for_its_page(kind):
+    assert kind.text
+    assert "model = ac.build(scene)" in script_of(kind) or not kind.is_part
+
+
+def test_scripts_name_parts_that_exist():
+    known = {kind.name for kind in catalogue()}
+    for path in FOLDER.glob("*.py"):
+        first = path.read_text(encoding="utf-8").split("\n")[0]
+        assert first.startswith("# Shows ")
+        assert set(re.split(r"\W+", first.removeprefix("# Shows "))) <= known, path.name
