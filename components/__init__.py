@@ -2,7 +2,8 @@
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free, PrescribedMotion, Rod (massless). Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
-Cylinder, Torus, Cone, HeightField, ParametricSurface). Contacts: KnifeEdge, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
+Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Touching (any shape on any surface: also Ellipsoid, Disk, ConvexShape; laws Rolling,
+RollingWithoutPivoting, Sliding), KnifeEdge, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
@@ -15,9 +16,11 @@ from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.knife_edge import KnifeEdge
+from components.contacts.laws import Rolling, RollingWithoutPivoting, Sliding
 from components.contacts.point_on_plane import PointOnPlane
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
+from components.contacts.touching import Touching
 from components.electrical import (
     Capacitor,
     CurrentSource,
@@ -38,7 +41,8 @@ from components.forces.bushing import Bushing
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from components.geometry.curves import Circle, Helix, Line, ParametricCurve, SplineCurve
-from components.geometry.surfaces import Cone, Cylinder, HeightField, ParametricSurface, Plane, Sphere, Torus
+from components.geometry.shapes import ConvexShape, Disk, Ellipsoid
+from components.geometry.surfaces import Cone, Cylinder, HeightField, ParametricSurface, Plane, Revolution, Sphere, Torus
 from components.guides.along_curve import AlongCurve
 from components.guides.point_on_curve import PointOnCurve
 from components.guides.point_on_surface import PointOnSurface
@@ -99,15 +103,18 @@ __all__ = [
     "Circle",
     "Cone",
     "Constant",
+    "ConvexShape",
     "CurrentSensor",
     "CurrentSource",
     "Cylinder",
     "Cylindrical",
     "Damper",
     "Diode",
+    "Disk",
     "Drag",
     "ElasticGear",
     "ElectromotiveForce",
+    "Ellipsoid",
     "Fixed",
     "FlexibleBeam",
     "FlexibleBody",
@@ -147,13 +154,16 @@ __all__ = [
     "RelativeRotationSensor",
     "Resistor",
     "Revolute",
+    "Revolution",
     "RigidBody",
     "Rod",
+    "Rolling",
     "RollingBall",
     "RollingBallOnSurface",
     "RollingDisk",
     "RollingEllipsoid",
     "RollingTorus",
+    "RollingWithoutPivoting",
     "RotationSensor",
     "RotationalDamper",
     "RotationalGround",
@@ -164,6 +174,7 @@ __all__ = [
     "SignalForce",
     "SignalTorque",
     "SignalVoltage",
+    "Sliding",
     "SlidingMass",
     "SpeedSource",
     "Sphere",
@@ -178,6 +189,7 @@ __all__ = [
     "TorqueSensor",
     "TorqueSource",
     "Torus",
+    "Touching",
     "TranslationSensor",
     "TranslationalDamper",
     "TranslationalGround",

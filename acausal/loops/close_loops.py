@@ -46,7 +46,7 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
     if not np.isfinite(smallest) and not all(np.isfinite(part).all() for part in walk.at(where)):
-        raise _without_slope(group, walk.at(where))
+        raise _without_slope(group, walk.at(where)) if group.loops else _nowhere(group)
     if ca.depends_on(group.closing, t):
         for attempt in range(_ATTEMPTS):
             first = where if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)

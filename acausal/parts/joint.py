@@ -47,6 +47,10 @@ class AbstractJoint(AbstractConstraint, ABC):
         """
         return ca.SX(0, 1)
 
+    def turns(self) -> tuple[bool, ...] | None:
+        """Which entries of q are angles, quaternions, or numbers of no unit, and no lengths; None: what the unit of q says, or the pose."""
+        return None
+
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
         """Residuals (at least 6 - nq rows) that vanish when frame_b may have the pose X_ab; None if there is no closed form: then the
         joint keeps its coordinates also where it closes a loop.

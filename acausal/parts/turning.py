@@ -14,7 +14,9 @@ from acausal.parts.pose import symbolic
 
 def turning(joint: AbstractJoint) -> np.ndarray:
     """(nq,), True where an entry of q turns frame_b against frame_a; where q has a unit, that says it."""
-    size = joint.q.size
+    size, told = joint.q.size, joint.turns()
+    if told is not None:
+        return np.array(told, dtype=bool)
     if joint.q.unit or isinstance(joint, AbstractElasticBody):
         return np.full(size, joint.q.is_angle)
     q = ca.SX.sym("q", size)

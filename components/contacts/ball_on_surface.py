@@ -12,6 +12,7 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
+from components.contacts.meeting import solved
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
 
@@ -50,6 +51,9 @@ class RollingBallOnSurface(AbstractJoint):
         stretch = self._stretch(q[4:])  # of the parallel surface: 1 + radius * curvature in its directions
         return ca.vertcat(ca.det(stretch), ca.trace(stretch) / 2, self.surface.inside(q[4:]))
 
+    def turns(self) -> tuple[bool, ...]:
+        return (*(True,) * 4, *self.surface.turns)
+
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
         rates, normal = self.rates(q, v, t), self.surface.normal(q[4:])
         arm = -sx(self.radius) * normal  # to the point that touches
@@ -72,9 +76,4 @@ class RollingBallOnSurface(AbstractJoint):
         """Velocities (2, 1) of the point that touches, on the surface: the centre moves by slopes (1 + radius W) times them."""
         surface = self.surface
         centre = ca.cross(v, sx(self.radius) * surface.normal(q[4:]))
-        return _solved(surface.metric(q[4:]) @ self._stretch(q[4:]), surface.slopes(q[4:]).T @ centre)
-
-
-def _solved(A: ca.SX, b: ca.SX) -> ca.SX:
-    """A^-1 b for a matrix (2, 2), pivots unseen: zeros stay zeros."""
-    return ca.vertcat(A[1, 1] * b[0] - A[0, 1] * b[1], A[0, 0] * b[1] - A[1, 0] * b[0]) / (A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0])
+        return solved(surface.metric(q[4:]) @ self._stretch(q[4:]), surface.slopes(q[4:]).T @ centre)

@@ -23,6 +23,6 @@ def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) 
             f"{what}: the function fails with CasADi's symbols ({origin()}): {error}. Use ca.sin, ca.sqrt, ca.if_else and the like."
         ) from None
     if found.shape != (rows, 1):
-        wanted = "three numbers: (x, y, z)" if rows == 3 else "one number"
+        wanted = {1: "one number", 2: "two numbers: (r, z)", 3: "three numbers: (x, y, z)"}[rows]
         raise ParameterError(f"{what}: the function gives the shape {found.shape} ({origin()}). Return {wanted}.")
     return found

@@ -27,6 +27,15 @@ class AbstractSurface(ABC):
     start: ClassVar[tuple[float, ...]] = (0.0, 0.0)
     """Coordinates where a search for start values begins, where the surface is smooth."""
 
+    def start_for(self, length: float) -> tuple[float, ...]:
+        """`start` where something of this size [m] touches it: of a surface that has no size of its own, that far from where it is not smooth."""
+        return self.start
+
+    @property
+    def turns(self) -> tuple[bool, ...]:
+        """Which coordinates are no lengths."""
+        return (self.unit != "m",) * len(self.start)
+
     @abstractmethod
     def point(self, q: ca.SX) -> ca.SX:
         """Place (3, 1) [m] at the coordinates q, with two derivatives; its slopes are independent."""
@@ -54,6 +63,29 @@ class AbstractSurface(ABC):
         across = ca.cross(slopes[:, 0], slopes[:, 1])
         return across / ca.norm_2(across)
 
+    def tangents(self, q: ca.SX) -> ca.SX:
+        """Unit vectors (3, 2) at right angles along the surface: the first slope's direction, and to the left of it about the normal."""
+        first = self.slopes(q)[:, 0]
+        x = first / ca.norm_2(first)
+        return ca.horzcat(x, ca.cross(self.normal(q), x))
+
+    def connection(self, q: ca.SX) -> ca.SX:
+        """(1, 2): moving by velocities v the tangents turn about the normal at the rate connection v."""
+        at, v = ca.SX.sym("q", q.numel()), ca.SX.sym("v", 2)
+        tangents = self.tangents(at)
+        turn = ca.dot(tangents[:, 1], ca.jtimes(tangents[:, 0], at, self.rates(at, v)))
+        return ca.substitute(ca.jacobian(turn, v), at, q)
+
+    def touching(self, n: ca.SX) -> ca.SX | None:
+        """Of a surface around a body: its point (3, 1) [m] with the outward unit normal `n` (3, 1), with two derivatives in n; None where that has
+        no closed form, or more points than one have this normal.
+        """
+        return None
+
+    def single(self, n: ca.SX) -> ca.SX:
+        """Positive where only one point has the normal n, (k, 1), without unit and of size 1 well inside. Empty where that is everywhere."""
+        return ca.SX(0, 1)
+
     def metric(self, q: ca.SX) -> ca.SX:
         """Products of the slopes, (2, 2)."""
         slopes = self.slopes(q)
@@ -68,11 +100,16 @@ class AbstractSurface(ABC):
         return ca.solve(self.metric(q), self.slopes(q).T @ change)
 
 
-def checked_surface(surface: object, part: str) -> AbstractSurface:
+def _across(n: ca.SX) -> ca.SX:
+    """The unit vector from the axis z, in a direction n (3, 1)."""
+    return ca.vertcat(n[:2], 0) / ca.norm_2(n[:2])
+
+
+def checked_surface(surface: object, part: str, role: str = "surface") -> AbstractSurface:
     """Raises `ParameterError` for anything else."""
     if not isinstance(surface, AbstractSurface):
         raise ParameterError(
-            f"{part}'s surface is {surface!r} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
+            f"{part}'s {role} is {surface!r} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
         )
     return surface
 
@@ -89,6 +126,15 @@ class Plane(AbstractSurface):
 
     def slopes(self, q: ca.SX) -> ca.SX:
         return ca.SX(ca.DM([[1, 0], [0, 1], [0, 0]]))
+
+    def tangents(self, q: ca.SX) -> ca.SX:
+        return self.slopes(q)
+
+    def connection(self, q: ca.SX) -> ca.SX:
+        return ca.SX(1, 2)
+
+    def metric(self, q: ca.SX) -> ca.SX:
+        return ca.SX.eye(2)
 
     def curvature(self, q: ca.SX) -> ca.SX:
         return ca.SX(2, 2)
@@ -127,6 +173,16 @@ class Sphere(AbstractSurface):
     def normal(self, q: ca.SX) -> ca.SX:
         return self._side * rotation_from_quaternion(q)[:, 2]
 
+    def tangents(self, q: ca.SX) -> ca.SX:
+        R = rotation_from_quaternion(q)
+        return ca.horzcat(-R[:, 1], self._side * R[:, 0])
+
+    def connection(self, q: ca.SX) -> ca.SX:
+        return ca.SX(1, 2)
+
+    def touching(self, n: ca.SX) -> ca.SX | None:
+        return sx(self.radius) * n if self._side > 0 else None
+
     def metric(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) ** 2 * ca.SX.eye(2)
 
@@ -157,6 +213,13 @@ class Cylinder(AbstractSurface):
         angle = q[0] / sx(self.radius)
         return self._side * ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
 
+    def tangents(self, q: ca.SX) -> ca.SX:
+        slopes = self.slopes(q)
+        return ca.horzcat(slopes[:, 0], self._side * slopes[:, 1])
+
+    def connection(self, q: ca.SX) -> ca.SX:
+        return ca.SX(1, 2)
+
     def metric(self, q: ca.SX) -> ca.SX:
         return ca.SX.eye(2)
 
@@ -183,10 +246,17 @@ class Torus(AbstractSurface):
         reach = sx(self.radius) + sx(self.tube) * ca.cos(q[1])
         return ca.vertcat(reach * ca.cos(q[0]), reach * ca.sin(q[0]), sx(self.tube) * ca.sin(q[1]))
 
+    def touching(self, n: ca.SX) -> ca.SX | None:
+        return sx(self.radius) * _across(n) + sx(self.tube) * n
+
+    def single(self, n: ca.SX) -> ca.SX:
+        return ca.norm_2(n[:2])
+
 
 @final
 class Cone(AbstractSurface):
-    """z = r / tan(`half_angle`), r the distance from z, 0 < half_angle < pi / 2 [rad]; its normal inwards, that is upwards. Coordinates: x and y [m].
+    """z = r / tan(`half_angle`), r the distance from z, 0 < half_angle < pi / 2 [rad]; its normal inwards, that is upwards, or `outside`: outwards.
+    Coordinates: x and y [m].
 
     Not at the apex, which has no normal.
 
@@ -195,11 +265,19 @@ class Cone(AbstractSurface):
 
     start = (1.0, 0.0)
 
-    def __init__(self, half_angle: Scalar) -> None:
+    def __init__(self, half_angle: Scalar, *, outside: bool = False) -> None:
         self.half_angle = scalar(half_angle, "Cone's half_angle", positive=True, unit="rad")
+        self._side = -1.0 if outside else 1.0
+
+    def start_for(self, length: float) -> tuple[float, ...]:
+        return (4 * length, 0.0)
 
     def point(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(q, ca.norm_2(q) / ca.tan(sx(self.half_angle)))
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        slope = 1 / ca.tan(sx(self.half_angle))
+        return self._side * ca.vertcat(-slope * q / ca.norm_2(q), 1) / ca.sqrt(1 + slope**2)
 
 
 @final
@@ -242,3 +320,70 @@ class ParametricSurface(AbstractSurface):
 
     def inside(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1) if self.ends is None else ca.vertcat(*(within(q[k], ends) for k, ends in enumerate(self.ends)))
+
+
+@final
+class Revolution(AbstractSurface):
+    """A curve turned about z: `profile` (s) -> (r, z) [m], r > 0, by CasADi's functions; its normal to the right of the curve, `flipped`: to the left.
+
+    Coordinates: the parameter s, of this `unit`, and the angle around z from x [rad]. `ends` of s, where the curve has ends; `start`: s where a search
+    for start values begins.
+
+        Revolution(lambda s: (0.2 + 0.05 * ca.cos(s), s), start=0.3)  # the outside of a spindle along z, drawn upwards
+    """
+
+    def __init__(
+        self,
+        profile: Callable[[ca.SX], Any],
+        unit: str = "m",
+        *,
+        ends: tuple[float, float] | None = None,
+        start: float = 0.0,
+        flipped: bool = False,
+    ) -> None:
+        self._s = ca.SX.sym("s")
+        self.profile = place("Revolution", profile, self._s, rows=2)
+        self.ends, self._side = ends, 1.0 if flipped else -1.0
+        self.unit, self.start = unit, (start, 0.0)  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def turns(self) -> tuple[bool, ...]:
+        return (self.unit != "m", True)
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return self._around(ca.substitute(self.profile, self._s, q[0]), q[1])
+
+    def slopes(self, q: ca.SX) -> ca.SX:
+        r, slope = self._profile(q[0])[:2]
+        return ca.horzcat(self._around(slope, q[1]), r[0] * ca.vertcat(-ca.sin(q[1]), ca.cos(q[1]), 0))
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        slope = self._profile(q[0])[1]
+        return self._side * self._around(ca.vertcat(-slope[1], slope[0]) / ca.norm_2(slope), q[1])
+
+    def metric(self, q: ca.SX) -> ca.SX:
+        r, slope = self._profile(q[0])[:2]
+        return ca.diag(ca.vertcat(ca.sumsqr(slope), r[0] ** 2))
+
+    def connection(self, q: ca.SX) -> ca.SX:
+        slope = self._profile(q[0])[1]
+        return ca.horzcat(0, self._side * slope[0] / ca.norm_2(slope))
+
+    def curvature(self, q: ca.SX) -> ca.SX:
+        r, slope, bend = self._profile(q[0])
+        length = ca.norm_2(slope)
+        along = (slope[1] * bend[0] - slope[0] * bend[1]) / length**3
+        return self._side * ca.diag(ca.vertcat(along, -slope[1] / (length * r[0])))
+
+    def inside(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1) if self.ends is None else within(q[0], self.ends)
+
+    def _profile(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """The curve and its two derivatives."""
+        slope = ca.jacobian(self.profile, self._s)
+        r, first, second = ca.substitute([self.profile, slope, ca.jacobian(slope, self._s)], [self._s], [s])
+        return r, first, second
+
+    @staticmethod
+    def _around(r: ca.SX, angle: ca.SX) -> ca.SX:
+        return ca.vertcat(r[0] * ca.cos(angle), r[0] * ca.sin(angle), r[1])

@@ -22,13 +22,14 @@ from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.mechanism import TreeEdge
 from components import Free, Revolute, RigidBody, Section, ShapeIntegrals, World
 from components.geometry.curves import Helix
+from components.geometry.shapes import Ellipsoid
 from components.geometry.surfaces import HeightField
 from tests.conformance.catalogue import kinds, made
 
 SHAPES = np.random.default_rng(0).normal(size=(8, 3, 2))
 ARGUMENTS = {
     "radius": 0.3, "tube": 0.05, "semi_axes": (0.3, 0.2, 0.1), "length": 0.5, "section": Section.circle(0.1), "youngs_modulus": 1e4,
-    "density": 100.0, "mass": 2.0, "stiffness": np.eye(2), "curve": Helix(0.4, 0.1), "surface": HeightField(lambda x, y: 0.2 * x * x - 0.1 * x * y),
+    "density": 100.0, "mass": 2.0, "stiffness": np.eye(2), "curve": Helix(0.4, 0.1), "surface": HeightField(lambda x, y: 0.2 * x * x - 0.1 * x * y), "shape": Ellipsoid((0.3, 0.2, 0.25)),
     "integrals": ShapeIntegrals.of_masses(np.ones(8), SHAPES[:, :, 0] + 0.3, SHAPES),
 }  # fmt: skip
 

@@ -1,0 +1,359 @@
+"""Bodies of any shape that touch surfaces of any shape, by any law: laws of mechanics at random states, closed forms, and what it costs."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
+
+import acausal as ac
+from acausal import errors
+from acausal.parts.pose import symbolic
+from components import (
+    Cone,
+    ConvexShape,
+    Cylinder,
+    Disk,
+    Ellipsoid,
+    Free,
+    HeightField,
+    Plane,
+    PrescribedMotion,
+    Revolution,
+    RigidBody,
+    Rolling,
+    RollingBallOnSurface,
+    RollingDisk,
+    RollingEllipsoid,
+    RollingWithoutPivoting,
+    Sliding,
+    Sphere,
+    Torus,
+    Touching,
+    World,
+)
+from components.geometry.surfaces import AbstractSurface
+from tests.test_guides import on
+
+G = 9.81
+SHAPES: dict[str, AbstractSurface] = {
+    "ball": Sphere(0.1),
+    "ellipsoid": Ellipsoid((0.15, 0.1, 0.08)),
+    "disk": Disk(0.1),
+    "tyre": Torus(0.1, 0.02),
+    "egg": ConvexShape(lambda n: 0.02 * n[2] + 0.1 * ca.sqrt(n[0] ** 2 + n[1] ** 2 + 1.5 * n[2] ** 2) + 0.02 * ca.norm_2(n)),
+    "cylinder": Cylinder(0.1),
+    "cone": Cone(0.4, outside=True),
+    "spindle": Revolution(lambda s: (0.1 - 0.2 * s**2, s)),
+}
+SURFACES: dict[str, AbstractSurface] = {
+    "plane": Plane(),
+    "ball": Sphere(1.0),
+    "bowl": Sphere(1.0, inside_out=True),
+    "ellipsoid": Ellipsoid((1.0, 1.5, 0.8)),
+    "cylinder": Cylinder(0.8),
+    "tube": Cylinder(0.8, inside_out=True),
+    "cone": Cone(0.6, outside=True),
+    "torus": Torus(1.0, 0.3),
+    "heights": HeightField(lambda x, y: 0.1 * x * x - 0.05 * x * y - 0.2 * y * y),
+    "bell": Revolution(lambda s: (1.0 + 0.3 * s * s, s)),
+}
+LAWS = (Rolling(), RollingWithoutPivoting(), Sliding())
+FIT = {
+    "cylinder": ("ball", "ellipsoid", "cone"),
+    "cone": ("ball", "ellipsoid", "torus"),
+    "spindle": ("plane", "cylinder", "cone"),
+}
+"""Surfaces for shapes that touch others along a line, or are curved less in a direction."""
+PAIRS = [
+    (body, base, law)
+    for k, body in enumerate(SHAPES)
+    for base, law in zip(FIT.get(body, [list(SURFACES)[(3 * k + j) % len(SURFACES)] for j in (0, 4, 5)]), LAWS, strict=True)
+]
+"""Every shape by every law, every surface more than once."""
+
+
+def random_state(joint: Touching, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Near the start, on the joint's invariants, where the body fits."""
+    q, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("t")
+    rows = joint.invariants(q, t)
+    step = ca.Function("step", [q], [q - ca.pinv(ca.jacobian(rows, q)) @ rows]) if rows.numel() else None
+    inside = ca.Function("inside", [q], [ca.densify(joint.domain(q))])
+    for _ in range(100):
+        found = np.array(joint.start_q()) + rng.uniform(-0.5, 0.5, joint.q.size)
+        for _ in range(8 if step else 0):
+            found = np.array(step(found)).ravel()
+        if np.all(np.array(inside(found)) > 0.05):
+            return found, rng.uniform(-1, 1, joint.v.size)
+    raise AssertionError("no state fits")
+
+
+@pytest.mark.parametrize(("body", "base", "law"), PAIRS, ids=str)
+def test_points_meet_normals_are_opposite_and_what_the_law_forbids_is_zero(body, base, law):
+    """By the pose alone and how it changes; closed forms of the motion are its derivatives."""
+    shape, surface = SHAPES[body], SURFACES[base]
+    joint = Touching(shape, surface, law)
+    q, v, t = ca.SX.sym("q", joint.q.size), ca.SX.sym("v", joint.v.size), ca.SX.sym("t")
+    X = joint.pose(q, t)
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    place = q[q.numel() - len(surface.start) :]
+    own = q[: q.numel() - len(surface.start) - 1]
+    normal, point = surface.normal(place), surface.point(place)
+    arm = R.T @ (point - p)
+    by_normal = shape.touching(-(R.T @ normal))
+    expected, outwards = (by_normal, -(R.T @ normal)) if by_normal is not None else (shape.point(own), shape.normal(own))
+    rate = lambda e: ca.reshape(ca.jtimes(ca.vec(e), q, joint.rates(q, v, t)), *e.shape)  # noqa: E731
+    slip = rate(p) + rate(R) @ arm
+    spin = rate(R) @ R.T
+    pivot = ca.dot(ca.vertcat(spin[2, 1], spin[0, 2], spin[1, 0]), normal)
+    glide = ca.dot(rate(point), normal)
+    (motion,) = joint.motions(q, v, t)
+    twist = ca.vertcat(motion.twist[:3] - R.T @ ca.vertcat(spin[2, 1], spin[0, 2], spin[1, 0]), motion.twist[3:] - R.T @ rate(p))
+    acceleration = ca.vertcat(motion.bias[:3] - rate(motion.twist[:3]), motion.bias[3:] - R.T @ rate(R @ motion.twist[3:]))
+    forbidden = {Rolling: slip, RollingWithoutPivoting: ca.vertcat(slip, pivot), Sliding: ca.dot(slip, normal)}[type(law)]
+    rows = ca.vertcat(arm - expected, R @ outwards + normal, ca.vec(R.T @ R - ca.SX.eye(3)), glide, forbidden)
+    f = ca.Function("f", [q, v, t], [rows, ca.vertcat(twist, acceleration), motion.subspace @ v - motion.twist])
+    x, rates = random_state(joint, np.random.default_rng(1))
+    found = [np.max(np.abs(np.array(part))) for part in f(x, rates, 0.0)]
+    assert found[0] < 1e-13 and found[1] < 1e-11 and found[2] < 1e-13
+
+
+def maximal(shape: AbstractSurface, surface: AbstractSurface, pose, twist, places, body: RigidBody) -> np.ndarray:
+    """Accelerations (6,) of a body's frame in world axes, in maximal coordinates: Newton's and Euler's laws, and three rows that keep the touching
+    point of the body at rest. Where the touching point goes is found by closest points of the body moved on, not by any formula of rolling.
+    """
+    (R, p), (w, u), (a0, b0) = pose, twist, places
+    a, b = ca.SX.sym("a", len(surface.start)), ca.SX.sym("b", len(shape.start))
+    Q, d = ca.SX.sym("Q", 3, 3), ca.SX.sym("d", 3)
+    apart = Q @ shape.point(b) + d - surface.point(a)
+    rows = [surface.slopes(a).T @ apart, surface.slopes(a).T @ (Q @ shape.normal(b))]
+    rows += [surface.invariants(a), shape.invariants(b)] + [
+        part[3] - part0[3] for part, part0 in ((a, a0), (b, b0)) if part.numel() == 4
+    ]
+    residual = ca.Function("f", [ca.vertcat(a, b), Q, d], [ca.vertcat(*rows)])
+    slope = ca.Function("J", [ca.vertcat(a, b), Q, d], [ca.jacobian(ca.vertcat(*rows), ca.vertcat(a, b))])
+    point = ca.Function("point", [a], [surface.point(a)])
+    size = np.linalg.norm(w)
+    K = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]) / size
+
+    def touching_after(h: float) -> np.ndarray:
+        turn = np.eye(3) + np.sin(size * h) * K + (1 - np.cos(size * h)) * K @ K
+        found = root(lambda y: np.array(residual(y, turn @ R, p + h * u)).ravel(), np.concatenate([a0, b0]), jac=lambda y: np.array(slope(y, turn @ R, p + h * u)), tol=1e-15)  # fmt: skip
+        return np.array(point(found.x[: len(a0)])).ravel()
+
+    h, weights = 0.01, (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+    moved = sum(c * (touching_after((k + 1) * h) - touching_after(-(k + 1) * h)) for k, c in enumerate(weights)) / h
+    arm = touching_after(0.0) - p
+    skew = lambda x: np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])  # noqa: E731
+    A, right = np.hstack([-skew(arm), np.eye(3)]), -np.cross(w, moved - u)
+    centre, m = R @ np.array(body.centre_of_mass), float(body.mass)
+    J = R @ np.array(body.central_inertia) @ R.T
+    M = np.block([[J - m * skew(centre) @ skew(centre), m * skew(centre)], [-m * skew(centre), m * np.eye(3)]])
+    bias = np.concatenate(
+        [np.cross(w, J @ w) + m * np.cross(centre, np.cross(w, np.cross(w, centre))), m * np.cross(w, np.cross(w, centre))]
+    )
+    weight = np.concatenate([np.cross(centre, [0, 0, -m * G]), [0, 0, -m * G]])
+    whole = np.block([[M, A.T], [A, np.zeros((3, 3))]])
+    return np.linalg.solve(whole, np.concatenate([weight - bias, right]))[:6]
+
+
+@pytest.mark.parametrize(
+    ("body", "base"),
+    [("ellipsoid", "plane"), ("ellipsoid", "bowl"), ("egg", "heights"), ("ball", "torus"), ("cylinder", "ball"), ("cone", "ellipsoid"), ("spindle", "cone"), ("ellipsoid", "tube")],
+)  # fmt: skip
+def test_rolling_is_that_of_maximal_coordinates(body, base):
+    shape, surface = SHAPES[body], SURFACES[base]
+    joint = Touching(shape, surface)
+    scene = on(joint, RigidBody(2.0, (0.01, 0.015, 0.02), (0.01, -0.02, 0.03)))
+    model = ac.build(scene)
+    frame = scene.body.frame
+    seen = [
+        frame.rotation,
+        frame.position,
+        frame.angular_velocity,
+        frame.velocity,
+        frame.angular_acceleration,
+        frame.acceleration,
+    ]
+    read = model.functions.output(*seen)
+    q, v = random_state(joint, np.random.default_rng(3))
+    R, p, w, u, *found = (np.array(part) for part in read(0.0, np.concatenate([q, 3 * v]), [], []))
+    own, place = q[: -len(surface.start)], q[-len(surface.start) :]
+    if shape.touching(ca.SX.sym("n", 3)) is None:
+        at = own[:-1]
+    else:  # coordinates of the shape with its normal opposite to the surface's
+        n = np.array(ca.DM(ca.evalf(ca.densify(surface.normal(ca.SX(ca.DM(place))))))).ravel()
+        m = -R.T @ n
+        at = np.array([1 + m[2], -m[1], m[0], 0.0])
+        at /= np.linalg.norm(at)
+    expected = maximal(shape, surface, (R, p.ravel()), (w.ravel(), u.ravel()), (place, at), scene.body)
+    assert np.max(np.abs(np.concatenate(found).ravel() - expected)) < 1e-9 * np.max(np.abs(expected))
+
+
+def same_motion(one: ac.System, two: ac.System, start, seconds: float = 1.0) -> float:
+    """Largest difference of places and orientations of two bodies at the end; `start` makes a start from a frame."""
+    ends = []
+    for scene in (one, two):
+        frame = scene.body.frame
+        run = ac.build(scene).simulate(seconds, start(frame), rtol=1e-12)
+        ends.append(np.concatenate([run[frame.position][-1], run[frame.rotation][-1].ravel()]))
+    return float(np.max(np.abs(ends[0] - ends[1])))
+
+
+def test_an_ellipsoid_on_a_plane_rolls_as_the_rattleback_does():
+    axes, stone = (0.2, 0.03, 0.02), {"mass": 1.0, "inertia": ((2e-3, -5e-4, 0), (-5e-4, 1.6e-2, 0), (0, 0, 1.7e-2))}
+    one, two = (on(contact, RigidBody(**stone)) for contact in (Touching(Ellipsoid(axes), Plane()), RollingEllipsoid(axes)))
+    start = lambda frame: {frame.angular_velocity: (0.01, -0.01, -2.0), frame.rotation: np.eye(3), frame.position[:2]: (0, 0)}  # noqa: E731
+    assert same_motion(one, two, start) < 1e-11
+    for scene in (one, two):
+        assert len(ac.build(scene).state_names) == 9
+
+
+def test_a_disk_on_a_plane_rolls_as_the_wheel_does():
+    turn = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # it stands on its edge
+    one, two = (on(c, RigidBody.disk(1.0, 0.3, axis="z")) for c in (Touching(Disk(0.3), Plane()), RollingDisk(0.3, "z")))
+    start = lambda frame: {frame.rotation: turn.T, frame.angular_velocity: (0.3, 2.0, 0.5), frame.position[:2]: (0, 0)}  # noqa: E731
+    assert same_motion(one, two, start) < 1e-10
+
+
+@pytest.mark.parametrize("surface", [Sphere(1.0, inside_out=True), Torus(1.0, 0.3), HeightField(lambda x, y: 0.2 * x * x)])
+def test_a_ball_rolls_as_its_centre_glides_on_the_parallel_surface(surface):
+    ball = {"mass": 2.0, "inertia": (0.005, 0.006, 0.007), "centre_of_mass": (0.01, 0, 0.02)}
+    one, two = on(Touching(Sphere(0.1), surface), RigidBody(**ball)), on(RollingBallOnSurface(0.1, surface), RigidBody(**ball))
+    X = one.guide.pose(ca.SX(ca.DM(one.guide.start_q())), ca.SX(0))
+    R, p = (np.array(ca.evalf(ca.densify(symbolic(e)))) for e in (X.rotation, X.position))
+    start = lambda frame: {frame.rotation: R, frame.position: p.ravel(), frame.angular_velocity: (1.0, 0.5, -2)}  # noqa: E731
+    assert same_motion(one, two, start) < 1e-10
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_disk_rolls_steadily_around_in_a_cone_at_any_lean(size):
+    """O'Reilly, 10.8: the slope of what it rolls on does not enter, as nothing slips along it."""
+    a, reach, lean, half_angle = 0.1 * size, 0.5 * size, 0.6, 0.9
+    scene = on(Touching(Disk(a), Cone(half_angle)), RigidBody.disk(2.0, a, axis="z"), (0, 0, -G * size))
+    # the contact at (reach, 0); the disk's centre towards the cone's axis and up; its axle in the plane y = 0
+    up = np.array([-np.sin(lean), 0.0, np.cos(lean)])
+    axle = np.array([np.cos(lean), 0.0, np.sin(lean)])
+    contact = np.array([reach, 0.0, reach / np.tan(half_angle)])
+    centre = contact + a * up
+
+    def turning(W: float) -> np.ndarray:
+        """Angular velocity around z with rate W, the touching point of the disk at rest."""
+        return np.array([0, 0, W]) + W * np.cross([0, 0, 1], contact)[1] / np.cross(axle, a * up)[1] * axle
+
+    def missing(W: float) -> float:
+        spin = 2.0 * a * a * 0.25 * (np.eye(3) + np.outer(axle, axle)) @ turning(W)
+        torque = np.cross(-a * up, 2.0 * np.array([-(W**2) * centre[0], 0, G * size]))
+        return float((np.cross([0, 0, W], spin) - torque)[1] / size**2)
+
+    W = brentq(missing, 0.1, 30.0, xtol=1e-15)
+    frame = scene.body.frame
+    rotation = np.column_stack([up, np.cross(axle, up), axle])
+    start = {frame.position: centre, frame.rotation: rotation, frame.angular_velocity: turning(W)}
+    run = ac.build(scene).simulate(5.0, start, rtol=1e-12)
+    p = run[frame.position]
+    assert np.max(np.abs(p[:, 2] - centre[2])) < 1e-10 * size
+    assert np.max(np.abs(np.hypot(p[:, 0], p[:, 1]) - centre[0])) < 1e-10 * size
+    assert abs(np.unwrap(np.arctan2(p[:, 1], p[:, 0]))[-1] - 5.0 * W) < 1e-9
+
+
+def test_chaplygins_ball_keeps_its_angular_momentum_about_the_point_that_touches():
+    """Uneven, its centre of mass in the middle: the momentum about the contact rests in space. Chaplygin (1903)."""
+    m, r, inertia = 2.0, 0.3, np.array([0.05, 0.07, 0.09])
+    scene = on(Touching(Sphere(r), Plane()), RigidBody(m, tuple(inertia)))
+    frame = scene.body.frame
+    run = ac.build(scene).simulate(5.0, {frame.angular_velocity: (1.0, 2.0, -0.5)}, rtol=1e-12)
+    R, w = run[frame.rotation], run[frame.angular_velocity]
+    own = np.einsum("nij,j,nkj,nk->ni", R, inertia, R, w)
+    about = own + m * r * np.cross([0, 0, 1.0], run[frame.velocity])
+    assert np.max(np.abs(about - about[0])) < 1e-12
+
+
+def test_a_ball_on_a_turntable_runs_around_circles_with_two_sevenths_of_its_rate():
+    scene = ac.System()
+    scene.world, scene.drive, scene.table = (
+        World(),
+        PrescribedMotion(axis="z", angle=3.0 * ac.time),
+        RigidBody.disk(5.0, 1.0, "z"),
+    )
+    scene.contact, scene.body = Touching(Sphere(0.1), Plane()), RigidBody.ball(1.0, 0.1)
+    scene.connect(scene.world.frame, scene.drive.frame_a)
+    scene.connect(scene.drive.frame_b, scene.table.frame)
+    scene.connect(scene.table.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.body.frame)
+    frame = scene.body.frame
+    run = ac.build(scene).simulate(4.0, {frame.position[:2]: (0.3, 0.0), frame.velocity[:2]: (0.0, 0.2)}, rtol=1e-12)
+    rate = 3.0 * 2 / 7
+    z = (run[frame.position] @ [1, 1j, 0]).ravel()
+    centre = 0.3 - 0.2 / rate
+    assert np.max(np.abs(z - centre - 0.2 / rate * np.exp(1j * rate * run.t))) < 1e-11
+
+
+@pytest.mark.parametrize(("law", "share"), [(Rolling(), 5 / 7), (RollingWithoutPivoting(), 5 / 7), (Sliding(), 1.0)], ids=str)
+def test_a_ball_runs_down_a_ball_as_a_pendulum_upside_down(law, share):
+    """theta'' = 5/7 g / (R + r) sin(theta) in a plane, by any law that does not slip; smooth, it slides with g / (R + r)."""
+    scene = on(Touching(Sphere(0.1), Sphere(1.0), law), RigidBody.ball(2.0, 0.1))
+    frame, rate = scene.body.frame, share * G / 1.1
+    start = {frame.position: (1.1 * np.sin(0.3), 0, 1.1 * np.cos(0.3)), scene.guide.v: [0.0] * law.freedoms}
+    run = ac.build(scene).simulate(0.5, start, rtol=1e-12)
+    exact = solve_ivp(lambda t, y: [y[1], rate * np.sin(y[0])], (0, 0.5), [0.3, 0], method="DOP853", rtol=1e-13, atol=1e-14)
+    assert abs(run[frame.position][-1, 0] - 1.1 * np.sin(exact.y[0, -1])) < 1e-11
+
+
+def test_an_egg_rolls_on_a_free_potato_without_any_ground():
+    """Two free bodies that touch: both momenta and the energy are kept."""
+    scene = ac.System()
+    scene.world, scene.potato = World((0, 0, 0)), RigidBody(3.0, (0.5, 0.6, 0.7), (0.02, 0, 0.01))
+    scene.contact, scene.egg = (
+        Touching(SHAPES["egg"], Ellipsoid((0.5, 0.4, 0.3))),
+        RigidBody(1.0, (0.01, 0.012, 0.015), (0, 0, 0.01)),
+    )
+    scene.connect(scene.potato.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.egg.frame)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 9
+    w = scene.potato.frame
+    run = model.simulate(0.5, {w.angular_velocity: (0.3, 0.2, -0.4), scene.contact.v: (1.0, -2.0, 0.5)}, rtol=1e-12)
+    assert run.energy_error() < 1e-12
+    momentum, spin = np.zeros((run.t.size, 3)), np.zeros((run.t.size, 3))
+    for body, inertia in ((scene.potato, (0.5, 0.6, 0.7)), (scene.egg, (0.01, 0.012, 0.015))):
+        m, R = float(body.mass), run[body.frame.rotation]
+        momentum += m * run[body.centre.velocity]
+        spin += np.cross(run[body.centre.position], m * run[body.centre.velocity])
+        spin += np.einsum("nij,j,nkj,nk->ni", R, np.array(inertia), R, run[body.frame.angular_velocity])
+    assert np.max(np.abs(momentum - momentum[0])) < 1e-12
+    assert np.max(np.abs(spin - spin[0])) < 1e-12
+
+
+def test_what_it_costs():
+    """States and operations of right sides, for bodies without symmetry."""
+    body = {"mass": 2.0, "inertia": (0.01, 0.015, 0.02)}
+    for shape, base, law, states, most in (
+        ("ellipsoid", "plane", Rolling(), 9, 263), ("disk", "plane", Rolling(), 9, 185), ("disk", "bowl", Rolling(), 11, 309),
+        ("disk", "heights", Rolling(), 9, 359), ("cylinder", "ball", Rolling(), 10, 322), ("ellipsoid", "plane", Sliding(), 11, 502),
+    ):  # fmt: skip
+        model = ac.build(on(Touching(SHAPES[shape], SURFACES[base], law), RigidBody(**body)))
+        assert len(model.state_names) == states
+        assert int(str(model).split(" operations")[0].split()[-1]) <= most
+
+
+@pytest.mark.parametrize(("body", "base"), [("ball", Sphere(0.09, inside_out=True)), ("cylinder", Plane()), ("spindle", Cylinder(0.8, inside_out=True)), ("cone", Plane())])  # fmt: skip
+def test_what_touches_in_more_than_one_point_or_does_not_fit_is_named(body, base):
+    scene = on(Touching(SHAPES[body], base), RigidBody.ball(2.0, 0.2))
+    with pytest.raises(errors.AssemblyError, match=r"guide.*test_touching.py:\d+.*curved less than the hollow") as caught:
+        ac.build(scene)
+    assert "guide" in str(caught.value)
+
+
+def test_a_wheel_of_a_free_body_may_close_a_loop():
+    """Held by a free joint as well, its coordinates stay and the motion is the same."""
+    shape, surface = SHAPES["ellipsoid"], SURFACES["heights"]
+    one = on(Touching(shape, surface), RigidBody(2.0, (0.01, 0.015, 0.02)))
+    two = on(Touching(shape, surface), RigidBody(2.0, (0.01, 0.015, 0.02)))
+    two.free = Free()
+    two.connect(two.world.frame, two.free.frame_a)
+    two.connect(two.free.frame_b, two.body.frame)
+    start = lambda frame: {frame.rotation: np.eye(3), frame.position[:2]: (0.0, 0.0), frame.angular_velocity: (1.0, 0.5, -2)}  # noqa: E731
+    assert same_motion(one, two, start, 0.5) < 1e-9
