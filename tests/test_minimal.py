@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -201,8 +203,29 @@ def test_motion_is_that_of_the_model(make, start, end, prefer, charts):
     motion, error = simulated(make, start, end, prefer, compiled=not large)
     assert error < 3e-8
     assert len(motion.charts) >= charts
-    assert motion.trajectory.constraint_error() < 1e-12
-    assert motion.trajectory.energy_error() < 1e-9 or make is geared_motor
+    assert motion.constraint_error() < 1e-12
+    assert motion.energy_error() < 1e-9 or make is geared_motor
+
+
+def test_events_are_found_and_stop_in_whatever_chart_they_lie():
+    scene = slider_crank()
+    model, start = ac.build(scene), {scene.a.q: 0.5, scene.a.v: 15.0}
+    events = [ac.when(scene.slide.q - 1.0), ac.when(scene.a.q - 20.0, stop=True)]
+    motion, run = (m.simulate(2.0, start, rtol=1e-10, events=events) for m in (model.minimal(prefer=[scene.slide.q]), model))
+    assert len({chart.choice for chart in motion.charts}) > 1 and len(motion.charts) == len(motion.pieces)
+    assert len(motion.events) == len(run.events) > 6 and motion.t[-1] == motion.events[-1].time < 2.0
+    for one, other in zip(motion.events, run.events, strict=True):
+        assert one.when is other.when and one.direction == other.direction and abs(one.time - other.time) < 1e-8
+        assert np.max(np.abs(one.x - other.x)) < 1e-6
+    again = pickle.loads(pickle.dumps(motion))
+    assert np.array_equal(again.x, motion.x) and len(again.pieces) == len(motion.pieces)
+    np.testing.assert_allclose(again.at(0.7).x, motion.at(0.7).x, rtol=1e-12, atol=1e-12)
+
+
+def test_an_old_motion_of_charts_answers_with_a_warning():
+    motion = ac.build(DoublePendulum()).minimal().simulate(0.1, samples=2, compiled=False)
+    with pytest.warns(DeprecationWarning, match="the motion itself"):
+        assert motion.trajectory is motion
 
 
 def test_crank_turns_fully_with_the_rocker_preferred():
@@ -247,8 +270,8 @@ def test_a_vehicle_is_followed_for_a_thousand_turns_of_its_wheels_on_one_chart(m
     motion = minimal.simulate(end, rtol=1e-9, compiled=False)  # its compilation takes longer than the motion
     assert abs(motion[hub.q][-1]) > 1000 * 2 * np.pi
     assert {chart.choice for chart in motion.charts} == {minimal.chart.choice} and len(motion.charts) <= 2
-    assert motion.trajectory.constraint_error() < 1e-10
-    assert motion.trajectory.energy_error() < 1e-8
+    assert motion.constraint_error() < 1e-10
+    assert motion.energy_error() < 1e-8
 
 
 @pytest.mark.parametrize("power", [-15, -5, 15])

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import acausal as ac
-from components import Spherical
+from acausal.abstract_model import AbstractModel
+from acausal.start.initial import InitialState
+from components import Gear, Particle, Revolute, RigidBody, Spherical, TorqueSource
+from tests.exported import program
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage, chain
 
 
@@ -78,3 +87,99 @@ def test_a_step_ends_on_the_invariants(make):
     assert np.max(np.abs(np.array(f.invariants(0.05, x_next, state.p)))) < 1e-12
     again = np.array(f.projection(0.05, x_next, state.p))
     np.testing.assert_allclose(again, np.array(x_next), rtol=1e-12, atol=1e-12)  # it is there to rounding
+
+
+class GearedArms(Pendulum):
+    """Two arms that a gear holds together, one of which a motor drives: `pivot.q` follows from `hinge.q`."""
+
+    def __init__(self) -> None:
+        self.mass, self.push = ac.Parameter(1.0, "kg"), ac.Input("N*m")
+        super().__init__(mass=self.mass)
+        self.pivot, self.arm, self.gear = Revolute("y"), RigidBody.rod(2.0, (0, 0, -0.5)), Gear(-2.0)
+        self.connect(self.world.at((1, 0, 0)), self.pivot.frame_a)
+        self.connect(self.pivot.frame_b, self.arm.frame)
+        self.connect(self.hinge.flange, self.gear.flange_a)
+        self.connect(self.pivot.flange, self.gear.flange_b)
+        self.motor = TorqueSource(self.push)
+        self.connect(self.motor.flange, self.hinge.flange)
+
+
+class DrivenFourBar(FourBar):
+    """With a motor at the crank, and a weight on it that stays adjustable."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.mass, self.push = ac.Parameter(0.5, "kg"), ac.Input("N*m")
+        self.motor, self.weight = TorqueSource(self.push), Particle(self.mass)
+        self.connect(self.motor.flange, self.a.flange)
+        self.connect(self.crank.tip, self.weight.point)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A model, the place that it is asked about, a variable that tells where it is, and a folder to write to."""
+
+    model: AbstractModel
+    start: dict[str, float] | None
+    follower: str
+    folder: Path
+
+    @property
+    def begin(self) -> InitialState:
+        return self.model.initial_state(self.start)
+
+    def read(self, x: Any) -> float:
+        """The follower at states x."""
+        f, begin = self.model.functions, self.begin
+        return float(f.output(f.outputs.system.flat.named(self.follower))(0, x, 0.1, begin.p))
+
+    def stepped(self) -> float:
+        return self.read(self.model.step("gauss", 6, 1e-2)(0, self.begin.x, 0.1, self.begin.p)[0])
+
+    def exported(self) -> float:
+        """What an exported program prints last."""
+        follower = self.model.functions.outputs.system.flat.named(self.follower)
+        self.model.export_simulator(self.folder, self.start, outputs={"follower": follower})
+        words = [str(program(self.folder)), "0.3", "2", "1e-11"]
+        return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout.split(",")[-1])
+
+    def energy_in_c(self) -> float:
+        return float(ac.load_c(self.model.export_c(self.folder))["kinetic_energy"](0, self.begin.x, 0.1, self.begin.p))
+
+
+TIMES, FORCE = [0.0, 0.2], {"push": 0.2}
+ANSWERS: dict[str, Callable[[Asked], Any]] = {
+    "initial_state": lambda a: a.read(a.begin.x),
+    "simulate": lambda a: a.model.simulate(0.3, a.start, inputs=FORCE, rtol=1e-11, samples=4)[a.follower],
+    "sensitivities": lambda a: a.model.sensitivities(TIMES, ["mass"], a.start, rtol=1e-11)[a.follower],
+    "trajectory_function": lambda a: np.array(a.model.trajectory_function(TIMES, a.follower, ["mass"], a.start, rtol=1e-11)(0.8)),
+    "linearize": lambda a: a.model.linearize(a.begin.x, states=[a.follower, a.follower.replace("q", "v")], inputs=FORCE).A,
+    "equilibrium": lambda a: [a.model.equilibrium(a.start)[a.follower], *a.model.linearize(a.model.equilibrium(a.start).x).frequencies],
+    "inverse_dynamics": lambda a: a.model.inverse_dynamics(TIMES, {a.follower: 0.1 * ac.time**2 + a.read(a.begin.x)}, ["push"], a.start).forces,
+    "inverse_dynamics_function": lambda a: float(a.model.inverse_dynamics_function([a.follower], ["push"])(0, a.begin.x, 0.3, 0, a.begin.p)),
+    "step": Asked.stepped,
+    "export_c": Asked.energy_in_c,
+    "export_simulator": Asked.exported,
+}  # fmt: skip
+
+
+def test_every_question_is_asked_here():
+    assert set(ANSWERS) == {name for name, _ in inspect.getmembers(AbstractModel, inspect.isfunction) if name[0] != "_"}
+
+
+SCENES = {GearedArms: "pivot.q", DrivenFourBar: "d.q"}
+EXPORTS = [
+    pytest.param(GearedArms, "export_c", marks=pytest.mark.slow),
+    pytest.param(DrivenFourBar, "export_simulator", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize(("make", "question"), [*((m, q) for m in SCENES for q in ANSWERS if q[:6] != "export"), *EXPORTS])
+def test_a_model_and_its_charts_answer_every_question_alike(make, question, tmp_path):
+    """States of the first scene are those that do not follow in closed form; of the second, all of a loop; a chart has the fewest."""
+    joint = "hinge" if make is GearedArms else "a"
+    model, start = ac.build(make()), {f"{joint}.q": 0.4, f"{joint}.v": 0.5}
+    minimal = model.minimal(start, prefer=list(start))
+    assert minimal.state_names == tuple(start)
+    asked = Asked(model, start, SCENES[make], tmp_path / "whole"), Asked(minimal, None, SCENES[make], tmp_path / "chart")
+    np.testing.assert_allclose(ANSWERS[question](asked[1]), ANSWERS[question](asked[0]), rtol=1e-8, atol=1e-9)

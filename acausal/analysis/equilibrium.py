@@ -35,6 +35,8 @@ _MOVED = 1e-9
 class Equilibrium:
     """States, inputs and parameters in which nothing moves, or what was asked for is steady.
 
+    `functions`: of the states `x` of the model; `whole`: of all coordinates of the tree, which `point` has.
+
     `residual`: the largest rate that is left. `free`: variables along which there are more equilibria, to first order, and `dimension`
     of their family; this one is the nearest to the start. `lasting`: a steady motion stays as it is; otherwise the conditions hold
     at this instant only. `began`: the consistent states where the search began; `sizes`: of states, inputs and parameters, what is much for each.
@@ -43,6 +45,7 @@ class Equilibrium:
     """
 
     functions: Functions
+    whole: Functions
     point: OperatingPoint
     began: OperatingPoint
     sizes: np.ndarray
@@ -54,19 +57,19 @@ class Equilibrium:
 
     @property
     def x(self) -> np.ndarray:
-        """All states (nx,)."""
-        return self.point.x
+        """States of the model (nx,)."""
+        return self.functions.space.restricted(self.point.x)
 
     def __getitem__(self, wanted: Expression) -> np.ndarray:
         """Value of an expression; a number for a scalar, else an array of its shape."""
         at = self.point
-        value = np.array(self.functions.output(wanted)(at.t, at.x, at.u, at.p))
+        value = np.array(self.whole.output(wanted)(at.t, at.x, at.u, at.p))
         return value[0, 0] if value.size == 1 else value[:, 0] if value.shape[1] == 1 else value
 
     @property
     def start(self) -> dict[Expression, np.ndarray]:
         """Start values for `simulate`: all coordinates and velocities."""
-        return start_values(self.functions, self.x)
+        return start_values(self.whole, self.point.x)
 
     @property
     def inputs(self) -> dict[Input, float]:
@@ -82,7 +85,8 @@ class Equilibrium:
         """The linear system here; see `Model.linearize`."""
         from acausal.analysis.linearize import linearize
 
-        return linearize(self.functions, self.point, states, outputs)
+        named = self.whole.outputs.system.flat.symbols
+        return linearize(self.functions, self.whole, self.point, named(states), named(outputs))
 
     @functools.cached_property
     def stability(self) -> str:
@@ -104,14 +108,14 @@ class Equilibrium:
         """
         from acausal.analysis.linearize import linearize_invariants
 
-        part = linearize_invariants(self.functions, self.point, self.steady) if self.steady.numel() else None
+        part = linearize_invariants(self.whole, self.point, self.steady) if self.steady.numel() else None
         return "undecided" if part is None else part.stability
 
     @property
     def moved(self) -> tuple[tuple[str, float, float], ...]:
         """Name, start and value of every state, input and parameter that is not where the search began."""
         flat, name = self.functions.outputs.system.flat, self.functions.outputs.name
-        names = [*self.functions.state_names, *map(name, flat.inputs), *map(name, flat.parameters)]
+        names = [*self.whole.state_names, *map(name, flat.inputs), *map(name, flat.parameters)]
         rows = zip(names, _all(self.began), _all(self.point), self.sizes, strict=True)
         return tuple((n, float(a), float(b)) for n, a, b, size in rows if abs(a - b) > _MOVED * max(size, abs(a)))
 
@@ -136,8 +140,10 @@ def _all(at: OperatingPoint) -> np.ndarray:
     return np.concatenate([at.x, at.u, at.p])
 
 
-def equilibrium(functions: Functions, at: Situation, free: Sequence[Input | Parameter], steady: Steady) -> Equilibrium:
-    """See `Model.equilibrium`."""
+def equilibrium(
+    own: Functions, functions: Functions, at: Situation, free: Sequence[Input | Parameter], steady: Steady
+) -> Equilibrium:
+    """Of a model's `own` states, by `functions` of all coordinates of the tree; see `Model.equilibrium`."""
     # only what is held must be met where the search begins
     began = operating_point(functions, replace(at, start=softened(at.start)))
     given = unknowns(functions, began, free)
@@ -158,7 +164,16 @@ def equilibrium(functions: Functions, at: Situation, free: Sequence[Input | Para
     lasting = _goes_on(x_dot, balance, point, sizes_at(s, x_dot, point))
     names = _free_names(functions, given, found.free / search.scale[:, None])
     return Equilibrium(
-        functions, point, began, _all_sizes(given, search.scale), residual, names, found.free.shape[1], lasting, wanted.invariants
+        own,
+        functions,
+        point,
+        began,
+        _all_sizes(given, search.scale),
+        residual,
+        names,
+        found.free.shape[1],
+        lasting,
+        wanted.invariants,
     )
 
 

@@ -32,15 +32,22 @@ class InverseDynamics:
     """A prescribed motion at times `t` (m,) [s]: states `x` (nx, m), all inputs `u` (nu, m) with the forces found, named `names`.
 
     `result.force(unknown)` is the series of one unknown (m,), or (m, n) for a joint of several freedoms; `result[expression]` that of
-    any other expression, reactions included. `free`: states that the motions leave open; they move by their own dynamics.
+    any other expression, reactions included. `free`: states that the motions leave open; they move by their own dynamics. `functions`: of
+    the states; `whole` (n, m): all coordinates of the tree.
     """
 
+    functions: Functions
     actuation: Actuation
     t: np.ndarray
-    x: np.ndarray
+    whole: np.ndarray
     u: np.ndarray
     p: np.ndarray
     free: tuple[str, ...]
+
+    @property
+    def x(self) -> np.ndarray:
+        """States of the model (nx, m)."""
+        return self.functions.space.restricted(self.whole)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,13 +77,13 @@ class InverseDynamics:
         function = self.actuation.functions.output(wanted)
         p = np.repeat(self.p[:, None], self.t.size, axis=1)
         rows, columns = function.size_out(0)
-        values = np.array(function(self.t[None, :], self.x, self.u, p)).reshape(rows, self.t.size, columns).transpose(1, 0, 2)
+        values = np.array(function(self.t[None, :], self.whole, self.u, p)).reshape(rows, self.t.size, columns).transpose(1, 0, 2)
         return values[:, 0, 0] if rows == columns == 1 else values[:, :, 0] if columns == 1 else values
 
     @property
     def start(self) -> dict[Expression, np.ndarray]:
         """Start values for `simulate`."""
-        return start_values(self.actuation.functions, self.x[:, 0])
+        return start_values(self.actuation.functions, self.whole[:, 0])
 
     @property
     def inputs(self) -> dict[Input, InputValue]:
@@ -107,9 +114,14 @@ class InverseDynamics:
 
 
 def inverse_dynamics(
-    functions: Functions, at: Situation, t: np.ndarray, motions: Mapping[Expression, Given], unknowns: Sequence[Unknown]
+    own: Functions,
+    functions: Functions,
+    at: Situation,
+    t: np.ndarray,
+    motions: Mapping[Expression, Given],
+    unknowns: Sequence[Unknown],
 ) -> InverseDynamics:
-    """At times t (m,); see `Model.inverse_dynamics`."""
+    """At times t (m,), with a model's `own` states, by functions of all coordinates of the tree; see `Model.inverse_dynamics`."""
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
     wanted = courses(functions, motions, t, at.p)
@@ -120,7 +132,7 @@ def inverse_dynamics(
     began = operating_point(functions, replace(at, start=guess))
     check_decided(functions.outputs.system, began.t, began.x, at.p)
     found = Servo(actuation, wanted, began, at.signal(functions)).run(t)
-    return InverseDynamics(actuation, t, found.x, found.u, at.p, found.free)
+    return InverseDynamics(own, actuation, t, found.x, found.u, at.p, found.free)
 
 
 def times_of(value: Any) -> np.ndarray:
@@ -134,8 +146,10 @@ def times_of(value: Any) -> np.ndarray:
     return t
 
 
-def inverse_dynamics_function(functions: Functions, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
-    """See `Model.inverse_dynamics_function`."""
+def inverse_dynamics_function(
+    own: Functions, functions: Functions, variables: Sequence[Expression], unknowns: Sequence[Unknown]
+) -> ca.Function:
+    """Of the states of `own` functions, by those of all coordinates of the tree; see `Model.inverse_dynamics_function`."""
     inputs = functions.outputs.system.flat.inputs
     actuation = actuated(functions, unknowns)
     outputs = actuation.functions.outputs
@@ -163,7 +177,11 @@ def inverse_dynamics_function(functions: Functions, variables: Sequence[Expressi
     if actuation.functions.holds is not None:
         force = ca.if_else(actuation.functions.holds(s.t, s.x, s.u, s.p) >= 0, force, np.nan)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
-    return folded_function("inverse_dynamics", [s.t, s.x, a, u, s.p], [ca.densify(force)], ["t", "x", "a", "u", "p"], ["force"])
+    found = folded_function("whole", [s.t, s.x, a, u, s.p], [ca.densify(force)])
+    space = own.space
+    t, x, u, p = space.arguments
+    seen = found(t, space.put(space.system.x), a, u, p[: s.p.numel()])
+    return folded_function("inverse_dynamics", [t, x, a, u, p], [seen], ["t", "x", "a", "u", "p"], ["force"])
 
 
 def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:

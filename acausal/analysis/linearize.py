@@ -122,20 +122,16 @@ class Linearization:
 
 def linearize(
     functions: Functions,
+    whole: Functions,
     point: OperatingPoint,
     states: Sequence[Expression] | None,
     outputs: Sequence[Expression],
 ) -> Linearization:
-    """See `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
-    chosen = None if states is None else _column(functions, "states", states)
-    return _linearization(functions, point, chosen, _column(functions, "outputs", outputs))
-
-
-def linearize_in(
-    functions: Functions, point: OperatingPoint, states: ca.SX, names: tuple[str, ...], outputs: Sequence[Expression]
-) -> Linearization:
-    """In other `states` (n, 1), by those of the system, with `names`."""
-    return _linearization(functions, point, _Column(states, names), _column(functions, "outputs", outputs))
+    """Of `functions`, at a point of all coordinates of the tree; see `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
+    own = functions.space.coordinates
+    usual = None if own is None else _Column(own.column, own.names)
+    chosen = usual if states is None else _column(whole, "states", states)
+    return _linearization(whole, point, chosen, _column(whole, "outputs", outputs))
 
 
 def linearize_invariants(functions: Functions, point: OperatingPoint, steady: ca.SX) -> Linearization | None:

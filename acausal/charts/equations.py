@@ -41,6 +41,19 @@ class ChartEquations:
         y = ca.SX.sym("y", len(self.choice.positions) + len(self.choice.rates))
         return _Symbols(s.t, y, s.u, s.p, ca.SX.sym("r", 1 + nx + np_))
 
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Among the model's states, those that y stands for; of a unit quaternion the first one."""
+        c, nq = self.manifold.coordinates, self.manifold.functions.outputs.system.nq
+        first = [begin for begin, size in c.places for _ in range(size)]
+        return (*(first[i] for i in self.choice.positions), *(nq + i for i in self.choice.rates))
+
+    @property
+    def independent(self) -> tuple[int, ...]:
+        """Among the model's states, those that are independent; all of a unit quaternion, or none."""
+        c, nq, chosen = self.manifold.coordinates, self.manifold.functions.outputs.system.nq, set(self.choice.positions)
+        return (*(i for i in range(nq) if chosen.issuperset(c.entries(i))), *(nq + i for i in self.choice.rates))
+
     @functools.cached_property
     def _invariant(self) -> np.ndarray:
         """Directions (nc, n) of c along which the reference moves with the independent entries: those along which constraints never change, so
@@ -136,6 +149,20 @@ class ChartEquations:
         strain = self._limits[-1] - (at.positions.strain + at.rates.strain)
         p = ca.vertcat(k.p, k.r, self._limits)
         return folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))])
+
+    def with_guards(self, function: ca.Function) -> ca.Function:
+        """The `guards`, followed by a function (t, x, u, p) of the model's states, once for each."""
+        if function not in self._watched:
+            k = self._symbols
+            p = ca.vertcat(k.p, k.r, self._limits)
+            values = function(k.t, ca.vertcat(self._point.q, self._point.w), k.u, k.p)
+            rows = ca.vertcat(self.guards(k.t, k.y, k.u, p), values)
+            self._watched[function] = folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(rows)])
+        return self._watched[function]
+
+    @functools.cached_property
+    def _watched(self) -> dict[ca.Function, ca.Function]:
+        return {}
 
     def native(self, how: How) -> NativeProblem | None:
         """The dynamics as kernels; None without a runtime."""

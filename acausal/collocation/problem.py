@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -177,6 +177,14 @@ class Statistics:
     factorisations: int = 0
     kernels: str = ""
     compiling: float = 0.0
+
+
+def together(parts: Sequence[Statistics]) -> Statistics:
+    """Of integrations one after the other; methods and kernels of the last one."""
+    if len(parts) == 1:
+        return parts[0]
+    counts = ("steps", "rejected", "evaluations", "iterations", "seconds", "factorisations", "compiling")
+    return replace(parts[-1], **{name: sum(getattr(part, name) for part in parts) for name in counts})
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ def start_functions(functions: Functions, initial: InitialState) -> StartFunctio
     sources = ca.Function("constants", [s.t, s.x, s.p], [ca.densify(space.elimination.sources)])
     _, t, _, p = ca.vertsplit(data, _places(functions, initial))
     constants = sources(t, whole, p)
-    x = whole[list(space.places)] if space.places else ca.MX(0, 1)
+    x = space.restriction(whole)
     names = tuple(met.name + (f"[{k}]" if met.wanted.size > 1 else "") for met in initial.met for k in range(met.wanted.size))
     return StartFunctions(
         ca.Function("assembly", [data], [ca.densify(x), ca.densify(constants)]),

@@ -3,38 +3,38 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import finite, listed, whole_number
+from acausal.abstract_model import AbstractModel
+from acausal.analysis.point import start_values
+from acausal.arguments import listed, whole_number
 from acausal.charts.chart import Chart, Choice, choose_chart
 from acausal.charts.chart_space import chart_space
 from acausal.charts.equations import ChartEquations
 from acausal.charts.manifold import Manifold, manifold
-from acausal.collocation.problem import Accuracy
 from acausal.errors import OptionError
-from acausal.integrators.step import step_of
 from acausal.language.expression import Expression, Variable
-from acausal.minimal.motion import MinimalMotion
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
+from acausal.reduce.reduce import ReducedSystem
+from acausal.start.anew import AbstractDecided
 from acausal.start.assembly_function import start_units
 from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
+from acausal.start.start_values import Start, near
 from acausal.start.states import consistent_states
 
 if TYPE_CHECKING:
-    from acausal.analysis.actuation import Unknown
-    from acausal.analysis.inverse_dynamics import InverseDynamics
-    from acausal.analysis.linearize import Linearization
-    from acausal.analysis.prescribed import Given
+    from acausal.simulate.simulation import Options
+    from acausal.simulate.trajectory import Trajectory
 
+T = TypeVar("T")
 _FEWEST_STEPS = 4
 """With fewer, a path may be lost unseen."""
 _MOST_STEPS = 200
@@ -70,8 +70,48 @@ class Atlas:
         return {}
 
 
+@dataclass(frozen=True, repr=False, eq=False)
+class OnCharts(AbstractDecided):
+    """Functions of a chart for all values of parameters at which the scene is decided as it is for the chart."""
+
+    atlas: Atlas
+    chart: Chart
+
+    @property
+    def system(self) -> ReducedSystem:
+        """That of all charts."""
+        return self.atlas.functions.outputs.system
+
+    @property
+    def functions(self) -> Functions:
+        """Of the coordinates of the chart."""
+        return self._functions
+
+    @functools.cached_property
+    def _functions(self) -> Functions:
+        return Functions(self.whole.outputs, chart_space(self.atlas.equations(self.chart.choice), self.chart))
+
+    @property
+    def whole(self) -> Functions:
+        """Those of all charts."""
+        return self.atlas.functions
+
+    def at(self, p: np.ndarray) -> OnCharts:
+        """Itself. Raises `ParameterError` where other things would have to be decided."""
+        self.whole.decisions.check(p)
+        return self
+
+    def with_loops_at(self, p: np.ndarray) -> OnCharts:
+        """Itself; errors as for `at`."""
+        return self.at(p)
+
+    def answer(self, p: np.ndarray, ask: Callable[[AbstractDecided], T]) -> T:
+        """What `ask` says; errors as for `at`."""
+        return ask(self.at(p))
+
+
 @dataclass(frozen=True, repr=False)
-class MinimalModel:
+class MinimalModel(AbstractModel):
     """y' = f(t, y, u, p) of least dimension, around the reference state of `chart`.
 
     y = (independent positions, independent velocities and scalar states), named in `state_names`. Unit quaternions are replaced by three
@@ -79,6 +119,9 @@ class MinimalModel:
     y is found by Newton steps from the reference in straight-line code; where they do not converge, or the chart has ended, every
     function gives NaN. All functions are CasADi `SX` functions with exact derivatives. `initial`: how start values were met; `prefer`:
     places in (c, w) asked for.
+
+    It answers what a model answers, with y for x; where times, start values and parameters are left out they are those of the chart.
+    `simulate` goes on in another chart wherever one comes to its end; its motion has all coordinates of the tree as states.
     """
 
     atlas: Atlas
@@ -89,25 +132,18 @@ class MinimalModel:
     def __reduce__(self) -> tuple[Any, ...]:
         return MinimalModel, (self.atlas, self.chart, self.initial, self.prefer)
 
-    @functools.cached_property
+    @property
     def functions(self) -> Functions:
         """Named CasADi functions of y in place of x: dynamics, energies, outputs; there are no invariants."""
-        return Functions(self.atlas.functions.outputs, chart_space(self._equations, self.chart))
+        return self._decided.functions
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of y, in order."""
-        return self.chart.independent
+    def _decided(self) -> OnCharts:
+        return self._on_charts
 
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs u, in order."""
-        return self.functions.input_names
-
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters p, in order."""
-        return self.functions.parameter_names
+    @functools.cached_property
+    def _on_charts(self) -> OnCharts:
+        return OnCharts(self.atlas, self.chart)
 
     @property
     def start(self) -> np.ndarray:
@@ -122,7 +158,7 @@ class MinimalModel:
 
     @functools.cached_property
     def expand(self) -> ca.Function:
-        """(t, y, u, p) -> x, the states of the model."""
+        """(t, y, u, p) -> x, all coordinates and velocities of the tree, `atlas.functions.state_names`."""
         t, y, u, p = self._symbols
         x = self._equations.expand(t, y, p, self.chart.reference)
         return folded_function("expand", [t, y, u, p], [x], ["t", "y", "u", "p"], ["x"])
@@ -164,90 +200,56 @@ class MinimalModel:
     def rechart(
         self, x: Sequence[float] | np.ndarray, *, t: float | None = None, parameters: ParameterValues | None = None
     ) -> MinimalModel:
-        """The chart that is best at another state x (nx,) of the model, at time `t` [s], by default that of this chart.
+        """The chart that is best at another state x (nx,), all coordinates of the tree, at time `t` [s], by default that of this chart.
 
         Raises `StartValueError` where x does not meet the invariants or is singular.
         """
         functions = self.atlas.functions
         at = situation(functions.outputs, None, self.chart.t if t is None else t, None, parameters, clock="time t")
         functions.decisions.check(at.p)
-        return replace(self, chart=_chart(self.atlas, at.t0, x, self.chart.p if parameters is None else at.p, self.prefer))
+        return self.at(at.t0, x, self.chart.p if parameters is None else at.p)
 
-    def step(self, method: str = "gauss", order: int = 4, h: float | None = None) -> ca.Function:
-        """One implicit step, (t, y, u, p, h) -> (y_next, residual), as that of `Model.step`; there is nothing to be closed again."""
-        return step_of(self.functions, method, order, h)
+    def at(self, t: float, x: Sequence[float] | np.ndarray, p: np.ndarray) -> MinimalModel:
+        """The chart that is best at consistent states x (nx,) of the model. Raises `StartValueError` where they are singular."""
+        return replace(self, chart=_chart(self.atlas, t, x, p, self.prefer))
 
-    def linearize(self, *, outputs: Sequence[Expression | str] = (), inputs: InputValues | None = None) -> Linearization:
-        """The linear system in y at the chart's reference; see `Model.linearize`."""
-        from acausal.analysis.linearize import linearize_in
-        from acausal.analysis.point import operating_point
-
-        whole = self.atlas.functions
-        point = operating_point(whole, self._situation(None, inputs), self.chart.x)
-        column = self._equations.restrict(whole.outputs.system.x, self.chart.reference)
-        return linearize_in(whole, point, column, self.state_names, whole.outputs.system.flat.symbols(outputs))
-
-    def inverse_dynamics(
+    def _situation(
         self,
-        times: Sequence[float],
-        motions: Mapping[Expression, Given],
-        unknowns: Sequence[Unknown],
-        inputs: InputValues | None = None,
-    ) -> InverseDynamics:
-        """The forces that make variables move as prescribed, from the branch of loops of the chart on; see `Model.inverse_dynamics`."""
-        from acausal.analysis.inverse_dynamics import inverse_dynamics, times_of
-        from acausal.analysis.point import start_values
+        start: StartValues | None,
+        t0: float | None,
+        inputs: InputValues | None,
+        parameters: ParameterValues | None,
+        clock: str = "start t0",
+    ) -> Situation:
+        chart, whole = self.chart, self.atlas.functions
+        at = situation(whole.outputs, start, chart.t if t0 is None else t0, inputs, parameters, clock=clock)
+        if parameters is None:
+            at = replace(at, p=chart.p)
+        if start is not None:
+            return at
+        return replace(at, start=self._here)
 
-        whole, t = self.atlas.functions, times_of(times)
-        at = replace(self._situation(start_values(whole, self.chart.x), inputs), t0=float(t[0]))
-        return inverse_dynamics(whole, at, t, whole.outputs.system.flat.symbols(motions), unknowns)
+    @functools.cached_property
+    def _here(self) -> Start:
+        """Of the reference: what is independent as it is, the rest as near to it as other times and parameters allow."""
+        whole, chart = self.atlas.functions, self.chart
+        number = {whole.outputs.system.x[i].element_hash(): i for i in range(chart.x.size)}
+        free = set(self._equations.independent)
 
-    def inverse_dynamics_function(self, variables: Sequence[Expression], unknowns: Sequence[Unknown]) -> ca.Function:
-        """(t, y, a, u, p) -> force; see `Model.inverse_dynamics_function`."""
-        from acausal.analysis.inverse_dynamics import inverse_dynamics_function
+        def stands(key: Expression) -> bool:
+            value = whole.outputs.resolve(key)
+            return all(number[value[i].element_hash()] in free for i in range(value.numel()))
 
-        whole, (t, y, u, p) = self.atlas.functions, self._symbols
-        found = inverse_dynamics_function(whole, whole.outputs.system.flat.symbols(variables), unknowns)
-        a = ca.SX.sym("a", found.size1_in(2))
-        arguments = [t, y, a, u, p]
-        return folded_function(
-            "inverse_dynamics", arguments, [found(t, self.expand(t, y, u, p), a, u, p)], ["t", "y", "a", "u", "p"], ["force"]
-        )
+        return {key: value if stands(key) else near(value) for key, value in start_values(whole, chart.x).items()}
 
-    def export_c(self, folder: str | Path) -> Path:
-        """Write C source, header and a build line for the functions of y; returns the folder."""
-        from acausal.export.c_source import export_c
+    def stands_at(self, at: Situation) -> bool:
+        """Whether a situation is that of the chart's reference."""
+        return at.start is self._here and at.t0 == self.chart.t and np.array_equal(at.p, self.chart.p)
 
-        return export_c(self.functions, folder)
-
-    def _situation(self, start: StartValues | None, inputs: InputValues | None) -> Situation:
-        return replace(situation(self.atlas.functions.outputs, start, self.chart.t, inputs), p=self.chart.p)
-
-    def simulate(
-        self,
-        end: float,
-        start: StartValues | None = None,
-        *,
-        rtol: float = 1e-8,
-        atol: float | None = None,
-        inputs: InputValues | None = None,
-        samples: int = 501,
-        method: str = "auto",
-        compiled: bool = True,
-        max_steps: int = 1_000_000,
-        raise_on_failure: bool = True,
-    ) -> MinimalMotion:
-        """The motion to `end` [s] by integration of y, with another chart wherever one comes to its end.
-
-        It begins at the reference of this chart, or at `start` values, at the chart's time and with its parameters. Other arguments and
-        errors as for `Model.simulate`; `SimulationError` also where the motion becomes singular.
-        """
+    def _motion(self, here: AbstractDecided, at: Situation, end: float, options: Options) -> Trajectory:
         from acausal.minimal.through_charts import through_charts
-        from acausal.simulate.simulation import Options
 
-        options = Options.asked(Accuracy.asked(rtol, atol, None, max_steps), method, samples, compiled, raise_on_failure)
-        at = self._situation(start, inputs)
-        return through_charts(self, finite(end, "simulate: the end [s]"), at, start is not None, options)
+        return through_charts(self, end, at, options)
 
     @functools.cached_property
     def _equations(self) -> ChartEquations:

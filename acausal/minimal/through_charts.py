@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import time
+from dataclasses import replace
 
 import numpy as np
 
 from acausal.charts.singular_state import singular_loops
-from acausal.collocation.problem import Guards, Problem, Solution, Status, StatusKind
-from acausal.errors import OptionError, SimulationError, StartValueError
-from acausal.integrators.integrate import integrate
+from acausal.collocation.problem import Guards, Problem, Status, StatusKind
+from acausal.errors import OptionError, StartValueError
 from acausal.minimal.model import MinimalModel
-from acausal.minimal.motion import MinimalMotion
 from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.runtime.kernels import How
-from acausal.simulate.simulation import Options
+from acausal.simulate.piece import Piece
+from acausal.simulate.simulation import Options, concluded, guards_of, integrated
 from acausal.simulate.trajectory import Trajectory
-from acausal.simulate.trouble import raise_if_interrupted
-from acausal.start.initial import InitialState
 from acausal.start.inputs import knots
 from acausal.start.situation import Situation
 
@@ -39,157 +37,105 @@ _MOST_FAILURES = 4
 _CHART_MAY_BE_TO_BLAME = (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW, StatusKind.NOT_CONVERGED)
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """A solution in one chart: in y, and how to see it in x."""
-
-    minimal: MinimalModel
-    solution: Solution
-
-    @property
-    def failed(self) -> bool:
-        """Whether neither the end nor a guard ended it."""
-        return self.solution.status.kind is not StatusKind.SUCCESS
-
-    def states(self, times: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """x (nx, n)."""
-        minimal, n = self.minimal, times.size
-        columns = [np.repeat(v[:, None], n, axis=1) for v in (minimal.chart.p, minimal.chart.reference)]
-        x = minimal.atlas.equations(minimal.chart.choice).expand(times[None, :], y, *columns)
-        return np.array(x).reshape(-1, n)
-
-
-def through_charts(minimal: MinimalModel, end: float, at: Situation, elsewhere: bool, options: Options) -> MinimalMotion:
-    """The motion from chart to chart, from the first one's state or `elsewhere`. Raises `StartValueError`, `OptionError`, `SimulationError` with what was computed."""
-    functions, chart = minimal.atlas.functions, minimal.chart
+def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Options) -> Trajectory:
+    """The motion from chart to chart. Raises `StartValueError`, `OptionError`, `SimulationError` with what was computed."""
+    whole, called = minimal.atlas.functions, time.perf_counter()
     if not minimal.state_names:
         raise OptionError(
             "minimal.simulate: every motion is prescribed, so there are no states to integrate. Ask minimal.expand(t, [], u, p), or use "
             "model.simulate."
         )
-    signal = at.signal(functions)
-    initial = replace(minimal.initial, x=chart.x)
-    if elsewhere:
-        initial = at.initial(functions)
-        minimal = minimal.rechart(initial.x)
+    signal, here = at.signal(whole), minimal.stands_at(at)
+    initial = replace(minimal.initial, x=minimal.chart.x) if here else at.initial(whole)
+    breaks = apart(knots(signal, at.t0, end), at.t0, end)
     problem = Problem(
-        functions.explicit_dynamics, functions.invariants, functions.projection, signal, chart.p,
-        signal.constant, breaks=apart(knots(signal, chart.t, end), chart.t, end),
+        whole.explicit_dynamics, whole.invariants, whole.projection, signal, at.p, signal.constant, breaks=breaks,
+        guards=guards_of(whole, options.events),
     )  # fmt: skip
-    pieces: list[_Piece] = []
-    after: MinimalModel | str = minimal
-    steps = failures = 0
-    while not isinstance(after, str):
-        piece = _run(after, problem, end, options, steps)
+    pieces: list[Piece] = []
+    after = minimal if here else minimal.at(at.t0, initial.x, at.p)
+    left, failures = options.accuracy.max_steps, 0
+    while True:
+        piece, leads_on = _run(after, problem, end, options, left, called)
         pieces.append(piece)
-        steps += piece.solution.statistics.steps
-        failures = failures + 1 if piece.failed else 0
-        after = _next(piece, failures < _MOST_FAILURES)
-    return _finished(functions, problem, pieces, initial, end, after, options)
+        left -= piece.solution.statistics.steps
+        failed = piece.solution.status.kind is not StatusKind.SUCCESS
+        failures = failures + 1 if failed else 0
+        found = _next(after, piece, leads_on and failures < _MOST_FAILURES)
+        if isinstance(found, str):
+            break
+        after = found
+    if found:
+        status = pieces[-1].solution.status
+        kind = StatusKind.NOT_CONVERGED if status.kind is StatusKind.SUCCESS else status.kind
+        status = Status(kind, float(pieces[-1].solution.t[-1]), found)
+        pieces[-1] = replace(pieces[-1], solution=replace(pieces[-1].solution, status=status))
+    times = np.linspace(at.t0, pieces[-1].solution.t[-1], options.samples)
+    return concluded(Trajectory(whole, problem, tuple(pieces), initial, times, options.events), end, options)
 
 
-def _next(piece: _Piece, hopeful: bool) -> MinimalModel | str:
-    """The chart in which a motion goes on, or why there is none; empty where it reached its end. `hopeful`: after a failure, too."""
-    solution, minimal = piece.solution, piece.minimal
-    here, x = float(solution.t[-1]), piece.states(solution.t[-1:], solution.x[:, -1:])[:, 0]
-    singular = singular_loops(minimal.atlas.functions, here, x, minimal.chart.p, _NEARLY) if piece.failed else ""
-    if singular or not solution.stopped or (piece.failed and not hopeful):
+def _next(minimal: MinimalModel, piece: Piece, leads_on: bool) -> MinimalModel | str:
+    """The chart in which a motion goes on, or why there is none; empty where it ended as it should. `leads_on`: where another chart may help."""
+    solution, whole = piece.solution, minimal.atlas.functions
+    here, x, p = float(solution.t[-1]), piece.ends(whole)[:, -1], minimal.chart.p
+    failed = solution.status.kind is not StatusKind.SUCCESS
+    singular = singular_loops(whole, here, x, p, _NEARLY) if failed else ""
+    if singular or not leads_on:
         return f"{solution.status.message} {singular}".strip()
     if here <= minimal.chart.t:
         return f"No chart leads beyond t = {here:g} s; the last one is: {minimal.chart}."
     try:
-        return minimal.rechart(x, t=here)
+        return minimal.at(here, x, p)
     except StartValueError as error:
         return str(error)
 
 
-def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options, steps: int) -> _Piece:
+def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options, left: int, called: float) -> tuple[Piece, bool]:
+    """As far as a chart leads, and whether another one may lead on. `left`: steps that may still be made."""
     chart, equations = minimal.chart, minimal.atlas.equations(minimal.chart.choice)
-    r = chart.reference
-    now = np.array(equations.conditions(chart.t, chart.x, chart.p, r)).ravel()
+    now = np.array(equations.conditions(chart.t, chart.x, chart.p, chart.reference)).ravel()
     limits = np.concatenate([_WORSE * now[:2], np.full(now.size - 2, _TURNED), [_STRAIN]])
-    p = np.concatenate([chart.p, r, limits])
-    native = equations.native(How.AUTO if options.compiled else How.CASADI)
-    guards = Guards(equations.guards, (-1,) * limits.size, (True,) * limits.size)
+    n = limits.size
     own = Problem(
-        equations.dynamics, None, None, problem.inputs, p, problem.constant_inputs, native, guards, breaks=problem.breaks
-    )
+        equations.dynamics, None, None, problem.inputs, np.concatenate([chart.p, chart.reference, limits]), problem.constant_inputs,
+        equations.native(How.AUTO if options.compiled else How.CASADI), _guards(minimal, problem.guards, n), breaks=problem.breaks,
+    )  # fmt: skip
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
     wanted = options.accuracy
     rtol, atol = (max(share * part, min(part, _FINEST)) for part in (wanted.rtol, wanted.atol))
-    finer = replace(wanted, rtol=rtol, atol=atol, max_steps=wanted.max_steps - steps)
-    solution = integrate(own, minimal.start, chart.t, end, finer, method=options.method)
-    return _to_last_step(_Piece(minimal, solution))
+    finer = replace(options, accuracy=replace(wanted, rtol=rtol, atol=atol, max_steps=left))
+    solution = integrated(own, minimal.start, chart.t, end, finer, called)
+    chart_ended = solution.stopped and solution.crossings[-1].guard < n
+    crossings = tuple(replace(c, guard=c.guard - n) for c in solution.crossings if c.guard >= n)
+    seen = replace(own, parameters=chart.p)
+    return _to_last_step(
+        Piece(minimal.functions, seen, replace(solution, crossings=crossings), chart), minimal.atlas.functions, chart_ended
+    )
 
 
-def _to_last_step(piece: _Piece) -> _Piece:
-    """A motion that a guard stopped, or that failed where the chart may be to blame, up to the end of a step on the chart: ends of steps
-    are more accurate than the crossing of a guard between them. `stopped`: if it came anywhere, so that another chart may lead on.
+def _guards(minimal: MinimalModel, wanted: Guards | None, n: int) -> Guards:
+    """Where a chart ends, then what is `wanted` of the model's states."""
+    equations = minimal.atlas.equations(minimal.chart.choice)
+    if wanted is None:
+        return Guards(equations.guards, (-1,) * n, (True,) * n)
+    return Guards(equations.with_guards(wanted.function), (-1,) * n + wanted.directions, (True,) * n + wanted.stops)
+
+
+def _to_last_step(piece: Piece, whole: Functions, chart_ended: bool) -> tuple[Piece, bool]:
+    """A motion that a chart's end stopped, or that failed where the chart may be to blame, up to the end of a step on the chart, and whether
+    another chart may lead on: ends of steps are more accurate than the crossing of a guard between them.
     """
     solution = piece.solution
     n = solution.t.size
-    if solution.stopped:
+    if chart_ended:
         n = min(n, max(2, n - 1))
     elif solution.status.kind in _CHART_MAY_BE_TO_BLAME:
-        known = np.isfinite(piece.states(solution.t, solution.x)).all(axis=0)
+        known = np.isfinite(piece.ends(whole)).all(axis=0)
         n = n if known.all() else max(1, int(np.argmin(known)))
     else:
-        return piece
-    status = replace(solution.status, time=float(solution.t[n - 1]))
-    return replace(piece, solution=replace(solution, t=solution.t[:n], x=solution.x[:, :n], status=status, stopped=n > 1))
-
-
-def _finished(
-    functions: Functions,
-    problem: Problem,
-    pieces: list[_Piece],
-    initial: InitialState,
-    end: float,
-    trouble: str,
-    options: Options,
-) -> MinimalMotion:
-    solution = _joined(pieces)
-    if trouble:
-        kind = StatusKind.NOT_CONVERGED if solution.status.kind is StatusKind.SUCCESS else solution.status.kind
-        solution = replace(solution, status=Status(kind, float(solution.t[-1]), trouble))
-    times = np.linspace(solution.t[0], solution.t[-1], options.samples)
-    motion = MinimalMotion(Trajectory(functions, problem, solution, initial, times), tuple(p.minimal.chart for p in pieces))
-    raise_if_interrupted(solution.status, motion.trajectory)
-    if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
-        status = solution.status
-        raise SimulationError(
-            f"{status.message} Integration stopped at t = {status.time:.6g} s of {end:g} s ({status.kind.name.lower()}). "
-            "The motion until then is in this error's `trajectory`.",
-            motion.trajectory,
-        )
-    return motion
-
-
-def _joined(pieces: list[_Piece]) -> Solution:
-    """One solution in x; its dense output asks the piece that each time belongs to."""
-    ends = np.array([piece.solution.t[-1] for piece in pieces])
-    t = np.concatenate([pieces[0].solution.t[:1], *(piece.solution.t[1:] for piece in pieces)])
-    knots = [piece.states(piece.solution.t, piece.solution.x) for piece in pieces]
-    x = np.hstack([knots[0][:, :1], *(part[:, 1:] for part in knots)])
-
-    def dense(times: np.ndarray) -> np.ndarray:
-        result = np.empty((x.shape[0], times.size))
-        owner = np.minimum(np.searchsorted(ends, times), len(pieces) - 1)
-        for k in np.unique(owner):
-            own = owner == k
-            result[:, own] = pieces[k].states(times[own], pieces[k].solution.dense(times[own]))
-        return result
-
-    parts = [piece.solution.statistics for piece in pieces]
-    statistics = replace(
-        parts[-1],
-        steps=sum(s.steps for s in parts),
-        rejected=sum(s.rejected for s in parts),
-        evaluations=sum(s.evaluations for s in parts),
-        iterations=sum(s.iterations for s in parts),
-        seconds=sum(s.seconds for s in parts),
-        factorisations=sum(s.factorisations for s in parts),
-    )
-    last = pieces[-1].solution
-    status = last.status if last.status.worst is None else replace(last.status, worst=None)
-    return Solution(t, x, dense, statistics, status, (), last.stopped, True)
+        return piece, False
+    last = float(solution.t[n - 1])
+    crossings = tuple(c for c in solution.crossings if c.time <= last)
+    status = replace(solution.status, time=last, worst=None)
+    cut = replace(solution, t=solution.t[:n], x=solution.x[:, :n], status=status, crossings=crossings)
+    return replace(piece, solution=cut), n > 1

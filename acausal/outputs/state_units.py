@@ -15,7 +15,8 @@ def state_units(functions: Functions) -> tuple[str, ...]:
     units += [s.unit for s in scalars[:n]]
     units += [unit for item in joints for unit in _velocity_units(item.edge.joint)]
     units += [s.unit for s in scalars[n:]]
-    return tuple(units[i] for i in functions.space.places)
+    space = functions.space
+    return tuple(units[i] for i in (space.places if space.coordinates is None else space.coordinates.places))
 
 
 def _position_units(joint: AbstractJoint) -> list[str]:

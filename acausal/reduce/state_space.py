@@ -18,12 +18,16 @@ from acausal.wording import compact
 
 @dataclass(frozen=True)
 class Coordinates:
-    """States that are coordinates of a chart: their `names`, themselves by the system's states (`column`), how many of them are `positions`, and how
-    many after these `velocities` of the tree. `made_by`, from what: for copies.
+    """States that are coordinates of a chart: their `names`, the states of the system that they stand for (`places`; of a quaternion the first
+    one), themselves by the system's states (`column`), how many of them are `positions`, and how
+    many after these `velocities` of the tree. `expand`: times (n,), coordinates (ny, n) and parameters -> the system's states (nx, n). `made_by`,
+    from what: for copies.
     """
 
     names: tuple[str, ...]
+    places: tuple[int, ...]
     column: ca.SX
+    expand: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
     positions: int
     velocities: int
     made_by: tuple[Callable[..., StateSpace], tuple[Any, ...]]
@@ -131,9 +135,19 @@ class StateSpace:
     def restricted(self, x: np.ndarray) -> np.ndarray:
         """(nx,) or (nx, n) of states of the system."""
         if self.coordinates is not None:
-            found = ca.Function("restrict", [self.system.x], [ca.densify(self.coordinates.column)])
-            return np.array(found(x)).reshape(-1, *x.shape[1:])
+            return np.array(self.restriction(x)).reshape(-1, *x.shape[1:])
         return x[list(self.places)] if self.elimination.symbols else x
+
+    @functools.cached_property
+    def restriction(self) -> ca.Function:
+        """The system's states -> x."""
+        x = self.system.x
+        column = x[list(self.places)] if self.coordinates is None else self.coordinates.column
+        return ca.Function("restriction", [x], [ca.densify(column)])
+
+    def restricted_change(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        """(nx, n) for changes dx (nx, n) of the system's states at x (nx,)."""
+        return self.restricted(dx) if self.coordinates is None else np.array(self.restriction.jacobian()(x, 0)) @ dx
 
     def extended(self, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Parameters with the constants of integration of a motion that passes the system's states x at time t."""
@@ -146,9 +160,17 @@ class StateSpace:
         by_x, by_p = (np.array(part) for part in self._slopes(t, x, p))
         return np.vstack([dp, by_x @ dx + by_p @ dp])
 
-    def expanded(self, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """The system's states (n,) for x (nx,) and p with its constants."""
-        return np.array(self._everything(t, x, p)).ravel()
+    def expanded(self, t: float | np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """The system's states (n,) or (n, m), for x (nx,) or (nx, m) at time t or times (m,), and p with its constants."""
+        if not self.elimination.symbols:
+            return x
+        times = np.atleast_1d(t)
+        columns, parameters = x.reshape(-1, times.size), np.repeat(p[:, None], times.size, axis=1)
+        if self.coordinates is not None:
+            found = self.coordinates.expand(times, columns, p)
+        else:
+            found = np.array(self._everything(times[None, :], columns, parameters))
+        return found.reshape(-1, *x.shape[1:])
 
     @functools.cached_property
     def _constants(self) -> ca.Function:

@@ -52,7 +52,7 @@ def _contradicting(functions: Functions, run: Trajectory) -> list[Part]:
     if not known:
         return []
     function = functions.output(ca.vertcat(*(powers for _, powers in known)), name="powers")
-    steps = spread(run.solution.t.size)
+    steps = spread(run.steps.t.size)
     values = at_steps(functions, run, function, steps).reshape(len(known), -1, steps.size)
     total, size = np.abs(values.sum(axis=1)).max(axis=1), np.abs(values).sum(axis=1).max(axis=1)
     return [part for (part, _), gap, all_of in zip(known, total, size, strict=True) if gap > _CONTRADICTION * all_of]
@@ -82,9 +82,9 @@ def _singular(functions: Functions, run: Trajectory) -> float | None:
     m = functions.outputs.system.constraints.jacobian.shape[0]
     if not m:
         return None
-    steps = spread(run.solution.t.size)
+    steps = spread(run.steps.t.size)
     matrices = matrices_at_steps(functions, run, functions.loop_matrix, steps)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(matrices, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
     smallest = least_spectrum(matrices / scale[:, None] / scale, _NEAR)
     worst = int(np.argmin(smallest))
-    return float(run.solution.t[steps[worst]]) if smallest[worst] < _NEAR else None
+    return float(run.steps.t[steps[worst]]) if smallest[worst] < _NEAR else None

@@ -14,7 +14,7 @@ MOST = 256
 
 def at_steps(functions: Functions, run: Trajectory, function: ca.Function, some: np.ndarray | None = None) -> np.ndarray:
     """(rows, n): a function (t, x, u, p) at the ends of `some` steps, or of all."""
-    t, x = run.solution.t, run.solution.x
+    t, x = run.steps.t, run.steps.x
     if some is not None:
         t, x = t[some], x[:, some]
     return functions.series(function).glance(t, x, run.problem.inputs(t), run.problem.parameters)

@@ -86,7 +86,7 @@ def sensitivities(
     if space.elimination.symbols:
         problem = replace(problem, parameters=space.extended(t0, x0, p))
         dp = space.extended_change(t0, x0, p, directions.dx, directions.dp)
-        directions = replace(directions, dx=space.restricted(directions.dx), dp=dp)
+        directions = replace(directions, dx=space.restricted_change(x0, directions.dx), dp=dp)
         x0 = space.restricted(x0)
     found = integrate_sensitivities(problem, x0, t, directions, accuracy)
     return Sensitivities(functions, problem, t, tuple(c.name for c in what), directions, found)

@@ -22,6 +22,7 @@ from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
+from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
@@ -87,20 +88,22 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))
     problem = replace(problem, parameters=initial.p, read=np.linspace(t0, end, options.samples))
     check_branch(functions, problem, t0, end, initial.x)
-    breaks, guards = (
-        apart(knots(problem.inputs, t0, end), t0, end),
-        _guards(functions, options.events) if options.events else None,
-    )
+    breaks, guards = apart(knots(problem.inputs, t0, end), t0, end), guards_of(functions, options.events)
     if breaks.size or guards:
         problem = replace(problem, breaks=breaks, guards=guards)
-    solution = _integrated(problem, initial.x, t0, end, options, called)
+    solution = integrated(problem, initial.x, t0, end, options, called)
     reached = float(solution.t[-1])
     times = problem.read if reached == end else np.linspace(t0, reached, options.samples)
-    run = Trajectory(functions, problem, solution, initial, times, options.events)
-    look_at(functions, run, options.accuracy, jumps)
-    if solution.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
+    run = Trajectory(functions, problem, (Piece(functions, problem, solution),), initial, times, options.events)
+    return concluded(run, end, options, jumps)
+
+
+def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False) -> Trajectory:
+    """The run, looked at. Raises `SimulationError` where it has not come to its end, and `KeyboardInterrupt`, both with the run."""
+    look_at(run.functions, run, options.accuracy, jumps)
+    if run.status.kind is not StatusKind.SUCCESS and options.raise_on_failure:
         raise_if_interrupted(run.status, run)
-        raise SimulationError(failure(functions, run.status, end, run), run)
+        raise SimulationError(failure(run.functions, run.status, end, run), run)
     return run
 
 
@@ -113,7 +116,7 @@ def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bo
         warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
 
 
-def _integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: Options, called: float) -> Solution:
+def integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: Options, called: float) -> Solution:
     """The solution, with the time that kernels took since the call (`time.perf_counter`) in its statistics."""
     native = problem.native
     progress = shown_progress(options.progress, lambda: native is not None and native.busy)
@@ -158,7 +161,10 @@ def _problem(functions: Functions, at: Situation, compiled: bool) -> Problem:
     )  # fmt: skip
 
 
-def _guards(functions: Functions, events: Sequence[when]) -> Guards:
+def guards_of(functions: Functions, events: Sequence[when]) -> Guards | None:
+    """What is to be watched; None without events. Raises `OptionError`, `UnknownVariableError`."""
+    if not events:
+        return None
     key = tuple(event.expression for event in events)
     function = functions.guard_functions.get(key)
     if function is None:

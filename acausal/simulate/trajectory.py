@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import html
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.collocation.problem import Problem, Solution, Statistics, Status
+from acausal.charts.chart import Chart
+from acausal.collocation.problem import Problem, Solution, Statistics, Status, together
 from acausal.errors import OptionError
 from acausal.language.component import System
 from acausal.language.expression import Expression
@@ -23,12 +25,23 @@ from acausal.outputs.outputs import Outputs
 from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
 from acausal.simulate.events import Event, when
+from acausal.simulate.piece import Piece
 from acausal.start.initial import InitialState
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Times `t` (n,) [s] and states `x` (nx, n) at the start and at ends of steps."""
+
+    t: np.ndarray
+    x: np.ndarray
 
 
 @dataclass(frozen=True, repr=False)
 class Trajectory:
-    """A motion: times `t` (n,) [s], states `x` (nx, n), and everything that follows from them.
+    """A motion: times `t` (n,) [s], states `x` (nx, n) of `functions`, and everything that follows from them.
+
+    It is made of `pieces`, one after the other in time, each in states of its own. `problem`: inputs and parameters.
 
     `run[variable]` is the series of a variable or expression: (n,) for scalars, (n, 3) for vectors, (n, 3, 3) for rotations.
     `run.at(times)` is the same motion at other times, interpolated with the integrator's own accuracy.
@@ -36,14 +49,14 @@ class Trajectory:
 
     functions: Functions
     problem: Problem
-    solution: Solution
+    pieces: tuple[Piece, ...]
     initial: InitialState
     t: np.ndarray
     watched: tuple[when, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """With the states at `t` as they are: elsewhere the same bits are read, whatever would be interpolated or compiled there."""
-        return _read, (self.functions, self.problem, self.solution, self.initial, self.t, self.watched, self.x)
+        return _read, (self.functions, self.problem, self.pieces, self.initial, self.t, self.watched, self.x)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Trajectory:
         """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
@@ -52,28 +65,58 @@ class Trajectory:
         _, parts = self.__reduce__()
         return _read(*copy.deepcopy(parts, memo))
 
+    @property
+    def solution(self) -> Solution:
+        """Of the last piece, whose states are those of the motion unless it went through charts."""
+        return self.pieces[-1].solution
+
+    @functools.cached_property
+    def steps(self) -> Steps:
+        """The ends of steps that are kept, of all pieces."""
+        if len(self.pieces) == 1 and self.pieces[0].functions is self.functions:
+            return Steps(self.solution.t, self.solution.x)
+        first = self.pieces[0].solution.t[:1]
+        t = [first, *(piece.solution.t[1:] for piece in self.pieces)]
+        x = [self.pieces[0].ends(self.functions)[:, :1], *(piece.ends(self.functions)[:, 1:] for piece in self.pieces)]
+        return Steps(np.concatenate(t), np.hstack(x))
+
+    @property
+    def charts(self) -> tuple[Chart, ...]:
+        """Of a minimal model, those that the motion ran through, which tell when each began."""
+        return tuple(piece.chart for piece in self.pieces if piece.chart is not None)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Old name of a minimal model's motion."""
+        warnings.warn(
+            "motion.trajectory is the motion itself now; the old name goes with the next version.",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return self
+
     @functools.cached_property
     def events(self) -> tuple[Event, ...]:
         """Zeros of the expressions given as `events`, in order of time."""
-        found = self.solution.crossings
-        x = self.solution.dense(np.array([c.time for c in found])) if found else np.zeros((0, 0))
         words = {1: "rising", -1: "falling", 0: "touching"}
-        return tuple(Event(self.watched[c.guard], c.time, words[c.direction], x[:, k]) for k, c in enumerate(found))
+        events: list[Event] = []
+        for piece in self.pieces:
+            found = piece.solution.crossings
+            x = piece.between(np.array([c.time for c in found]), self.functions) if found else np.zeros((0, 0))
+            events += [Event(self.watched[c.guard], c.time, words[c.direction], x[:, k]) for k, c in enumerate(found)]
+        return tuple(events)
 
     @functools.cached_property
     def x(self) -> np.ndarray:
         """States at `t`, (nx, n): the integrator's interpolant, projected so that invariants hold between steps too."""
-        x = self.solution.dense(self.t)
-        project = self.functions.projection
-        if project is None:
-            return x
-        if self.problem.native is not None:
-            return self.problem.native.projected(self.t, x, self.problem.parameters)
-        p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
-        projected = x
-        for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
-            projected = np.array(project(self.t[None, :], projected, p)).reshape(x.shape)
-        return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
+        if len(self.pieces) == 1:
+            return self.pieces[0].states(self.t, self.functions)
+        x = np.empty((len(self.functions.state_names), self.t.size))
+        ends = np.array([piece.solution.t[-1] for piece in self.pieces])
+        owner = np.minimum(np.searchsorted(ends, self.t), len(self.pieces) - 1)
+        for k in np.unique(owner):
+            x[:, owner == k] = self.pieces[k].states(self.t[owner == k], self.functions)
+        return x
 
     @functools.cached_property
     def u(self) -> np.ndarray:
@@ -93,7 +136,7 @@ class Trajectory:
     @property
     def statistics(self) -> Statistics:
         """Method, steps, evaluations and time of the integration."""
-        return self.solution.statistics
+        return together([piece.solution.statistics for piece in self.pieces])
 
     def at(self, times: Sequence[float] | np.ndarray | float) -> Trajectory:
         """The motion at other times within the simulated interval [s]. Raises `OptionError` outside of it."""
@@ -101,7 +144,7 @@ class Trajectory:
             wanted = np.atleast_1d(np.asarray(times, dtype=float))
         except (TypeError, ValueError):
             raise OptionError(f"run.at({times!r}): give a time or a list of times [s].") from None
-        first, last = self.solution.t[0], self.solution.t[-1]
+        first, last = self.pieces[0].solution.t[0], self.solution.t[-1]
         slack = 1e-12 * max(abs(first), abs(last))
         if wanted.size == 0 or np.any(wanted < first - slack) or np.any(wanted > last + slack) or not np.all(np.isfinite(wanted)):
             raise OptionError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
@@ -150,7 +193,7 @@ class Trajectory:
         """Energy dissipated less energy supplied since the start, (n,) [J]; Gauss quadrature of the power on the interpolant."""
         if self.outputs.power_loss.is_zero():
             return np.zeros(self.t.size)
-        knots = np.unique(np.concatenate([self.solution.t[self.solution.t <= self.t[-1]], self.t]))
+        knots = np.unique(np.concatenate([self.steps.t[self.steps.t <= self.t[-1]], self.t]))
         nodes, weights = np.polynomial.legendre.leggauss(12)
         half = np.diff(knots) / 2
         times = (knots[:-1] + half)[:, None] + half[:, None] * nodes
@@ -161,9 +204,10 @@ class Trajectory:
 
     def energy_error(self) -> float:
         """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way."""
-        start = self if self.t[0] == self.solution.t[0] else self.at(self.solution.t[:1])
+        begin = self.pieces[0].solution.t[:1]
+        start = self if self.t[0] == begin[0] else self.at(begin)
         balance = self.energy + self.energy_loss - start.energy[0]
-        steps = self.solution.t  # what moves in between counts where few samples were asked for
+        steps = self.steps.t  # what moves in between counts where few samples were asked for
         between = self.at(steps[:: max(1, steps.size // 64)])
         swing = max(float(np.max(np.abs(run.potential_energy - start.potential_energy[0]))) for run in (self, between))
         scale = max(float(np.max(self.kinetic_energy)), float(np.max(between.kinetic_energy)), swing)
@@ -226,20 +270,21 @@ class Trajectory:
         s = self.statistics
         compiling = f" beside {1e3 * s.compiling:.0f} ms of compiling" if s.compiling > 1e-3 else ""
         return (
-            f"{self.outputs.system.flat.name}: {self.solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
+            f"{self.outputs.system.flat.name}: {self.pieces[0].solution.t[0]:g} s to {self.solution.t[-1]:g} s, {self.status.kind.name}; "
             f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms{compiling}"
+            + "".join(f"\n  {chart}" for chart in self.charts)
         )
 
 
 def _read(
     functions: Functions,
     problem: Problem,
-    solution: Solution,
+    pieces: tuple[Piece, ...],
     initial: InitialState,
     t: np.ndarray,
     watched: tuple[when, ...],
     x: np.ndarray,
 ) -> Trajectory:
-    run = Trajectory(functions, problem, solution, initial, t, watched)
+    run = Trajectory(functions, problem, pieces, initial, t, watched)
     run.__dict__["x"] = x
     return run

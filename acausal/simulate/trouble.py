@@ -48,7 +48,7 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
     suspicious = _suspicious(functions, run)
     if not suspicious.size:
         return False
-    last = run.solution.t.size - 1
+    last = run.steps.t.size - 1
     steps = np.union1d(suspicious, (0, (last + 1) // 2, last))  # what is usual is seen there
     values = matrices_at_steps(functions, run, functions.loop_matrix, steps)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
@@ -61,7 +61,7 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
     if smallest[worst] < _SINGULAR:
         joints = ", ".join(f"'{rows.edge.name}'" for rows in system.constraints.loops)
         warnings.warn(
-            f"At t = {run.solution.t[steps[worst]]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
+            f"At t = {run.steps.t[steps[worst]]:.6g} s a loop closed by {joints} is singular: its constraints depend on one another "
             f"({_dependent_rows(functions, run, int(steps[worst]), scale)}), and more than one "
             "motion may go on from there. The motion after it is not reliable; check run.energy_error(), or start elsewhere.",
             SingularWarning, stacklevel=callers_level(),
@@ -73,7 +73,7 @@ def _suspicious(functions: Functions, run: Trajectory) -> np.ndarray:
     """Numbers of steps, at most `MOST`, at whose ends a look at the loops' matrix is worth its cost: where nothing moves, or, where no
     singular position is known, steps were cut, and not by an end of the run. How rows stand at the start is known (see `check_decided`).
     """
-    t = run.solution.t
+    t = run.steps.t
     if functions.outputs.system.constraints.singular:
         kinetic = at_steps(functions, run, functions.kinetic_energy)[0]
         some = np.flatnonzero(kinetic <= _SINGULAR * np.max(kinetic))
@@ -82,7 +82,7 @@ def _suspicious(functions: Functions, run: Trajectory) -> np.ndarray:
     if h.size < 2:
         return np.arange(h.size)
     h[0] = max(h[:2])
-    if run.solution.status.kind is StatusKind.SUCCESS:
+    if run.status.kind is StatusKind.SUCCESS:
         h[-1] = max(h[-2:])
     least = _CUT * np.partition(h, h.size // 2)[h.size // 2]
     if h.min() >= least:
@@ -97,7 +97,7 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
     system = functions.outputs.system
     space = functions.space
     function = ca.Function("A", [system.t, space.x, space.p], [space.put(system.constraints.jacobian)])
-    A = np.array(function(run.solution.t[k], run.solution.x[:, k], run.problem.parameters)) / scale[:, None]
+    A = np.array(function(run.steps.t[k], run.steps.x[:, k], run.problem.parameters)) / scale[:, None]
     names = [name for rows in system.constraints.loops for name in rows.names]
     U, _, Vt = np.linalg.svd(A)
     opened = Vt[A.shape[0] - 1]
@@ -115,7 +115,7 @@ def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
         outside = np.flatnonzero(np.min(values, axis=0) < 0)
         if outside.size:
             warnings.warn(
-                f"By t = {run.solution.t[outside[0]]:.6g} s '{item.edge.name}' ({joint.created_at}) has left the domain of its coordinates. {joint.if_outside} "
+                f"By t = {run.steps.t[outside[0]]:.6g} s '{item.edge.name}' ({joint.created_at}) has left the domain of its coordinates. {joint.if_outside} "
                 "The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
@@ -156,7 +156,7 @@ def _first_missed(functions: Functions, run: Trajectory, rows: ca.Function | Non
     if not missed.any():
         return None
     k = int(np.flatnonzero(missed.any(axis=0))[0])
-    return float(run.solution.t[k]), float(np.max(gap[:, k]))
+    return float(run.steps.t[k]), float(np.max(gap[:, k]))
 
 
 _LOOKS = 16
@@ -170,8 +170,8 @@ def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
     parts, pushes = functions.contacts
     if pushes is None or functions.outputs.system.constraints.redundant:
         return
-    some = spread(run.solution.t.size, _LOOKS)
-    t, values = run.solution.t[some], at_steps(functions, run, pushes, some)
+    some = spread(run.steps.t.size, _LOOKS)
+    t, values = run.steps.t[some], at_steps(functions, run, pushes, some)
     if not np.isfinite(values).all() or not np.min(values, initial=0.0) < -_PULL * np.max(np.abs(values)):
         return
     k, i = np.unravel_index(int(np.argmin(values)), values.shape)
@@ -217,7 +217,7 @@ def _argument(functions: Functions, kind: str, k: int) -> str:
 
 def _lost_input(functions: Functions, run: Trajectory, t1: float) -> str:
     """An input that is no number at the last state or a little later; empty if all are."""
-    t = run.solution.t[-1]
+    t = run.steps.t[-1]
     values = run.problem.inputs(np.array([t, t + 1e-9 * (abs(t) or t1)]))
     lost = np.flatnonzero(~np.all(np.isfinite(values), axis=1))
     if not lost.size:
@@ -233,7 +233,7 @@ def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
     system, outputs = functions.outputs.system, functions.outputs
     if not ca.depends_on(system.closing, system.t):
         return ""
-    t0, t = run.solution.t[0], run.solution.t[-1]
+    t0, t = run.steps.t[0], run.steps.t[-1]
     later = t + max(0.01 * (t - t0), 1e-3 * (t1 - t0))
     p = run.problem.parameters[: system.p_values.size]
     try:
@@ -248,7 +248,7 @@ def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
 def _without_inertia(functions: Functions, run: Trajectory) -> str:
     """A motion of the tree that meets no inertia at the last state; empty if there is none, or if loops forbid it."""
     system = functions.outputs.system
-    t, x = run.solution.t[-1], run.solution.x[:, -1]
+    t, x = run.steps.t[-1], run.steps.x[:, -1]
     if not system.tree_velocities or system.constraints.loops:
         return ""
     M = np.array(functions.mass_matrix(t, x, run.problem.inputs(np.array([t]))[:, 0], run.problem.parameters))

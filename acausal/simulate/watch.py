@@ -53,17 +53,17 @@ class Sizes:
 
 def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol: float) -> None:
     """Say so when invariants or the energy balance of a run are off by far more than its tolerance explains."""
-    n = run.solution.t.size
+    n = run.steps.t.size
     forgiven = (_FORGIVEN + _A_STEP * n) * (_STRICT if functions.outputs.system.constraints.singular else 1.0)
     part = min(max(forgiven * rtol, _LEAST), _MOST)
     if n < 2 or not functions.space.x.numel():
         return
-    x = run.solution.x
+    x = run.steps.x
     met = np.maximum.reduce(np.abs(x), axis=1)
     if functions.quaternion_states:
         met[functions.quaternion_states] = 1.0
     sizes = Sizes(met, part * met + forgiven * atol, part)
-    some = _looks(run.solution.t)
+    some = _looks(run.steps.t)
     as_found, disturbed = _values(functions, run, some, sizes)
     found, spread = np.maximum.reduce(np.abs(as_found), axis=0), np.maximum.reduce(np.abs(disturbed - as_found), axis=0)
     if not math.isfinite(np.add.reduce(spread)):
@@ -84,9 +84,9 @@ def _looks(t: np.ndarray) -> np.ndarray:
 
 def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
     """Energies and invariants (8, rows) at eight steps, as they are and with the states disturbed."""
-    times, n = run.solution.t[some], sizes.met.size
+    times, n = run.steps.t[some], sizes.met.size
     x = np.empty((n, 2 * _LOOKS))
-    x[:, :_LOOKS] = x[:, _LOOKS:] = run.solution.x[:, some]
+    x[:, :_LOOKS] = x[:, _LOOKS:] = run.steps.x[:, some]
     signs = _SIGNS if n * _LOOKS <= _SIGNS.size else np.resize(_SIGNS, n * _LOOKS)
     x[:, _LOOKS:] += sizes.forgiven[:, None] * signs[: n * _LOOKS].reshape(_LOOKS, n).T
     u, p = run.problem.inputs(times), run.problem.parameters
@@ -112,7 +112,7 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
         return False
     row = int(np.argmax(np.where(off, gaps, 0.0).max(axis=1) / np.maximum(terms, np.finfo(float).tiny)))
     begin = int(np.argmax(off[row]))
-    t, size = run.solution.t, float(gaps[row].max())
+    t, size = run.steps.t, float(gaps[row].max())
     if row >= functions.kept_invariants:
         cause = "It followed from the others where the loop was examined, and does not here: other constraints may be redundant, or none."
     elif functions.outputs.system.constraints.damped:
@@ -136,9 +136,9 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np
     A state at rest has the size of what the terms of its rate would make of it in a step: the terms of a balance are there though
     their sum is nothing.
     """
-    t, x, p = float(run.solution.t[k]), run.solution.x[:, k], run.problem.parameters
+    t, x, p = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters
     u = run.problem.inputs(np.array([t]))[:, 0]
-    rates, h, spread = Rounding(functions.explicit_dynamics), float(np.diff(run.solution.t).max()), _EPS * sizes.met
+    rates, h, spread = Rounding(functions.explicit_dynamics), float(np.diff(run.steps.t).max()), _EPS * sizes.met
     for _ in range(2):  # of velocities, then of positions
         spread = np.maximum(spread, h * np.nan_to_num(rates(t, x, u, p, spread=spread)))
     return Rounding(functions.watched)(t, x, u, p, spread=spread)
@@ -146,7 +146,7 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np
 
 def _rounding_of_turns(functions: Functions, run: Trajectory, k: int) -> np.ndarray:
     """What energies and invariants at step k change by where angles, of which 1 rad is much, are rounded."""
-    t, x, p, space = float(run.solution.t[k]), run.solution.x[:, k], run.problem.parameters, functions.space
+    t, x, p, space = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters, functions.space
     turns, rates = turning_states(space.system)
     spread = _EPS * np.append(turns, np.zeros(rates.size))[list(space.places)]
     u = run.problem.inputs(np.array([t]))[:, 0]
@@ -175,7 +175,7 @@ def _look_at_energy(
     if not np.abs(every.gap[worst]) > allowed:
         return
     size = float(np.max(np.abs(every.gap)))
-    t = run.solution.t
+    t = run.steps.t
     begin = int(np.argmax(np.abs(every.gap) > 0.1 * size))
     sudden = bool(np.max(np.abs(np.diff(every.gap))) > 0.5 * size)
     off = f"{size / every.scale:.2g} of the largest energy that moves" if every.scale > 0 else "and nothing moves"
@@ -193,10 +193,10 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     Trapezoidal rule with slopes at the ends (Hermite's cubic); what the slopes bring in is taken for its error. Not judged where the
     power takes much arithmetic against the motion itself.
     """
-    steps, (of_power, of_rates) = run.solution.t.size, functions.operations_of_power_and_rates
+    steps, (of_power, of_rates) = run.steps.t.size, functions.operations_of_power_and_rates
     if steps < 4 or of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
         return False
-    h, power = np.diff(run.solution.t), at_steps(functions, run, functions.power_loss)[0]
+    h, power = np.diff(run.steps.t), at_steps(functions, run, functions.power_loss)[0]
     secant = (power[1:] - power[:-1]) / h
     inside = (secant[:-1] * h[1:] + secant[1:] * h[:-1]) / (h[1:] + h[:-1])
     slope = np.concatenate((secant[:1], inside, secant[-1:]))
@@ -209,8 +209,8 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
 
 def _passed(functions: Functions, run: Trajectory) -> float:
     """Energy that passes through parts, in either direction, though what goes in and comes out may be the same at all times."""
-    flows = np.abs(run.at(run.solution.t)[functions.outputs.power_flows])
-    return float(np.sum(np.diff(run.solution.t)[:, None] * (flows[1:] + flows[:-1])) / 2)
+    flows = np.abs(run.at(run.steps.t)[functions.outputs.power_flows])
+    return float(np.sum(np.diff(run.steps.t)[:, None] * (flows[1:] + flows[:-1])) / 2)
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ class Balance:
 def _balance(functions: Functions, run: Trajectory) -> Balance:
     """With what is lost by Gauss quadrature."""
     T, V = at_steps(functions, run, functions.watched)[:2]
-    lost = run.at(run.solution.t).energy_loss
+    lost = run.at(run.steps.t).energy_loss
     gap = T + V - T[0] - V[0] + lost
     passed = 0.0 if functions.outputs.power_loss.is_zero() else _passed(functions, run)
     return Balance(gap, max(float(np.max(T)), float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost))), passed))

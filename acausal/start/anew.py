@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -23,23 +24,67 @@ _KEPT = 32
 """Values of parameters for which a scene stays decided."""
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class Decided:
-    """A scene as it was decided for the values of its `system`; knows those that hold for other values."""
+class AbstractDecided(ABC):
+    """Functions of a scene that hold for the values of its `system`, and what holds for others."""
 
-    system: ReducedSystem
+    @property
+    @abstractmethod
+    def system(self) -> ReducedSystem:
+        """As it was decided."""
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Decided, (self.system,)
-
-    @functools.cached_property
+    @property
+    @abstractmethod
     def functions(self) -> Functions:
-        """Of the states that a simulation carries."""
-        return Functions(Outputs(self.system), state_space(self.system))
+        """Of the states that are integrated."""
 
-    @functools.cached_property
+    @property
+    @abstractmethod
     def whole(self) -> Functions:
         """The same functions of all coordinates of the tree, for analysis that chooses its own states."""
+
+    @abstractmethod
+    def at(self, p: np.ndarray) -> AbstractDecided:
+        """For these values of all parameters (np,). Raises `LockedError`, `ParameterError`."""
+
+    @abstractmethod
+    def with_loops_at(self, p: np.ndarray) -> AbstractDecided:
+        """The same, with the same states."""
+
+    @abstractmethod
+    def answer(self, p: np.ndarray, ask: Callable[[AbstractDecided], T]) -> T:
+        """What `ask` says of the scene at these values."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Decided(AbstractDecided):
+    """A scene as it was decided when it was `reduced`; knows what holds for other values."""
+
+    reduced: ReducedSystem
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Decided, (self.reduced,)
+
+    @property
+    def system(self) -> ReducedSystem:
+        """As it was decided."""
+        return self.reduced
+
+    @property
+    def functions(self) -> Functions:
+        """Of the states that a simulation carries."""
+        return self._functions
+
+    @functools.cached_property
+    def _functions(self) -> Functions:
+        return Functions(Outputs(self.system), state_space(self.system))
+
+    @property
+    def whole(self) -> Functions:
+        """The same functions of all coordinates of the tree, for analysis that chooses its own states."""
+        return self._whole
+
+    @functools.cached_property
+    def _whole(self) -> Functions:
         found = self.functions
         return found if not found.space.elimination.symbols else Functions(found.outputs, whole_state_space(self.system))
 
@@ -67,7 +112,7 @@ class Decided:
         here.functions.decisions.check(p)
         return here
 
-    def answer(self, p: np.ndarray, ask: Callable[[Decided], T]) -> T:
+    def answer(self, p: np.ndarray, ask: Callable[[AbstractDecided], T]) -> T:
         """What `ask` says of the scene decided for these values. Where its loops are not what they were taken for at the call's own time and
         place, they are examined there, and asked again. Raises `OtherDecisions` where that does not help.
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -15,12 +16,8 @@ from acausal.outputs.functions import Functions
 from acausal.start.coordinates import turning_states
 
 
-def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> np.ndarray:
-    """All states (nx,) from anything like an array, at time t [s] and parameters p (np,).
-
-    Raises `StartValueError` for another number of them, for what is not finite, and where the constraints are violated.
-    """
-    names = functions.state_names
+def finite_states(names: Sequence[str], x: Any) -> np.ndarray:
+    """States (nx,) with these names from anything like an array. Raises `StartValueError` for another number of them, and for what is not finite."""
     try:
         states = np.array(x, dtype=float).ravel()
     except (TypeError, ValueError):
@@ -29,6 +26,15 @@ def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> 
         raise StartValueError(
             f"The states must be {len(names)} finite numbers, not {x!r}: {', '.join(names[:12])}. Or give start={{variable: value}}."
         )
+    return states
+
+
+def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> np.ndarray:
+    """All states (nx,) from anything like an array, at time t [s] and parameters p (np,).
+
+    Raises `StartValueError` for another number of them, for what is not finite, and where the constraints are violated.
+    """
+    states = finite_states(functions.state_names, x)
     gaps = np.zeros(0) if functions.invariants is None else np.array(functions.invariants(t, states, p)).ravel()
     off = np.flatnonzero(~(np.abs(gaps) <= _allowed(functions, t, states, p))) if gaps.any() else np.zeros(0, dtype=int)
     if off.size:
