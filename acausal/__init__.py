@@ -7,8 +7,10 @@ from acausal.language.connector import Electrical, Frame, Point, Rotational, Sig
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Input, Parameter, Variable, time
 from acausal.language.pieces import samples, with_knots
+from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
+from acausal.parts import rotations
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 
@@ -30,12 +32,16 @@ __all__ = [
     "Translational",
     "Variable",
     "build",
+    "cross",
     "der",
+    "dot",
     "equal",
     "errors",
     "exactly",
     "load_c",
     "near",
+    "norm",
+    "rotations",
     "samples",
     "time",
     "when",

@@ -119,7 +119,7 @@ class RigidBody(AbstractRigidPart):
         shown = ", ".join(f"{p:g}" for p in where) if isinstance(where, np.ndarray) else str(where.sx)
         return self._add_frame(f"at({shown})", where, rotation_matrix(rotation))
 
-    def _add_frame(self, name: str, position: np.ndarray | Expression, rotation: np.ndarray | None) -> Frame:
+    def _add_frame(self, name: str, position: np.ndarray | Expression, rotation: np.ndarray | Expression | None) -> Frame:
         frame = Frame(self, name)
         self.places.append(position)
         self._frames.append((frame, pose(position, rotation)))

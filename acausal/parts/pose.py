@@ -42,9 +42,10 @@ class Pose:
         return Pose(transposed, -product(transposed, self.position))
 
 
-def pose(position: np.ndarray | Expression, rotation: np.ndarray | None = None) -> Pose:
+def pose(position: np.ndarray | Expression, rotation: np.ndarray | Expression | None = None) -> Pose:
     """A pose from checked numbers or expressions; no rotation by default."""
-    return Pose(np.eye(3) if rotation is None else rotation, position.sx if isinstance(position, Expression) else position)
+    turned = np.eye(3) if rotation is None else rotation
+    return Pose(*(given.sx if isinstance(given, Expression) else given for given in (turned, position)))
 
 
 def symbolic(matrix: Matrix) -> ca.SX:

@@ -6,13 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.arguments import dictionary, finite
 from acausal.collocation.inputs import Inputs
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.component import Component
-from acausal.language.expression import Expression, Input, InputRate, Parameter, Symbol, number
+from acausal.language.expression import Expression, Input, InputRate, Parameter, Symbol, leaves, number
 from acausal.language.flatten import FlatSystem
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -73,7 +74,7 @@ def situation(
 
 def named_start(flat: FlatSystem, start: Any) -> Start:
     """Start values, by symbols also where they are given by name. Raises `StartValueError`, `UnknownVariableError`."""
-    given = start_mapping(start)
+    given = {Expression(key, leaves(key)) if isinstance(key, ca.SX) else key: value for key, value in start_mapping(start).items()}
     return _each_once(flat.symbols(given), given, "start")
 
 

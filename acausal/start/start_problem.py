@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
-from acausal.language.expression import Expression, Symbol
+from acausal.language.expression import Derivative, Expression, Symbol
 from acausal.loops.loop_groups import drawn
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.folding import folded_function
@@ -149,12 +149,22 @@ def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> lis
     size = 0
     for key, exact in what:
         for leaf in key.leaves:
-            check_settable(leaf)
+            if not _is_velocity(outputs, leaf):
+                check_settable(leaf)
         expression = ca.vec(outputs.resolve(key))
         name, unit = expression_name(outputs, key), key.unit if isinstance(key, Symbol) else ""
         targets.append(Target(name, unit, expression, exact, outputs.is_angle(key), slice(size, size + expression.numel())))
         size += expression.numel()
     return targets
+
+
+def _is_velocity(outputs: Outputs, leaf: Symbol) -> bool:
+    """Whether it is the rate of what positions of joints determine: that of an Euler angle, say."""
+    if not isinstance(leaf, Derivative) or isinstance(leaf.of, Derivative):
+        return False
+    r = outputs.system
+    free = {s.element_hash() for s in ca.symvar(ca.vertcat(r.mechanics.tree.q, r.t, r.p))}
+    return all(s.element_hash() in free for s in ca.symvar(outputs.resolve(leaf.of)))
 
 
 def _closing(outputs: Outputs) -> tuple[Closing, Closing]:

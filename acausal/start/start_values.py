@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from acausal.errors import StartValueError
+from acausal.errors import ParameterError, StartValueError
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
+from acausal.parts.rotations import Rotation, rotation_matrix
 from acausal.start.unknowns import Target
 
-Value = float | Sequence[float] | np.ndarray
+Value = float | Sequence[float] | np.ndarray | Rotation
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,15 @@ def softened(start: Start) -> dict[Expression, Value | exactly | near]:
 
 
 def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
-    """The value (size,), column by column. Raises `StartValueError` for another size and for what is no finite number."""
-    number = value.value if isinstance(value, exactly | near) else value
+    """The value (size,), column by column; of nine, a rotation in any of the ways in which these are given. Raises `StartValueError` for another
+    size and for what is no finite number.
+    """
+    number: Any = value.value if isinstance(value, exactly | near) else value
+    if target.size == 9 and (hasattr(number, "as_matrix") or (isinstance(number, tuple) and len(number) in (2, 4))):
+        try:
+            number = rotation_matrix(number)
+        except ParameterError as error:
+            raise StartValueError(f"start value of {target.name}: {error}") from None
     try:
         raw = np.asarray(number)
         wanted = raw.astype(float).ravel(order="F") if raw.dtype.kind in "biuf" else None
