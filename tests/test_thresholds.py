@@ -11,7 +11,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import AssemblyError, JumpWarning, LockedError, OptionError, StartValueError
-from acausal.outputs.self_stress import loop_reactions
+from acausal.loops.self_stress import loop_reactions
 from components import AngleSource, CartesianTranslation, Fixed, Particle, Revolute, RigidBody, Rod, World
 from tests.scenes import DoublePendulum, Pendulum, bennett_linkage
 from tests.similar import Units, four_bar_scene

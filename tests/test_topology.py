@@ -8,7 +8,7 @@ import pytest
 import scipy.special
 
 import acausal as ac
-from acausal.outputs.self_stress import undetermined_reactions
+from acausal.loops.self_stress import undetermined_reactions
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, rotation_about_z
 from components import (

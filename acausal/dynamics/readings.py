@@ -16,21 +16,24 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
 
 _INSTEAD = (
-    "Forces may read positions, velocities, rotations, joints' q and v, variables of scalar parts, inputs and time. For anything else put "
-    "a delay between: a signal behind an Integrator is a state."
+    "Rates are known of positions, rotations, joints' q, variables of scalar parts and time. For anything else put a delay between: a signal behind "
+    "an Integrator is a state."
 )
+_DYNAMIC = ("force", "torque", "acceleration", "angular_acceleration")
 
 
 @dataclass(frozen=True)
 class Readings:
     """Turns declared symbols in forces into expressions of q, v, t, inputs and parameters.
 
-    What stays as it is: `borrowed`, variables of scalar domains, whose values are found later, with the part that reads each.
+    What stays as it is: `borrowed`, variables of scalar domains, and `implicit`, accelerations and reactions, whose values are found later, with
+    the part that reads each.
     """
 
     flat: FlatSystem
     placement: TreePlacement
     borrowed: dict[Symbol, Part] = field(default_factory=dict[Symbol, Part])
+    implicit: dict[Symbol, Part] = field(default_factory=dict[Symbol, Part])
     _known: set[int] = field(default_factory=set[int])
     _values: dict[Symbol, ca.SX] = field(default_factory=dict[Symbol, ca.SX])
 
@@ -108,11 +111,9 @@ class Readings:
             )
         if not isinstance(connector, Point) or not any(p.component is connector.owner for p in self.flat.parts):
             raise self._foreign(symbol, part, "Assign its part: scene.name = ...")
-        if symbol.name in ("force", "torque", "acceleration", "angular_acceleration"):
-            kind = "a reaction" if symbol.name in ("force", "torque") else "an acceleration"
-            raise ModelError(
-                f"{part.where} depends on {name}, {kind}: that follows from all forces, this one too, so it would depend on itself. {_INSTEAD}"
-            )
+        if symbol.name in _DYNAMIC:
+            self.implicit.setdefault(symbol, part)
+            return symbol.sx
         X = self.placement.pose(connector)
         R = symbolic(X.rotation)
         if symbol.name == "position":
@@ -125,14 +126,15 @@ class Readings:
 
     def _rate(self, symbol: Derivative, part: Part) -> ca.SX:
         of = self._read(symbol.of, part)
+        if any(declared(s) in self.implicit for s in self.foreign(of)):
+            raise ModelError(f"{part.where} depends on {symbol.name}, the rate of an acceleration or of a reaction, which is not known. {_INSTEAD}")
         if self.foreign(of):
             self.borrowed.setdefault(symbol, part)
             return symbol.sx
         tree = self.placement.kinematics.tree
         if ca.depends_on(of, tree.v):
-            raise ModelError(
-                f"{part.where} depends on {symbol.name}, an acceleration: that follows from all forces, this one too, so it would depend on itself. {_INSTEAD}"
-            )
+            self.implicit.setdefault(symbol, part)
+            return symbol.sx
         return self.placement.kinematics.rate(of)
 
     def _flange_of_joint(self, symbol: Symbol) -> ca.SX | None:

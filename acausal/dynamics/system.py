@@ -27,7 +27,8 @@ class MechanicalSystem:
     """Tree with kinematics, what all force components do to the links, and energies [J].
 
     `actions`: of each force component. `wrenches`: of all of them together on each link, in its frame. Variables of scalar domains
-    that forces read (`readings.borrowed`) stand in both until `with_values` puts their values in.
+    that forces read (`readings.borrowed`) stand in both until `with_values` puts their values in. `laws`: symbols (n, 1) that stand there for what
+    depends on accelerations and reactions (`readings.implicit`), and what they stand for.
     """
 
     mechanism: Mechanism
@@ -37,6 +38,7 @@ class MechanicalSystem:
     actions: tuple[tuple[Action, ...], ...]
     wrenches: tuple[Wrench, ...]
     readings: Readings
+    laws: tuple[ca.SX, ca.SX]
 
     @property
     def flat(self) -> FlatSystem:
@@ -92,7 +94,7 @@ class MechanicalSystem:
         return power
 
     def with_values(self, values: Sequence[tuple[ca.SX, ca.SX]]) -> MechanicalSystem:
-        """With values put in for borrowed symbols."""
+        """With values put in for symbols."""
         symbols, new = [s for s, _ in values], [value for _, value in values]
 
         def put(*columns: ca.SX) -> list[ca.SX]:
@@ -100,7 +102,7 @@ class MechanicalSystem:
 
         actions = tuple(tuple(Action(a.connector, *put(a.force, a.torque)) for a in own) for own in self.actions)
         wrenches = tuple((pair[0], pair[1]) for pair in (put(*wrench) for wrench in self.wrenches))
-        return replace(self, actions=actions, wrenches=wrenches)
+        return replace(self, actions=actions, wrenches=wrenches, laws=(self.laws[0], put(self.laws[1])[0]))
 
 
 def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
@@ -109,7 +111,7 @@ def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
     kinematics = Kinematics(tree)
     placement = TreePlacement(kinematics)
     readings = Readings(mechanism.flat, placement)
-    actions = _actions(mechanism, placement, readings)
+    actions, laws = _without_laws(_actions(mechanism, placement, readings), readings)
     wrenches = zero_wrenches(tree)
     for own in actions:
         for action in own:
@@ -117,7 +119,29 @@ def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
             if link >= 0:
                 moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), action.torque, action.force)
                 wrenches[link] = (wrenches[link][0] + moved[0], wrenches[link][1] + moved[1])
-    return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings)
+    return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings, laws)
+
+
+def _without_laws(
+    actions: tuple[tuple[Action, ...], ...], readings: Readings
+) -> tuple[tuple[tuple[Action, ...], ...], tuple[ca.SX, ca.SX]]:
+    """With a symbol for each entry that depends on accelerations or reactions; the symbols and the entries."""
+    symbols, laws = ca.SX(0, 1), ca.SX(0, 1)
+    if not readings.implicit:
+        return actions, (symbols, laws)
+    read = ca.veccat(*(s.sx for s in readings.implicit))
+
+    def opened(column: ca.SX) -> ca.SX:
+        nonlocal symbols, laws
+        entries = ca.vertsplit(ca.densify(column))
+        for k, entry in enumerate(entries):
+            if ca.depends_on(entry, read):
+                entries[k] = ca.SX.sym("law")
+                symbols, laws = ca.vertcat(symbols, entries[k]), ca.vertcat(laws, entry)
+        return ca.vertcat(*entries)
+
+    found = tuple(tuple(Action(a.connector, opened(a.force), opened(a.torque)) for a in own) for own in actions)
+    return found, (symbols, laws)
 
 
 def _actions(mechanism: Mechanism, placement: TreePlacement, readings: Readings) -> tuple[tuple[Action, ...], ...]:

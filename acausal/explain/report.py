@@ -7,7 +7,7 @@ import numpy as np
 
 from acausal.explain.row_meaning import row_meanings
 from acausal.outputs.functions import Functions, operations
-from acausal.outputs.self_stress import undetermined_reactions
+from acausal.loops.self_stress import undetermined_reactions
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.wording import compact, grouped

@@ -14,7 +14,7 @@ from acausal.errors import UnknownVariableError
 from acausal.language.connector import Point, Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
 from acausal.loops.loops import relative_twist
-from acausal.outputs.reactions import Reactions
+from acausal.loops.reactions import Reactions
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import symbolic
 from acausal.reduce.reduce import ReducedSystem
@@ -229,9 +229,8 @@ class Outputs:
             raise UnknownVariableError(self._foreign(symbol))
         link, place = mechanics.placement.place(connector)
         name = symbol.name
-        if name in ("force", "torque"):
-            torque, force = self.reactions.flow(connector)
-            return force if name == "force" else torque
+        if name not in ("position", "rotation", "velocity", "angular_velocity"):
+            return self.reactions.quantity(symbol)
         X = mechanics.kinematics.pose(link)
         R_link = symbolic(X.rotation)
         p = symbolic(place.position)
@@ -242,12 +241,4 @@ class Outputs:
             return symbolic((X @ place).rotation)
         if name == "angular_velocity":
             return R_link @ w
-        if name == "velocity":
-            return R_link @ (mechanics.kinematics.linear_velocity(link) + ca.cross(w, p))
-        if link < 0:
-            return ca.SX.zeros(3)
-        w_dot, a = self.reactions.motion.accelerations[link]
-        if name == "angular_acceleration":
-            return R_link @ w_dot
-        gravity = symbolic(mechanics.tree.world) @ mechanics.tree.gravity
-        return R_link @ (a + ca.cross(w_dot, p) + ca.cross(w, ca.cross(w, p))) + gravity
+        return R_link @ (mechanics.kinematics.linear_velocity(link) + ca.cross(w, p))

@@ -6,7 +6,7 @@ import contextlib
 import copy
 import dataclasses
 import functools
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
+from acausal.reduce.implicit import with_reactions
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
@@ -243,12 +244,17 @@ def reduce_system(
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
     scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing, without)
+    read: list[tuple[ca.SX, ca.SX]] = []
     if mechanics.readings.borrowed:
-        mechanics, v_dot, multipliers, scalar = with_signals(mechanics, v_dot, multipliers, scalar)
+        mechanics, scalar, read = with_signals(mechanics, scalar)
+    steps = [[(tau, scalar.tau), *read]]
+    if mechanics.readings.implicit:
+        mechanics, scalar, read = with_reactions(mechanics, constraints, _put(steps, v_dot), _put(steps, multipliers), scalar)
+        steps.append(read)
     rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
     flat = dataclasses.replace(flat, names={**flat.names, **scalar.names, **rates})
     u = stacked([entry.sx for entry in flat.inputs])
-    v_dot, multipliers = _put(tau, scalar.tau, v_dot), _put(tau, scalar.tau, multipliers)
+    v_dot, multipliers = _put(steps, v_dot), _put(steps, multipliers)
     states = stacked([s.sx for s in scalar.states])
     n = scalar.positions
     first, last = _split(states, n)
@@ -258,7 +264,7 @@ def reduce_system(
     if constraints.narrow:
         more = forces.exact()
         v_dot_more = more.closed(free)[0]
-        rates = on_branch(ca.vertcat(_put(tau, scalar.tau, v_dot_more), scalar.rates), more, arguments, exact=True)
+        rates = on_branch(ca.vertcat(_put(steps, v_dot_more), scalar.rates), more, arguments, exact=True)
         step_more = _corrected(projection(more, ca.SX(0, 1)), x, nq, scalar)
         exact = None if step_more is None else (_rates(tree, rates, nv, n), step_more)
     if constraints.dependent:
@@ -332,5 +338,10 @@ def _split(column: ca.SX, *sizes: int) -> list[ca.SX]:
     return ca.vertsplit(column, [*ends, column.numel()])
 
 
-def _put(symbol: ca.SX, value: ca.SX, expression: ca.SX) -> ca.SX:
-    return ca.substitute(expression, symbol, value) if symbol.numel() else expression
+def _put(steps: Sequence[Sequence[tuple[ca.SX, ca.SX]]], expression: ca.SX) -> ca.SX:
+    """With values put in for symbols, one step after another."""
+    for pairs in steps:
+        known = [(symbol, value) for symbol, value in pairs if symbol.numel()]
+        if known:
+            expression = ca.substitute([expression], [symbol for symbol, _ in known], [value for _, value in known])[0]
+    return expression

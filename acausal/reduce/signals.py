@@ -14,9 +14,11 @@ from acausal.scalar.coupling import ScalarPart
 
 
 def with_signals(
-    mechanics: MechanicalSystem, v_dot: ca.SX, multipliers: ca.SX, scalar: ScalarPart
-) -> tuple[MechanicalSystem, ca.SX, ca.SX, ScalarPart]:
-    """The same without symbols of other parts' variables. Raises `ModelError` where a variable depends on the force that reads it."""
+    mechanics: MechanicalSystem, scalar: ScalarPart
+) -> tuple[MechanicalSystem, ScalarPart, list[tuple[ca.SX, ca.SX]]]:
+    """The same without symbols of other parts' variables; and what to put in for these. Raises `ModelError` where a variable depends on the force
+    that reads it.
+    """
     states = {symbol.sx.element_hash() for symbol in scalar.states}
     wanted = {s: part for s, part in mechanics.readings.borrowed.items() if s.sx.numel() > 1 or s.sx.element_hash() not in states}
     values: dict[Symbol, ca.SX] = {}
@@ -34,7 +36,8 @@ def with_signals(
         raise _loop(mechanics, wanted, set(wanted))
     solved = {symbol: put(value) for symbol, value in scalar.solved.items()}
     done = dataclasses.replace(scalar, rates=put(scalar.rates), solved=solved, tau=put(scalar.tau), led=None)
-    return mechanics.with_values(list(zip(symbols, new, strict=True))), put(v_dot), put(multipliers), done
+    pairs = list(zip(symbols, new, strict=True))
+    return mechanics.with_values(pairs), done, pairs
 
 
 def _value(mechanics: MechanicalSystem, scalar: ScalarPart, symbol: Symbol, part: Part) -> ca.SX:

@@ -13,11 +13,11 @@ from acausal.dynamics.kinematics import Place
 from acausal.dynamics.newton_euler import NewtonEuler, newton_euler
 from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import UnknownVariableError
-from acausal.language.connector import Point
+from acausal.language.connector import Point, Quantity
 from acausal.language.flatten import Part
 from acausal.loops.constraints import Constraints
 from acausal.loops.loops import mounted_places
-from acausal.outputs.self_stress import loop_reactions, wrench_on_b
+from acausal.loops.self_stress import loop_reactions, wrench_on_b
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.force import AbstractForce
 from acausal.parts.inertia import Inertia, skew
@@ -98,6 +98,24 @@ class Reactions:
             torque, force = formulas.move_wrench(R, p, on_b[:3], on_b[3:])
             result[rows.edge.name] = ((a, (-torque, -force)), (b, (on_b[:3], on_b[3:])))
         return result
+
+    def quantity(self, symbol: Quantity) -> ca.SX:
+        """A force, torque, acceleration or angular acceleration at a connector, in the world frame."""
+        connector, name = symbol.connector, symbol.name
+        assert isinstance(connector, Point)
+        if name in ("force", "torque"):
+            torque, force = self.flow(connector)
+            return force if name == "force" else torque
+        link, place = self.system.placement.place(connector)
+        if link < 0:
+            return ca.SX.zeros(3)
+        w_dot, a = self.motion.accelerations[link]
+        R, p, tree = symbolic(self.system.kinematics.pose(link).rotation), symbolic(place.position), self.system.tree
+        if name == "angular_acceleration":
+            return R @ w_dot
+        w = self.system.kinematics.angular_velocity(link)
+        gravity = symbolic(tree.world) @ tree.gravity
+        return R @ (a + ca.cross(w_dot, p) + ca.cross(w, ca.cross(w, p))) + gravity
 
     def flow(self, connector: Point) -> Wrench:
         """Torque about the connector's origin and force into its component, in the world frame, (3, 1) each.
