@@ -11,7 +11,7 @@ from acausal.errors import DuplicateError, IncompatibleError, ModelError, Parame
 from acausal.language.connector import FLOWS, Connector, Electrical, Point
 from acausal.language.construction import check_arguments, check_makers
 from acausal.language.equation import Equation, der
-from acausal.language.expression import Expression, Variable
+from acausal.language.expression import Expression, Parameter, Variable, leaves
 from acausal.language.origin import origin
 
 
@@ -158,6 +158,17 @@ def inflow(part: Component) -> Expression | float:
             potential, flow = (getattr(end, name) for name in FLOWS[type(end)])
             total = flow * (potential if isinstance(end, Electrical) else der(potential)) + total
     return total
+
+
+def law_changes(part: Component) -> bool:
+    """Whether a part of equations is made with what changes by itself (time, inputs, variables of other parts): then who makes it change does work
+    that the part cannot know of, and what comes in and is not stored is what is lost.
+    """
+    if type(part).equations is Component.equations or any(is_mechanical(end) for end in part.connectors()):
+        return False
+    own = {*part.variables(), *(v for end in part.connectors() for v in vars(end).values() if isinstance(v, Variable))}
+    given = (value for name, value in vars(part).items() if not name.startswith("_") and not isinstance(value, Connector | Variable))
+    return any(not isinstance(leaf, Parameter) and leaf not in own for value in given for leaf in leaves(value))
 
 
 def declared(cls: type, kind: type) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from acausal.errors import UnknownVariableError
+from acausal.language.component import inflow, law_changes
 from acausal.language.connector import Point, Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
 from acausal.loops.loops import relative_twist
@@ -102,27 +103,34 @@ class Outputs:
     @functools.cached_property
     def potential_energy(self) -> ca.SX:
         """Of gravity, force components, and what scalar components store (also in rotors) [J]."""
-        return self.system.mechanics.potential_energy() + self._sum([p.component.stored_energy() for p in self.system.flat.parts])
+        return sum((stored for stored, _, _ in self._balances), self.system.mechanics.potential_energy())
+
+    @functools.cached_property
+    def _balances(self) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+        """What each scalar part stores [J], dissipates and supplies [W]; as it says itself, where its law does not change by itself."""
+        found: list[tuple[ca.SX, ca.SX, ca.SX]] = []
+        unsteady = self.system.u
+        for part in (p.component for p in self.system.flat.parts):
+            stored = self._said(part.stored_energy())
+            if law_changes(part):
+                stored = ca.SX(0) if unsteady.numel() and ca.depends_on(stored, unsteady) else stored
+                found.append((stored, self._said(inflow(part)) - self.rate(stored), ca.SX(0)))
+            else:
+                found.append((stored, self._said(part.dissipated_power()), self._said(part.supplied_power())))
+        return found
 
     @functools.cached_property
     def power_flows(self) -> ca.SX:
         """What the mechanism loses, and what each scalar part dissipates and supplies [W], in a column."""
-        parts = [part.component for part in self.system.flat.parts]
-        own = [self._sum([value]) for c in parts for value in (c.dissipated_power(), c.supplied_power())]
-        return ca.vertcat(self.system.mechanics.power_loss(), *own)
+        return ca.vertcat(self.system.mechanics.power_loss(), *(power for _, *powers in self._balances for power in powers))
 
     @functools.cached_property
     def power_loss(self) -> ca.SX:
         """Dissipated less supplied power [W]."""
-        parts = [part.component for part in self.system.flat.parts]
-        own = self._sum([c.dissipated_power() for c in parts]) - self._sum([c.supplied_power() for c in parts])
-        return self.system.mechanics.power_loss() + own
+        return sum((lost - supplied for _, lost, supplied in self._balances), self.system.mechanics.power_loss())
 
-    def _sum(self, values: list[Expression | float]) -> ca.SX:
-        total = ca.SX(0)
-        for value in values:
-            total += self.resolve(value) if isinstance(value, Expression) else value
-        return total
+    def _said(self, value: Expression | float) -> ca.SX:
+        return self.resolve(value) if isinstance(value, Expression) else ca.SX(value)
 
     def name(self, symbol: Symbol) -> str:
         """Full name of a declared symbol, e.g. `arm.elbow.q`."""

@@ -10,10 +10,11 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from acausal.errors import IncompatibleError, ModelError, UnknownVariableError
+from acausal.dynamics.readings import Readings
+from acausal.errors import ModelError, UnknownVariableError
 from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotational, Translational
 from acausal.language.equation import Equation, der, input_rate
-from acausal.language.expression import Derivative, Input, Parameter, Symbol, Time, Variable, time
+from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time, Variable, declared, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.scalar.canonical import canonical_parts
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
@@ -85,15 +86,24 @@ def _written(part: Part) -> Iterable[Equation]:
         yield entry
 
 
-def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray) -> Collection:
-    """All scalar equations of a scene; `driven` are connected flanges of joints, with the joints' names; `values` (np,) of the parameters."""
-    return _Collector(flat, driven, values).run()
+def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray, readings: Readings) -> Collection:
+    """All scalar equations of a scene; `driven` are connected flanges of joints, with the joints' names; `values` (np,) of the parameters.
+
+    What equations read of mechanics is a known function of time, coordinates and velocities of joints, accelerations and reactions (`readings`).
+    """
+    return _Collector(flat, driven, values, readings).run()
 
 
 class _Collector:
-    def __init__(self, flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray) -> None:
+    def __init__(
+        self, flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray, readings: Readings
+    ) -> None:
         self.flat = flat
         self.driven = driven
+        self.readings = readings
+        self.read: dict[int, ca.SX] = {}
+        owners = [part.component for part in flat.parts if any(isinstance(c, Point) for c in part.component.connectors())]
+        self.mechanical = {variable for owner in owners for variable in owner.variables()}
         self.values = dict(zip(flat.parameters, values.tolist(), strict=True))
         self.elements: dict[Symbol, tuple[Symbol, ...]] = {}
         self.names: dict[Symbol, str] = {}
@@ -160,7 +170,20 @@ class _Collector:
         for k, e in enumerate(written, start=1):
             # a line of the user's own component says more than where the part was made
             origin = e.origin if own and e.origin else part.component.created_at
-            yield e.residual.sx, e.residual.leaves, f"equation {k} of {part.path}", origin
+            yield *self._known_by_mechanics(e.residual, part), f"equation {k} of {part.path}", origin
+
+    def _known_by_mechanics(self, residual: Expression, part: Part) -> tuple[ca.SX, frozenset[Symbol]]:
+        """A residual and its symbols, with values put in for those of mechanics."""
+        symbols = [s for s in residual.leaves if isinstance(_base(s), Quantity) or _base(s) in self.mechanical]
+        if not symbols:
+            return residual.sx, residual.leaves
+        symbols.sort(key=lambda s: s.name)
+        values = [self.readings.resolved(s.sx, part) for s in symbols]
+        found = {s.element_hash(): s for s in ca.symvar(ca.veccat(*values))}
+        given = {key: known for key, s in found.items() if isinstance(known := declared(s), Parameter | Input | Time)}
+        self.read |= {key: s for key, s in found.items() if key not in given}
+        changed = ca.substitute([residual.sx], [s.sx for s in symbols], values)[0]
+        return changed, residual.leaves.difference(symbols).union(given.values())
 
     def _of_connection(self, group: tuple[Connector, ...]) -> list[tuple[ca.SX, frozenset[Symbol], str, str]]:
         kind, paths = type(group[0]), [self.flat.connector_paths[c] for c in group]
@@ -241,20 +264,10 @@ class _Collector:
         return tuple(found)
 
     def _check_scalar(self, symbol: Symbol, where: str) -> None:
-        if symbol in self.owners and not isinstance(symbol, Quantity):
-            part = self.owners[symbol]
-            if not any(isinstance(c, Point) for c in part.component.connectors()) or symbol not in part.component.variables():
-                return
-        name = self.names.get(symbol, symbol.name)
-        if isinstance(symbol, Quantity):
-            name = f"{self.flat.connector_paths.get(symbol.connector, '?')}.{symbol.name}"
-        elif symbol not in self.names:
-            raise UnknownVariableError(
-                f"The {where} contains '{symbol.name}' [{symbol.unit}], which belongs to no part of the scene. Assign its part: scene.name = ..."
-            )
-        raise IncompatibleError(
-            f"The {where} contains {name} [{symbol.unit}], a quantity of 3-D mechanics. Scalar equations reach a joint through its "
-            "flange: connect to it, e.g. scene.connect(part.flange, hinge.flange)."
+        if symbol in self.owners and symbol not in self.mechanical:
+            return
+        raise UnknownVariableError(
+            f"The {where} contains '{symbol.name}' [{symbol.unit}], which belongs to no part of the scene. Assign its part: scene.name = ..."
         )
 
     def _by_elements(self, residual: ca.SX, leaves: frozenset[Symbol]) -> ca.SX:
@@ -280,13 +293,24 @@ class _Collector:
         rates = [input_rate(s) for s in self.known if isinstance(s, Input)]
         rated = [(s.sx, input_rate(s).sx if isinstance(s, Input) else rate) for s, rate in self.known.items()]
         parameters = [s for s in self.known if isinstance(s, Parameter)]
+        read, moving = self._read_of_mechanics()
         return EquationSet(
             tuple(equations), tuple(u for key, u in unknowns.items() if key not in outer), tuple(derivatives),
-            (*(s.sx for s in self.known), *(s.sx for s in rates), *opaque, *(() if time in self.known else (time.sx,))), tuple(rated),
+            (*(s.sx for s in self.known), *(s.sx for s in rates), *opaque, *(() if time in self.known else (time.sx,)), *read), (*rated, *moving),
             tuple((s.sx, self.values[s]) for s in parameters), self._limits(parameters),
-            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(s.of, s.of.name)) for s in rates),
+            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(s.of, s.of.name)) for s in rates)
+            + tuple((s, read_name(self.flat, s)) for s in read),
             tuple(unknowns[f.position.element_hash()] for f in flanges), self._rate_symbol,
         )  # fmt: skip
+
+    def _read_of_mechanics(self) -> tuple[list[ca.SX], list[tuple[ca.SX, ca.SX]]]:
+        """What is read, and the rates of what has known ones: coordinates of joints."""
+        if not self.read:
+            return [], []
+        tree = self.readings.placement.kinematics.tree
+        own = [*ca.vertsplit(tree.q), *ca.vertsplit(tree.v)]
+        known = {s.element_hash() for s in own}
+        return own + [s for key, s in self.read.items() if key not in known], [(tree.q[k], tree.rates[k]) for k in range(tree.q.numel())]
 
     def _limits(self, parameters: Sequence[Parameter]) -> np.ndarray:
         """Values (k, n) of these parameters: one of them 0, large or small, the others as usual; without those that parts refuse."""
@@ -336,6 +360,14 @@ class _Collector:
         self.scalars[rate.sx.element_hash()] = rate
         self.elements.setdefault(rate, (rate,))
         return rate.sx
+
+
+def read_name(flat: FlatSystem, scalar: ca.SX) -> str:
+    """Of something of mechanics."""
+    symbol = declared(scalar)
+    if isinstance(symbol, Quantity):
+        return f"{flat.connector_paths.get(symbol.connector, '?')}.{symbol.name}"
+    return scalar.name() if symbol is None else flat.names.get(symbol, symbol.name)
 
 
 def _base(symbol: Symbol) -> Symbol:

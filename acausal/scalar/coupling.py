@@ -125,7 +125,7 @@ def add_scalar_domains(
     if not has_scalar_parts(mechanics.flat):
         return ScalarPart((), 0, ca.SX(0, 1), {}, ca.SX.zeros(tau.numel()))
     driven = _driven(mechanics)
-    collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven], values)
+    collection = collect(mechanics.flat, [(d.connector, d.name) for d in driven], values, mechanics.readings)
     kept = needed(collection.system, collection.efforts, collection.positions)
     free = without_efforts(kept.system, looped, collection.efforts)
     reduced, dropped = reduce_equations(free), tuple(kept.system.equations[k] for k in looped)
@@ -245,6 +245,7 @@ class _Coupling:
         known = [ca.SX(1), tree.rates, _put([(self.tau, tau)], [self.v_dot])[0], *rates]
         result = list(rates)
         inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}
+        inputs |= {s.element_hash() for read in self.mechanics.readings.implicit for s in ca.symvar(read.sx)}
         for block, residual in zip(self.reduced.algebraic, residuals, strict=True):
             for symbol in ca.symvar(residual):
                 if symbol.element_hash() in inputs:

@@ -83,12 +83,13 @@ def _edges(groups: Sequence[Group], joints: Sequence[tuple[str, Kind]]) -> list[
 def _driven(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
     """Joints on whose angle something acts: through their flanges, or because a force reads it."""
     connected = [c for members in flat.connection_sets if len(members) > 1 for c in members if isinstance(c, Rotational)]
-    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)} | _read_by(flat, forces)
+    others = [part for part in flat.parts if not isinstance(part.component, AbstractRigidPart | AbstractConstraint | AbstractForce)]
+    return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)} | _read_by(flat, [*forces, *others])
 
 
-def _read_by(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
-    """Joints whose coordinates or velocities stand in forces, or that forces know."""
-    held = [value for part in forces for value in vars(part.component).values()]
+def _read_by(flat: FlatSystem, parts: Sequence[Part]) -> set[AbstractJoint]:
+    """Joints whose coordinates or velocities stand in parts, or that parts know."""
+    held = [value for part in parts for value in vars(part.component).values()]
     symbols = {s.of if isinstance(s, Derivative) else s for value in held for s in leaves_inside(value)}
     known = {value for value in held if isinstance(value, AbstractJoint)}
     if not (symbols or known):
