@@ -8,7 +8,7 @@ from typing import Any, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, of_time, scalar, sx, time, vector
+from acausal.language.expression import Scalar, formula, of_time, scalar, sx, time, vector
 from acausal.language.origin import origin
 from acausal.parts.field import AbstractField
 
@@ -75,7 +75,7 @@ def _of_place(potential: Callable[[ca.SX, ca.SX], Any], p: ca.SX) -> ca.SX:
             f"PotentialField's potential is {potential!r} ({origin()}). Give a function of place and time: lambda p, t: 9.81 * p[2]."
         )
     try:
-        found = sx(potential(p, time.sx))
+        found = formula(sx(potential(p, time.sx)), "PotentialField's potential")
     except (TypeError, NotImplementedError) as error:
         raise ParameterError(
             f"PotentialField's potential fails with CasADi's symbols ({origin()}): {error}. Use CasADi's functions: ca.sqrt, ca.exp, ca.if_else."

@@ -11,6 +11,7 @@ import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, make_interp_spline
 
 import acausal as ac
+from acausal.language.expression import formula
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
@@ -18,15 +19,21 @@ from components import (
     AngleSource,
     Force,
     Gain,
+    Inertia,
     Integrator,
     NonlinearSpring,
     Particle,
+    Prismatic,
     Revolute,
     RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    RotationalSpring,
     RotationSensor,
     Spherical,
     Spring,
     Torque,
+    TorqueSource,
     World,
 )  # fmt: skip
 from tests.bad_input.messages import four_bar, pendulum_with
@@ -48,6 +55,10 @@ READINGS: dict[str, Callable[[Any], Any]] = {
     ),
     "input and time": lambda s: (s.wind * ca.sin(ac.time), 0, s.hinge.q * ac.time),
     "signals": lambda s: (s.gain.output.value, 0, s.sum.output.value),
+    "acceleration": lambda s: -0.3 * s.rod.tip.acceleration + 0.1,
+    "angular acceleration": lambda s: (0.2 * s.rod.frame.angular_acceleration[1], 0, 0.1 * ac.der(s.hinge.v)),
+    "reaction": lambda s: 0.2 * s.hinge.frame_b.force,
+    "size of a reaction": lambda s: (0.3 * ac.norm(s.hinge.frame_b.force) * ca.tanh(s.hinge.v), 0, 0),
     "rate of a signal": lambda s: (ac.der(s.gain.output.value), 0, ac.der(s.sum.output.value)),
 }
 
@@ -235,3 +246,132 @@ def test_a_spline_drives_a_hinge():
     scene.connect(scene.free.frame_b, scene.lower.frame)
     run = ac.build(scene).simulate(1.9)
     assert np.max(np.abs(run[scene.hinge.q] - spline(run.t))) < 1e-14
+
+
+def sliding(law: Callable[[Any], Any], mass: float = 2.0) -> ac.System:
+    """A block on an inclined slide, and a force along it."""
+    scene = ac.System()
+    scene.world, scene.slide, scene.block = World(), Prismatic((2.0, 0, -1.0)), RigidBody.box(mass, (0.1, 0.1, 0.1))
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.block.frame)
+    scene.brake = Force([law(scene) * x for x in ALONG])
+    scene.connect(scene.brake.point, scene.block.frame)
+    return scene
+
+
+ALONG, ACROSS = np.array((2.0, 0, -1.0)) / np.sqrt(5), np.array((1.0, 0, 2.0)) / np.sqrt(5)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("by", ["component", "length of what is across", "component with its sign"])
+def test_friction_follows_the_normal_force(by, size):
+    """a = g (sin - mu cos) down an incline, at any mass."""
+    laws: dict[str, Callable[[Any], Any]] = {
+        "component": lambda s: -0.3 * ca.fabs(ac.dot(s.slide.frame_b.force, ACROSS)),
+        "length of what is across": lambda s: (
+            -0.3 * ac.norm(s.slide.frame_b.force - ALONG * ac.dot(s.slide.frame_b.force, ALONG)) * ca.tanh(s.slide.v / 1e-3)
+        ),
+        "component with its sign": lambda s: 0.3 * ac.dot(ACROSS, s.slide.frame_b.force),
+    }
+    scene = sliding(laws[by], 2.0 * size)
+    run = ac.build(scene).simulate(1.0, {scene.slide.v: 1.0}, rtol=1e-9)
+    assert np.max(np.abs(run[scene.slide.v] - 1 - 9.81 * (1 - 0.3 * 2) / np.sqrt(5) * run.t)) < 1e-11
+    assert run.energy_error() < 1e-12
+
+
+def test_a_law_without_a_solution_ends_the_run_in_words():
+    """A brake that presses harder the harder it brakes: y = 1 + y^2 has no real solution."""
+    scene = ac.System()
+    scene.world, scene.ball = World(None), Particle(1.0)
+    scene.push = Force(((1 + 2 * scene.ball.point.acceleration[0] ** 2), 0, 0))
+    scene.connect(scene.push.point, scene.ball.point)
+    with pytest.raises(ac.errors.SimulationError, match="not a number"):
+        ac.build(scene).simulate(1.0)
+
+
+def test_what_accelerates_with_a_body_adds_its_mass():
+    """A force -m a of an acceleration is a mass more, also in a loop."""
+    ends = []
+    for added in (False, True):
+        scene = four_bar()
+        if added:
+            scene.load = Force(-2.0 * (scene.coupler.tip.acceleration + np.array((0, 0, 9.81))))
+            scene.connect(scene.load.point, scene.coupler.tip)
+        else:
+            scene.load = Particle(2.0)
+            scene.connect(scene.load.point, scene.coupler.tip)
+        run = ac.build(scene).simulate(1.0, {scene.a.q: 1.0}, rtol=1e-11)
+        ends.append((run[scene.coupler.tip.position][-1], run[scene.a.frame_a.force][-1]))
+    for one, two in zip(*ends, strict=True):
+        assert np.max(np.abs(one - two)) < 1e-8 * (1 + np.max(np.abs(one)))
+
+
+def test_a_bearing_brakes_by_the_force_that_it_carries():
+    """A torque source on the hinge's own flange and a torque on the rod are the same friction."""
+    ends = []
+    for on_flange in (False, True):
+        scene = Pendulum()
+        size = -0.05 * ac.norm(scene.hinge.frame_b.force) * ca.tanh(scene.hinge.v / 0.1)
+        scene.brake = TorqueSource(size) if on_flange else Torque((0, size, 0))
+        scene.connect(
+            scene.brake.flange if on_flange else scene.brake.frame, scene.hinge.flange if on_flange else scene.rod.frame
+        )
+        run = ac.build(scene).simulate(2.0, {scene.hinge.q: 1.0}, rtol=1e-10)
+        assert run.energy_error() < 1e-9
+        ends.append(run[scene.hinge.q])
+    assert np.max(np.abs(ends[0] - ends[1])) < 1e-8
+    assert np.max(np.abs(ends[0][-1])) < 0.9
+
+
+@pytest.mark.parametrize("reading", READINGS.values(), ids=READINGS)
+def test_a_source_on_a_flange_reads_what_a_force_may_read(reading):
+    """It turns the hinge as a torque of the same expression does, and its work is counted."""
+    ends = []
+    for on_flange in (False, True):
+        scene = pushed(lambda _: (0.0, 0.0, 0.0))
+        size = reading(scene)[0]
+        scene.turn = TorqueSource(size) if on_flange else Torque((0, size, 0))
+        scene.connect(scene.turn.flange if on_flange else scene.turn.frame, scene.hinge.flange if on_flange else scene.rod.frame)
+        run = ac.build(scene).simulate(0.5, {scene.hinge.q: 0.5, scene.hinge.v: 1.0}, rtol=1e-9)
+        assert run.energy_error() < 1e-6
+        ends.append(run[scene.hinge.q])
+    assert np.max(np.abs(ends[0] - ends[1])) < 1e-7
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        lambda s, e: RotationalSpring(3.0 * e), lambda s, e: RotationalSpring(3.0, e), lambda s, e: RotationalDamper(e), lambda s, e: Inertia(e),
+    ],
+    ids=["stiffness", "angle", "damping", "inertia"],
+)  # fmt: skip
+@pytest.mark.parametrize("reading", ["time", "position", "velocity", "acceleration", "interpolant"])
+def test_parts_on_shafts_that_change_keep_the_balance_of_energy(part, reading):
+    """Who makes a stiffness or an inertia change does work, and that is counted."""
+    scene = Pendulum()
+    table = ca.interpolant("table", "bspline", [np.linspace(-4, 4, 12)], np.cos(np.linspace(-4, 4, 12)))
+    values = {
+        "time": ca.sin(3 * ac.time), "position": scene.hinge.q, "velocity": scene.hinge.v, "acceleration": 0.1 * ac.der(scene.hinge.v),
+        "interpolant": table(scene.hinge.q),
+    }  # fmt: skip
+    scene.part, scene.held = part(scene, 2.0 + 0.3 * values[reading]), RotationalGround()
+    scene.connect(scene.hinge.flange, scene.part.flange_b)
+    if not isinstance(scene.part, Inertia):
+        scene.connect(scene.part.flange_a, scene.held.flange)
+    run = ac.build(scene).simulate(1.0, {scene.hinge.q: 1.0}, rtol=1e-9)
+    assert run.energy_error() < 1e-7
+    assert np.ptp(run[scene.hinge.q]) > 0.05
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+def test_interpolants_of_casadi_are_formulas(kind, dimensions):
+    """The same numbers as CasADi's own function, also outside of the table."""
+    rng = np.random.default_rng(dimensions)
+    axes = [np.sort(rng.uniform(-1, 2, n)) for n in (9, 5, 4)[:dimensions]]
+    table = ca.interpolant("table", kind, axes, rng.normal(size=int(np.prod([a.size for a in axes]))))
+    x = ca.SX.sym("x", dimensions)
+    shown = formula(2 * table(x) + ca.sin(x[0]), "it")
+    places = rng.uniform(-1.5, 2.5, (dimensions, 200))
+    found, wanted = (np.array(ca.Function("f", [x], [e])(places)).ravel() for e in (shown, 2 * table(x) + ca.sin(x[0])))
+    assert np.max(np.abs(found - wanted)) < 1e-10 * np.max(np.abs(wanted))

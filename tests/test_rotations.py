@@ -77,7 +77,9 @@ def test_what_is_read_of_a_tumbling_body_is_what_scipy_reads():
     assert np.max(np.abs(np.tan(turns.magnitude() / 2) - np.linalg.norm(run[rotations.rodrigues_of(R)], axis=1))[:50]) < 1e-6
 
 
-@pytest.mark.parametrize("way", [("intrinsic zxz", (0.3, 0.4, 0.5)), Rotation.from_euler("ZXZ", (0.3, 0.4, 0.5)), ("rodrigues", (0.1, 0.4, 0.2))])
+@pytest.mark.parametrize(
+    "way", [("intrinsic zxz", (0.3, 0.4, 0.5)), Rotation.from_euler("ZXZ", (0.3, 0.4, 0.5)), ("rodrigues", (0.1, 0.4, 0.2))]
+)
 def test_a_start_takes_a_rotation_in_any_way(way):
     scene = tumbling()
     model = ac.build(scene)

@@ -681,12 +681,6 @@ def of_component(part: ac.Component) -> ac.System:
     return scene
 
 
-def peeping() -> ac.System:
-    scene = Pendulum()
-    scene.thing = Peeping(scene.rod.tip.position[2])
-    return scene
-
-
 def of_another_scene() -> ac.System:
     rotor = Inertia(1.0)
     return of_component(Peeping(rotor.w))
@@ -761,7 +755,6 @@ MESSAGES: list[tuple[str, Callable[[], ac.System], type[Exception], tuple[str, .
     ("a law is missing", lambda: of_component(Forgetful()), errors.UnderdeterminedError, ("thing.y [N]", "thing.z [kg]", HERE, "law of its own", "1 equations, 3 unknowns")),
     ("a law too many", lambda: of_component(Insistent()), errors.OverdeterminedError, ("1 equation is too many", "equation 2 of thing", "equation 3 of thing", HERE)),
     ("laws that repeat", lambda: of_component(Repeated()), errors.UnderdeterminedError, ("depend on one another", "equation 3 of thing", "thing.x [m]")),
-    ("a quantity of mechanics", peeping, errors.IncompatibleError, ("rod.tip.position", "flange")),
     ("a variable of another scene", of_another_scene, errors.UnknownVariableError, ("'w' [rad/s]", "scene.name = ")),
     ("a parameter that nobody keeps", loose_parameter, errors.UnknownVariableError, ("Parameter", "attribute")),
     ("an input in a nonlinear loop", diode_on_an_input, errors.OverdeterminedError, ("'volts'", "differentiated", "capacitor")),

@@ -189,7 +189,13 @@ def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:
     or gears, or other values than freedoms: then forward dynamics has to be inverted.
     """
     tree = s.mechanics.tree
-    if s.mechanics.readings.implicit or values.numel() != tree.v.numel() or s.constraints.jacobian.shape[0] or s.scalar.states or s.scalar.held:
+    if (
+        s.mechanics.readings.implicit
+        or values.numel() != tree.v.numel()
+        or s.constraints.jacobian.shape[0]
+        or s.scalar.states
+        or s.scalar.held
+    ):
         return None
     at_rate = [values[k] if ca.depends_on(values[k], tree.v) else _change(s, values[k]) for k in range(values.numel())]
     rate = ca.vertcat(*at_rate)

@@ -127,7 +127,9 @@ class Readings:
     def _rate(self, symbol: Derivative, part: Part) -> ca.SX:
         of = self._read(symbol.of, part)
         if any(declared(s) in self.implicit for s in self.foreign(of)):
-            raise ModelError(f"{part.where} depends on {symbol.name}, the rate of an acceleration or of a reaction, which is not known. {_INSTEAD}")
+            raise ModelError(
+                f"{part.where} depends on {symbol.name}, the rate of an acceleration or of a reaction, which is not known. {_INSTEAD}"
+            )
         if self.foreign(of):
             self.borrowed.setdefault(symbol, part)
             return symbol.sx

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.explain.row_meaning import row_meanings
-from acausal.outputs.functions import Functions, operations
 from acausal.loops.self_stress import undetermined_reactions
+from acausal.outputs.functions import Functions, operations
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import symbolic
 from acausal.wording import compact, grouped

@@ -167,7 +167,9 @@ def law_changes(part: Component) -> bool:
     if type(part).equations is Component.equations or any(is_mechanical(end) for end in part.connectors()):
         return False
     own = {*part.variables(), *(v for end in part.connectors() for v in vars(end).values() if isinstance(v, Variable))}
-    given = (value for name, value in vars(part).items() if not name.startswith("_") and not isinstance(value, Connector | Variable))
+    given = (
+        value for name, value in vars(part).items() if not name.startswith("_") and not isinstance(value, Connector | Variable)
+    )
     return any(not isinstance(leaf, Parameter) and leaf not in own for value in given for leaf in leaves(value))
 
 

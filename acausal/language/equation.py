@@ -7,7 +7,19 @@ from dataclasses import dataclass
 import casadi as ca
 
 from acausal.errors import ExpressionError
-from acausal.language.expression import Derivative, Expression, Input, InputRate, Parameter, Scalar, Symbol, Time, leaves, sx
+from acausal.language.expression import (
+    Derivative,
+    Expression,
+    Input,
+    InputRate,
+    Parameter,
+    Scalar,
+    Symbol,
+    Time,
+    formula,
+    leaves,
+    sx,
+)
 from acausal.language.origin import origin
 
 _DERIVATIVE = "_derivative"
@@ -29,7 +41,7 @@ def equal(left: Scalar, right: Scalar) -> Equation:
     a, b = sx(left), sx(right)
     if a.shape != b.shape and 1 not in (a.numel(), b.numel()):
         raise ExpressionError(f"equal(...): the left side has shape {a.shape} and the right side {b.shape} ({origin()}).")
-    return Equation(Expression(a - b, leaves(left, right)), origin())
+    return Equation(Expression(formula(a - b, "equal(...)"), leaves(left, right)), origin())
 
 
 def der(value: Expression | ca.SX) -> Expression:

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
+from acausal.language.casadi_tables import has_calls, without_calls
 from acausal.language.identity import Atom
 from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import line_of_new_part, origin
@@ -403,7 +404,7 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
         expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
-        check_formula(expression.sx, what)
+        expression = _shown(expression, what)
         return checked(expression, functools.partial(_check_sign, what=what, positive=positive, non_negative=non_negative))
     result = number(value, what)
     _check_sign(np.array(result), what, positive, non_negative)
@@ -470,7 +471,7 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         expression = Expression(sx(value), leaves(value))
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
-        check_formula(expression.sx, what)
+        expression = _shown(expression, what)
         return checked(expression, functools.partial(_check_finite, what=what))
     try:
         array = np.asarray(value, dtype=float)
@@ -511,15 +512,28 @@ def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
         ) from error
 
 
-def check_formula(value: ca.SX, what: str) -> None:
-    """Raises `ParameterError` where a CasADi function is called whose formula is hidden, such as an interpolant."""
-    symbols = ca.symvar(value)
-    function = ca.Function("formula", symbols, [ca.densify(value)])
-    if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
+def formula(value: ca.SX, what: str) -> ca.SX:
+    """The same with CasADi's interpolants as formulas. Raises `ParameterError` where another function is called."""
+    if not has_calls(value):
+        return value
+    found = without_calls(value)
+    if found is None:
         raise ParameterError(
-            f"{what} calls a function of CasADi whose formula is hidden, an interpolant perhaps ({origin()}): it cannot be differentiated exactly nor be "
-            "written as C. Give a spline of scipy itself, e.g. CubicSpline(times, values), a Table, or an expression."
+            f"{what} calls a function of CasADi whose formula is hidden ({origin()}): it cannot be differentiated exactly nor be written as C. Interpolants "
+            "and functions of SX can be called; or give a spline of scipy itself, e.g. CubicSpline(times, values), a Table, or an expression."
         )
+    return found
+
+
+def _shown(expression: Expression, what: str) -> Expression:
+    """The same, itself where it calls nothing."""
+    found = formula(expression.sx, what)
+    return expression if found is expression.sx else Expression(found, expression.leaves)
+
+
+def check_formula(value: ca.SX, what: str) -> None:
+    """Raises `ParameterError` where a CasADi function is called whose formula is hidden."""
+    formula(value, what)
 
 
 def stacked(values: Iterable[ca.SX]) -> ca.SX:

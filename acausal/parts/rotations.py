@@ -19,7 +19,7 @@ import numpy as np
 from acausal.arguments import shown
 from acausal.errors import ExpressionError, ParameterError
 from acausal.language.connector import Frame
-from acausal.language.expression import Expression, Scalar, checked, leaves, number, sx, vector
+from acausal.language.expression import Expression, Scalar, checked, formula, leaves, number, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_from_matrix, rotation_from_quaternion, snapped
 
@@ -36,7 +36,14 @@ class HasMatrix(Protocol):
 
 
 Rotation = (
-    np.ndarray | Sequence[Sequence[float]] | Sequence[float] | tuple[Axis, Scalar] | tuple[str, Scalar] | HasMatrix | Expression | None
+    np.ndarray
+    | Sequence[Sequence[float]]
+    | Sequence[float]
+    | tuple[Axis, Scalar]
+    | tuple[str, Scalar]
+    | HasMatrix
+    | Expression
+    | None
 )
 """A rotation matrix (3, 3), a tuple or list (w, x, y, z) of a unit quaternion, (axis, angle [rad]), scipy's `Rotation`, None for none, or a
 pair of a name and numbers: ("intrinsic zxz", (a, b, c)) and ("extrinsic xyz", (a, b, c)) in radians and any of the twelve orders,
@@ -110,7 +117,9 @@ def _named(name: Any, value: Any) -> np.ndarray | Expression:
     if name in _VECTORS:
         return _numbers(_VECTORS[name](value))
     if isinstance(name, str) and name.lstrip("+-") not in _NAMED:
-        hint = f' Say whether the axes turn along: ("intrinsic {name.lower()}", ...) or "extrinsic".' if _is_sequence(name) else ""
+        hint = (
+            f' Say whether the axes turn along: ("intrinsic {name.lower()}", ...) or "extrinsic".' if _is_sequence(name) else ""
+        )
         raise ParameterError(
             f"rotation is named {name!r} ({origin()}).{hint} Names are 'intrinsic zxz' and 'extrinsic xyz' with any of the twelve orders, 'quaternion "
             f"wxyz', 'quaternion xyzw', {', '.join(map(repr, _VECTORS))}; or give an axis and an angle, ('x', 0.3)."
@@ -122,7 +131,7 @@ def _named(name: Any, value: Any) -> np.ndarray | Expression:
 
 
 def _of_expression(rotation: Scalar) -> Expression:
-    value = Expression(sx(rotation), leaves(rotation))
+    value = Expression(formula(sx(rotation), "rotation"), leaves(rotation))
     rows, found = value.shape, value.leaves
     if rows in ((9, 1), (3, 3)):
         matrix = value if rows == (3, 3) else Expression(ca.reshape(value.sx, 3, 3).T, found)
@@ -232,7 +241,9 @@ def quaternion(q: Scalar, order: str = "wxyz") -> Expression:
 def _ordered(entries: Sequence[ca.SX], order: str) -> list[ca.SX]:
     """Scalar first. Raises `ParameterError` for an order that is none."""
     if order not in ("wxyz", "xyzw"):
-        raise ParameterError(f"a quaternion's order is {order!r} ({origin()}). Use 'wxyz' (scalar first) or 'xyzw' (scalar last).")
+        raise ParameterError(
+            f"a quaternion's order is {order!r} ({origin()}). Use 'wxyz' (scalar first) or 'xyzw' (scalar last)."
+        )
     return list(entries) if order == "wxyz" else [entries[3], *entries[:3]]
 
 

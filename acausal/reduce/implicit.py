@@ -31,7 +31,9 @@ def with_reactions(
     Raises `ModelError` where a constraint reads one, `UnknownVariableError` for reactions that are not determined.
     """
     readers = mechanics.readings.implicit
-    used = {s.element_hash() for s in ca.symvar(ca.veccat(*mechanics.laws[1:], scalar.tau, scalar.rates, *scalar.solved.values()))}
+    used = {
+        s.element_hash() for s in ca.symvar(ca.veccat(*mechanics.laws[1:], scalar.tau, scalar.rates, *scalar.solved.values()))
+    }
     symbols = [s for s in readers if any(e.element_hash() in used for e in ca.vertsplit(ca.vec(s.sx)))]
     if not symbols:
         return mechanics, scalar, []
@@ -44,7 +46,12 @@ def with_reactions(
             )
     phi, laws = mechanics.laws
     values = _values(mechanics, constraints, symbols, v_dot, multipliers)
-    entries = [(s, value) for symbol, read in zip(symbols, values, strict=True) for s, value in _scalars(symbol, read) if s.element_hash() in used]
+    entries = [
+        (s, value)
+        for symbol, read in zip(symbols, values, strict=True)
+        for s, value in _scalars(symbol, read)
+        if s.element_hash() in used
+    ]
     y, read = (ca.vertcat(ca.SX(0, 1), *column) for column in zip(*entries, strict=True))
     found = _solved(y, read, phi, laws)
     pairs = [(y, found), (phi, ca.substitute(laws, y, found))]
@@ -109,5 +116,3 @@ def _name(mechanics: MechanicalSystem, symbol: Symbol) -> str:
     if isinstance(symbol, Quantity):
         return f"{mechanics.flat.connector_paths.get(symbol.connector, '?')}.{symbol.name}"
     return f"der({mechanics.flat.names.get(symbol.of, symbol.of.name)})" if isinstance(symbol, Derivative) else symbol.name
-
-

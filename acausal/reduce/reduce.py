@@ -16,15 +16,15 @@ import numpy as np
 from acausal.dynamics.forward_dynamics import forward_dynamics
 from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols, Tree
-from acausal.errors import AssemblyError, LockedError
+from acausal.errors import AssemblyError, LockedError, OverdeterminedError
 from acausal.language.connector import Electrical
 from acausal.language.expression import Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
-from acausal.reduce.implicit import with_reactions
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
+from acausal.reduce.implicit import with_reactions
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import ScalarPart, add_scalar_domains
 from acausal.topology.build_mechanism import build_mechanism
@@ -280,6 +280,7 @@ def reduce_system(
     if again:
         return reduce_system(unread, extra, at, constraints, again)
     _check_free(system)
+    _check_known(system)
     return system
 
 
@@ -287,6 +288,19 @@ def _made_again(flat: FlatSystem, values: np.ndarray, near: np.ndarray | None, t
     mechanics = mechanical_system(build_mechanism(flat), time.sx)
     p = stacked([parameter.sx for parameter in flat.parameters])
     return reduce_system(mechanics, at=values, constraints=analyse_constraints(mechanics, p, values, near, t))
+
+
+def _check_known(system: ReducedSystem) -> None:
+    """Nothing stands in the equations of motion that they do not determine."""
+    known = {s.element_hash() for s in ca.symvar(ca.vertcat(system.t, system.x, system.u, system.p))}
+    known |= set() if system.extra is None else {s.element_hash() for s in ca.symvar(system.extra)}
+    left = [s for s in ca.symvar(ca.vertcat(system.x_dot, system.multipliers)) if s.element_hash() not in known]
+    if left:
+        names = {s.sx.element_hash(): name for s, name in system.flat.names.items() if s.sx.is_scalar()}
+        raise OverdeterminedError(
+            f"{compact(names.get(s.element_hash(), s.name()) for s in left)} would be needed, which follows from forces, before the equations that it stands in "
+            "are solved. A given speed or a gear follows something with inertia here: put an element that stores (a small inertia, a spring) between."
+        )
 
 
 def _check_free(system: ReducedSystem) -> None:

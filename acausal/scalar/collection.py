@@ -95,9 +95,7 @@ def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: n
 
 
 class _Collector:
-    def __init__(
-        self, flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray, readings: Readings
-    ) -> None:
+    def __init__(self, flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray, readings: Readings) -> None:
         self.flat = flat
         self.driven = driven
         self.readings = readings
@@ -310,7 +308,9 @@ class _Collector:
         tree = self.readings.placement.kinematics.tree
         own = [*ca.vertsplit(tree.q), *ca.vertsplit(tree.v)]
         known = {s.element_hash() for s in own}
-        return own + [s for key, s in self.read.items() if key not in known], [(tree.q[k], tree.rates[k]) for k in range(tree.q.numel())]
+        return own + [s for key, s in self.read.items() if key not in known], [
+            (tree.q[k], tree.rates[k]) for k in range(tree.q.numel())
+        ]
 
     def _limits(self, parameters: Sequence[Parameter]) -> np.ndarray:
         """Values (k, n) of these parameters: one of them 0, large or small, the others as usual; without those that parts refuse."""

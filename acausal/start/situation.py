@@ -74,7 +74,9 @@ def situation(
 
 def named_start(flat: FlatSystem, start: Any) -> Start:
     """Start values, by symbols also where they are given by name. Raises `StartValueError`, `UnknownVariableError`."""
-    given = {Expression(key, leaves(key)) if isinstance(key, ca.SX) else key: value for key, value in start_mapping(start).items()}
+    given = {
+        Expression(key, leaves(key)) if isinstance(key, ca.SX) else key: value for key, value in start_mapping(start).items()
+    }
     return _each_once(flat.symbols(given), given, "start")
 
 

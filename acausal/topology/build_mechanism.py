@@ -83,7 +83,9 @@ def _edges(groups: Sequence[Group], joints: Sequence[tuple[str, Kind]]) -> list[
 def _driven(flat: FlatSystem, forces: Sequence[Part]) -> set[AbstractJoint]:
     """Joints on whose angle something acts: through their flanges, or because a force reads it."""
     connected = [c for members in flat.connection_sets if len(members) > 1 for c in members if isinstance(c, Rotational)]
-    others = [part for part in flat.parts if not isinstance(part.component, AbstractRigidPart | AbstractConstraint | AbstractForce)]
+    others = [
+        part for part in flat.parts if not isinstance(part.component, AbstractRigidPart | AbstractConstraint | AbstractForce)
+    ]
     return {c.owner for c in connected if isinstance(c.owner, AbstractJoint)} | _read_by(flat, [*forces, *others])
 
 

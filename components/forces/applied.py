@@ -22,13 +22,15 @@ _UNCONNECTED = "It acts on nothing: connect it to a body."
 @final
 class Force(AbstractForce):
     """A force on a point: `force` (3,) [N], constants, a function of time, or any expression of inputs, time, and positions, velocities,
-    rotations, joints' coordinates and signals of the scene; of no accelerations or reactions, since these depend on all forces.
+    rotations, joints' coordinates, signals, accelerations and reactions of the scene. The latter depend on all forces, this one too: both are
+    solved together, beginning without this force; where there is no solution, a run ends.
 
     `resolved_in`: "world", or "body" for the axes of the body's frame that it is connected to.
 
         scene.push = Force((1.0, 0, 0))
         scene.shake = Force(lambda t: (ca.sin(t), 0, 0))
         scene.wind = Force(-0.3 * scene.sail.frame.velocity)
+        scene.water = Force(-2.0 * scene.hull.frame.acceleration)
     """
 
     point = Point.port(must_connect=True, if_unconnected=_UNCONNECTED)

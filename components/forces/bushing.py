@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.arguments import shown
 from acausal.errors import ExpressionError, ParameterError
-from acausal.language.expression import Expression, Scalar, checked, leaves, sx
+from acausal.language.expression import Expression, Scalar, checked, formula, leaves, sx
 from acausal.language.origin import origin
 from acausal.parts.pose import Pose, symbolic, vee
 from acausal.parts.potential import AbstractPotential
@@ -70,7 +70,7 @@ def _matrix(value: Scalar, name: str) -> np.ndarray | Expression:
             raise ParameterError(f"{what} has a negative direction ({origin()}): {matrix.tolist()}. No mount gives energy away.")
 
     if found:
-        return checked(Expression(ca.densify(entries), found), check)
+        return checked(Expression(formula(ca.densify(entries), what), found), check)
     numbers = np.array(ca.DM(ca.evalf(ca.densify(entries))))
     check(numbers)
     return numbers

@@ -8,7 +8,7 @@ from typing import Any, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, leaves, scalar, sx
+from acausal.language.expression import Expression, Scalar, formula, leaves, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.force import AbstractLineForce
 
@@ -89,10 +89,10 @@ class NonlinearSpring(AbstractLineForce):
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         symbol = ca.SX.sym("length")
-        return ca.substitute(ca.gradient(ca.SX(self._potential(symbol)), symbol), symbol, length)
+        return ca.substitute(ca.gradient(self.potential(symbol), symbol), symbol, length)
 
     def potential(self, length: ca.SX) -> ca.SX:
-        return ca.SX(self._potential(length))
+        return formula(ca.SX(self._potential(length)), "NonlinearSpring's potential")
 
 
 @final
@@ -107,7 +107,7 @@ class NonlinearDamper(AbstractLineForce):
         self._force = force
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
-        return ca.SX(self._force(length, rate))
+        return formula(ca.SX(self._force(length, rate)), "NonlinearDamper's force")
 
     def potential(self, length: ca.SX) -> ca.SX:
         return ca.SX(0)
@@ -117,7 +117,7 @@ def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -
     """The law of symbols, with the parameters in it. Raises `ParameterError` for what is no function, or none of these symbols, or gives no scalar."""
     try:
         found = law(*values)
-        result = ca.SX(found)
+        result = formula(ca.SX(found), what)
     except (TypeError, AttributeError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
             f"{what} cannot be used ({origin()}): {str(error).rstrip('.')}. It must be a function of ({arguments}) in numpy's or CasADi's functions, which "
