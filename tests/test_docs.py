@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -27,3 +28,9 @@ def test_scripts_name_parts_that_exist():
         first = path.read_text(encoding="utf-8").split("\n")[0]
         assert first.startswith("# Shows ")
         assert set(re.split(r"\W+", first.removeprefix("# Shows "))) <= known, path.name
+
+
+@pytest.mark.parametrize("path", sorted((DOCS / "own").glob("*.py")), ids=lambda path: path.stem)
+def test_each_part_of_ones_own_does_what_its_page_says(path):
+    space = runpy.run_path(str(path))
+    assert space["main"]() < space["LIMIT"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
+import inspect
 import pkgutil
 from abc import ABC, abstractmethod
 from pathlib import Path
@@ -21,7 +22,7 @@ from acausal.runtime.native import NativeProblem, native_problem
 class AbstractIntegrator(ABC):
     """A method for initial value problems. A concrete one is a frozen dataclass whose fields are its options.
 
-    A new method is one new file in this package: it is found by its `name`. Two options have a meaning for all methods that have
+    A new method is one new class, in a file of this package or anywhere: it is found by its `name`. Two options have a meaning for all methods that have
     them: `order` (None: chosen from the tolerance; `OptionError` when made with one that it has not) and `step` (fixed size [s]; None:
     adaptive). It obliges itself to: errors that fall with `rtol`; the order that it is asked for, at a fixed step; invariants of the problem
     kept to rounding by `project` after each step; guards located; what was computed until an interruption.
@@ -38,15 +39,23 @@ class AbstractIntegrator(ABC):
         """Integrate from t0 to t1 >= t0, x0 (nx,). Numerical trouble is the `Status` of the result, and is not raised."""
 
 
-@functools.cache
 def integrators() -> dict[str, type[AbstractIntegrator]]:
-    """All integrators of this package by name."""
+    """All integrators by name: those of this package, and others whose class exists."""
+    _import_modules()
     found: dict[str, type[AbstractIntegrator]] = {}
-    for module in pkgutil.iter_modules([str(Path(__file__).parent)], __name__.rpartition(".")[0] + "."):
-        for item in vars(importlib.import_module(module.name)).values():
-            if isinstance(item, type) and issubclass(item, AbstractIntegrator) and item is not AbstractIntegrator:
-                found[item.name] = item
+    queue: list[type[AbstractIntegrator]] = [AbstractIntegrator]
+    while queue:
+        cls = queue.pop(0)
+        queue += cls.__subclasses__()
+        if not inspect.isabstract(cls):
+            found[cls.name] = cls
     return found
+
+
+@functools.cache
+def _import_modules() -> None:
+    for module in pkgutil.iter_modules([str(Path(__file__).parent)], __name__.rpartition(".")[0] + "."):
+        importlib.import_module(module.name)
 
 
 def integrator(name: str, order: int | None = None, step: float | None = None) -> AbstractIntegrator:

@@ -68,11 +68,14 @@ class FreePlacement:
 
     def power(self, actions: Sequence[Action]) -> ca.SX:
         """Of forces and torques on what they act on [W]."""
-        total = ca.SX(0)
+        return ca.sum1(self.powers(actions))
+
+    def powers(self, actions: Sequence[Action]) -> ca.SX:
+        """The terms of `power`, component by component (6 n, 1) [W]."""
+        terms = [ca.SX(0, 1)]
         for action in actions:
-            total += ca.dot(action.force, self.velocity(action.connector))
-            total += ca.dot(action.torque, self.angular_velocity(action.connector))
-        return total
+            terms += [action.force * self.velocity(action.connector), action.torque * self.angular_velocity(action.connector)]
+        return ca.vertcat(*terms)
 
 
 def symbols_read(force: AbstractForce) -> frozenset[Symbol]:
@@ -83,20 +86,24 @@ def symbols_read(force: AbstractForce) -> frozenset[Symbol]:
     return frozenset(symbol for symbol in declared_in(law) if not isinstance(symbol, Parameter | Time))
 
 
-def unbalanced_power(force: AbstractForce, samples: int = 3) -> np.ndarray:
+def unbalanced_power(force: AbstractForce, samples: int = 3) -> tuple[np.ndarray, np.ndarray]:
     """(power of the force, rate of its potential, its power loss) [W] for each of some random motions, (samples, 3); they add to zero.
 
+    And how large the terms of these are that may cancel (samples,): a force across the velocity has no power but rounding.
     Not for forces that read more than their own connectors, time and parameters, which stand at their present values.
     """
     placement = FreePlacement()
-    power = placement.power(force.actions(placement))
-    stored = ca.SX(force.potential_energy(placement))
-    row = ca.densify(ca.horzcat(power, placement.rate(stored), ca.SX(force.power_loss(placement))))
+    powers = placement.powers(force.actions(placement))
+    change = placement.rate(ca.SX(force.potential_energy(placement)))
+    lost = ca.SX(force.power_loss(placement))
+    size = ca.sum1(ca.fabs(powers)) + ca.fabs(change) + ca.fabs(lost)
+    row = ca.densify(ca.horzcat(ca.sum1(powers), change, lost, size))
     parameters = [s for s in declared_in(row) if isinstance(s, Parameter)]
     arguments = [placement.y, placement.y_dot, placement.t, ca.vertcat(ca.SX(0, 1), *(p.sx for p in parameters))]
     function = ca.Function("balance", arguments, [row])
     rng, n = np.random.default_rng(0), placement.y.numel()
     values = [p.value for p in parameters]
-    return np.array(
+    found = np.array(
         [np.array(function(rng.uniform(0.2, 1.0, n), rng.normal(size=n), 0.3, values)).ravel() for _ in range(samples)]
     )
+    return found[:, :3], found[:, 3]

@@ -260,8 +260,9 @@ class OwnPart:
 
     def _check_balance(self, force: AbstractForce) -> None:
         """What the forces do to the bodies comes from the potential energy, or is the power that is said to be lost or supplied."""
-        for done, change, lost in self._called("actions(placement)", lambda: unbalanced_power(force)):
-            gap, size = done + change + lost, abs(done) + abs(change) + abs(lost)
+        balance, sizes = self._called("actions(placement)", lambda: unbalanced_power(force))
+        for (done, change, lost), size in zip(balance, sizes, strict=True):
+            gap = done + change + lost
             if np.isfinite(gap) and abs(gap) > EDGE * size:
                 told = (
                     "tension and potential"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.parts.force import AbstractForce, AbstractLineForce
+from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, unbalanced_power
 from acausal.parts.pose import symbolic
-from components import RigidBody, World
+from components import Particle, RigidBody, World
 from components.fields import CentralField
 from tests.conformance.catalogue import kinds, made
 
@@ -26,13 +26,34 @@ ARGUMENTS: dict[str, dict[str, object]] = {
 }  # fmt: skip
 USUAL = {"stiffness": 30.0, "natural_length": 0.4, "damping": 2.0}
 ALL = [cls(**ARGUMENTS[cls.__name__]) if cls.__name__ in ARGUMENTS else made(cls, USUAL) for cls in kinds(AbstractForce)]
+
+
+class SideWind(AbstractForce):
+    """Across the velocity: it does no work but rounding."""
+
+    point = ac.Point.port()
+
+    def __init__(self, strength: float) -> None:
+        self.strength = strength
+
+    def actions(self, placement):
+        v = placement.velocity(self.point)
+        return (Action(self.point, self.strength * ca.vertcat(-v[1], v[0], 0), ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement):
+        return ca.SX(0)
+
+    def power_loss(self, placement):
+        return ca.SX(0)
+
+
 SAMPLES = [force for force in ALL if isinstance(force, AbstractLineForce)]
 
 
 @pytest.mark.parametrize("force", ALL, ids=lambda f: type(f).__name__)
 def test_power_is_stored_or_lost(force):
     """Its forces at connectors that move freely do the work that its potential loses, and what it says is dissipated or supplied."""
-    balance = unbalanced_power(force)
+    balance, _ = unbalanced_power(force)
     assert np.max(np.abs(balance.sum(axis=1))) < 1e-12 * (1 + np.max(np.abs(balance)))
     assert np.max(np.abs(balance)) > 0.1
 
@@ -107,3 +128,13 @@ def test_action_is_reaction_and_energy_balances(force):
     x[s.tree_joints[1].q.start + 4] += 2.0
     for gap in f(0.0, x):
         assert np.max(np.abs(np.array(gap))) < 1e-11
+
+
+@pytest.mark.parametrize("strength", [1e-12, 0.1, 3.0, 1e9])
+def test_force_of_ones_own_without_power_is_taken(strength):
+    """Once around a circle in the time 2 pi mass / strength."""
+    scene = ac.System()
+    scene.world, scene.wind, scene.leaf = World(None), SideWind(strength), Particle(1.0)
+    scene.connect(scene.wind.point, scene.leaf.point)
+    run = ac.build(scene).simulate(2 * np.pi / strength, {scene.leaf.point.velocity: (strength, 0, 0)}, rtol=1e-11)
+    assert np.max(np.abs(run[scene.leaf.point.position][-1])) < 1e-9
