@@ -34,3 +34,10 @@ def test_scripts_name_parts_that_exist():
 def test_each_part_of_ones_own_does_what_its_page_says(path):
     space = runpy.run_path(str(path))
     assert space["main"]() < space["LIMIT"]
+
+
+@pytest.mark.parametrize("path", sorted((DOCS.parent / "examples").glob("*/*.py")), ids=lambda path: path.stem)
+def test_each_machine_of_the_gallery_has_a_title_and_a_bound(path):
+    space = runpy.run_path(str(path))
+    assert len(space["__doc__"].split("\n")[0]) < 130
+    assert callable(space["main"]) and 0 < space["LIMIT"] < 0.1

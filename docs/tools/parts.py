@@ -208,7 +208,7 @@ def _users(name: str) -> list[str]:
     examples = Path(__file__).parents[2] / "examples"
     found = [
         path.stem
-        for path in sorted(examples.glob("*.py"))
+        for path in sorted(examples.rglob("*.py"))
         if re.search(rf"\b{name}\(|\b{name}\.", path.read_text(encoding="utf-8"))
     ]
     return [f"[{stem.replace('_', ' ')}](../gallery/{stem}.md)" for stem in found]
