@@ -124,7 +124,7 @@ class AbstractModel(ABC):
         order: int | None = None,
         step: float | None = None,
         max_step: float | None = None,
-        samples: int = 501,
+        samples: int | Sequence[float] | np.ndarray = 501,
         progress: bool | Progress = True,
         max_steps: int = 1_000_000,
         raise_on_failure: bool = True,
@@ -138,7 +138,8 @@ class AbstractModel(ABC):
         unit; `atol` [SI] is added where it is given. `inputs`: numbers, expressions of `ac.time`,
         `ac.samples(...)` and splines of scipy, whose jumps and bends end steps, or functions of time, whose jumps `ac.with_knots` tells. `parameters`: other values than at build.
         `method`: "auto", "gauss", "radau", or CasADi's "rosenbrock", "cvodes", "idas"; `order` and fixed `step` [s] where the
-        method has them; no step is longer than `max_step` [s]. `samples`: number of equally spaced times in the result; interpolate with `run.at`.
+        method has them; no step is longer than `max_step` [s]. `samples`: number of equally spaced times in the result, or these times [s];
+        read others with `run.at`. Of long runs only steps with samples or events stay in memory; others are made again where they are read.
         `events`: zeros of expressions, `ac.when(...)`, found in `run.events`.
         A run that has ended is looked at: where its constraints or its energy balance are off by far more than the tolerance explains, an
         `AccuracyWarning` says by how much, since when and why. Energy is left out where parts of one's own do not say what they store and

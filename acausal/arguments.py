@@ -73,7 +73,7 @@ def ascending(value: Any, what: str) -> np.ndarray:
     except (TypeError, ValueError):
         times = np.zeros(0)
     if times.size < 2 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
-        raise OptionError(f"{what} are {value!r}; give at least two ascending times [s], the first one is the start.")
+        raise OptionError(f"{what} are {value!r}; give at least two ascending times [s].")
     return times
 
 

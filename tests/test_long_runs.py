@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -11,11 +12,11 @@ import pytest
 
 import acausal as ac
 from acausal.collocation.problem import Accuracy, Problem
-from acausal.errors import SimulationError
+from acausal.errors import OptionError, SimulationError
 from acausal.integrators.integrate import integrate
 from acausal.runtime import native
 from acausal.runtime.native import Run
-from components import Revolute, RigidBody, TorqueSource, World
+from components import Revolute, RigidBody, RotationalDamper, RotationalGround, TorqueSource, World
 from tests.scenes import DoublePendulum, FourBar
 
 
@@ -54,7 +55,7 @@ SCENES = {
 def _kept(run: ac.Trajectory) -> int:
     """Steps whose polynomials are in memory."""
     core = getattr(run.solution.dense, "__self__").core  # noqa: B009  # a bound method of `Run`
-    return int(np.count_nonzero(np.ctypeslib.as_array(core.offset, (core.steps,)) >= 0))
+    return int(np.count_nonzero(np.ctypeslib.as_array(core.offset, (core.steps - core.first,)) >= 0))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -73,7 +74,10 @@ def test_runs_read_alike_whatever_is_kept(name: str, monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(native, "BUDGET", budget)
         made.clear()
         short = simulate()
-        assert np.array_equal(short.solution.t, whole.solution.t) and np.array_equal(short.solution.x, whole.solution.x)
+        own = np.isin(whole.solution.t, short.solution.t)
+        assert np.array_equal(short.solution.t, whole.solution.t[own]) and np.array_equal(
+            short.solution.x, whole.solution.x[:, own]
+        )
         assert np.array_equal(short.x, whole.x) or short.solution.stopped
         assert len(made) == 1 or short.solution.stopped  # samples are known beforehand, but not where an event ends the run
         times = np.sort(np.random.default_rng(1).uniform(0, whole.t[-1], 7))
@@ -88,8 +92,58 @@ def test_memory_does_not_grow_with_steps_that_nobody_reads(monkeypatch: pytest.M
     scene = DoublePendulum()
     model = ac.build(scene)
     monkeypatch.setattr(native, "BUDGET", 4000)
-    kept = [_kept(model.simulate(end, {scene.shoulder.q: 2.0}, samples=11)) for end in (50.0, 100.0, 400.0)]
-    assert max(kept) <= 11
+    runs = [model.simulate(end, {scene.shoulder.q: 2.0}, samples=11) for end in (50.0, 100.0, 400.0)]
+    assert max(map(_kept, runs)) <= 11
+    assert max(run.solution.t.size for run in runs) <= 256 < 0.1 * runs[-1].statistics.steps
+
+
+def test_times_that_are_read_are_kept_and_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = DoublePendulum()
+    model, times = ac.build(scene), [0.3, 7.0, 7.1, 59.0]
+    start, event = {scene.shoulder.q: 2.0}, ac.when(scene.elbow.v - 3.0, "rising")
+    whole = model.simulate(60.0, start, samples=times, events=[event])
+    monkeypatch.setattr(native, "BUDGET", 1)
+    short = model.simulate(60.0, start, samples=times, events=[event])
+    assert np.array_equal(short.t, times) and np.array_equal(short.x, whole.x)
+    assert _kept(short) <= len(times) + len(short.events) + 1 and short.solution.t.size < 0.5 * short.statistics.steps
+    there = pickle.loads(pickle.dumps(short))
+    assert len(pickle.dumps(short)) < 0.5 * len(pickle.dumps(whole))
+    assert np.array_equal(there.x, short.x) and [e.time for e in there.events] == [e.time for e in whole.events]
+    np.testing.assert_allclose(there.at(times).x, whole.x, rtol=1e-9, atol=1e-9)
+    with pytest.raises(OptionError, match="not in this copy"):
+        _ = there.at(23.456).x
+
+
+def test_what_is_lost_by_friction_is_found_of_what_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = DoublePendulum()
+    scene.brake, scene.ground = RotationalDamper(0.02), RotationalGround()
+    scene.connect(scene.shoulder.flange, scene.brake.flange_a)
+    scene.connect(scene.brake.flange_b, scene.ground.flange)
+    model = ac.build(scene)
+    whole = model.simulate(60.0, {scene.shoulder.q: 2.0}, samples=5)
+    monkeypatch.setattr(native, "BUDGET", 4000)
+    short = model.simulate(60.0, {scene.shoulder.q: 2.0}, samples=5)
+    assert short.solution.t.size < 0.5 * whole.solution.t.size
+    np.testing.assert_allclose(short.energy_loss, whole.energy_loss, rtol=1e-6)
+    assert short.energy_error() < 1e-6
+
+
+def test_derivatives_of_long_motions_take_no_memory_for_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = DoublePendulum()
+    model, made = ac.build(scene), list[Run]()
+    begin = Run.__init__
+
+    def counted(run: Run, *arguments: Any, **more: Any) -> None:
+        made.append(run)
+        begin(run, *arguments, **more)
+
+    monkeypatch.setattr(Run, "__init__", counted)
+    answers: list[np.ndarray] = []
+    for budget in (native.BUDGET, 1):
+        monkeypatch.setattr(native, "BUDGET", budget)
+        answers.append(model.sensitivities([0.0, 30.0], [scene.shoulder.q], {scene.shoulder.q: 2.0}).S)
+    assert np.array_equal(*answers)
+    assert [run.core.steps - run.core.first < 256 for run in made] == [False, True]
 
 
 def test_stiff_runs_that_change_their_method_are_repeated_alike(monkeypatch: pytest.MonkeyPatch) -> None:

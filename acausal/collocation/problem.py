@@ -188,11 +188,20 @@ def together(parts: Sequence[Statistics]) -> Statistics:
 
 
 @dataclass(frozen=True)
+class Kept:
+    """From each of the times of a solution to the next one: how many `steps` there are (n - 1,), and whether there is one, `known` (n - 1,)
+    everywhere. Others are made again where they are read."""
+
+    steps: np.ndarray
+    known: np.ndarray
+
+
+@dataclass(frozen=True)
 class Solution:
     """Step points `t` (n,), states there `x` (nx, n), and `dense`: times (m,) -> states (nx, m).
 
     `crossings` of guards in order of time; `stopped`: whether the last one ended the motion before its time; `located`: whether
-    crossings have been looked for.
+    crossings have been looked for. `kept`: what of a long run; None where it is all.
     """
 
     t: np.ndarray
@@ -203,6 +212,7 @@ class Solution:
     crossings: tuple[Crossing, ...] = ()
     stopped: bool = False
     located: bool = False
+    kept: Kept | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: the integrator's memory stays behind, polynomials through its dense output take its place."""
@@ -218,11 +228,13 @@ _WEIGHTS = np.where(np.arange(33) % 2, -1.0, 1.0) * np.where((np.arange(33) == 0
 class Interpolant:
     """Dense output as numbers: states `values` (steps, points, nx) at Chebyshev points of the steps between times `t` (steps + 1,).
 
-    Interpolation by the barycentric formula; 33 points are more than the degree of any collocation polynomial asks for.
+    Interpolation by the barycentric formula; 33 points are more than the degree of any collocation polynomial asks for. `number`: of each step
+    among those with values, -1 where there are none.
     """
 
     t: np.ndarray
     values: np.ndarray
+    number: np.ndarray
 
     @staticmethod
     def of(solution: Solution) -> Interpolant:
@@ -231,16 +243,28 @@ class Interpolant:
         if isinstance(solution.dense, Interpolant):
             return solution.dense
         if t.size < 2:
-            return Interpolant(t, solution.x.T[None, :, :])
-        times = np.minimum(t[:-1, None] + np.diff(t)[:, None] * _NODES, t[1:, None])
-        return Interpolant(t, solution.dense(times.ravel()).T.reshape(t.size - 1, _NODES.size, nx))
+            return Interpolant(t, solution.x.T[None, :, :], np.zeros(1, dtype=int))
+        known = np.ones(t.size - 1, dtype=bool) if solution.kept is None else solution.kept.known
+        begin, end = t[:-1, None][known], t[1:, None][known]
+        times = np.minimum(begin + (end - begin) * _NODES, end)
+        values = solution.dense(times.ravel()).T.reshape(-1, _NODES.size, nx)
+        return Interpolant(t, values, np.where(known, np.cumsum(known) - 1, -1))
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
-        """States (nx, m) at times (m,)."""
+        """States (nx, m) at times (m,). Raises `OptionError` where they were not kept."""
         if self.t.size < 2:
             return np.repeat(self.values[0, :1].T, times.size, axis=1)
         step = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, self.t.size - 2)
+        step = np.where(
+            (self.number[step] < 0) & (times == self.t[step]), np.maximum(step - 1, 0), step
+        )  # the end of the step before
+        lost = np.flatnonzero(self.number[step] < 0)
+        if lost.size:
+            raise OptionError(
+                f"The motion at t = {times[lost[0]]:.6g} s is not in this copy: of a long run, copies have the steps with samples and events only. Ask for "
+                "it where the run was made, or for more `samples`."
+            )
         away = ((times - self.t[step]) / np.diff(self.t)[step])[:, None] - _NODES
         hit = away == 0
         weights = np.where(hit.any(axis=1)[:, None], hit, _WEIGHTS / np.where(hit, 1.0, away))
-        return np.einsum("mk,mki->im", weights / weights.sum(axis=1, keepdims=True), self.values[step])
+        return np.einsum("mk,mki->im", weights / weights.sum(axis=1, keepdims=True), self.values[self.number[step]])

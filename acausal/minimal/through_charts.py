@@ -50,7 +50,7 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
     breaks = apart(knots(signal, at.t0, end), at.t0, end)
     problem = Problem(
         whole.explicit_dynamics, whole.invariants, whole.projection, signal, at.p, signal.constant, breaks=breaks,
-        guards=guards_of(whole, options.events),
+        guards=guards_of(whole, options.events), read=options.times(at.t0, end),
     )  # fmt: skip
     pieces: list[Piece] = []
     after = minimal if here else minimal.at(at.t0, initial.x, at.p)
@@ -70,7 +70,8 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
         kind = StatusKind.NOT_CONVERGED if status.kind is StatusKind.SUCCESS else status.kind
         status = Status(kind, float(pieces[-1].solution.t[-1]), found)
         pieces[-1] = replace(pieces[-1], solution=replace(pieces[-1].solution, status=status))
-    times = np.linspace(at.t0, pieces[-1].solution.t[-1], options.samples)
+    reached = float(pieces[-1].solution.t[-1])
+    times = problem.read if reached == end else options.times_until(at.t0, reached)
     return concluded(Trajectory(whole, problem, tuple(pieces), initial, times, options.events), end, options)
 
 
@@ -98,7 +99,7 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options, 
     n = limits.size
     own = Problem(
         equations.dynamics, None, None, problem.inputs, np.concatenate([chart.p, chart.reference, limits]), problem.constant_inputs,
-        equations.native(How.AUTO if options.compiled else How.CASADI), _guards(minimal, problem.guards, n), breaks=problem.breaks,
+        equations.native(How.AUTO if options.compiled else How.CASADI), _guards(minimal, problem.guards, n), read=problem.read, breaks=problem.breaks,
     )  # fmt: skip
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
     wanted = options.accuracy

@@ -38,19 +38,62 @@ static int make_last_step(Integrator *I, long stages) {
     return I->times && I->states && I->step_sides && I->coefficients && I->stage_count && I->offset && I->kinds && I->event_times && I->event_guards && I->event_directions;
 }
 
+/* Moves what is kept of an end of a step, and of the step after it. */
+static void move_row(Integrator *I, long from, long to) {
+    size_t n = sizeof(double) * (size_t)I->nx, held = sizeof(double) * (size_t)I->held;
+    I->times[to] = I->times[from];
+    memmove(I->states + to * I->nx, I->states + from * I->nx, n);
+    I->stage_count[to] = I->stage_count[from];
+    I->offset[to] = I->offset[from];
+    I->kinds[to] = I->kinds[from];
+    if (held) memmove(I->step_sides + to * I->held, I->step_sides + from * I->held, held);
+}
+
+/* Of `rows` ends of steps, keep both of each step that is read, those of the last step, and of the rest one in so many, `stride`; how many these
+   are. Several steps from one row to the next have minus their number for their stages. */
+static long thin_rows(Integrator *I, long rows) {
+    struct State *T = I->state;
+    long end = 1, number = 0, last = 0;
+    int before = I->offset[0] >= 0;
+    for (long r = 1; r < rows; r++) {
+        number += I->stage_count[r - 1] < 0 ? -I->stage_count[r - 1] : 1; /* rows move down, behind what is still looked at */
+        int after = r < rows - 1 && I->offset[r] >= 0;
+        if (before || after || r >= rows - 2 || number % T->stride == 0) {
+            if (number > last + 1) {
+                I->stage_count[end - 1] = last - number;
+                I->offset[end - 1] = -1;
+            }
+            if (end < r) move_row(I, r, end);
+            last = number;
+            end++;
+        }
+        before = after;
+    }
+    return end;
+}
+
 /* Room for one more step. */
 static int make_room(Integrator *I) {
     struct State *T = I->state;
-    long k = I->steps, n = I->nx;
+    long k = I->steps - I->first, n = I->nx;
     if (I->block) {
-        if (k < 2) return 1;
-        I->first = k - 1;
+        if (I->steps < 2) return 1;
+        I->first = I->steps - 1;
         I->times[0] = I->times[1];
         memcpy(I->states, I->states + n, sizeof(double) * (size_t)n);
         T->coefficient_count = 0;
         return 1;
     }
     if (k + 1 < T->capacity) return 1;
+    if (T->thinned && sizeof(double) * (size_t)(2 * k * (n + I->held + 4)) > I->budget) {
+        for (int again = 0; again < 2; again++) {
+            if (again || !T->stride) T->stride = T->stride ? 2 * T->stride : 2;
+            long left = thin_rows(I, k);
+            I->first += k - left;
+            k = left;
+            if (2 * k < T->capacity) return 1;
+        }
+    }
     long c = T->capacity = k < 64 ? 128 : 2 * k;
     return grow(&I->times, sizeof(double) * (size_t)c) && grow(&I->states, sizeof(double) * (size_t)(c * n) + 8) &&
            grow(&I->stage_count, sizeof(long) * (size_t)c) && grow(&I->offset, sizeof(long) * (size_t)c) && grow(&I->kinds, sizeof(long) * (size_t)c) &&

@@ -23,6 +23,7 @@ from acausal.collocation.problem import (
     Directions,
     Exact,
     Guards,
+    Kept,
     Newton,
     Problem,
     Progress,
@@ -56,7 +57,7 @@ from acausal.runtime.pattern import Pattern, jacobian_pattern
 _Double = ctypes.POINTER(ctypes.c_double)
 _SLICE = 0.05
 BUDGET = 64 * 2**20
-"""Bytes of a run's polynomials that are kept whether they are read or not."""
+"""Bytes of a run's polynomials, and of ends of steps, that are kept whether they are read or not."""
 _SLIDES = "The motion slides along a switch of the rates, {0}: from both sides it is led back there, so that no side lasts."
 _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN)
 _STATUS = {
@@ -247,8 +248,7 @@ class Run:
         self._inputs = problem.inputs
         self._begun = problem, self.x.copy(), t0, t1, accuracy
         self._read = np.ascontiguousarray(problem.read, dtype=float)
-        if directions is None:
-            core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
+        core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
         self._rhs = problem.rhs
         self._rounding_callback = RoundingFunction(self._round)
         core.rounding = self._rounding_callback
@@ -453,12 +453,10 @@ class Run:
     def solution(self, status: Status, stopped: bool = False) -> Solution:
         """What has been computed so far."""
         core, nx = self.core, self.native.nx
-        n = core.steps + 1
         if nx == 0:
             t, x = np.array([core.t, core.end] if core.end > core.t else [core.t]), np.zeros((0, 2 if core.end > core.t else 1))
         else:
-            t = np.ctypeslib.as_array(core.times, (n,)).copy()
-            x = np.ctypeslib.as_array(core.states, (n, nx)).T.copy()
+            t, x = self._times().copy(), np.ctypeslib.as_array(core.states, (self._rows, nx)).T.copy()
         tableau = self.choice.tableaus[core.method]
         now = time.perf_counter()
         waited, worked = (
@@ -472,15 +470,23 @@ class Run:
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]
         crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
-        return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True)
+        return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept())
 
-    def kept(self, most: int) -> np.ndarray:
-        """Times and states at the ends of the first steps, a row each."""
-        n = min(self.core.steps + 1, most)
-        t, x = (
-            np.ctypeslib.as_array(part, (n * size,)) for part, size in ((self.core.times, 1), (self.core.states, self.native.nx))
-        )
-        return np.column_stack((t, x.reshape(n, -1)))
+    @property
+    def _rows(self) -> int:
+        """Ends of steps that are kept, the start among them."""
+        return self.core.steps - self.core.first + 1
+
+    def _times(self) -> np.ndarray:
+        return np.ctypeslib.as_array(self.core.times, (self._rows,))
+
+    def _kept(self) -> Kept | None:
+        """What of the steps; None where all of all."""
+        n = self._rows - 1
+        if not n:
+            return None
+        offset, stages = (np.ctypeslib.as_array(part, (n,)) for part in (self.core.offset, self.core.stage_count))
+        return None if (offset >= 0).all() else Kept(np.where(stages < 0, -stages, 1), offset >= 0)
 
     def _ran(self) -> str:
         """The methods that made the steps."""
@@ -516,27 +522,33 @@ class Run:
 
     def _repeat(self, wanted: np.ndarray, found: np.ndarray) -> None:
         """The same as `_dense`, by running again, and keeping the steps that are asked for: as many at a time as there is room for."""
-        (problem, x0, t0, t1, accuracy), n = self._begun, self.core.steps + 1
-        t = np.ctypeslib.as_array(self.core.times, (n,))
-        step = np.clip(np.searchsorted(t, wanted, side="right") - 1, 0, n - 2)
+        problem, x0, t0, t1, accuracy = self._begun
+        t, kept = self._times(), self._kept()
+        steps = np.ones(t.size - 1, dtype=int) if kept is None else kept.steps
+        row = np.clip(np.searchsorted(t, wanted, side="right") - 1, 0, t.size - 2)
         size = 8 * (max(tableau.stages for tableau in self.choice.tableaus) + 1) * self.native.nx
-        number = np.cumsum(np.diff(step, prepend=-1) > 0) - 1  # of the steps that are asked for
+        others = np.diff(row, prepend=-1) > 0
+        number = np.cumsum(others | (steps[row] > 1)) - 1  # of steps that are asked for, at most
         parts = np.flatnonzero(np.diff(number // max(1, BUDGET // size), prepend=-1))
         for first, last in zip(parts, [*parts[1:], wanted.size], strict=True):
-            here = np.ascontiguousarray(wanted[first:last])
-            accuracy = replace(accuracy, max_steps=int(step[last - 1]) + 1)
+            here, end = np.ascontiguousarray(wanted[first:last]), int(row[last - 1]) + 1
+            accuracy = replace(accuracy, max_steps=int(steps[:end].sum()))
             run = Run(self.native, replace(problem, read=here), x0, t0, t1, accuracy, self.choice)
             run.core.budget = 1
             status = run.advance(t1).status
             if status.kind is StatusKind.INTERRUPTED:
                 raise KeyboardInterrupt
-            end = int(step[last - 1]) + 2
-            if not (np.array_equal(run.kept(end), self.kept(end)) and run._dense(here, found[first:last])):
+            if not (run._is_at(self, end) and run._dense(here, found[first:last])):
                 raise SimulationError(
                     f"The motion is read at t = {here[0]:.6g} s, in a step that was not kept: the run is longer than memory is kept for, so it was "
-                    f"repeated, and is another one now by t = {t[end - 1]:.6g} s. Functions of time that are inputs must give the same "
+                    f"repeated, and is another one now by t = {t[end]:.6g} s. Functions of time that are inputs must give the same "
                     "number whenever they are asked; or ask for `samples` that are as close as you need them.", None,
                 )  # fmt: skip
+
+    def _is_at(self, other: Run, row: int) -> bool:
+        """Whether this run stands where another one stood."""
+        mine, its = (np.ctypeslib.as_array(run.core.states, (run._rows, self.native.nx)) for run in (self, other))
+        return bool(self._times()[-1] == other._times()[row]) and np.array_equal(mine[-1], its[row])
 
 
 @contextlib.contextmanager

@@ -112,8 +112,8 @@ typedef struct Integrator {
     long *event_guards, *event_directions;
     struct Memory *memory;
     struct State *state;
-    /* steps kept: times (steps + 1), states (steps + 1, nx); stages of each step, and place of its coefficients (nx, stages), with what sizes
-       states had had by then (nx) behind them; place -1: not kept */
+    /* steps kept, without `first` of them: times (steps + 1), states (steps + 1, nx); stages of each step, minus how many they are where several are
+       one, and place of its coefficients (nx, stages), with what sizes states had had by then (nx) behind them; place -1: not kept */
     double *times, *states, *coefficients, *step_sides; /* step_sides (steps, held): of switches */
     long *stage_count, *offset, *kinds;
     /* forward sensitivities: S (directions, nx) at the start, then now; inputs du (directions, nu) and dp (directions, np) */
@@ -121,14 +121,15 @@ typedef struct Integrator {
     double *S;
     const double *du, *dp;
     void *user; /* of `input` */
-    /* Coefficients beyond `budget` bytes are kept of steps only in which there is an event, or one of the times `read`, which ascend. 0: all */
+    /* Coefficients beyond `budget` bytes are kept of steps only in which there is an event, or one of the times `read`, which ascend; ends of
+       steps beyond so many bytes of these steps, and some between them. 0: all */
     size_t budget;
     const double *read;
     long read_count;
     /* Memory of the caller, `room` bytes (see `needed`): then no other is taken, and the last step only is kept, with its events. Null: allocated. */
     char *block;
     size_t room, used;
-    long counted, first, event_room; /* whether bytes are only counted; number of the first step that is kept; events of one step at most */
+    long counted, first, event_room; /* whether bytes are only counted; number of steps that are not kept; events of one step at most */
 } Integrator;
 
 EXPORT int begin(Integrator *I);

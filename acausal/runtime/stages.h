@@ -173,6 +173,7 @@ struct State {
     int straight;            /* whether the last step led through a singular position, not past it */
     long capacity, coefficient_capacity, coefficient_count;
     int thinned;             /* whether only steps that are read are kept */
+    long stride;             /* of the ends of other steps one in so many is kept; 0: all */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };
 

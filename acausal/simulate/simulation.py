@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import listed, truth, whole_number
+from acausal.arguments import ascending, listed, truth, whole_number
 from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Solution, StatusKind
 from acausal.errors import OptionError, SimulationError, SingularWarning
 from acausal.integrators.integrate import integrate
@@ -47,7 +47,7 @@ class Options:
 
     accuracy: Accuracy
     method: str
-    samples: int
+    samples: int | np.ndarray
     compiled: bool
     raise_on_failure: bool
     order: int | None = None
@@ -69,13 +69,37 @@ class Options:
         return Options(
             accuracy,
             method,
-            whole_number(samples, "simulate: samples", 2),
+            samples_asked(samples),
             truth(compiled, "simulate: compiled"),
             truth(raise_on_failure, "simulate: raise_on_failure"),
             None if order is None else whole_number(order, "simulate: the order", 1),
             progress,
             events,
         )
+
+    def times(self, t0: float, end: float) -> np.ndarray:
+        """When the motion is read. Raises `OptionError` for times that are not between the start and the end [s]."""
+        if isinstance(self.samples, int):
+            return np.linspace(t0, end, self.samples)
+        if self.samples[0] < t0 or self.samples[-1] > end:
+            raise OptionError(
+                f"simulate: `samples` are from {self.samples[0]:g} s to {self.samples[-1]:g} s, the motion from {t0:g} s to {end:g} s."
+            )
+        return self.samples
+
+    def times_until(self, t0: float, reached: float) -> np.ndarray:
+        """The same of a motion that ended before."""
+        if isinstance(self.samples, int):
+            return np.linspace(t0, reached, self.samples)
+        known = self.samples[self.samples <= reached]
+        return known if known.size else np.array([reached])
+
+
+def samples_asked(value: Any) -> int | np.ndarray:
+    """How many samples, at least 2, or their times [s]. Raises `OptionError`."""
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str):
+        return whole_number(value, "simulate: samples", 2)
+    return ascending(value, "simulate: `samples`")
 
 
 def simulate(functions: Functions, at: Situation, end: float, options: Options) -> Trajectory:
@@ -86,14 +110,14 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     whole = at.initial(functions)
     check_decided(functions.outputs.system, t0, whole.x, at.p)
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))
-    problem = replace(problem, parameters=initial.p, read=np.linspace(t0, end, options.samples))
+    problem = replace(problem, parameters=initial.p, read=options.times(t0, end))
     check_branch(functions, problem, t0, end, initial.x)
     breaks, guards = apart(knots(problem.inputs, t0, end), t0, end), guards_of(functions, options.events)
     if breaks.size or guards:
         problem = replace(problem, breaks=breaks, guards=guards)
     solution = integrated(problem, initial.x, t0, end, options, called)
     reached = float(solution.t[-1])
-    times = problem.read if reached == end else np.linspace(t0, reached, options.samples)
+    times = problem.read if reached == end else options.times_until(t0, reached)
     run = Trajectory(functions, problem, (Piece(functions, problem, solution),), initial, times, options.events)
     return concluded(run, end, options, jumps)
 

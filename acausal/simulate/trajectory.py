@@ -193,7 +193,8 @@ class Trajectory:
         """Energy dissipated less energy supplied since the start, (n,) [J]; Gauss quadrature of the power on the interpolant."""
         if self.outputs.power_loss.is_zero():
             return np.zeros(self.t.size)
-        knots = np.unique(np.concatenate([self.steps.t[self.steps.t <= self.t[-1]], self.t]))
+        ends = np.concatenate([_step_ends(piece.solution) for piece in self.pieces])
+        knots = np.unique(np.concatenate([ends[ends <= self.t[-1]], self.t]))
         nodes, weights = np.polynomial.legendre.leggauss(12)
         half = np.diff(knots) / 2
         times = (knots[:-1] + half)[:, None] + half[:, None] * nodes
@@ -274,6 +275,16 @@ class Trajectory:
             f"{s.method} order {s.order}, {s.steps} steps, {s.evaluations} evaluations, {1e3 * s.seconds:.1f} ms{compiling}"
             + "".join(f"\n  {chart}" for chart in self.charts)
         )
+
+
+def _step_ends(solution: Solution) -> np.ndarray:
+    """Times of a solution's steps; equally far apart where they are not kept."""
+    if solution.kept is None:
+        return solution.t
+    count = solution.kept.steps
+    begin, length = (np.repeat(part, count) for part in (solution.t[:-1], np.diff(solution.t) / count))
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.append(begin + within * length, solution.t[-1])
 
 
 def _read(

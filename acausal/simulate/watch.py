@@ -53,10 +53,9 @@ class Sizes:
 
 def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol: float) -> None:
     """Say so when invariants or the energy balance of a run are off by far more than its tolerance explains."""
-    n = run.steps.t.size
-    forgiven = (_FORGIVEN + _A_STEP * n) * (_STRICT if functions.outputs.system.constraints.singular else 1.0)
+    forgiven = (_FORGIVEN + _A_STEP * run.statistics.steps) * (_STRICT if functions.outputs.system.constraints.singular else 1.0)
     part = min(max(forgiven * rtol, _LEAST), _MOST)
-    if n < 2 or not functions.space.x.numel():
+    if run.steps.t.size < 2 or not functions.space.x.numel():
         return
     x = run.steps.x
     met = np.maximum.reduce(np.abs(x), axis=1)
