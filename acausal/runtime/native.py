@@ -456,7 +456,7 @@ class Run:
         if nx == 0:
             t, x = np.array([core.t, core.end] if core.end > core.t else [core.t]), np.zeros((0, 2 if core.end > core.t else 1))
         else:
-            t, x = self._times().copy(), np.ctypeslib.as_array(core.states, (self._rows, nx)).T.copy()
+            t, x = self._times().copy(), np.ctypeslib.as_array(core.states, (self._ends, nx)).T.copy()
         tableau = self.choice.tableaus[core.method]
         now = time.perf_counter()
         waited, worked = (
@@ -473,16 +473,16 @@ class Run:
         return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept())
 
     @property
-    def _rows(self) -> int:
+    def _ends(self) -> int:
         """Ends of steps that are kept, the start among them."""
         return self.core.steps - self.core.first + 1
 
     def _times(self) -> np.ndarray:
-        return np.ctypeslib.as_array(self.core.times, (self._rows,))
+        return np.ctypeslib.as_array(self.core.times, (self._ends,))
 
     def _kept(self) -> Kept | None:
         """What of the steps; None where all of all."""
-        n = self._rows - 1
+        n = self._ends - 1
         if not n:
             return None
         offset, stages = (np.ctypeslib.as_array(part, (n,)) for part in (self.core.offset, self.core.stage_count))
@@ -547,7 +547,7 @@ class Run:
 
     def _is_at(self, other: Run, row: int) -> bool:
         """Whether this run stands where another one stood."""
-        mine, its = (np.ctypeslib.as_array(run.core.states, (run._rows, self.native.nx)) for run in (self, other))
+        mine, its = (np.ctypeslib.as_array(run.core.states, (run._ends, self.native.nx)) for run in (self, other))
         return bool(self._times()[-1] == other._times()[row]) and np.array_equal(mine[-1], its[row])
 
 
