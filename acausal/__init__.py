@@ -11,6 +11,7 @@ from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
 from acausal.parts import rotations
+from acausal.optimal_control.language import at_end, at_start, average, free, integral
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 

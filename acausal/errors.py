@@ -150,3 +150,15 @@ class SimulationError(AcausalError):
     def __reduce__(self) -> tuple[Any, ...]:
         """Other processes hand errors over, too."""
         return type(self), (self.args[0], self.trajectory)
+
+
+class OptimalControlError(AcausalError):
+    """No optimal motion was found. `best` holds the last iterate, None where there is none."""
+
+    def __init__(self, message: str, best: Any) -> None:
+        super().__init__(message)
+        self.best = best
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Other processes hand errors over, too."""
+        return type(self), (self.args[0], self.best)

@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
-from acausal.analysis.point import Differentiable, OperatingPoint, operating_point, start_values
+from acausal.analysis.point import Differentiable, OperatingPoint, operating_point
 from acausal.analysis.sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
@@ -20,6 +20,7 @@ from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
 from acausal.start.start_values import softened
+from acausal.start.states import start_values
 
 if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization

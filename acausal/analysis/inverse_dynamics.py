@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.actuation import Actuation, Unknown, actuated, named
-from acausal.analysis.point import operating_point, start_values
+from acausal.analysis.point import operating_point
 from acausal.analysis.prescribed import Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
 from acausal.arguments import expressions
@@ -25,6 +25,7 @@ from acausal.start.decided import check_decided
 from acausal.start.inputs import InputValue
 from acausal.start.situation import Situation
 from acausal.start.start_values import near, softened
+from acausal.start.states import start_values
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Expression
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
@@ -35,16 +34,6 @@ def operating_point(functions: Functions, at: Situation, states: Sequence[float]
     """
     x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, at.p)
     return OperatingPoint(at.t0, x, at.u(functions), at.p)
-
-
-def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:
-    """All coordinates, velocities and scalar states of the states x (nx,), as start values of a simulation."""
-    s = functions.outputs.system
-    rates = x[s.nq : s.nq + s.tree_velocities]
-    values: dict[Expression, np.ndarray] = {joint.edge.joint.q: x[joint.q] for joint in s.tree_joints}
-    values |= {joint.edge.joint.v: rates[joint.v] for joint in s.tree_joints}
-    values |= {state: x[[i]] for i, state in zip(s.scalar_places, s.scalar_states, strict=True)}
-    return {key: value for key, value in values.items() if value.size}
 
 
 class Differentiable:

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from acausal.abstract_model import AbstractModel
-from acausal.analysis.point import start_values
 from acausal.arguments import listed, whole_number
 from acausal.charts.chart import Chart, Choice, choose_chart
 from acausal.charts.chart_space import chart_space
@@ -28,7 +27,7 @@ from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.start.start_values import Start, near
-from acausal.start.states import consistent_states
+from acausal.start.states import consistent_states, start_values
 
 if TYPE_CHECKING:
     from acausal.simulate.simulation import Options

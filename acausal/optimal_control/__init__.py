@@ -1,1 +1,1 @@
-
+"""Optimal control: from parts to optimum, proven by replay."""

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
+from acausal.language.expression import Expression
 from acausal.numerics.rounding import Rounding
 from acausal.numerics.sizes import Drawn, unknown_sizes
 from acausal.numerics.thresholds import CLOSED, GIVEN, ROUNDING
@@ -61,3 +62,13 @@ def _allowed(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> np
     fastest = np.max(np.abs(x[nq:]) / speeds, initial=0.0)
     noise = CLOSED * fastest * (J[:, nq:] @ speeds) + ROUNDING / np.finfo(float).eps * np.nan_to_num(Rounding(rows)(t, x, p))
     return GIVEN * (J[:, :nq] @ lengths + J[:, nq:] @ np.abs(x[nq:])) + noise
+
+
+def start_values(functions: Functions, x: np.ndarray) -> dict[Expression, np.ndarray]:
+    """All coordinates, velocities and scalar states of the states x (nx,), as start values of a simulation."""
+    s = functions.outputs.system
+    rates = x[s.nq : s.nq + s.tree_velocities]
+    values: dict[Expression, np.ndarray] = {joint.edge.joint.q: x[joint.q] for joint in s.tree_joints}
+    values |= {joint.edge.joint.v: rates[joint.v] for joint in s.tree_joints}
+    values |= {state: x[[i]] for i, state in zip(s.scalar_places, s.scalar_states, strict=True)}
+    return {key: value for key, value in values.items() if value.size}

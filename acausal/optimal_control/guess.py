@@ -1,0 +1,113 @@
+"""Where the search for an optimal motion begins: a smooth path that keeps the loops closed, and what drives it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.folding import folded_function
+from acausal.optimal_control.stage import Stage
+
+_CLOSINGS = 20
+"""Newton steps for each point of the path, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """The `duration` [s], at `times` (n,), parts of it, all unknowns of points `values` (n, width), and those of free parameters (k,)."""
+
+    times: np.ndarray
+    values: np.ndarray
+    duration: float
+    free: np.ndarray
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """(m, width): between, by straight lines."""
+        return np.column_stack([np.interp(times, self.times, column) for column in self.values.T])
+
+
+def path_guess(stage: Stage, stops: list[tuple[float, np.ndarray]], times: np.ndarray, duration: float, free: np.ndarray, units: np.ndarray) -> Guess:
+    """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk; driven as inverse dynamics says.
+
+    `units` (width,): what is much for each unknown of a point.
+    """
+    nq = stage.functions.space.nq
+    where = np.array([at for at, _ in stops])
+    wanted = np.array([x for _, x in stops])
+    k = np.clip(np.searchsorted(where, times, side="right") - 1, 0, max(0, where.size - 2))
+    if where.size > 1:
+        s = np.clip((times - where[k]) / (where[k + 1] - where[k]), 0, 1)
+        blend = s**3 * (10 - 15 * s + 6 * s * s)
+        x = wanted[k] + (wanted[k + 1] - wanted[k]) * blend[:, None]
+    else:
+        x = np.repeat(wanted, times.size, axis=0)
+    x[:, :nq] = _closed(stage, x, times, duration, free)[:, :nq]
+    t = times * duration
+    x[:, nq:] = _moving(stage, x, t, free, duration)[:, nq:]
+    x = _closed(stage, x, times, duration, free, fresh=False)
+    return Guess(times, _driven(stage, x, times, duration, free, units), duration, free)
+
+
+def _arguments(stage: Stage, x: np.ndarray, duration: float, free: np.ndarray) -> np.ndarray:
+    rest = np.zeros(stage.width - x.size)
+    return np.concatenate([x, rest, [duration], free])
+
+
+def _closed(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, *, fresh: bool = True) -> np.ndarray:
+    """States (n, nx) with their loops closed; each goes on from the one before where it is `fresh`."""
+    rows, positions = stage.invariants
+    if not rows.numel():
+        return x
+    nx = x.shape[1]
+    inside = stage.put(rows)
+    step = folded_function("invariants", [stage.unknowns, stage.data], [inside, ca.densify(ca.jacobian(inside, stage.unknowns)[:, :nx])])
+    found = x.copy()
+    nq = stage.functions.space.nq
+    for k in range(len(found)):
+        if fresh and k:
+            found[k, :nq] = found[k - 1, :nq] + x[k, :nq] - x[k - 1, :nq]
+        before = found[k].copy()
+        for _ in range(_CLOSINGS):
+            gap, slope = (np.array(part) for part in step(_arguments(stage, found[k], duration, free), [times[k], 0.0]))
+            change = np.zeros(nx)
+            change[:nq] = np.linalg.lstsq(slope[:positions, :nq], -gap[:positions, 0], rcond=1e-10)[0]
+            change[nq:] = np.linalg.lstsq(slope[positions:, nq:], -gap[positions:, 0] - slope[positions:, :nq] @ change[:nq], rcond=1e-10)[0]
+            found[k] += change
+            if np.max(np.abs(change)) <= 1e-12 * np.max(np.abs(found[k])):
+                break
+        if not np.all(np.isfinite(found[k])) or np.max(np.abs(gap)) > 1e-6 * (1 + np.max(np.abs(slope) @ np.abs(found[k]))):
+            found[k] = found[k - 1] if fresh and k else before
+    return found
+
+
+def _moving(stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float) -> np.ndarray:
+    """With velocities (n, nx) that go with the positions."""
+    nq, nv = stage.functions.space.nq, stage.functions.space.velocities
+    rates = stage.put(stage.rates[:nq, :])
+    N = folded_function("rates", [stage.unknowns, stage.data], [rates, ca.densify(ca.jacobian(rates, stage.unknowns)[:, nq : nq + nv])])
+    slope = np.gradient(x[:, :nq], t, axis=0) if t.size > 1 else np.zeros((1, nq))
+    found = x.copy()
+    for k in range(len(x)):
+        found[k, nq : nq + nv] = 0.0
+        drift, matrix = (np.array(part) for part in N(_arguments(stage, found[k], duration, free), [t[k] / duration, 0.0]))
+        found[k, nq : nq + nv] = np.linalg.lstsq(matrix, slope[k] - drift[:, 0], rcond=None)[0]
+    found[[0, -1], nq : nq + nv] = x[[0, -1], nq : nq + nv]
+    return found
+
+
+def _driven(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """(n, width): accelerations near those of the path, and the least inputs that meet the equations of motion."""
+    nx, nv, _, _ = stage.sizes
+    nq = stage.functions.space.nq
+    values = np.column_stack([x, np.zeros((len(x), stage.width - nx))])
+    values[:, nx : nx + nv] = np.gradient(x[:, nq : nq + nv], times * duration, axis=0) if len(x) > 1 else 0.0
+    off = stage.put(stage.balance)
+    step = folded_function("balance", [stage.unknowns, stage.data], [off, ca.densify(ca.jacobian(off, stage.unknowns)[:, nx : stage.width])])
+    size = units[nx:]
+    for k in range(len(x)):
+        gap, slope = (np.array(part) for part in step(np.concatenate([values[k], [duration], free]), [times[k], 0.0]))
+        if np.all(np.isfinite(slope)) and np.all(np.isfinite(gap)):
+            values[k, nx:] -= size * np.linalg.lstsq(slope * size, gap[:, 0], rcond=1e-12)[0]
+    return values

@@ -1,0 +1,348 @@
+"""Optimal control of a model: what is given, what is bounded, what is minimised, in the variables of the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from acausal.arguments import dictionary, finite, whole_number
+from acausal.collocation.tableau import radau_iia
+from acausal.errors import OptionError, UnknownVariableError
+from acausal.language.expression import Expression, Parameter, Symbol
+from acausal.optimal_control.guess import Guess, path_guess
+from acausal.optimal_control.language import Cost, Integrand, free
+from acausal.optimal_control.mesh import Mesh
+from acausal.optimal_control.optimum import Optimum, optimum
+from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.transcription import Asked, Limits
+from acausal.outputs.functions import Functions
+from acausal.start.assembly_function import start_units
+from acausal.start.initial import InitialState, near
+from acausal.start.states import start_values
+
+if TYPE_CHECKING:
+    from acausal.simulate.trajectory import Trajectory
+
+_PLUGINS = ("ipopt", "fatrop", "sqpmethod")
+
+
+class Simulated(Protocol):
+    """What is asked of a model."""
+
+    @property
+    def functions(self) -> Functions:
+        """CasADi functions of the model."""
+        ...
+
+    def initial_state(self, start: Any = None, *, t0: float = 0.0, inputs: Any = None, parameters: Any = None) -> InitialState:
+        """Consistent states."""
+        ...
+
+    def simulate(self, end: float, start: Any = None, **options: Any) -> Trajectory:
+        """The motion."""
+        ...
+
+
+class OptimalControl:
+    """The best motion of a model, and the inputs that make it.
+
+    `time`: its length [s], a number or `ac.free(least, most)`. All inputs of the model are found; those not to be found are given as numbers in
+    `inputs`. `parameters`: other values than at build. `t0` [s]: where the model's time begins.
+
+        ocp = ac.OptimalControl(model, time=2.0)
+        ocp.start({s.rail.q: 0, s.hinge.q: 0})
+        ocp.end({s.rail.q: 1, s.hinge.q: np.pi, s.rail.v: 0, s.hinge.v: 0})
+        ocp.bound(s.force, -20, 20)
+        ocp.minimise(ac.integral(s.force**2))
+        best = ocp.solve()
+
+    Direct collocation (Radau) in residual form; loops are closed at every point. Every solution is replayed by `simulate` (see `Optimum`).
+    """
+
+    def __init__(
+        self, model: Simulated, time: float | free, *, inputs: Any = None, parameters: Any = None, t0: float = 0.0
+    ) -> None:
+        self._model, self._functions = model, model.functions
+        self._t0 = finite(t0, "OptimalControl: t0 [s]")
+        self._time = _duration(time)
+        self._parameters: dict[Parameter, float] = dict(self._symbols(parameters or {}, "parameters"))
+        self._inputs: dict[Any, float] = dict(self._symbols(inputs or {}, "inputs"))
+        self._start: dict[Expression, Any] | None = None
+        self._opened: dict[Expression, free] = {}
+        self._path: list[tuple[Expression, Any, Any]] = []
+        self._here: list[tuple[float, dict[Expression, Any]]] = []
+        self._geometry: dict[Parameter, free] = {}
+        self._turns: dict[Expression, float] | None = None
+        self._drifting: tuple[Expression, ...] = ()
+        self._cost = Cost()
+        self._guess: Optimum | Trajectory | None = None
+
+    @property
+    def duration(self) -> Cost:
+        """The length of the motion [s], as a cost."""
+        return Cost(duration=1.0)
+
+    def start(self, values: Any) -> None:
+        """Start values of variables, as for `simulate`: what is not given is chosen there, velocities zero where they can be. A value
+        `ac.free(lower, upper)` is found with the motion. Without any call everything about the start is free.
+        """
+        given = self._symbols(values, "start")
+        self._opened = {k: v.checked(self._name(k)) for k, v in given.items() if isinstance(v, free)}
+        self._start = {k: v for k, v in given.items() if not isinstance(v, free)}
+
+    def end(self, values: Any) -> None:
+        """Values of variables and expressions at the end; a pair (lower, upper) leaves room."""
+        self.at(1.0, values)
+
+    def at(self, part: float, values: Any) -> None:
+        """Values of variables and expressions when this part of the duration (0 ... 1) has passed; pairs (lower, upper) leave room."""
+        where = finite(part, "at: the part of the duration")
+        if not 0 <= where <= 1:
+            raise OptionError(f"at({part:g}, ...): give a part of the duration between 0 and 1.")
+        self._here.append((where, dict(self._symbols(values, "at" if where < 1 else "end"))))
+
+    def bound(self, expression: Expression | str, lower: Any = -np.inf, upper: Any = np.inf) -> None:
+        """Limits that an expression keeps at all points of the mesh: numbers, or one for each entry. Reactions, contact forces, powers, distances."""
+        (wanted,) = self._symbols({expression: 0.0}, "bound")
+        if np.any(np.asarray(lower, dtype=float) > np.asarray(upper, dtype=float)):
+            raise OptionError(f"bound: {self._name(wanted)} is to stay above {lower} and below {upper}, which cross.")
+        self._path.append((wanted, lower, upper))
+
+    def periodic(self, turns: Any = None, drift: Sequence[Expression | str] = ()) -> None:
+        """The motion ends as it began, each of `turns` {variable: number} full turns on; states in `drift` may end anywhere."""
+        self._turns = {k: 2 * np.pi * float(v) for k, v in self._symbols(turns or {}, "periodic").items()}
+        self._drifting = tuple(self._symbols(dict.fromkeys(drift, 0.0), "periodic: drift"))
+
+    def optimise(self, parameter: Parameter | str, lower: float, upper: float, guess: float | None = None) -> None:
+        """A parameter of the scene (a mass, a length, a stiffness) that is found with the motion, between bounds."""
+        (wanted,) = self._symbols({parameter: 0.0}, "optimise")
+        if not isinstance(wanted, Parameter):
+            raise OptionError(f"optimise: {self._name(wanted)} is no parameter. Make it one: scene.length = ac.Parameter(0.4, 'm').")
+        built = float(self._functions.outputs.system.p_values[self._functions.outputs.system.flat.parameters.index(wanted)])
+        inside = built if guess is None and lower <= built <= upper else guess
+        self._geometry[wanted] = free(lower, upper, inside).checked(self._name(wanted))
+
+    def minimise(self, cost: Cost) -> None:
+        """What is to be least: a sum of `ac.integral`, `ac.average`, `ac.at_start`, `ac.at_end` and `duration`."""
+        if not isinstance(cost, Cost):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            raise OptionError(
+                f"minimise: {cost!r} says not when it counts. Write ac.integral({cost!r}), ac.at_end({cost!r}), or ocp.duration."
+            )
+        self._cost = cost
+
+    def guess(self, motion: Optimum | Trajectory) -> None:
+        """Where the search begins: a motion of the same model, found or simulated. Otherwise a smooth path from the start through what is asked
+        for, driven as inverse dynamics says.
+        """
+        self._guess = motion
+
+    def solve(
+        self,
+        intervals: int = 20,
+        *,
+        order: int = 5,
+        controls: str = "free",
+        solver: str = "ipopt",
+        tolerance: float = 1e-6,
+        refinements: int = 4,
+        options: Mapping[str, Any] | None = None,
+    ) -> Optimum:
+        """The best motion near the guess.
+
+        `intervals`: of the first mesh; intervals whose replay is off by more than `tolerance`, relative to what each state varies by, are divided up to
+        `refinements` times. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
+        CasADi's solver. Raises `OptimalControlError` with the last iterate where none is found.
+        """
+        if solver not in _PLUGINS:
+            raise OptionError(f"solve: there is no solver {solver!r}. Use {', '.join(map(repr, _PLUGINS))}.")
+        if controls not in ("free", "constant"):
+            raise OptionError(f"solve: there are no controls {controls!r}. Use 'free' or 'constant'.")
+        whole_number(order, "solve: the order", 1, 31)
+        if order % 2 == 0:
+            raise OptionError(f"solve: Radau collocation has odd order, not {order}.")
+        marks = sorted({0.0, 1.0, *(at for at, _ in self._here)})
+        count = whole_number(intervals, "solve: intervals", 1)
+        pieces = np.maximum(1, np.round(count * np.diff(marks))).astype(int)
+        mesh = Mesh(np.array(marks), radau_iia((order + 1) // 2)).refined(pieces)
+        asked, stops, units = self._asked(controls == "constant")
+        guess = self._first(asked.stage, stops, mesh, units)
+        return optimum(self._model, asked, mesh, guess, units, solver, dict(options or {}), tolerance, refinements, self._given)
+
+    @property
+    def _given(self) -> dict[str, Any]:
+        """Arguments of `simulate`."""
+        return {"parameters": self._parameters, "t0": self._t0}
+
+    def _asked(self, held: bool) -> tuple[Asked, list[tuple[float, np.ndarray]], np.ndarray]:
+        f, model = self._functions, self._model
+        system = f.outputs.system
+        if f.space.elimination.constants.numel():
+            raise OptionError(
+                "Optimal control of scenes with integrated velocity constraints (a wheel rolling along a line whose place is open) is not supported."
+            )
+        starts = {**(self._start or {}), **{k: v.guess for k, v in self._opened.items()}}
+        begin = model.initial_state(starts, inputs=self._inputs, **self._given)
+        p = begin.p[: system.p_values.size]
+        stage = Stage(f, self._t0, p, tuple(self._geometry))
+        positions, rates = start_units(begin)
+        time = float(self._time.guess or 1.0)
+        units = self._units(begin, positions, rates / time, time)
+        first = begin.x
+        stops = [(0.0, first)]
+        here: list[tuple[float, Limits]] = []
+        for at, values in sorted(self._here, key=lambda pair: pair[0]):
+            limits = [self._limits(stage, key, value) for key, value in values.items()]
+            here += [(at, one) for one in limits]
+            middle = {key: np.mean(np.asarray(_pair(value), dtype=float), axis=0) for key, value in values.items() if _finite(value)}
+            before = stops[-1][1]
+            near_before = {k: near(v, 1e-3) for k, v in start_values(f, f.space.expanded(self._t0, before, begin.p)).items() if k not in middle}
+            found = model.initial_state({**near_before, **self._exact_states(middle)}, inputs=self._inputs, **self._given)
+            if at > 0:
+                stops.append((at, found.x))
+        start = None
+        if self._start is not None:
+            start = self._fixed(stage, first, begin)
+            here += [(0.0, self._limits(stage, k, (v.lower, v.upper))) for k, v in self._opened.items()]
+        periodic = None
+        if self._turns is not None:
+            periodic = self._difference(self._turns, 0.0)
+            open_ends = np.isnan(self._difference(dict.fromkeys(self._drifting, np.nan), 0.0))
+            periodic[open_ends] = np.nan
+            stops.append((1.0, first + np.nan_to_num(periodic)))
+        if stops[-1][0] < 1.0:
+            stops.append((1.0, stops[-1][1]))
+        path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._path]
+        path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
+        total = {
+            kind: sum((stage.opened(v) for v in getattr(self._cost, kind)), ca.SX(0)) for kind in ("integrals", "averages", "starts", "ends")
+        }
+        for kind, value in total.items():
+            if value.numel() != 1:
+                raise OptionError(f"minimise: among {kind} is one of {value.numel()} entries. Give a number: its square, its norm, or one entry.")
+        geometry = np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2)
+        bounds = np.array([self._time.lower, self._time.upper])
+        asked = Asked(
+            stage, path, here, start, periodic, total["integrals"], total["averages"], total["starts"], total["ends"],
+            self._cost.duration, held, bounds, geometry,
+        )  # fmt: skip
+        return asked, stops, units
+
+    def _fixed(self, stage: Stage, first: np.ndarray, begin: InitialState) -> np.ndarray:
+        """States (nx,) at the start; NaN where they move with what is free."""
+        found = first.copy()
+        if not self._opened:
+            return found
+        values = ca.vertcat(*(stage.put(stage.opened(k)) for k in self._opened))
+        moving = {s.element_hash() for s in ca.symvar(values)}
+        space = self._functions.space
+        for k in range(space.x.numel()):
+            if space.x[k].element_hash() in moving or self._functions.invariants is not None:
+                found[k] = np.nan
+        return found
+
+    def _first(self, stage: Stage, stops: list[tuple[float, np.ndarray]], mesh: Mesh, units: np.ndarray) -> Guess:
+        geometry = np.array([v.guess for v in self._geometry.values()], dtype=float)
+        times = np.append(0.0, mesh.points.ravel())
+        if isinstance(self._guess, Optimum):
+            return self._guess.motion
+        if self._guess is not None:
+            return _from_run(stage, self._guess, geometry, times)
+        return path_guess(stage, stops, times, float(self._time.guess or 1.0), geometry, units)
+
+    def _units(self, begin: InitialState, positions: np.ndarray, rates: np.ndarray, time: float) -> np.ndarray:
+        """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds."""
+        f = self._functions
+        space, system = f.space, f.outputs.system
+        everything = np.concatenate([positions[: system.nq], rates])
+        states = everything[list(space.places)]
+        nq, nv = space.nq, space.velocities
+        _, _, loops, inputs = Stage(f, 0.0, begin.p, ()).sizes
+        drive = np.ones(inputs)
+        for expression, lower, upper in self._path:
+            for k, entry in enumerate(system.flat.inputs):
+                if expression is entry:
+                    size = max(abs(float(v)) for v in (lower, upper) if np.isfinite(v))
+                    drive[k] = size if size > 0 else 1.0
+        return np.concatenate([states, states[nq : nq + nv] / time, np.ones(loops), drive])
+
+    def _limits(self, stage: Stage, key: Expression, value: Any) -> Limits:
+        column = stage.opened(key)
+        low, high = _pair(value)
+        try:
+            lower, upper = (np.broadcast_to(np.asarray(v, dtype=float).ravel(order="F"), (column.numel(),)) for v in (low, high))
+        except (TypeError, ValueError):
+            raise OptionError(f"{self._name(key)} has {column.numel()} entries; its value {value!r} does not fit.") from None
+        if np.isnan(lower).any() or np.isnan(upper).any() or np.any(lower > upper):
+            raise OptionError(f"{self._name(key)} is to be between {low} and {high}: give numbers in order.")
+        return Limits(column, lower, upper, self._name(key))
+
+    def _difference(self, values: Mapping[Expression, float], default: float) -> np.ndarray:
+        """(nx,): what is said of states, `default` of others."""
+        space, outputs = self._functions.space, self._functions.outputs
+        found = np.full(space.x.numel(), default)
+        numbers = {space.x[k].element_hash(): k for k in range(space.x.numel())}
+        for key, value in values.items():
+            column = ca.vec(outputs.opened(key))
+            for e in range(column.numel()):
+                k = numbers.get(column[e].element_hash()) if column[e].is_symbolic() else None
+                if k is None:
+                    raise OptionError(f"periodic: {self._name(key)} is no state of the model. It has: {', '.join(self._functions.state_names[:12])}.")
+                found[k] = value
+        return found
+
+    def _exact_states(self, values: Mapping[Expression, Any]) -> dict[Expression, Any]:
+        """Of these values those that a start can be given, as near as can be."""
+        stage = Stage(self._functions, self._t0, self._functions.space.p_values, ())
+        states = {self._functions.space.x[k].element_hash() for k in range(self._functions.space.x.numel())}
+        fixed = {s.element_hash() for s in ca.symvar(self._functions.space.p)} | {self._functions.outputs.system.t.element_hash()}
+        found: dict[Expression, Any] = {}
+        for key, value in values.items():
+            inside = {s.element_hash() for s in ca.symvar(stage.opened(key))}
+            if inside & states and inside <= states | fixed:
+                found[key] = near(np.broadcast_to(value, (stage.opened(key).numel(),)), 1e3)
+        return found
+
+    def _symbols(self, values: Any, what: str) -> dict[Any, Any]:
+        given = dictionary(values, what, "{scene.hinge.q: 0.3}")
+        found = self._functions.outputs.system.flat.symbols(given)
+        for key in found:
+            if not isinstance(key, Expression):
+                raise UnknownVariableError(f"{what}: {key!r} is no variable or expression of the scene.")
+        return dict(found)
+
+    def _name(self, key: Expression) -> str:
+        return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
+
+
+def _duration(time: Any) -> free:
+    if isinstance(time, free):
+        found = time.checked("The time [s]")
+        if not found.lower > 0 or not np.isfinite(found.upper):
+            raise OptionError(f"OptimalControl: the time is free between {time.lower:g} and {time.upper:g} s. Give finite, positive bounds.")
+        return found
+    length = finite(time, "OptimalControl: the time [s]")
+    if length <= 0:
+        raise OptionError(f"OptimalControl: the time must be positive, not {length:g} s.")
+    return free(length, length, length)
+
+
+def _pair(value: Any) -> tuple[Any, Any]:
+    return value if isinstance(value, tuple) and len(value) == 2 else (value, value)  # pyright: ignore
+
+
+def _finite(value: Any) -> bool:
+    return all(np.all(np.isfinite(np.asarray(v, dtype=float))) for v in _pair(value))
+
+
+def _from_run(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.ndarray) -> Guess:
+    nx, nv, _, _ = stage.sizes
+    first, last = run.t[0], run.t[-1]
+    there = run.at(first + times * (last - first))
+    f, nq = stage.functions, stage.functions.space.nq
+    p = np.repeat(run.problem.parameters[:, None], times.size, axis=1)
+    rates = np.array(f.explicit_dynamics(there.t[None, :], there.x, there.u, p))[nq : nq + nv]
+    loops = np.array(f.multipliers(there.t[None, :], there.x, there.u, p))
+    return Guess(times, np.vstack([there.x, rates, loops, there.u]).T, float(last - first), geometry)

@@ -1,0 +1,244 @@
+"""Nonlinear programs made of few functions at many places, with their exact derivatives.
+
+Each function is differentiated once, as a small `SX` function; its values and derivatives at all places are added up by constant sparse matrices.
+Wright and Nocedal: Numerical Optimization (2006), section 7.4 (partially separable functions).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.folding import folded_function
+
+COST, NOWHERE = -1, -2
+"""The row of what is minimised, and that of values which are not used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A function (z (n,), c (k,)) -> values (m,) at many places: z are the entries `places` (n, count) of the unknowns times `units` (n, count), c
+    the columns of `data` (k, count); the values times `weights` (m, count) are added to the `rows` (m, count), those of `COST` to the cost.
+    """
+
+    function: ca.Function
+    places: np.ndarray
+    units: np.ndarray
+    data: np.ndarray
+    rows: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of places."""
+        return self.places.shape[1]
+
+    @functools.cached_property
+    def slopes(self) -> ca.Function:
+        """(z, c) -> values, entries of their Jacobian by columns."""
+        z, c = self._symbols
+        value = self.function(z, c)
+        return folded_function("slopes", [z, c], [value, _entries(ca.jacobian(value, z))])
+
+    @functools.cached_property
+    def slope_entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns of the entries of `slopes`."""
+        z, c = self._symbols
+        return _places(ca.jacobian(self.function(z, c), z).sparsity())
+
+    @functools.cached_property
+    def curvature(self) -> ca.Function:
+        """(z, c, factors (m,)) -> entries of the upper triangle of the Hessian of the values' sum with these factors, by columns."""
+        z, c = self._symbols
+        factors = ca.SX.sym("factors", self.rows.shape[0])
+        return folded_function("curvature", [z, c, factors], [_entries(self._hessian(factors))])
+
+    @functools.cached_property
+    def curvature_entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns of the entries of `curvature`."""
+        return _places(self._hessian(ca.SX.sym("factors", self.rows.shape[0])).sparsity())
+
+    def _hessian(self, factors: ca.SX) -> ca.SX:
+        z, c = self._symbols
+        return ca.triu(ca.hessian(ca.dot(factors, self.function(z, c)), z)[0])
+
+    @functools.cached_property
+    def _symbols(self) -> tuple[ca.SX, ca.SX]:
+        return ca.SX.sym("z", self.places.shape[0]), ca.SX.sym("c", self.data.shape[0])
+
+    def at(self, w: ca.MX) -> tuple[ca.MX, ca.DM]:
+        """The arguments (z, c) at all places, side by side."""
+        return ca.reshape(w[self.places.ravel(order="F").tolist()], *self.places.shape) * ca.DM(self.units), ca.DM(self.data)
+
+
+def _entries(matrix: ca.SX) -> ca.SX:
+    return ca.densify(matrix.nz[:]) if matrix.nnz() else ca.SX(0, 1)
+
+
+def _places(sparsity: ca.Sparsity) -> tuple[np.ndarray, np.ndarray]:
+    rows, columns = sparsity.get_triplet()
+    return np.array(rows, dtype=int), np.array(columns, dtype=int)
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Minimise `cost` . w + terms subject to lower <= `linear` w + terms <= upper, least <= w <= most.
+
+    `linear`: (rows, columns, values) of entries. `guess`: (n,). `limits`: (2, rows). `bounds`: (2, n).
+    """
+
+    terms: Sequence[Term]
+    linear: tuple[np.ndarray, np.ndarray, np.ndarray]
+    cost: np.ndarray
+    limits: np.ndarray
+    bounds: np.ndarray
+    guess: np.ndarray
+    unit: float = 1.0
+    """Of the cost."""
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.guess.size
+
+    @property
+    def rows(self) -> int:
+        """Number of constraints."""
+        return self.limits.shape[1]
+
+    def solver(self, plugin: str, options: dict[str, Any]) -> ca.Function:
+        """`casadi.nlpsol` with these derivatives."""
+        w = ca.MX.sym("w", self.size)
+        cost, rows = self._values(w)
+        own = {"grad_f": self._gradient, "jac_g": self._jacobian, "hess_lag": self._hessian}
+        return ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**own, **options})
+
+    def balanced(self) -> Program:
+        """With rows, and the cost, in units in which the largest of their slopes at the guess is 1."""
+        slopes = np.abs(np.array(self._jacobian(self.guess, ca.DM(0, 1))[1].nonzeros()))
+        row = np.array(self._jacobian.sparsity_out(1).row(), dtype=int)
+        largest = np.zeros(self.rows)
+        np.maximum.at(largest, row, np.where(np.isfinite(slopes), slopes, 0.0))
+        size = 1 / np.where(largest > 0, largest, 1.0)
+        slope = np.abs(np.array(self._gradient(self.guess, ca.DM(0, 1))[1])).ravel()
+        steepest = float(np.max(slope[np.isfinite(slope)], initial=0.0))
+        of_cost = 1 / steepest if steepest > 0 else 1.0
+        all_sizes = np.concatenate([size, [1.0, of_cost]])  # NOWHERE, COST
+        terms = [replace(term, weights=term.weights * all_sizes[term.rows]) for term in self.terms]
+        i, j, values = self.linear
+        return replace(self, terms=terms, linear=(i, j, values * size[i]), cost=self.cost * of_cost, limits=self.limits * size, unit=self.unit / of_cost)
+
+    @functools.cached_property
+    def values(self) -> ca.Function:
+        """(w) -> cost, constraints."""
+        w = ca.MX.sym("w", self.size)
+        return ca.Function("values", [w], list(self._values(w)))
+
+    def _values(self, w: ca.MX) -> tuple[ca.MX, ca.MX]:
+        total = self._linear @ w
+        for term in self.terms:
+            if term.count:
+                total += self._adding(term) @ ca.vec(term.function.map(term.count)(*term.at(w)))
+        return ca.dot(ca.DM(self.cost), w) + total[self.rows], total[: self.rows]
+
+    def _adding(self, term: Term) -> ca.DM:
+        """(rows + 1, values of the term): what adds these up, the cost last."""
+        rows = _column(np.where(term.rows == COST, self.rows, term.rows))
+        used = np.flatnonzero(rows >= 0)
+        return _sparse(rows[used], used, _column(term.weights)[used], self.rows + 1, rows.size)
+
+    @property
+    def _linear(self) -> ca.MX:
+        """With an empty row for the cost."""
+        found = _Collected(self.rows + 1, self.size)
+        found.add(*self.linear, None)
+        return found.matrix()
+
+    @functools.cached_property
+    def _gradient(self) -> ca.Function:
+        w, p = ca.MX.sym("w", self.size), ca.MX.sym("p", 0)
+        gradient = ca.MX(ca.DM(self.cost))
+        for entries, (rows, places, weights) in self._slopes(w):
+            of_cost = rows == COST
+            if of_cost.any():
+                spread = _sparse(places[of_cost], np.flatnonzero(of_cost), weights[of_cost], self.size, rows.size)
+                gradient += spread @ entries
+        return ca.Function("grad_f", [w, p], [self._values(w)[0], gradient], ["x", "p"], ["f", "grad_f_x"])
+
+    @functools.cached_property
+    def _jacobian(self) -> ca.Function:
+        w, p = ca.MX.sym("w", self.size), ca.MX.sym("p", 0)
+        found = _Collected(self.rows, self.size)
+        found.add(*self.linear, None)
+        for entries, (rows, places, weights) in self._slopes(w):
+            kept = rows >= 0
+            found.add(rows[kept], places[kept], weights[kept], (entries, np.flatnonzero(kept), rows.size))
+        return ca.Function("jac_g", [w, p], [self._values(w)[1], found.matrix()], ["x", "p"], ["g", "jac_g_x"])
+
+    def _slopes(self, w: ca.MX) -> list[tuple[ca.MX, tuple[np.ndarray, np.ndarray, np.ndarray]]]:
+        """Of each term the entries of all Jacobians, and the row, the unknown and the weight of each."""
+        found: list[tuple[ca.MX, tuple[np.ndarray, np.ndarray, np.ndarray]]] = []
+        for term in self.terms:
+            i, j = term.slope_entries
+            if term.count and i.size:
+                entries = ca.vec(term.slopes.map(term.count)(*term.at(w))[1])
+                where = term.rows[i], term.places[j], term.weights[i] * term.units[j]
+                found.append((entries, (_column(where[0]), _column(where[1]), _column(where[2]))))
+        return found
+
+    @functools.cached_property
+    def _hessian(self) -> ca.Function:
+        w, p = ca.MX.sym("w", self.size), ca.MX.sym("p", 0)
+        of_cost, of_rows = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.rows)
+        factors = ca.vertcat(of_rows, of_cost)
+        found = _Collected(self.size, self.size)
+        for term in self.terms:
+            i, j = term.curvature_entries
+            if not (term.count and i.size):
+                continue
+            own = self._adding(term).T @ factors
+            entries = ca.vec(term.curvature.map(term.count)(*term.at(w), ca.reshape(own, *term.rows.shape)))
+            a, b = _column(term.places[i]), _column(term.places[j])
+            twice = np.where((a == b) & np.tile(i != j, term.count), 2.0, 1.0)  # two arguments that are one unknown
+            found.add(np.minimum(a, b), np.maximum(a, b), twice * _column(term.units[i] * term.units[j]), (entries, np.arange(a.size), a.size))
+        names = ["x", "p", "lam_f", "lam_g"]
+        return ca.Function("hess_lag", [w, p, of_cost, of_rows], [found.matrix()], names, ["triu_hess_gamma_x_x"])
+
+
+def _column(table: np.ndarray) -> np.ndarray:
+    return table.ravel(order="F")
+
+
+def _sparse(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, n: int, m: int) -> ca.DM:
+    return ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(values), n, m)
+
+
+class _Collected:
+    """A sparse matrix (n, m) whose entries are sums of constants and of given numbers."""
+
+    def __init__(self, n: int, m: int) -> None:
+        self._shape = n, m
+        self._parts: list[tuple[np.ndarray, np.ndarray, tuple[ca.MX, np.ndarray, int] | None]] = []
+
+    def add(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray, of: tuple[ca.MX, np.ndarray, int] | None) -> None:
+        """`values` at these places, each times the number at a place of a column: (column, places, its size)."""
+        self._parts.append((columns * self._shape[0] + rows, values, of))
+
+    def matrix(self) -> ca.MX:
+        """The sum."""
+        n, m = self._shape
+        keys = np.unique(np.concatenate([np.zeros(0, dtype=int), *(key for key, _, _ in self._parts)]))
+        entries = ca.MX(ca.DM.zeros(keys.size))
+        for key, values, of in self._parts:
+            where = np.searchsorted(keys, key)
+            if of is None:
+                entries += ca.DM(np.bincount(where, values, keys.size))
+            else:
+                entries += _sparse(where, of[1], values, keys.size, of[2]) @ of[0]
+        sparsity = ca.Sparsity.triplet(n, m, (keys % n).tolist(), (keys // n).tolist())
+        return ca.sparsity_cast(entries, sparsity) if keys.size else ca.MX(n, m)
