@@ -12,6 +12,7 @@ from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
 from acausal.parts import rotations
 from acausal.optimal_control.language import at_end, at_start, average, free, integral
+from acausal.optimal_control.problem import OptimalControl
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 
@@ -25,6 +26,7 @@ __all__ = [
     "Input",
     "LoadedModel",
     "Model",
+    "OptimalControl",
     "Parameter",
     "Point",
     "Rotational",
@@ -32,6 +34,9 @@ __all__ = [
     "System",
     "Translational",
     "Variable",
+    "at_end",
+    "at_start",
+    "average",
     "build",
     "cross",
     "der",
@@ -39,6 +44,8 @@ __all__ = [
     "equal",
     "errors",
     "exactly",
+    "free",
+    "integral",
     "load_c",
     "near",
     "norm",

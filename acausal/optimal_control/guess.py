@@ -10,6 +10,8 @@ import numpy as np
 from acausal.numerics.folding import folded_function
 from acausal.optimal_control.stage import Stage
 
+_HELD = 1e-3
+"""How easily coordinates move that are told how to."""
 _CLOSINGS = 20
 """Newton steps for each point of the path, at most."""
 
@@ -28,25 +30,33 @@ class Guess:
         return np.column_stack([np.interp(times, self.times, column) for column in self.values.T])
 
 
-def path_guess(stage: Stage, stops: list[tuple[float, np.ndarray]], times: np.ndarray, duration: float, free: np.ndarray, units: np.ndarray) -> Guess:
-    """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk; driven as inverse dynamics says.
-
-    `units` (width,): what is much for each unknown of a point.
+def path_guess(
+    stage: Stage,
+    stops: list[tuple[float, np.ndarray]],
+    times: np.ndarray,
+    duration: float,
+    free: np.ndarray,
+    units: np.ndarray,
+    *,
+    turned: np.ndarray,
+) -> Guess:
+    """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk, or at constant speed where some are
+    `turned` (nx,) and others follow; driven as inverse dynamics says. `units` (width,): what is much for each unknown of a point.
     """
-    nq = stage.functions.space.nq
+    nq, steady = stage.functions.space.nq, bool(turned.any())
     where = np.array([at for at, _ in stops])
     wanted = np.array([x for _, x in stops])
     k = np.clip(np.searchsorted(where, times, side="right") - 1, 0, max(0, where.size - 2))
     if where.size > 1:
         s = np.clip((times - where[k]) / (where[k + 1] - where[k]), 0, 1)
-        blend = s**3 * (10 - 15 * s + 6 * s * s)
+        blend = s if steady else s**3 * (10 - 15 * s + 6 * s * s)
         x = wanted[k] + (wanted[k + 1] - wanted[k]) * blend[:, None]
     else:
         x = np.repeat(wanted, times.size, axis=0)
-    x[:, :nq] = _closed(stage, x, times, duration, free)[:, :nq]
+    x[:, :nq] = _closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
     t = times * duration
-    x[:, nq:] = _moving(stage, x, t, free, duration)[:, nq:]
-    x = _closed(stage, x, times, duration, free, fresh=False)
+    x[:, nq:] = _moving(stage, x, t, free, duration, steady=steady)[:, nq:]
+    x = _closed(stage, x, times, duration, free, np.ones(x.shape[1]), fresh=False)
     return Guess(times, _driven(stage, x, times, duration, free, units), duration, free)
 
 
@@ -55,14 +65,18 @@ def _arguments(stage: Stage, x: np.ndarray, duration: float, free: np.ndarray) -
     return np.concatenate([x, rest, [duration], free])
 
 
-def _closed(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, *, fresh: bool = True) -> np.ndarray:
-    """States (n, nx) with their loops closed; each goes on from the one before where it is `fresh`."""
+def _closed(
+    stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, easy: np.ndarray, *, fresh: bool = True
+) -> np.ndarray:
+    """States (n, nx) with their loops closed, those rather that are `easy` (nx,) to move; each goes on from the one before where it is `fresh`."""
     rows, positions = stage.invariants
     if not rows.numel():
         return x
     nx = x.shape[1]
     inside = stage.put(rows)
-    step = folded_function("invariants", [stage.unknowns, stage.data], [inside, ca.densify(ca.jacobian(inside, stage.unknowns)[:, :nx])])
+    step = folded_function(
+        "invariants", [stage.unknowns, stage.data], [inside, ca.densify(ca.jacobian(inside, stage.unknowns)[:, :nx])]
+    )
     found = x.copy()
     nq = stage.functions.space.nq
     for k in range(len(found)):
@@ -72,8 +86,10 @@ def _closed(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, fre
         for _ in range(_CLOSINGS):
             gap, slope = (np.array(part) for part in step(_arguments(stage, found[k], duration, free), [times[k], 0.0]))
             change = np.zeros(nx)
-            change[:nq] = np.linalg.lstsq(slope[:positions, :nq], -gap[:positions, 0], rcond=1e-10)[0]
-            change[nq:] = np.linalg.lstsq(slope[positions:, nq:], -gap[positions:, 0] - slope[positions:, :nq] @ change[:nq], rcond=1e-10)[0]
+            change[:nq] = easy[:nq] * np.linalg.lstsq(slope[:positions, :nq] * easy[:nq], -gap[:positions, 0], rcond=1e-10)[0]
+            change[nq:] = np.linalg.lstsq(
+                slope[positions:, nq:], -gap[positions:, 0] - slope[positions:, :nq] @ change[:nq], rcond=1e-10
+            )[0]
             found[k] += change
             if np.max(np.abs(change)) <= 1e-12 * np.max(np.abs(found[k])):
                 break
@@ -82,18 +98,21 @@ def _closed(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, fre
     return found
 
 
-def _moving(stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float) -> np.ndarray:
-    """With velocities (n, nx) that go with the positions."""
+def _moving(stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float, *, steady: bool) -> np.ndarray:
+    """With velocities (n, nx) that go with the positions; at both ends as they are, unless it is `steady`."""
     nq, nv = stage.functions.space.nq, stage.functions.space.velocities
     rates = stage.put(stage.rates[:nq, :])
-    N = folded_function("rates", [stage.unknowns, stage.data], [rates, ca.densify(ca.jacobian(rates, stage.unknowns)[:, nq : nq + nv])])
+    N = folded_function(
+        "rates", [stage.unknowns, stage.data], [rates, ca.densify(ca.jacobian(rates, stage.unknowns)[:, nq : nq + nv])]
+    )
     slope = np.gradient(x[:, :nq], t, axis=0) if t.size > 1 else np.zeros((1, nq))
     found = x.copy()
     for k in range(len(x)):
         found[k, nq : nq + nv] = 0.0
         drift, matrix = (np.array(part) for part in N(_arguments(stage, found[k], duration, free), [t[k] / duration, 0.0]))
         found[k, nq : nq + nv] = np.linalg.lstsq(matrix, slope[k] - drift[:, 0], rcond=None)[0]
-    found[[0, -1], nq : nq + nv] = x[[0, -1], nq : nq + nv]
+    if not steady:
+        found[[0, -1], nq : nq + nv] = x[[0, -1], nq : nq + nv]
     return found
 
 
@@ -104,7 +123,9 @@ def _driven(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, fre
     values = np.column_stack([x, np.zeros((len(x), stage.width - nx))])
     values[:, nx : nx + nv] = np.gradient(x[:, nq : nq + nv], times * duration, axis=0) if len(x) > 1 else 0.0
     off = stage.put(stage.balance)
-    step = folded_function("balance", [stage.unknowns, stage.data], [off, ca.densify(ca.jacobian(off, stage.unknowns)[:, nx : stage.width])])
+    step = folded_function(
+        "balance", [stage.unknowns, stage.data], [off, ca.densify(ca.jacobian(off, stage.unknowns)[:, nx : stage.width])]
+    )
     size = units[nx:]
     for k in range(len(x)):
         gap, slope = (np.array(part) for part in step(np.concatenate([values[k], [duration], free]), [times[k], 0.0]))

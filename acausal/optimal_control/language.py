@@ -81,7 +81,9 @@ class free:
     def checked(self, what: str) -> free:
         """Itself, with a guess. Raises `OptionError` where the bounds cross or leave the guess out."""
         if not self.lower < self.upper:
-            raise OptionError(f"{what} is free between {self.lower:g} and {self.upper:g}: the lower bound must be below the upper one.")
+            raise OptionError(
+                f"{what} is free between {self.lower:g} and {self.upper:g}: the lower bound must be below the upper one."
+            )
         if self.guess is not None:
             if not self.lower <= self.guess <= self.upper:
                 raise OptionError(f"{what}: its guess {self.guess:g} is not between {self.lower:g} and {self.upper:g}.")
@@ -91,4 +93,9 @@ class free:
         if float("inf") in (abs(self.lower), abs(self.upper)):
             return replace(self, guess=self.lower if abs(self.upper) == float("inf") else self.upper)
         both = self.lower * self.upper > 0
-        return replace(self, guess=(abs(self.lower * self.upper) ** 0.5 * (1 if self.lower > 0 else -1)) if both else (self.lower + self.upper) / 2)
+        return replace(
+            self,
+            guess=(abs(self.lower * self.upper) ** 0.5 * (1 if self.lower > 0 else -1))
+            if both
+            else (self.lower + self.upper) / 2,
+        )

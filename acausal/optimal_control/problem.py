@@ -13,7 +13,7 @@ from acausal.collocation.tableau import radau_iia
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter, Symbol
 from acausal.optimal_control.guess import Guess, path_guess
-from acausal.optimal_control.language import Cost, Integrand, free
+from acausal.optimal_control.language import Cost, free
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum, optimum
 from acausal.optimal_control.stage import Stage
@@ -120,7 +120,9 @@ class OptimalControl:
         """A parameter of the scene (a mass, a length, a stiffness) that is found with the motion, between bounds."""
         (wanted,) = self._symbols({parameter: 0.0}, "optimise")
         if not isinstance(wanted, Parameter):
-            raise OptionError(f"optimise: {self._name(wanted)} is no parameter. Make it one: scene.length = ac.Parameter(0.4, 'm').")
+            raise OptionError(
+                f"optimise: {self._name(wanted)} is no parameter. Make it one: scene.length = ac.Parameter(0.4, 'm')."
+            )
         built = float(self._functions.outputs.system.p_values[self._functions.outputs.system.flat.parameters.index(wanted)])
         inside = built if guess is None and lower <= built <= upper else guess
         self._geometry[wanted] = free(lower, upper, inside).checked(self._name(wanted))
@@ -196,16 +198,25 @@ class OptimalControl:
         for at, values in sorted(self._here, key=lambda pair: pair[0]):
             limits = [self._limits(stage, key, value) for key, value in values.items()]
             here += [(at, one) for one in limits]
-            middle = {key: np.mean(np.asarray(_pair(value), dtype=float), axis=0) for key, value in values.items() if _finite(value)}
+            middle = {
+                key: np.mean(np.asarray(_pair(value), dtype=float), axis=0) for key, value in values.items() if _finite(value)
+            }
             before = stops[-1][1]
-            near_before = {k: near(v, 1e-3) for k, v in start_values(f, f.space.expanded(self._t0, before, begin.p)).items() if k not in middle}
+            near_before = {
+                k: near(v, 1e-3)
+                for k, v in start_values(f, f.space.expanded(self._t0, before, begin.p)).items()
+                if k not in middle
+            }
             found = model.initial_state({**near_before, **self._exact_states(middle)}, inputs=self._inputs, **self._given)
             if at > 0:
                 stops.append((at, found.x))
         start = None
         if self._start is not None:
-            start = self._fixed(stage, first, begin)
-            here += [(0.0, self._limits(stage, k, (v.lower, v.upper))) for k, v in self._opened.items()]
+            # what loops close with other lengths follows from what is given
+            following = self._opened or (self._geometry and f.invariants is not None)
+            start = None if following else first
+            if following:
+                here.insert(0, (0.0, self._open_start(stage, first)))
         periodic = None
         if self._turns is not None:
             periodic = self._difference(self._turns, 0.0)
@@ -217,11 +228,14 @@ class OptimalControl:
         path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._path]
         path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
         total = {
-            kind: sum((stage.opened(v) for v in getattr(self._cost, kind)), ca.SX(0)) for kind in ("integrals", "averages", "starts", "ends")
+            kind: sum((stage.opened(v) for v in getattr(self._cost, kind)), ca.SX(0))
+            for kind in ("integrals", "averages", "starts", "ends")
         }
         for kind, value in total.items():
             if value.numel() != 1:
-                raise OptionError(f"minimise: among {kind} is one of {value.numel()} entries. Give a number: its square, its norm, or one entry.")
+                raise OptionError(
+                    f"minimise: among {kind} is one of {value.numel()} entries. Give a number: its square, its norm, or one entry."
+                )
         geometry = np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2)
         bounds = np.array([self._time.lower, self._time.upper])
         asked = Asked(
@@ -230,18 +244,13 @@ class OptimalControl:
         )  # fmt: skip
         return asked, stops, units
 
-    def _fixed(self, stage: Stage, first: np.ndarray, begin: InitialState) -> np.ndarray:
-        """States (nx,) at the start; NaN where they move with what is free."""
-        found = first.copy()
-        if not self._opened:
-            return found
-        values = ca.vertcat(*(stage.put(stage.opened(k)) for k in self._opened))
-        moving = {s.element_hash() for s in ca.symvar(values)}
-        space = self._functions.space
-        for k in range(space.x.numel()):
-            if space.x[k].element_hash() in moving or self._functions.invariants is not None:
-                found[k] = np.nan
-        return found
+    def _open_start(self, stage: Stage, first: np.ndarray) -> Limits:
+        """What is free, between its bounds; then all states as they are at the guess, as far as they do not follow from what is free."""
+        limits = [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
+        limits += [self._limits(stage, k, v) for k, v in (self._start or {}).items() if isinstance(v, float | int | np.ndarray)]
+        limits.append(Limits(self._functions.space.x, first, first, "start values"))
+        value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
+        return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), "start values")
 
     def _first(self, stage: Stage, stops: list[tuple[float, np.ndarray]], mesh: Mesh, units: np.ndarray) -> Guess:
         geometry = np.array([v.guess for v in self._geometry.values()], dtype=float)
@@ -250,7 +259,15 @@ class OptimalControl:
             return self._guess.motion
         if self._guess is not None:
             return _from_run(stage, self._guess, geometry, times)
-        return path_guess(stage, stops, times, float(self._time.guess or 1.0), geometry, units)
+        return path_guess(
+            stage,
+            stops,
+            times,
+            float(self._time.guess or 1.0),
+            geometry,
+            units,
+            turned=np.zeros(stage.sizes[0], dtype=bool) if self._turns is None else self._difference(self._turns, 0.0) != 0,
+        )
 
     def _units(self, begin: InitialState, positions: np.ndarray, rates: np.ndarray, time: float) -> np.ndarray:
         """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds."""
@@ -289,7 +306,9 @@ class OptimalControl:
             for e in range(column.numel()):
                 k = numbers.get(column[e].element_hash()) if column[e].is_symbolic() else None
                 if k is None:
-                    raise OptionError(f"periodic: {self._name(key)} is no state of the model. It has: {', '.join(self._functions.state_names[:12])}.")
+                    raise OptionError(
+                        f"periodic: {self._name(key)} is no state of the model. It has: {', '.join(self._functions.state_names[:12])}."
+                    )
                 found[k] = value
         return found
 
@@ -321,7 +340,9 @@ def _duration(time: Any) -> free:
     if isinstance(time, free):
         found = time.checked("The time [s]")
         if not found.lower > 0 or not np.isfinite(found.upper):
-            raise OptionError(f"OptimalControl: the time is free between {time.lower:g} and {time.upper:g} s. Give finite, positive bounds.")
+            raise OptionError(
+                f"OptimalControl: the time is free between {time.lower:g} and {time.upper:g} s. Give finite, positive bounds."
+            )
         return found
     length = finite(time, "OptimalControl: the time [s]")
     if length <= 0:
@@ -338,7 +359,7 @@ def _finite(value: Any) -> bool:
 
 
 def _from_run(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.ndarray) -> Guess:
-    nx, nv, _, _ = stage.sizes
+    _, nv, _, _ = stage.sizes
     first, last = run.t[0], run.t[-1]
     there = run.at(first + times * (last - first))
     f, nq = stage.functions, stage.functions.space.nq

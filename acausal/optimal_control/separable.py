@@ -115,8 +115,12 @@ class Program:
         """`casadi.nlpsol` with these derivatives."""
         w = ca.MX.sym("w", self.size)
         cost, rows = self._values(w)
-        own = {"grad_f": self._gradient, "jac_g": self._jacobian, "hess_lag": self._hessian}
-        return ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**own, **options})
+        return ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**self.derivatives, **options})
+
+    @functools.cached_property
+    def derivatives(self) -> dict[str, ca.Function]:
+        """Of cost and constraints, and of the Lagrangian, as `casadi.nlpsol` takes them."""
+        return {"grad_f": self._gradient, "jac_g": self._jacobian, "hess_lag": self._hessian}
 
     def balanced(self) -> Program:
         """With rows, and the cost, in units in which the largest of their slopes at the guess is 1."""
@@ -131,7 +135,14 @@ class Program:
         all_sizes = np.concatenate([size, [1.0, of_cost]])  # NOWHERE, COST
         terms = [replace(term, weights=term.weights * all_sizes[term.rows]) for term in self.terms]
         i, j, values = self.linear
-        return replace(self, terms=terms, linear=(i, j, values * size[i]), cost=self.cost * of_cost, limits=self.limits * size, unit=self.unit / of_cost)
+        return replace(
+            self,
+            terms=terms,
+            linear=(i, j, values * size[i]),
+            cost=self.cost * of_cost,
+            limits=self.limits * size,
+            unit=self.unit / of_cost,
+        )
 
     @functools.cached_property
     def values(self) -> ca.Function:
@@ -205,7 +216,12 @@ class Program:
             entries = ca.vec(term.curvature.map(term.count)(*term.at(w), ca.reshape(own, *term.rows.shape)))
             a, b = _column(term.places[i]), _column(term.places[j])
             twice = np.where((a == b) & np.tile(i != j, term.count), 2.0, 1.0)  # two arguments that are one unknown
-            found.add(np.minimum(a, b), np.maximum(a, b), twice * _column(term.units[i] * term.units[j]), (entries, np.arange(a.size), a.size))
+            found.add(
+                np.minimum(a, b),
+                np.maximum(a, b),
+                twice * _column(term.units[i] * term.units[j]),
+                (entries, np.arange(a.size), a.size),
+            )
         names = ["x", "p", "lam_f", "lam_g"]
         return ca.Function("hess_lag", [w, p, of_cost, of_rows], [found.matrix()], names, ["triu_hess_gamma_x_x"])
 

@@ -224,7 +224,9 @@ def _invariants(stage: Stage) -> _Invariants:
     return _Invariants(stage, positions, values)
 
 
-def _independent(invariants: _Invariants, z: np.ndarray, at: float, units: np.ndarray) -> tuple[list[int], list[int]]:
+def _independent(
+    invariants: _Invariants, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = ()
+) -> tuple[list[int], list[int]]:
     """Which states (of all but those that follow) are collocated; and which invariants hold the others: rows that do not follow from others."""
     stage, n = invariants.stage, invariants.positions
     nx, nv, _, _ = stage.sizes
@@ -236,7 +238,7 @@ def _independent(invariants: _Invariants, z: np.ndarray, at: float, units: np.nd
         own = J[slice(*block)][:, list(columns)]
         length = np.linalg.norm(own, axis=1)
         own = own / np.where(length > 0, length, 1.0)[:, None]
-        gone = independent_entries(own).dependent
+        gone = independent_entries(own, [k - columns.start for k in preferred if k in columns]).dependent
         kept = [k for k in kept if k - columns.start not in gone or k not in columns]
         used += [block[0] + r for r in _independent_rows(own)]
     return kept, used
@@ -267,7 +269,9 @@ def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: 
     weights = np.ones((values.numel(), K * s))
     extra = np.arange(layout.tail, layout.size)
     of_loops = stage.put(stage.balance[nv:, :])
-    loop_slopes = ca.Function("A", [stage.unknowns, stage.data], [ca.densify(ca.jacobian(of_loops, stage.unknowns)[:, nx : nx + nv])])
+    loop_slopes = ca.Function(
+        "A", [stage.unknowns, stage.data], [ca.densify(ca.jacobian(of_loops, stage.unknowns)[:, nx : nx + nv])]
+    )
     for k in range(K):
         middle = w[np.append(layout.places[k, s // 2], extra)]
         kept, used = _independent(invariants, middle, float(mesh.points[k, s // 2]), units)
@@ -283,7 +287,9 @@ def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: 
                 rows.linear += [(row, int(layout.places[k, m, i]), mesh.slopes[j, m + 1]) for m in range(s)]
                 number[i, column], weights[i, column] = row, -1.0
             for i in (*range(nv), *(nv + r for r in loop_rows)):
-                number[nx + i, column] = rows.add(0.0, 0.0, f"the equations of motion of {labels[stage.functions.space.nq + i] if i < nv else 'loops'}", at)
+                number[nx + i, column] = rows.add(
+                    0.0, 0.0, f"the equations of motion of {labels[stage.functions.space.nq + i] if i < nv else 'loops'}", at
+                )
             for r in used:
                 number[nx + nv + loops + r, column] = rows.add(0.0, 0.0, "closed loops", at)
             for r, (limits, e) in enumerate(path):
@@ -346,7 +352,8 @@ def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> li
             number = [rows.add(limits.lower[r], limits.upper[r], limits.name, at) for r in needed]
             terms.append(_at(layout, k, value[needed], number))
     if asked.periodic is not None:
-        kept, _ = _independent(invariants, first, 0.0, np.ones(stage.width))
+        turned = [int(i) for i in np.flatnonzero(np.nan_to_num(asked.periodic))]
+        kept, _ = _independent(invariants, first, 0.0, np.ones(stage.width), turned)
         end = layout.node(mesh.intervals)
         for i in kept:
             if np.isfinite(asked.periodic[i]):

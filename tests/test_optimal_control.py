@@ -1,0 +1,262 @@
+"""Optimal control: closed forms, problems transcribed by hand, loops, free geometry, and what is said where there is no optimum."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import OptimalControlError, OptionError
+from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
+from components import Fixed, ForceSource, Particle, Prismatic, Revolute, RigidBody, TorqueSource, World
+from tests.scenes import FourBar
+
+
+class Sledge(ac.System):
+    """1 kg on a rail, driven by a force."""
+
+    def __init__(self) -> None:
+        self.force = ac.Input("N")
+        self.world, self.rail, self.body = World(), Prismatic("x"), Particle(1.0)
+        self.motor = ForceSource(self.force)
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.body.point)
+        self.connect(self.motor.flange, self.rail.flange)
+
+
+class CartPole(ac.System):
+    """A cart with a rod on a hinge; the force on the cart is an input."""
+
+    def __init__(self) -> None:
+        self.force = ac.Input("N")
+        self.world, self.rail, self.hinge = World(gravity=(0, 0, -9.81)), Prismatic("x"), Revolute("y")
+        self.cart, self.rod = RigidBody.box(1.0, (0.4, 0.2, 0.1)), RigidBody.rod(0.3, (0, 0, -0.6))
+        self.motor = ForceSource(self.force)
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.cart.frame)
+        self.connect(self.cart.frame, self.hinge.frame_a)
+        self.connect(self.hinge.frame_b, self.rod.frame)
+        self.connect(self.motor.flange, self.rail.flange)
+
+
+class Pendulum(ac.System):
+    """A particle on an arm of adjustable length, driven by a torque."""
+
+    def __init__(self) -> None:
+        self.torque, self.length = ac.Input("N m"), ac.Parameter(0.5, "m")
+        self.world, self.hinge, self.arm = World(gravity=(0, 0, -9.81)), Revolute("y"), Fixed((0, 0, -self.length))
+        self.bob, self.motor = Particle(1.0), TorqueSource(self.torque)
+        self.connect(self.world.frame, self.hinge.frame_a)
+        self.connect(self.hinge.frame_b, self.arm.frame_a)
+        self.connect(self.arm.frame_b, self.bob.point)
+        self.connect(self.motor.flange, self.hinge.flange)
+
+
+class DrivenFourBar(FourBar):
+    """With a torque on its crank."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.torque = ac.Input("N m")
+        self.motor = TorqueSource(self.torque)
+        self.connect(self.motor.flange, self.a.flange)
+
+
+def test_derivatives_of_separable_programs_are_those_of_casadi() -> None:
+    rng, z, c = np.random.default_rng(0), ca.SX.sym("z", 3), ca.SX.sym("c")
+    f = ca.Function("f", [z, c], [ca.vertcat(z[0] * ca.sin(z[1]) * c + z[2] ** 3, ca.sumsqr(z) * z[0])])
+    rows = np.array([[NOWHERE, 1, 2, 0, COST], [COST, 3, COST, 1, 2]])
+    drawn = [rng.normal(size=shape) for shape in ((3, 5), (1, 5), (2, 5))]
+    term = Term(f, rng.integers(0, 8, (3, 5)), drawn[0], drawn[1], rows, drawn[2])  # some arguments are the same unknown
+    linear = np.array([0, 1, 0]), np.array([2, 3, 2]), np.array([1.0, 2.0, 3.0])
+    program = Program([term], linear, rng.normal(size=8), np.zeros((2, 4)), np.zeros((2, 8)), np.zeros(8))
+    w, cost, of_rows = ca.MX.sym("w", 8), ca.MX.sym("cost"), ca.MX.sym("rows", 4)
+    F, G = program.values(w)
+    H = ca.triu(ca.hessian(cost * F + ca.dot(of_rows, G), w)[0])
+    exact = ca.Function("exact", [w, cost, of_rows], [ca.gradient(F, w), ca.jacobian(G, w), H])
+    at, factors = rng.normal(size=8), rng.normal(size=4)
+    own = program.derivatives
+    found = own["grad_f"](at, [])[1], own["jac_g"](at, [])[1], own["hess_lag"](at, [], 1.3, factors)
+    for one, other in zip(found, exact(at, 1.3, factors), strict=True):
+        assert np.allclose(np.array(one), np.array(other), rtol=1e-13, atol=1e-13)
+
+
+def rest_to_rest(model: ac.Model, scene: Sledge, time: float | ac.free) -> ac.OptimalControl:
+    ocp = ac.OptimalControl(model, time)
+    ocp.start({scene.rail.q: 0.0})
+    ocp.end({scene.rail.q: 1.0, scene.rail.v: 0.0})
+    return ocp
+
+
+def test_least_effort_from_rest_to_rest() -> None:
+    """u = 6 - 12 t, cost 12 (Bryson and Ho)."""
+    scene = Sledge()
+    ocp = rest_to_rest(ac.build(scene), scene, 1.0)
+    ocp.minimise(ac.integral(scene.force**2))
+    best = ocp.solve(4)
+    assert best.cost == pytest.approx(12.0, abs=1e-12)
+    t = np.linspace(0, 1, 11)
+    assert np.allclose(best.inputs[scene.force](t), 6 - 12 * t, atol=1e-11)
+    assert best.replay_error < 1e-12
+    assert best.growth == pytest.approx(
+        np.linalg.norm([[1, best.x[1].max()], [0, 1]], 2), rel=0.3
+    )  # of x' = v, over the whole time
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_least_time_with_bounded_force(size: float) -> None:
+    """Full force, then full brake: 2 sqrt(distance / force), in any units."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 8))
+    ocp.start({scene.rail.q: 0.0})
+    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp.bound(scene.force, -size, size)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve(10, controls="constant")
+    assert best.duration == pytest.approx(2.0, abs=1e-8)
+    assert np.allclose(np.abs(best.inputs[scene.force](best.t[:-1] + 1e-3)), size, rtol=1e-6)
+    assert best.replay_error < 1e-8
+
+
+def test_a_bounded_path() -> None:
+    """Bryson and Denham's: out with speed 1 and back, not beyond 1/9: cost 4 / (9 * 1/9) = 4."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: 0.0, scene.rail.v: 1.0})
+    ocp.end({scene.rail.q: 0.0, scene.rail.v: -1.0})
+    ocp.bound(scene.rail.q, upper=1 / 9)
+    ocp.minimise(0.5 * ac.integral(scene.force**2))
+    best = ocp.solve(30)
+    assert best.cost == pytest.approx(4.0, abs=1e-6)
+    assert np.max(best.run[scene.rail.q]) < 1 / 9 + 1e-4
+
+
+def test_a_cart_pole_swings_up_as_its_textbook_equations_say() -> None:
+    """The same collocation of the equations of textbooks, written by hand for `ca.Opti`."""
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), 2.0)
+    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
+    ocp.end({scene.rail.q: 0.0, scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
+    ocp.bound(scene.force, -20, 20)
+    ocp.minimise(ac.integral(scene.force**2))
+    best = ocp.solve(30, refinements=0)
+    assert best.cost == pytest.approx(cart_pole_by_hand(30, best), rel=1e-8)
+    fine = ocp.solve(30, tolerance=1e-8)
+    assert fine.defect < 1e-8
+    assert fine.replay_error < 10 * fine.growth * fine.mesh.intervals * 1e-8
+    assert fine.cost == pytest.approx(best.cost, rel=1e-4)  # of a mesh of 30 intervals
+
+
+def cart_pole_by_hand(intervals: int, best: Any) -> float:
+    """The least cost near a motion: thin rod of 0.3 kg and 0.6 m on a cart of 1 kg, angle from hanging."""
+    m, half, g, end, c = 0.3, 0.3, 9.81, 2.0, np.array([0, *ca.collocation_points(3, "radau")])
+    opti = ca.Opti()
+    X = opti.variable(4, 3 * intervals + 1)
+    U = opti.variable(1, 3 * intervals)
+    x, u = ca.SX.sym("x", 4), ca.SX.sym("u")
+    s, k = ca.sin(x[1]), ca.cos(x[1])
+    # the rod's tip is at -half (sin, cos) from the cart, with inertia 4/3 m half^2 about the hinge
+    M = ca.vertcat(ca.horzcat(1 + m, -m * half * k), ca.horzcat(-m * half * k, 4 / 3 * m * half**2))
+    f = ca.vertcat(u - m * half * s * x[3] ** 2, -m * g * half * s)
+    rate = ca.Function("rate", [x, u], [ca.vertcat(x[2:], ca.solve(M, f))])
+    C, _, b = ca.collocation_coeff(c[1:].tolist())
+    h, cost = end / intervals, 0
+    for i in range(intervals):
+        block, own = X[:, 3 * i : 3 * i + 4], U[3 * i : 3 * i + 3]
+        for j in range(3):
+            opti.subject_to(block @ C[:, j] == h * rate(block[:, j + 1], own[j]))
+            cost += h * b[j] * own[j] ** 2
+    opti.subject_to(X[:, 0] == 0)
+    opti.subject_to(X[:, -1] == ca.DM([0, np.pi, 0, 0]))
+    opti.subject_to(opti.bounded(-20, U, 20))
+    opti.minimize(cost)
+    tau = np.append(0, (np.arange(intervals)[:, None] + c[1:]).ravel() / intervals)
+    opti.set_initial(X, best.run.at(2 * tau).x)
+    opti.set_initial(U, np.array([v(2 * tau[1:] - 1e-9) for v in best.inputs.values()]))
+    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-10})
+    return float(opti.solve().value(opti.f))
+
+
+def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:
+    """Loops are closed to rounding at every node; the cost is that of the same motion in one coordinate."""
+    scene = DrivenFourBar()
+    model = ac.build(scene)
+    ocp = ac.OptimalControl(model, 1.0)
+    ocp.start({scene.a.q: 0.3})
+    ocp.end({scene.a.q: 0.3 + 2 * np.pi, scene.a.v: 0.0})
+    ocp.minimise(ac.integral(scene.torque**2))
+    best = ocp.solve(30)
+    gaps = [np.max(np.abs(np.array(model.functions.invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
+    assert max(gaps) < 1e-12
+    assert best.defect < 1e-6
+    assert best.run[scene.a.q][-1] == pytest.approx(0.3 + 2 * np.pi, abs=1e-4)
+    work = best.run.kinetic_energy + best.run.potential_energy + best.run.energy_loss
+    assert np.ptp(work) < 1e-8 * np.max(best.run.kinetic_energy)
+
+
+def test_reactions_are_bounded_by_name() -> None:
+    scene = Pendulum()
+    model = ac.build(scene)
+
+    def swing(limit: float) -> ac.OptimalControl:
+        ocp = ac.OptimalControl(model, 1.5)
+        ocp.start({scene.hinge.q: 0.0})
+        ocp.end({scene.hinge.q: np.pi, scene.hinge.v: 0.0})
+        ocp.bound(scene.hinge.frame_b.force[2], -limit, limit)
+        ocp.minimise(ac.integral(scene.torque**2))
+        return ocp
+
+    free, bounded = swing(100.0).solve(20), swing(14.0).solve(20)
+    assert np.max(np.abs(free.run[scene.hinge.frame_b.force[2]])) > 25
+    assert np.max(np.abs(bounded.run[scene.hinge.frame_b.force[2]])) < 14.2
+    assert bounded.cost > free.cost
+    with pytest.raises(OptimalControlError, match=r"No optimum was found.*could not be met") as failed:
+        swing(2.0).solve(10)
+    assert failed.value.best.x.shape == (2, 11)
+
+
+def test_a_length_is_found_with_the_motion() -> None:
+    """Held out at an angle the torque is m g l sin(angle): least where the arm is shortest, and the bound holds to rounding."""
+    scene = Pendulum()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.hinge.q: 0.0})
+    ocp.end({scene.hinge.q: np.pi, scene.hinge.v: 0.0})
+    ocp.optimise(scene.length, 0.2, 0.8)
+    ocp.minimise(ac.integral(scene.torque**2))
+    best = ocp.solve(15)
+    assert best.parameters[scene.length] == pytest.approx(0.2, abs=1e-9)
+    assert best.replay_error < 1e-3
+
+
+def test_a_periodic_motion_ends_as_it_began() -> None:
+    scene = DrivenFourBar()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.3, 3))
+    ocp.start({scene.a.q: 0.3, scene.a.v: ac.free(0.0, 30.0)})
+    ocp.periodic(turns={scene.a.q: 1})
+    ocp.bound(scene.torque, -60, 60)
+    ocp.minimise(ocp.duration + 0.001 * ac.integral(scene.torque**2))
+    best = ocp.solve(20)
+    names = ac.build(scene).state_names
+    change = dict(zip(names, best.x[:, -1] - best.x[:, 0], strict=True))
+    assert change["a.q"] == pytest.approx(2 * np.pi, abs=1e-9)
+    assert max(abs(change[name]) for name in names if name.endswith(".v")) < 1e-8 * np.max(np.abs(best.x))
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda s, m: ac.OptimalControl(m, 0.0), "must be positive"),
+        (lambda s, m: ac.OptimalControl(m, ac.free(2, 1)), "lower bound must be below"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.force, 3, -3), "which cross"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).minimise(s.force**2), "ac.integral"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).optimise(s.force, 0, 1), "is no parameter"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).at(1.5, {s.rail.q: 0}), "between 0 and 1"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=4), "odd order"),
+    ],
+)
+def test_problems_that_make_no_sense_are_refused_in_words(ask, words: str) -> None:
+    scene = Sledge()
+    with pytest.raises(OptionError, match=words):
+        ask(scene, ac.build(scene))
