@@ -10,9 +10,9 @@ from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
-from acausal.parts import rotations
 from acausal.optimal_control.language import at_end, at_start, average, free, integral
 from acausal.optimal_control.problem import OptimalControl
+from acausal.parts import rotations
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 
