@@ -1,5 +1,6 @@
 """Optimal control: closed forms, problems transcribed by hand, loops, free geometry, and what is said where there is no optimum."""
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -187,7 +188,9 @@ def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:
     ocp.end({scene.a.q: 0.3 + 2 * np.pi, scene.a.v: 0.0})
     ocp.minimise(ac.integral(scene.torque**2))
     best = ocp.solve(30)
-    gaps = [np.max(np.abs(np.array(model.functions.invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
+    invariants = model.functions.invariants
+    assert invariants is not None
+    gaps = [np.max(np.abs(np.array(invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
     assert max(gaps) < 1e-12
     assert best.defect < 1e-6
     assert best.run[scene.a.q][-1] == pytest.approx(0.3 + 2 * np.pi, abs=1e-4)
@@ -256,7 +259,7 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=4), "odd order"),
     ],
 )
-def test_problems_that_make_no_sense_are_refused_in_words(ask, words: str) -> None:
+def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, Any], Any], words: str) -> None:
     scene = Sledge()
     with pytest.raises(OptionError, match=words):
         ask(scene, ac.build(scene))

@@ -82,7 +82,7 @@ def _closed(
     for k in range(len(found)):
         if fresh and k:
             found[k, :nq] = found[k - 1, :nq] + x[k, :nq] - x[k - 1, :nq]
-        before = found[k].copy()
+        before, gap, slope = found[k].copy(), np.zeros((0, 1)), np.zeros((0, nx))
         for _ in range(_CLOSINGS):
             gap, slope = (np.array(part) for part in step(_arguments(stage, found[k], duration, free), [times[k], 0.0]))
             change = np.zeros(nx)

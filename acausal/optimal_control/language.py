@@ -35,8 +35,8 @@ class Cost:
 
     def __mul__(self, factor: float) -> Cost:
         k = finite(factor, "The factor of a cost")
-        parts = ([k * part for part in kind] for kind in (self.integrals, self.averages, self.starts, self.ends))
-        return Cost(*map(tuple, parts), k * self.duration)
+        a, b, c, d = (tuple(k * part for part in kind) for kind in (self.integrals, self.averages, self.starts, self.ends))
+        return Cost(a, b, c, d, k * self.duration)
 
     __rmul__ = __mul__
 

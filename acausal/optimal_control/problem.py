@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
@@ -37,12 +37,14 @@ class Simulated(Protocol):
         """CasADi functions of the model."""
         ...
 
-    def initial_state(self, start: Any = None, *, t0: float = 0.0, inputs: Any = None, parameters: Any = None) -> InitialState:
-        """Consistent states."""
+    @property
+    def initial_state(self) -> Callable[..., InitialState]:
+        """Consistent states, from start values."""
         ...
 
-    def simulate(self, end: float, start: Any = None, **options: Any) -> Trajectory:
-        """The motion."""
+    @property
+    def simulate(self) -> Callable[..., Trajectory]:
+        """The motion until a time, from start values."""
         ...
 
 
