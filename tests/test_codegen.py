@@ -14,7 +14,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -30,6 +30,7 @@ from acausal.errors import ExportError, NoCompilerWarning, NoRuntimeError
 from acausal.integrators import automatic
 from acausal.outputs import functions as lower
 from acausal.runtime import kernels, load
+from acausal.runtime.integrand import Integrand
 from acausal.runtime.kernels import Compilation, How, Kernel, Wanted
 from acausal.runtime.load import compiled_runtime
 from acausal.runtime.native import NativeProblem
@@ -458,9 +459,7 @@ def _product(function: ca.Function, arguments: Sequence[int]) -> ca.Function:
 def _kernels(model: ac.Model, how: How) -> Iterator[tuple[str, Kernel, ca.Function, int]]:
     """(name, kernel, the same function for the virtual machine, lanes) of all kernels of a model."""
     f = model.functions
-    problem = NativeProblem(
-        f.explicit_dynamics, f.invariants, f.projection, None, None, f.space.nq, how, compiled_runtime(COMMAND)
-    )
+    problem = NativeProblem(replace(f.integrand, clearance=None, unheld_exact=None), how, compiled_runtime(COMMAND))
     yield "rhs", problem.kernels.current[0], f.explicit_dynamics, problem.lanes
     yield "jvp", problem.jvp.current[0], _product(f.explicit_dynamics, [1]), problem.lanes
     yield "variation", problem.variation.current[0], _product(f.explicit_dynamics, [1, 2, 3]), problem.lanes
@@ -590,7 +589,7 @@ def test_values_of_parameters_do_not_compile_again(cache: Path, runs: list[Seque
     made = len(runs)
     for length in (1.2, 0.4, 1.2):
         f = ac.build(_motor(length)).functions
-        NativeProblem(f.explicit_dynamics, None, None, None, None, f.space.nq, How.COMPILED, library)
+        NativeProblem(Integrand(f.explicit_dynamics), How.COMPILED, library)
     assert len(runs) == made + 1
 
 

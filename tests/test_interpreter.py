@@ -133,7 +133,7 @@ def test_what_depends_on_parameters_only_is_prepared(library: Runtime) -> None:
 def _problems(model: ac.Model, library: Runtime) -> Iterator[NativeProblem]:
     f = model.functions
     for how in (How.INTERPRETED, How.COMPILED):
-        yield NativeProblem(f.explicit_dynamics, f.invariants, f.projection, f.clearance, f.exact, f.space.nq, how, library)
+        yield NativeProblem(f.integrand, how, library)
 
 
 @pytest.mark.parametrize("scene", [Pendulum, FourBar, lambda: chain(6)], ids=["pendulum", "four-bar", "chain"])
@@ -143,7 +143,7 @@ def test_kernels_of_models_have_the_bits_of_compiled_ones(scene: type[ac.System]
     for ours, theirs in ((one.kernels, other.kernels), (one.jvp, other.jvp), (one.variation, other.variation)):
         for interpreted, compiled in zip(ours.current, theirs.current, strict=True):
             points = np.random.default_rng(4).normal(0, 1, (interpreted.inputs, 24))
-            points = np.repeat(points[:, :1], 24, axis=1) if one.np else points
+            points = np.repeat(points[:, :1], 24, axis=1) if one.integrand.numbers["np"] else points
             assert np.array_equal(*(_bits(kernel_values(kernel, points, library)) for kernel in (interpreted, compiled)))
 
 

@@ -18,6 +18,7 @@ import acausal as ac
 from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.errors import OptionError, RoundingWarning, SimulationError
 from acausal.integrators.integrate import integrate
+from acausal.runtime.integrand import Integrand
 from acausal.runtime.native import native_problem
 from components import NonlinearSpring, Particle, Revolute, RigidBody, RollingDisk, Spring, Torque, World
 from tests.scenes import DoublePendulum, FourBar, chain
@@ -87,7 +88,7 @@ def test_every_order_steps_a_linear_equation_by_its_pade_approximant(method, sta
     """x' = lambda x: Gauss of s stages is Pade (s, s), Radau IIA (s - 1, s); this is order 2 s, or 2 s - 1 (Hairer and Wanner II, IV.3)."""
     damping, frequency, h = 0.3, 1.0, 0.7
     plain = problem(lambda t, x: (-damping * x[0] - frequency * x[1], frequency * x[0] - damping * x[1]), 2)
-    whole = Problem(plain.rhs, None, None, plain.inputs, plain.parameters, native=native_problem(plain.rhs))
+    whole = Problem(plain.rhs, None, None, plain.inputs, plain.parameters, native=native_problem(Integrand(plain.rhs)))
     order = 2 * stages if method == "gauss" else 2 * stages - 1
     z = complex(-damping, frequency) * h
     R = pade(stages, stages if method == "gauss" else stages - 1, z)

@@ -14,6 +14,7 @@ from acausal.charts.chart import Choice
 from acausal.charts.implicit import Followed, Known, follow, solve_rows
 from acausal.charts.manifold import Manifold
 from acausal.numerics.folding import folded_function
+from acausal.runtime.integrand import Integrand
 from acausal.runtime.kernels import How
 from acausal.runtime.native import NativeProblem, SharedProblems, native_problem
 
@@ -166,7 +167,7 @@ class ChartEquations:
 
     def native(self, how: How) -> NativeProblem | None:
         """The dynamics as kernels; None without a runtime."""
-        return self._native.of(how, lambda: native_problem(self.dynamics, how=how))
+        return self._native.of(how, lambda: native_problem(Integrand(self.dynamics), how))
 
     @functools.cached_property
     def _native(self) -> SharedProblems:

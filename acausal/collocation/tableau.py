@@ -61,6 +61,11 @@ def gauss_legendre(stages: int) -> Tableau:
     return _collocation("gauss", 2 * stages, _polished(nodes, _legendre_series(stages)))
 
 
+def refining(gauss: Tableau) -> Tableau:
+    """The Gauss method on whose nodes dense output inside of steps becomes as accurate as their ends."""
+    return gauss_legendre(max(gauss.stages + 1, round(1.75 * gauss.stages)))
+
+
 @functools.cache
 def radau_iia(stages: int) -> Tableau:
     """Radau IIA collocation, order 2 s - 1, stiffly accurate; the last node is 1."""

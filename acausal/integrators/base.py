@@ -16,6 +16,7 @@ import numpy as np
 from acausal.collocation.problem import Accuracy, Problem, Progress, Solution
 from acausal.errors import ExportError, NoRuntimeError, OptionError
 from acausal.numerics.switching import switching
+from acausal.runtime.integrand import Integrand
 from acausal.runtime.native import NativeProblem, native_problem
 
 
@@ -74,10 +75,10 @@ def integrator(name: str, order: int | None = None, step: float | None = None) -
 def native(problem: Problem) -> NativeProblem:
     """The problem's kernels, made here where it has none. Raises `NoRuntimeError` where there is no runtime: neither built nor to be compiled."""
     try:
+        p = problem
         found = problem.native or native_problem(
-            problem.rhs, problem.invariants, problem.project, problem.clearance, problem.exact, problem.positions,
-            switching=switching(problem.rhs),
-        )  # fmt: skip
+            Integrand(p.rhs, p.invariants, p.project, p.clearance, p.exact, p.positions, switching(p.rhs))
+        )
         why = "no C compiler was found to build it now (cc, gcc, clang, or ziglang from PyPI; `pip install ziglang` is enough)"
     except ExportError as error:
         found, why = None, f"it cannot be built now. {error}"

@@ -19,7 +19,7 @@ from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.numerics.folding import folded_function
-from acausal.numerics.switching import Switching, switching
+from acausal.numerics.switching import switching
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.constraint import AbstractConstraint
@@ -27,6 +27,7 @@ from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace
+from acausal.runtime.integrand import Integrand
 from acausal.runtime.series import Series
 
 if TYPE_CHECKING:
@@ -265,16 +266,18 @@ class Functions:
         """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""
         from acausal.runtime.native import native_problem
 
-        parts = self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact
         try:
-            return self._native.of(how, lambda: native_problem(*parts, self.space.nq, how, self.switching))
+            return self._native.of(how, lambda: native_problem(self.integrand, how))
         except ExportError:  # whoever integrates tries again, and says what is wrong
             return None
 
     @functools.cached_property
-    def switching(self) -> Switching | None:
-        """The dynamics with their switches held; None without any that time, states or inputs decide."""
-        return switching(self.explicit_dynamics)
+    def integrand(self) -> Integrand:
+        """Dynamics, what keeps them on their invariants, and their switches, for the runtime."""
+        return Integrand(
+            self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact, self.space.nq,
+            switching(self.explicit_dynamics),
+        )  # fmt: skip
 
     @functools.cached_property
     def _native(self) -> SharedProblems:

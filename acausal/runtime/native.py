@@ -21,7 +21,6 @@ from acausal.collocation.problem import (
     Accuracy,
     Crossing,
     Directions,
-    Exact,
     Guards,
     Kept,
     Newton,
@@ -32,11 +31,9 @@ from acausal.collocation.problem import (
     Status,
     StatusKind,
 )
-from acausal.collocation.tableau import Tableau, gauss_legendre
+from acausal.collocation.tableau import Tableau, refining
 from acausal.errors import ExportError, SimulationError
-from acausal.numerics.bound import copied_states
 from acausal.numerics.rounding import rounding_of, rounding_of_rates
-from acausal.numerics.switching import Switching
 from acausal.runtime.binding import (
     KERNELS,
     Code,
@@ -50,11 +47,11 @@ from acausal.runtime.binding import (
     Table,
     method_table,
 )
+from acausal.runtime.integrand import Integrand
 from acausal.runtime.kernels import How, Kernels, Twofold, Wanted, twofold
 from acausal.runtime.load import Runtime, runtime
-from acausal.runtime.pattern import Pattern, jacobian_pattern
 
-_Double = ctypes.POINTER(ctypes.c_double)
+_Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 _SLICE = 0.05
 BUDGET = 64 * 2**20
 """Bytes of a run's polynomials, and of ends of steps, that are kept whether they are read or not."""
@@ -89,41 +86,22 @@ class Outcome:
 
 
 class NativeProblem:
-    """rhs, invariants and projection of a problem as kernels. Integrations with it may run side by side in threads."""
+    """An integrand's functions as kernels. Integrations with it may run side by side in threads."""
 
-    def __init__(
-        self, rhs: ca.Function, invariants: ca.Function | None, project: ca.Function | None, clearance: ca.Function | None,
-        exact: Exact | None, positions: int, how: How, runtime: Runtime, switching: Switching | None = None,
-    ) -> None:  # fmt: skip
-        self.rhs, self.how, self.runtime, self.library = rhs, how, runtime, runtime.library
-        self.operations = rhs.n_instructions()  # with switches that choose, as exports have them: who counts costs decides alike
-        self._project = project
-        self.switching = switching
-        if switching is not None:
-            self.rhs = rhs = switching.rates
-        wanted = [Wanted("rhs", rhs, (3,))]
-        if invariants is not None and project is not None:
-            wanted.append(Wanted("projection", projection_with_invariants(invariants, project), (2,)))
-        if clearance is not None:
-            wanted.append(Wanted("clearance", clearance, (2,)))
-        if self.switching is not None:
-            wanted += [Wanted("rows", self.switching.rows, (3,)), Wanted("sides", self.switching.sides, (3,))]
+    def __init__(self, integrand: Integrand, how: How, runtime: Runtime) -> None:
+        self.integrand, self.how, self.runtime, self.library = integrand, how, runtime, runtime.library
         self.lanes = runtime.lanes
         self._made: weakref.WeakSet[Kernels] = weakref.WeakSet()
-        self.kernels = self._kernels(*wanted)
-        self.nx, self.nu, self.np = (rhs.size1_in(i) for i in (1, 2, 3))
-        self.held = 0 if self.switching is None else len(self.switching.words)
-        self.positions, self.crosses = positions, clearance is not None
-        self.exact = exact if exact is None or not self.held else replace(exact, rhs=self._without_sides(exact.rhs))
-        self.ng = 0 if invariants is None or project is None else invariants.size1_out(0)
-        pairs = copied_states(rhs)
-        self._copies = [(ctypes.c_long * max(1, len(pairs)))(*(pair[k] for pair in pairs)) for k in (0, 1)]
-        self.copies = len(pairs)
-
-    def _without_sides(self, function: ca.Function) -> ca.Function:
-        """A function (t, x, u, p) as one that is given the sides of switches too."""
-        t, x, u, p = (ca.SX.sym(name, n) for name, n in zip("txup", (1, self.nx, self.nu, self.np), strict=True))
-        return ca.Function(function.name(), [t, x, u, p], [function.call([t, x, u[: self.nu - self.held], p])[0]])
+        self.kernels = self._kernels(*integrand.wanted)
+        self.nx, self.nu, self.held = (integrand.numbers[name] for name in ("nx", "nu", "held"))
+        self._arrays = {
+            name: np.ascontiguousarray(values, dtype=np.int_)
+            for name, values in zip(("copy_to", "copy_from"), integrand.copies, strict=True)
+        }
+        if integrand.switching is not None:
+            found = integrand.switching
+            self._arrays["row_switch"] = np.ascontiguousarray(found.switch, dtype=np.int_)
+            self._arrays |= {f"row_{n}": np.ascontiguousarray(getattr(found, n), dtype=float) for n in ("factor", "plus")}
 
     def _kernels(self, *wanted: Wanted) -> Kernels:
         found = Kernels(wanted, self.runtime, self.how)
@@ -142,27 +120,18 @@ class NativeProblem:
     @functools.cached_property
     def exact_kernels(self) -> Twofold | None:
         """Rates and projection as programs for twofold precision; None where nothing needs it."""
-        return None if self.exact is None else twofold(self.exact.rhs, self.exact.project, self.lanes)
+        exact = self.integrand.exact
+        return None if exact is None else twofold(exact.rhs, exact.project, self.lanes)
 
     @functools.cached_property
     def jvp(self) -> Kernels:
-        """(t, x, u, p, dx) -> df/dx dx."""
-        return self._kernels(Wanted("jvp", directional_derivative(self.rhs, (1,)), (3,)))
-
-    @functools.cached_property
-    def pattern(self) -> Pattern:
-        """Of df/dx."""
-        return jacobian_pattern(self.rhs)
+        """See `Integrand`."""
+        return self._kernels(self.integrand.jvp)
 
     @functools.cached_property
     def variation(self) -> Kernels:
-        """(t, x, u, p, dx, du, dp) -> change of x', and (t, x, p, dx, dp) -> change of x after projection."""
-        wanted = [Wanted("variation", directional_derivative(self.rhs, (1, 2, 3)), (3,))]
-        if self.ng and self._project is not None:
-            wanted.append(Wanted("projected", directional_derivative(self._project, (1, 2)), (2,)))
-        if self.switching is not None:
-            wanted.append(Wanted("row_change", directional_derivative(self.switching.rows, (1, 2, 3)), (3,)))
-        return self._kernels(*wanted)
+        """See `Integrand`."""
+        return self._kernels(*self.integrand.variation)
 
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
     def formula(self, function: ca.Function) -> Kernels:
@@ -172,34 +141,37 @@ class NativeProblem:
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
     def guard(self, function: ca.Function) -> Kernels:
         """Guards (t, x, u, p) -> values as a kernel."""
-        if self.held:
-            function = self._without_sides(function)
-        return self._kernels(Wanted("guard", function, (3,)))
+        return self._kernels(self.integrand.guard(function))
 
     @functools.cache  # noqa: B019  # as long as the problem lives
     def template(self, choice: Choice) -> tuple[Integrator, tuple[MethodTable, ...]]:
         """An integration with everything set that does not change from run to run."""
         table = method_table(choice.tableaus)
         core = Integrator(
-            nx=self.nx, nu=self.nu, np=self.np, ng=self.ng, methods=len(choice.tableaus), method=choice.start,
-            newton=choice.newton.value, adapt_order=choice.adapt_order, copies=self.copies, positions=self.positions, operations=self.operations, method_list=table.array, copy_to=self._copies[0], copy_from=self._copies[1], slice=_SLICE,
+            **self.integrand.numbers, methods=len(choice.tableaus), method=choice.start, newton=choice.newton.value,
+            adapt_order=choice.adapt_order, method_list=table.array, slice=_SLICE, pattern=JacobianPattern.of(self.integrand.pattern),
         )  # fmt: skip
-        core.pattern = JacobianPattern.of(self.pattern)
+        for name, array in self._arrays.items():
+            setattr(core, name, array.ctypes.data_as(_Long if array.dtype == np.int_ else _Double))
+        if self.exact_kernels is not None and self.integrand.exact is not None:
+            core.exact_rhs, core.exact_projection = self.exact_kernels.kernels
+            core.usual = _address(self.integrand.exact.usual)
         if choice.tableaus[0].name == "gauss":
-            s = choice.tableaus[0].stages
-            fine = method_table((gauss_legendre(max(s + 1, round(1.75 * s))),))
+            fine = method_table((refining(choice.tableaus[0]),))
             core.fine = ctypes.cast(fine.array, ctypes.POINTER(Method))
             return core, (table, fine)
         return core, (table,)
 
     def projected(self, t: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """States (nx, n) at times (n,), brought onto the invariants where that is possible."""
-        if not self.ng or not t.size:
+        if not self.integrand.projects or not t.size:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
         kernel = ctypes.byref(self.kernels.current[1] if self.exact_kernels is None else self.exact_kernels.kernels[1])
-        self.library.project_states(kernel, self.nx, self.np, _address(parameters), times.size, _address(times), _address(rows))
+        self.library.project_states(
+            kernel, self.nx, self.integrand.numbers["np"], _address(parameters), times.size, _address(times), _address(rows)
+        )
         return rows.T
 
     def integrate(
@@ -255,7 +227,6 @@ class Run:
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, accuracy.rtol, accuracy.atol
         core.step, core.max_steps, core.max_step = accuracy.step or 0.0, accuracy.max_steps, accuracy.max_step or 0.0
-        self._hold()
         self._in_use: list[tuple[Kernels, int, tuple[str, ...]]] = []
         self.kinds = native.kernels.kind
         own = native.nu - native.held
@@ -264,16 +235,7 @@ class Run:
                 self._u[:own] = problem.constant_inputs
             else:
                 self._give(problem.inputs if isinstance(problem.inputs, Inputs) else None)
-        self._use(
-            native.kernels,
-            "rhs",
-            *(["projection"] if native.ng else []),
-            *(["clearance"] if native.crosses else []),
-            *(["rows", "sides"] if native.held else []),
-        )
-        if native.exact is not None and native.exact_kernels is not None:
-            core.exact_rhs, core.exact_projection = native.exact_kernels.kernels
-            core.through, core.usual = native.exact.through, _address(native.exact.usual)
+        self._use(native.kernels, *(wanted.name for wanted in native.integrand.wanted))
         self._breaks = np.ascontiguousarray(problem.breaks, dtype=float)
         core.breaks, core.break_count = _address(self._breaks), self._breaks.shape[0]
         if problem.guards is not None:
@@ -289,18 +251,6 @@ class Run:
     def __del__(self) -> None:
         if hasattr(self, "core"):
             self.native.library.finish(ctypes.byref(self.core))
-
-    def _hold(self) -> None:
-        core, found = self.core, self.native.switching
-        if found is None:
-            return
-        self._rows = [
-            np.ascontiguousarray(found.switch, dtype=np.int_),
-            *(np.ascontiguousarray(a, dtype=float) for a in (found.factor, found.plus)),
-        ]
-        core.held, core.row_count = self.native.held, found.switch.size
-        core.row_switch = ctypes.cast(_address(self._rows[0]), ctypes.POINTER(ctypes.c_long))
-        core.row_factor, core.row_plus = (ctypes.cast(_address(a), _Double) for a in self._rows[1:])
 
     def _give(self, inputs: Inputs | None) -> None:
         """Tables and formulas to the runtime; the rest is asked for by a callback, all where nothing is known of them."""
@@ -329,12 +279,7 @@ class Run:
         self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
-        self._use(
-            self.native.variation,
-            "variation",
-            *(["projected"] if self.native.ng else []),
-            *(["row_change"] if self.native.held else []),
-        )
+        self._use(self.native.variation, *(wanted.name for wanted in self.native.integrand.variation))
 
     def _watch(self, guards: Guards) -> None:
         n, core = len(guards.directions), self.core
@@ -444,8 +389,8 @@ class Run:
             raise MemoryError(f"integration: not enough memory at t = {core.t:g} s after {core.steps} steps.")
         if code == Code.EVENT:
             return Outcome(Status(StatusKind.SUCCESS, core.t), stopped=True)
-        if code == Code.SLIDES and self.native.switching is not None:
-            return Outcome(Status(StatusKind.SLIDES, core.t, _SLIDES.format(self.native.switching.words[core.worst])))
+        if code == Code.SLIDES and self.native.integrand.switching is not None:
+            return Outcome(Status(StatusKind.SLIDES, core.t, _SLIDES.format(self.native.integrand.switching.words[core.worst])))
         kind, message = _STATUS[code]
         failed = kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0
         return Outcome(Status(kind, core.t, message.format(core.max_steps), core.worst if failed else None))
@@ -572,42 +517,15 @@ def _address(array: np.ndarray) -> int:
     return array.ctypes.data
 
 
-def directional_derivative(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
-    """(all arguments, directions of those named) -> derivative of the first result in these directions, exact."""
-    symbols = [ca.SX.sym(f"a{i}", function.size1_in(i)) for i in range(function.n_in())]
-    directions = [ca.SX.sym(f"d{i}", function.size1_in(i)) for i in arguments]
-    at = ca.vertcat(*(symbols[i] for i in arguments))
-    product = ca.jtimes(ca.densify(function.call(symbols)[0]), at, ca.vertcat(*directions))
-    return ca.Function("product", [*symbols, *directions], [ca.densify(product)], {"cse": True})
-
-
-def projection_with_invariants(invariants: ca.Function, project: ca.Function) -> ca.Function:
-    """(t, x, p) -> x nearer to the invariants, and the invariants at the given x."""
-    symbols = [ca.SX.sym(n, invariants.size1_in(i)) for i, n in enumerate("txp")]
-    results = [ca.densify(f.call(symbols)[0]) for f in (project, invariants)]
-    return ca.Function("projection", symbols, results, {"cse": True})
-
-
-def native_problem(
-    rhs: ca.Function,
-    invariants: ca.Function | None = None,
-    project: ca.Function | None = None,
-    clearance: ca.Function | None = None,
-    exact: Exact | None = None,
-    positions: int = 0,
-    how: How = How.AUTO,
-    switching: Switching | None = None,
-) -> NativeProblem | None:
-    """Kernels for `Problem`s with these functions; None where the runtime cannot be had. `switching`: of rhs, whose switches then end steps.
+def native_problem(integrand: Integrand, how: How = How.AUTO) -> NativeProblem | None:
+    """Kernels for `Problem`s with these functions; None where the runtime cannot be had.
 
     Raises `ExportError` where a function has no C, or the compiler fails.
     """
     library = runtime()
     if library is not None and library.library.integrator_size() != ctypes.sizeof(Integrator):
         raise ExportError("The integrators in C are of another version than this process: were sources changed? Start it again.")
-    return (
-        None if library is None else NativeProblem(rhs, invariants, project, clearance, exact, positions, how, library, switching)
-    )
+    return None if library is None else NativeProblem(integrand, how, library)
 
 
 class SharedProblems:

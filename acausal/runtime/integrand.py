@@ -1,0 +1,130 @@
+"""What is integrated, as the functions and numbers that the runtime needs, whether they go into memory of this process or into C that stands by itself."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from acausal.collocation.problem import Exact
+from acausal.numerics.bound import copied_states
+from acausal.numerics.switching import Switching
+from acausal.runtime.kernels import Wanted
+from acausal.runtime.pattern import Pattern, jacobian_pattern
+
+
+@dataclass(frozen=True, eq=False)
+class Integrand:
+    """x' = function(t, x, u, p), and what `Problem` has besides; `switching`: of `function`, whose switches then end steps.
+
+    With switches the runtime has one more input for each, its side: that is meant by `nu`, and by functions of held inputs.
+    """
+
+    function: ca.Function
+    invariants: ca.Function | None = None
+    project: ca.Function | None = None
+    clearance: ca.Function | None = None
+    unheld_exact: Exact | None = None
+    positions: int = 0
+    switching: Switching | None = None
+
+    @property
+    def rates(self) -> ca.Function:
+        """(t, x, u, p) -> x', switches held."""
+        return self.function if self.switching is None else self.switching.rates
+
+    @property
+    def held(self) -> int:
+        """Number of switches."""
+        return 0 if self.switching is None else len(self.switching.words)
+
+    @property
+    def projects(self) -> bool:
+        """Whether there are invariants that states are brought back to."""
+        return self.invariants is not None and self.project is not None
+
+    @functools.cached_property
+    def copies(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """x'[first] = x[second]."""
+        pairs = copied_states(self.rates)
+        return tuple(i for i, _ in pairs), tuple(j for _, j in pairs)
+
+    @functools.cached_property
+    def numbers(self) -> dict[str, int]:
+        """Those of `Integrator` in runtime.h that belong to the functions."""
+        nx, nu, np = (self.rates.size1_in(i) for i in (1, 2, 3))
+        return {
+            "nx": nx, "nu": nu, "np": np,
+            "ng": self.invariants.size1_out(0) if self.invariants is not None and self.projects else 0,
+            "copies": len(self.copies[0]), "positions": self.positions,
+            "operations": self.function.n_instructions(),
+            "through": int(self.unheld_exact is not None and self.unheld_exact.through),
+            "held": self.held, "row_count": 0 if self.switching is None else self.switching.switch.size,
+        }  # fmt: skip
+
+    @functools.cached_property
+    def wanted(self) -> tuple[Wanted, ...]:
+        """Kernels that every integration has."""
+        found = [Wanted("rhs", self.rates, (3,))]
+        if self.invariants is not None and self.project is not None:
+            found.append(Wanted("projection", _projection_with_invariants(self.invariants, self.project), (2,)))
+        if self.clearance is not None:
+            found.append(Wanted("clearance", self.clearance, (2,)))
+        if self.switching is not None:
+            found += [Wanted("rows", self.switching.rows, (3,)), Wanted("sides", self.switching.sides, (3,))]
+        return tuple(found)
+
+    @functools.cached_property
+    def jvp(self) -> Wanted:
+        """(t, x, u, p, dx) -> df/dx dx."""
+        return Wanted("jvp", _directional_derivative(self.rates, (1,)), (3,))
+
+    @functools.cached_property
+    def variation(self) -> tuple[Wanted, ...]:
+        """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, and that of rows of switches."""
+        found = [Wanted("variation", _directional_derivative(self.rates, (1, 2, 3)), (3,))]
+        if self.projects and self.project is not None:
+            found.append(Wanted("projected", _directional_derivative(self.project, (1, 2)), (2,)))
+        if self.switching is not None:
+            found.append(Wanted("row_change", _directional_derivative(self.switching.rows, (1, 2, 3)), (3,)))
+        return tuple(found)
+
+    @functools.cached_property
+    def pattern(self) -> Pattern:
+        """Of df/dx."""
+        return jacobian_pattern(self.rates)
+
+    @functools.cached_property
+    def exact(self) -> Exact | None:
+        """Functions for arithmetic with twice as many digits, of held inputs."""
+        exact = self.unheld_exact
+        return exact if exact is None else replace(exact, rhs=self.with_sides(exact.rhs))
+
+    def guard(self, function: ca.Function) -> Wanted:
+        """Guards (t, x, u, p) -> values."""
+        return Wanted("guard", self.with_sides(function), (3,))
+
+    def with_sides(self, function: ca.Function) -> ca.Function:
+        """A function (t, x, u, p) as one that is given the sides of switches too."""
+        if not self.held:
+            return function
+        nx, nu, np = (self.rates.size1_in(i) for i in (1, 2, 3))
+        t, x, u, p = (ca.SX.sym(name, n) for name, n in zip("txup", (1, nx, nu, np), strict=True))
+        return ca.Function(function.name(), [t, x, u, p], [function.call([t, x, u[: nu - self.held], p])[0]])
+
+
+def _directional_derivative(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
+    """(all arguments, directions of those named) -> derivative of the first result in these directions, exact."""
+    symbols = [ca.SX.sym(f"a{i}", function.size1_in(i)) for i in range(function.n_in())]
+    directions = [ca.SX.sym(f"d{i}", function.size1_in(i)) for i in arguments]
+    at = ca.vertcat(*(symbols[i] for i in arguments))
+    product = ca.jtimes(ca.densify(function.call(symbols)[0]), at, ca.vertcat(*directions))
+    return ca.Function("product", [*symbols, *directions], [ca.densify(product)], {"cse": True})
+
+
+def _projection_with_invariants(invariants: ca.Function, project: ca.Function) -> ca.Function:
+    """(t, x, p) -> x nearer to the invariants, and the invariants at the given x."""
+    symbols = [ca.SX.sym(n, invariants.size1_in(i)) for i, n in enumerate("txp")]
+    results = [ca.densify(f.call(symbols)[0]) for f in (project, invariants)]
+    return ca.Function("projection", symbols, results, {"cse": True})
