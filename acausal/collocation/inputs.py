@@ -14,9 +14,11 @@ from acausal.language.pieces import PiecewisePolynomial
 
 @dataclass(frozen=True)
 class Formula:
-    """A CasADi function of time alone, (t) -> a number."""
+    """A CasADi function of time alone, (t) -> a number, that jumps or bends where one of `clocks`, (value at t = 0, slope [1/s], whether it counts), is
+    zero, or whole where it counts."""
 
     function: ca.Function
+    clocks: tuple[tuple[float, float, int], ...] = ()
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         """Values (n,) at times (n,)."""
@@ -61,6 +63,11 @@ class Inputs:
     def formulas(self) -> list[tuple[int, Formula]]:
         """Those that are formulas."""
         return [(i, course) for i, course in enumerate(self.courses) if isinstance(course, Formula)]
+
+    @property
+    def clocks(self) -> list[tuple[float, float, int]]:
+        """Those of all formulas."""
+        return [clock for _, formula in self.formulas for clock in formula.clocks]
 
     @property
     def functions(self) -> list[tuple[int, Callable[[float], float]]]:

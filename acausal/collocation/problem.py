@@ -62,7 +62,7 @@ class Problem:
     same functions (a `NativeProblem`), made by whoever integrates where they are missing. `guards`: zeros to be located. `met`:
     (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;
     None where they never do. `positions`: how many states are, the first ones. `read`: ascending times [s] that will be read of the motion.
-    `breaks`: (n, 2) times [s] before and after which rates are smooth, in order, and between which nothing happens. `exact`: what is used where
+    `knots`: ascending times [s] at which inputs jump or bend, beside those that are known of tables and formulas. `exact`: what is used where
     `clearance` is small.
     """
 
@@ -78,7 +78,7 @@ class Problem:
     clearance: ca.Function | None = None
     positions: int = 0
     read: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    breaks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    knots: np.ndarray = field(default_factory=lambda: np.zeros(0))
     exact: Exact | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:

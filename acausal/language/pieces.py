@@ -37,15 +37,6 @@ class PiecewisePolynomial:
             value = value * s + column[k]
         return value
 
-    def knots(self, t0: float, t1: float) -> np.ndarray:
-        """Times [s] from t0 to t1 at which another piece begins."""
-        if not self.period:
-            found = np.unique(self.begins[1:])
-        else:
-            turns = np.arange(np.floor((t0 - self.first) / self.period), np.floor((t1 - self.first) / self.period) + 1)
-            found = np.unique(self.begins + self.period * turns[:, None])
-        return found[(found >= t0) & (found <= t1)]
-
     def derivative(self) -> PiecewisePolynomial:
         """Its rate; what it jumps by at knots is not in it."""
         terms = self.coefficients.shape[1]

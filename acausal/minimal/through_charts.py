@@ -11,7 +11,6 @@ from acausal.charts.singular_state import singular_loops
 from acausal.collocation.problem import Guards, Problem, Status, StatusKind
 from acausal.errors import OptionError, StartValueError
 from acausal.minimal.model import MinimalModel
-from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.runtime.kernels import How
 from acausal.simulate.piece import Piece
@@ -47,9 +46,8 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
         )
     signal, here = at.signal(whole), minimal.stands_at(at)
     initial = replace(minimal.initial, x=minimal.chart.x) if here else at.initial(whole)
-    breaks = apart(knots(signal, at.t0, end), at.t0, end)
     problem = Problem(
-        whole.explicit_dynamics, whole.invariants, whole.projection, signal, at.p, signal.constant, breaks=breaks,
+        whole.explicit_dynamics, whole.invariants, whole.projection, signal, at.p, signal.constant, knots=knots(signal, at.t0, end),
         guards=guards_of(whole, options.events), read=options.times(at.t0, end),
     )  # fmt: skip
     pieces: list[Piece] = []
@@ -99,7 +97,7 @@ def _run(minimal: MinimalModel, problem: Problem, end: float, options: Options, 
     n = limits.size
     own = Problem(
         equations.dynamics, None, None, problem.inputs, np.concatenate([chart.p, chart.reference, limits]), problem.constant_inputs,
-        equations.native(How.AUTO if options.compiled else How.CASADI), _guards(minimal, problem.guards, n), read=problem.read, breaks=problem.breaks,
+        equations.native(How.AUTO if options.compiled else How.CASADI), _guards(minimal, problem.guards, n), read=problem.read, knots=problem.knots,
     )  # fmt: skip
     share = float(np.min(now[:2]))  # what depends on y changes up to 1 / share times as fast, and has the same tolerance
     wanted = options.accuracy

@@ -113,40 +113,6 @@ def rounding_of(
     return _kept(function)(t, x, u, p, spread=spread)
 
 
-def rounding_of_rates(rhs: ca.Function, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
-    """Rates (nx,) that rounding alone seems to add to those of x' = rhs(t, x, u, p) in an implicit step of size h.
-
-    A state that is the integral of a disturbed one is disturbed with it, and what decays fast forgets: |(1 - h J)^-1| h r / h for
-    disturbances r of the rates.
-    """
-    rounding = rounding_of(rhs, t, x, u, p)
-    rounding[~np.isfinite(rounding)] = 0.0
-    J = scaled_jacobian(rhs, t, x, u, p, h * rounding)
-    if not np.isfinite(J).all():
-        return rounding
-    try:
-        passed = np.linalg.inv(np.eye(x.size) - h * J)
-    except np.linalg.LinAlgError:
-        return rounding
-    return np.maximum(rounding, np.abs(passed) @ rounding)
-
-
 @functools.lru_cache(maxsize=16)
 def _kept(function: ca.Function) -> Rounding:
     return Rounding(function if function.is_a("SXFunction") else function.expand())
-
-
-def scaled_jacobian(rhs: ca.Function, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """df/dx (nx, nx) of rhs(t, x, u, p) by one-sided differences of 1e-7 of each state, or of its `size` where that is larger.
-
-    Good for eigenvalues to about seven digits; columns of states without any size are zero. n + 1 evaluations: the exact one has
-    many times more operations than f where f is large.
-    """
-    n = x.size
-    step = 1e-7 * np.maximum(np.abs(x), size)
-    X = np.tile(x[:, None], n + 1)
-    X[np.arange(n), np.arange(n)] += step
-    step = X[np.arange(n), np.arange(n)] - x
-    repeated = (np.repeat(a[:, None], n + 1, axis=1) for a in (u, p))
-    F = np.array(rhs(np.full((1, n + 1), t), X, *repeated)).reshape(n, n + 1)
-    return np.divide(F[:, :n] - F[:, n:], step, out=np.zeros((n, n)), where=step > 0)

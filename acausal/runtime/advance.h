@@ -45,6 +45,7 @@ static int make_rest(Integrator *I, long most) {
     int made = make_last_step(I, most) || I->counted;
     for (I->method = 0; I->method < I->methods; I->method++) made = made && stages_of(I);
     I->method = method;
+    for (int which = 0; which < 2; which++) made = made && (!(which ? &I->disturbed_guard : &I->disturbed_rhs)->program || disturbed_kernel(I, which) || I->counted);
     return made && (I->newton != WHERE_SLOW || make_krylov(I) || I->counted) && (I->newton == NEVER || make_newton(I)) && (!I->fine || fine_stages(I, I->fine));
 }
 
@@ -103,21 +104,32 @@ void moved_integration(Integrator *I, const char *block) {
     redirect(&I->times, &I->kinds + 1, block, I->room, I->block);
 }
 
-/* To the far side of a break: what the rates were before says nothing of what they are now. */
-static int cross_break(Integrator *I) {
-    I->t = fmin(I->end, I->breaks[2 * I->next_break++ + 1]);
-    if (I->t == I->end) I->times[I->steps - I->first] = I->t;
+#define ASIDE 2.0 /* neighbouring numbers to either side of a knot that belong to no step: rounding decides there which side they are on */
+
+/* So far from a knot steps end before it, and begin after it. */
+static double aside(const Integrator *I, double knot) { return ASIDE * EPS * fmax(fabs(knot), fabs(I->state->start)); }
+
+/* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */
+static int cross_knot(Integrator *I) {
+    struct State *T = I->state;
+    I->t = fmin(I->end, T->knot + aside(I, T->knot));
+    if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
     return !I->held || agree(I, I->t, I->x, 1);
 }
 
-/* Where the next step must end: before the next break that lies ahead, or at the end. */
+/* Where the next step must end: before the next knot that lies ahead, or at the end. */
 static int next_stop(Integrator *I, double *stop) {
-    while (I->next_break < I->break_count && I->breaks[2 * I->next_break] <= I->t) {
-        if (I->t >= I->breaks[2 * I->next_break + 1]) I->next_break++;
-        else if (!cross_break(I)) return 0;
+    struct State *T = I->state;
+    *stop = I->end;
+    while (T->knot < INFINITY && T->knot - aside(I, T->knot) <= I->t && I->t < I->end) {
+        if (I->t < T->knot + aside(I, T->knot)) {
+            if (!cross_knot(I)) return 0;
+            if (I->t >= I->end) return 1;
+        }
+        T->knot = next_knot(I, T->knot + 2 * aside(I, T->knot));
     }
-    *stop = I->next_break < I->break_count ? fmin(I->end, I->breaks[2 * I->next_break]) : I->end;
+    if (T->knot < INFINITY) *stop = fmin(I->end, T->knot - aside(I, T->knot));
     return 1;
 }
 
@@ -125,6 +137,8 @@ static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = I->slice > 0 ? now() + I->slice : 0;
     if (!T->begun) {
+        T->start = I->t;
+        T->knot = next_knot(I, I->t - aside(I, I->t));
         if (!keep(I, 0)) return OUT_OF_MEMORY;
         if (I->held && !begin_sides(I)) return INPUT_FAILED;
         if (I->end > I->t && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
@@ -140,7 +154,7 @@ static enum Code run_steps(Integrator *I) {
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         I->end = end;
         if (code == REACHED_END && I->guards) code = watch(I);
-        if (code == REACHED_END && stop < end && I->t >= stop && !cross_break(I)) return INPUT_FAILED;
+        if (code == REACHED_END && stop < end && I->t >= stop && !cross_knot(I)) return INPUT_FAILED;
         if (code != REACHED_END) return code;
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }
@@ -151,7 +165,7 @@ static enum Code run_steps(Integrator *I) {
 int advance(Integrator *I) {
     enum Code code = run_steps(I);
     give_directions(I);
-    return code;
+    return (int)code;
 }
 
 /* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */

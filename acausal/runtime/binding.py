@@ -15,8 +15,7 @@ from acausal.runtime.pattern import Pattern
 _Double = ctypes.POINTER(ctypes.c_double)
 _Long = ctypes.POINTER(ctypes.c_long)
 InputFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, _Double)
-RoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, ctypes.c_double, _Double)
-GuardRoundingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, _Double, _Double)
+LackingFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_long)
 
 
 class Code(enum.IntEnum):
@@ -68,6 +67,12 @@ class Table(ctypes.Structure):
     ]
 
 
+class Clock(ctypes.Structure):
+    """`Clock` of runtime.h."""
+
+    _fields_ = [("value", ctypes.c_double), ("slope", ctypes.c_double), ("counts", ctypes.c_long)]
+
+
 class JacobianPattern(ctypes.Structure):
     """`Pattern` of runtime.h."""
 
@@ -99,6 +104,8 @@ KERNELS = (
     "row_change",
     "exact_rhs",
     "exact_projection",
+    "disturbed_rhs",
+    "disturbed_guard",
 )
 """Kernels of an integration, in the order of runtime.h."""
 
@@ -109,6 +116,7 @@ class Integrator(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "operations", "through")),
         *((name, Kernel) for name in KERNELS),
+        ("lacking", LackingFunction),
         ("held", ctypes.c_long),
         ("row_count", ctypes.c_long),
         ("row_switch", _Long),
@@ -122,16 +130,15 @@ class Integrator(ctypes.Structure):
         ("formulas", ctypes.c_long),
         ("table_list", ctypes.POINTER(Table)),
         ("formula_input", _Long),
-        ("rounding", RoundingFunction),
-        ("guard_rounding", GuardRoundingFunction),
         ("u", ctypes.c_void_p),
         ("copy_to", _Long),
         ("copy_from", _Long),
         ("x", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in ("t", "end", "rtol", "atol", "step", "max_step", "slice")),
-        ("breaks", ctypes.c_void_p),
-        ("break_count", ctypes.c_long),
-        ("next_break", ctypes.c_long),
+        ("clocks", ctypes.c_long),
+        ("knot_count", ctypes.c_long),
+        ("clock_list", ctypes.POINTER(Clock)),
+        ("knots", ctypes.c_void_p),
         ("pattern", JacobianPattern),
         *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "radau_steps", "worst", "passages", "switched")),
         ("size", _Double),

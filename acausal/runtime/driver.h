@@ -454,14 +454,14 @@ static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
 
 /* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
    or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
-static int rests_on_rounding(Integrator *I, double h) {
+static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h) {
     struct State *T = I->state;
     double *found = T->most, *rate = T->factor;
     int explains = 0;
     memcpy(T->before, I->x, sizeof(double) * (size_t)I->nx);
     for (int later = 0; later < 2; later++) { /* a little later states are looked at that are zero at first */
         double t = I->t + later * SOON * h;
-        if (!rate_at(I, t, T->before, rate) || !I->rounding(t, T->before, h, found)) return -1;
+        if (!rate_at(I, t, T->before, rate) || !rounding_of_rates(I, disturbed, t, T->before, h, found)) return -1;
         for (long i = 0; i < I->nx; i++) {
             double noise = FEW * found[i];
             int is_noise = T->size[i] > 0 ? h * noise > fmax(T->unit, SMALL) * T->size[i] : later && noise > SMALL * fabs(rate[i]);
@@ -523,9 +523,10 @@ static enum Code one_adaptive(Integrator *I) {
         if (!S) return OUT_OF_MEMORY;
         double spent = T->spent;
         if (++refused) T->doubts++;
-        if (I->rounding && T->doubts >= T->patience) {
+        const Kernel *disturbed = T->doubts >= T->patience ? disturbed_kernel(I, 0) : 0;
+        if (disturbed) {
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int explained = rests_on_rounding(I, first);
+            int explained = rests_on_rounding(I, disturbed, first);
             if (explained < 0) return INPUT_FAILED;
             if (explained) I->h = first;
         }

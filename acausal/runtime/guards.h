@@ -248,9 +248,12 @@ static void cut_step(Integrator *I, const Path *p, double theta) {
 static int guard_rounding(const Path *p, double theta) {
     Integrator *I = p->I;
     struct State *T = I->state;
-    if (!I->guard_rounding) return 1;
-    state_within(I->nx, p->start, p->a, p->s, p->width, theta, p->h, T->before);
-    return I->guard_rounding(p->t + theta * p->h, T->before, T->guard_noise);
+    double *x = T->before, *size = T->most;
+    const Kernel *disturbed = disturbed_kernel(I, 1);
+    if (!disturbed) return 1;
+    state_within(I->nx, p->start, p->a, p->s, p->width, theta, p->h, x);
+    for (long i = 0; i < I->nx; i++) size[i] = fabs(x[i]) + T->size[i];
+    return rounding_of(I, disturbed, p->t + theta * p->h, x, size, T->guard_noise);
 }
 
 /* Looks for zeros of one guard in a step whose values at Chebyshev points are known. Returns 0 when the input function failed. */

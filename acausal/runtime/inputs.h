@@ -13,19 +13,67 @@ static long piece_at(const Table *T, double t, long near) {
     return low;
 }
 
-/* Horner's rule in the time since the piece's origin. */
+/* The time at which a table is read at time t. */
+static double within_period(const Table *T, double t) { return T->period > 0 ? t - T->period * floor((t - T->first) / T->period) : t; }
+
+/* Horner's rule in the time since the piece's origin; `near`: the piece of before, then of now. */
+static double piece_value(const Table *T, double t, long *near) {
+    double at = within_period(T, t);
+    *near = piece_at(T, at, *near);
+    const double *c = T->coefficients + *near * T->terms;
+    double s = at - T->begins[*near], sum = c[0];
+    for (long k = 1; k < T->terms; k++) sum = sum * s + c[k];
+    return sum;
+}
+
+double table_value(const Table *T, double t) {
+    long piece = 0;
+    return piece_value(T, t, &piece);
+}
+
 static V table_at(const Table *T, V t) {
     V value = t;
     long piece = 0;
-    for (long l = 0; l < LANES; l++) {
-        double at = T->period > 0 ? t[l] - T->period * floor((t[l] - T->first) / T->period) : t[l];
-        piece = piece_at(T, at, piece);
-        const double *c = T->coefficients + piece * T->terms;
-        double s = at - T->begins[piece], sum = c[0];
-        for (long k = 1; k < T->terms; k++) sum = sum * s + c[k];
-        value[l] = sum;
-    }
+    for (long l = 0; l < LANES; l++) value[l] = piece_value(T, t[l], &piece);
     return value;
+}
+
+/* The first time after t at which another piece of a table begins. */
+static double table_knot(const Table *T, double t) {
+    double turn = T->period > 0 ? floor((t - T->first) / T->period) : 0;
+    long next = T->period > 0 ? 0 : 1, last = piece_at(T, within_period(T, t), 0);
+    if (last > next) next = last; /* the time within a period is rounded: the piece before is looked at, too */
+    for (;; next++) {
+        if (next >= T->pieces) {
+            if (!(T->period > 0)) return INFINITY;
+            next = 0;
+            turn++;
+        }
+        double knot = T->begins[next] + T->period * turn;
+        if (knot > t) return knot;
+    }
+}
+
+static double clock_knot(const Clock *C, double t) {
+    if (!C->counts) return -C->value / C->slope > t ? -C->value / C->slope : INFINITY;
+    double step = copysign(1, C->slope), count = floor(C->value + C->slope * t) - step;
+    while (!((count - C->value) / C->slope > t)) count += step;
+    return (count - C->value) / C->slope;
+}
+
+/* The first time after t at which an input jumps or bends. */
+static double next_knot(const Integrator *I, double t) {
+    double found = INFINITY;
+    long low = 0, high = I->knot_count;
+    while (low < high) {
+        long middle = (low + high) / 2;
+        if (I->knots[middle] > t) high = middle;
+        else low = middle + 1;
+    }
+    if (low < I->knot_count) found = I->knots[low];
+    for (long k = 0; k < I->tables; k++) found = fmin(found, table_knot(&I->table_list[k], t));
+    for (long k = 0; k < I->clocks; k++) found = fmin(found, clock_knot(&I->clock_list[k], t));
+    return found;
 }
 
 /* Inputs other than sides at the times t, of whose lanes the first `count` are wanted. Returns 0 when the input function failed. */

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from acausal.collocation.problem import Exact
 from acausal.numerics.bound import copied_states
@@ -96,10 +97,17 @@ class Integrand:
         return jacobian_pattern(self.rates)
 
     @functools.cached_property
-    def exact(self) -> Exact | None:
-        """Functions for arithmetic with twice as many digits, of held inputs."""
+    def exact(self) -> tuple[Wanted, ...]:
+        """Rates, of held inputs, and projection for arithmetic with twice as many digits; none where nothing needs it."""
         exact = self.unheld_exact
-        return exact if exact is None else replace(exact, rhs=self.with_sides(exact.rhs))
+        if exact is None:
+            return ()
+        return Wanted("exact_rhs", self.with_sides(exact.rhs), (3,)), Wanted("exact_projection", exact.project, (2,))
+
+    @property
+    def usual(self) -> np.ndarray | None:
+        """See `Exact`."""
+        return None if self.unheld_exact is None else self.unheld_exact.usual
 
     def guard(self, function: ca.Function) -> Wanted:
         """Guards (t, x, u, p) -> values."""

@@ -3,8 +3,9 @@
 
    All values of a program stand in one frame: what depends on parameters only, numbers, then values that come and go. The frame is the
    array `c` of the kernel; a statement is five integers, its operation and places in bytes. */
-#ifndef ONLY_COMPILED_KERNELS
 #include "vector_math.h"
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic" /* labels as values */
 
 enum { WIDTH = 5 };
 
@@ -62,6 +63,7 @@ at_end:;
 
 #include "twofold.h"
 
+#ifndef ONLY_COMPILED_KERNELS
 /* Results of a function of one point, lane by lane; lanes that repeat the one before are not evaluated again. */
 static void evaluate_lanes(const Kernel *k, const V *in, V *out) {
     for (long l = 0; l < LANES; l++) {
@@ -74,12 +76,15 @@ static void evaluate_lanes(const Kernel *k, const V *in, V *out) {
         for (long i = 0; i < k->outputs; i++) out[i][l] = k->results[i];
     }
 }
+#endif
 
 /* A kernel's results at `in`. */
 static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) {
     if (k->run) k->run(in, c, out, w);
     else if (k->program) (k->twofold ? interpret_twofold : interpret)(k->program, in, c, out);
+#ifndef ONLY_COMPILED_KERNELS
     else evaluate_lanes(k, in, out);
+#endif
 }
 
 /* What of a kernel depends on parameters only. */
@@ -87,7 +92,3 @@ static void prepare_kernel(const Kernel *k, const V *in, V *c, V *w) {
     if (k->prepare) k->prepare(in, c, c, w);
     else if (k->program) (k->twofold ? interpret_twofold : interpret)(k->preparation, in, c, c);
 }
-#else
-static void run_kernel(const Kernel *k, const V *in, V *c, V *out, V *w) { k->run(in, c, out, w); }
-static void prepare_kernel(const Kernel *k, const V *in, V *c, V *w) { k->prepare(in, c, c, w); }
-#endif

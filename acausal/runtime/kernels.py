@@ -201,23 +201,19 @@ class Compilation:
 
 
 @dataclass(frozen=True)
-class Twofold:
-    """Rates (t, x, u, p) and projection (t, x, p) as programs for twofold.h."""
+class Paired:
+    """A function as a program whose values take the room of two, for twofold.h or rounding.h."""
 
-    kernels: tuple[Kernel, Kernel]
-    programs: tuple[Program, Program]
+    kernel: Kernel
+    program: Program
 
 
-def twofold(rhs: ca.Function, project: ca.Function, lanes: int) -> Twofold:
-    """Programs in which a value takes the room of two."""
-    programs = (
-        program(rhs, "exact_rhs", 2 * lanes, parameters=(3,)),
-        program(project, "exact_projection", 2 * lanes, parameters=(2,)),
-    )
-    kernels = [_interpreted(p) for p in programs]
-    for kernel in kernels:
-        kernel.constants, kernel.twofold = 2 * kernel.constants, True
-    return Twofold((kernels[0], kernels[1]), programs)
+def paired(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Paired:
+    """Raises `ExportError` for functions that cannot be expanded to `SX`."""
+    made = program(function, name, 2 * lanes, parameters=parameters)
+    kernel = _interpreted(made)
+    kernel.constants, kernel.twofold = 2 * kernel.constants, True
+    return Paired(kernel, made)
 
 
 def _interpreted(p: Program) -> Kernel:

@@ -33,22 +33,21 @@ from acausal.collocation.problem import (
 )
 from acausal.collocation.tableau import Tableau, refining
 from acausal.errors import ExportError, SimulationError
-from acausal.numerics.rounding import rounding_of, rounding_of_rates
 from acausal.runtime.binding import (
     KERNELS,
+    Clock,
     Code,
-    GuardRoundingFunction,
     InputFunction,
     Integrator,
     JacobianPattern,
+    LackingFunction,
     Method,
     MethodTable,
-    RoundingFunction,
     Table,
     method_table,
 )
 from acausal.runtime.integrand import Integrand
-from acausal.runtime.kernels import How, Kernels, Twofold, Wanted, twofold
+from acausal.runtime.kernels import How, Kernels, Paired, Wanted, paired
 from acausal.runtime.load import Runtime, runtime
 
 _Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
@@ -118,10 +117,14 @@ class NativeProblem:
         return any(kernels.busy for kernels in self._made)
 
     @functools.cached_property
-    def exact_kernels(self) -> Twofold | None:
-        """Rates and projection as programs for twofold precision; None where nothing needs it."""
-        exact = self.integrand.exact
-        return None if exact is None else twofold(exact.rhs, exact.project, self.lanes)
+    def exact(self) -> tuple[Paired, ...]:
+        """Rates and projection as programs for twofold precision; none where nothing needs it."""
+        return tuple(self.paired(wanted) for wanted in self.integrand.exact)
+
+    @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
+    def paired(self, wanted: Wanted) -> Paired:
+        """A function as a program on pairs of values."""
+        return paired(wanted.function, wanted.name, self.lanes, parameters=wanted.parameters)
 
     @functools.cached_property
     def jvp(self) -> Kernels:
@@ -153,9 +156,10 @@ class NativeProblem:
         )  # fmt: skip
         for name, array in self._arrays.items():
             setattr(core, name, array.ctypes.data_as(_Long if array.dtype == np.int_ else _Double))
-        if self.exact_kernels is not None and self.integrand.exact is not None:
-            core.exact_rhs, core.exact_projection = self.exact_kernels.kernels
-            core.usual = _address(self.integrand.exact.usual)
+        for wanted, exact in zip(self.integrand.exact, self.exact, strict=True):
+            setattr(core, wanted.name, exact.kernel)
+        if self.integrand.usual is not None:
+            core.usual = _address(self.integrand.usual)
         if choice.tableaus[0].name == "gauss":
             fine = method_table((refining(choice.tableaus[0]),))
             core.fine = ctypes.cast(fine.array, ctypes.POINTER(Method))
@@ -168,7 +172,7 @@ class NativeProblem:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
-        kernel = ctypes.byref(self.kernels.current[1] if self.exact_kernels is None else self.exact_kernels.kernels[1])
+        kernel = ctypes.byref(self.exact[1].kernel if self.exact else self.kernels.current[1])
         self.library.project_states(
             kernel, self.nx, self.integrand.numbers["np"], _address(parameters), times.size, _address(times), _address(rows)
         )
@@ -221,9 +225,8 @@ class Run:
         self._begun = problem, self.x.copy(), t0, t1, accuracy
         self._read = np.ascontiguousarray(problem.read, dtype=float)
         core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
-        self._rhs = problem.rhs
-        self._rounding_callback = RoundingFunction(self._round)
-        core.rounding = self._rounding_callback
+        self._lacking_callback = LackingFunction(self._lacking)
+        core.lacking = self._lacking_callback
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, accuracy.rtol, accuracy.atol
         core.step, core.max_steps, core.max_step = accuracy.step or 0.0, accuracy.max_steps, accuracy.max_step or 0.0
@@ -236,8 +239,8 @@ class Run:
             else:
                 self._give(problem.inputs if isinstance(problem.inputs, Inputs) else None)
         self._use(native.kernels, *(wanted.name for wanted in native.integrand.wanted))
-        self._breaks = np.ascontiguousarray(problem.breaks, dtype=float)
-        core.breaks, core.break_count = _address(self._breaks), self._breaks.shape[0]
+        self._knots = np.ascontiguousarray(problem.knots, dtype=float)
+        core.knots, core.knot_count = _address(self._knots), self._knots.size
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:
@@ -263,6 +266,9 @@ class Run:
                 for (i, c), arrays in zip(inputs.tables, self._tables, strict=True)
             ))  # fmt: skip
             core.tables, core.table_list = len(self._tables), self._table_list
+            clocks = inputs.clocks
+            self._clocks = (Clock * len(clocks))(*(Clock(*clock) for clock in clocks))
+            core.clocks, core.clock_list = len(clocks), self._clocks
             if inputs.formulas:
                 self._formula_input = (ctypes.c_long * len(inputs.formulas))(*(i for i, _ in inputs.formulas))
                 core.formulas, core.formula_input = len(inputs.formulas), self._formula_input
@@ -288,8 +294,6 @@ class Run:
         self._use(self.native.guard(guards.function), "guard")
         core.guard_direction, core.guard_stops = self._guards
         self._guard_function = guards.function
-        self._guard_callback = GuardRoundingFunction(self._round_guards)
-        core.guard_rounding = self._guard_callback
 
     def _use(self, kernels: Kernels, *names: str) -> None:
         if any(kernels is known for known, _, _ in self._in_use):
@@ -322,25 +326,14 @@ class Run:
             return 0
         return 1
 
-    def _round(self, t: float, x: Any, h: float, rates: Any) -> int:
+    def _lacking(self, which: int) -> int:
+        """The program of the rates (0) or guards (1) that shows what rounding does, made when it is first needed."""
+        integrand = self.native.integrand
         try:
-            here = np.ctypeslib.as_array(x, (self.native.nx,))
-            found = rounding_of_rates(self._rhs, t, here, self._inputs(np.array([t]))[:, 0], self._p, h)
-        except BaseException as error:  # it must not cross the C code; raised again after it
-            self.error = error
+            wanted = integrand.guard(self._guard_function) if which else integrand.wanted[0]
+            setattr(self.core, ("disturbed_rhs", "disturbed_guard")[which], self.native.paired(wanted).kernel)
+        except ExportError:  # then it is not known
             return 0
-        np.ctypeslib.as_array(rates, (self.native.nx,))[:] = found
-        return 1
-
-    def _round_guards(self, t: float, x: Any, values: Any) -> int:
-        try:
-            here, size = (np.ctypeslib.as_array(a, (self.native.nx,)) for a in (x, self.core.size))
-            u = self._inputs(np.array([t]))[:, 0]
-            found = rounding_of(self._guard_function, t, here, u, self._p, np.spacing(size))
-        except BaseException as error:  # it must not cross the C code; raised again after it
-            self.error = error
-            return 0
-        np.ctypeslib.as_array(values, (found.size,))[:] = found
         return 1
 
     def advance(self, end: float, progress: Progress | None = None) -> Outcome:

@@ -9,6 +9,7 @@
 #include "stages.h"
 #include "inputs.h"
 #include "passage.h"
+#include "rounding.h"
 #include "sparse.h"
 #include "newton.h"
 #include "projection.h"

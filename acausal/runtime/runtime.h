@@ -34,6 +34,12 @@ typedef struct {
     const double *begins, *coefficients;
 } Table;
 
+/* What an input of time alone jumps or bends at: where value + slope t is zero, or, where it counts, whole. */
+typedef struct {
+    double value, slope;
+    long counts;
+} Clock;
+
 /* Which entries of df/dx are not zero, by columns: starts (nx + 1), rows; a colour for each column, those of one colour sharing no row; the order of
    elimination, entries that L then has, and squares of their numbers by columns, summed. */
 typedef struct {
@@ -76,6 +82,8 @@ typedef struct Integrator {
     Kernel sides;       /* t, x, u without sides, p -> the true sides */
     Kernel row_change;  /* t, x, u, p, dx, du, dp -> changes of the rows */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
+    Kernel disturbed_rhs, disturbed_guard; /* the same as programs for rounding.h */
+    int (*lacking)(long which);         /* makes one of these two where it is none; null: it stays unknown what rounding does */
     /* The last `held` of the nu inputs are sides of switches, kept by the runtime; row r is one of switch row_switch[r], which goes over to
        row_factor[r] times its side + row_plus[r] */
     long held, row_count;
@@ -88,18 +96,16 @@ typedef struct Integrator {
     long tables, formulas;
     const Table *table_list;
     const long *formula_input;
-    /* What rounding makes of the rates in steps of size h, per state, into `rates`, each operation counted; null: not known. */
-    int (*rounding)(double t, const double *x, double h, double *rates);
-    /* What rounding makes of the guards, into `values`; null: not known. */
-    int (*guard_rounding)(double t, const double *x, double *values);
     double *u;
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     double *x;                       /* start and current state */
     double t, end, rtol, atol, step; /* atol 0: states are judged by their sizes alone; step 0: adaptive */
     double max_step;                 /* 0: none */
     double slice;                    /* seconds until PAUSED; 0: after each step */
-    const double *breaks; /* (break_count, 2): rates are smooth before the first and after the second; between them time is skipped */
-    long break_count, next_break;
+    /* Where inputs jump or bend, beside the knots of tables: clocks, and times that ascend */
+    long clocks, knot_count;
+    const Clock *clock_list;
+    const double *knots;
     Pattern pattern;
     /* results */
     long steps, rejected, evaluations, iterations, factorisations, newton_steps, radau_steps, worst, passages, switched; /* passages: steps around singular positions; switched: times that switches went over */
@@ -141,6 +147,7 @@ EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int state_at(Integrator *I, double t, double *x);
+EXPORT double table_value(const Table *T, double t);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS
 EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);

@@ -138,6 +138,9 @@ struct State {
     long *pivots;
     struct Sparse sparse;
     double *krylov;          /* work of looking for stiffness */
+    V *pair_in, *pair_out, *pair_frame; /* pairs of values, of which the second are disturbed */
+    double *forgotten;       /* work of looking for rounding: a matrix and vectors */
+    long *exchanged;
     double *row;             /* what is much in each row of the matrix that is factorised */
     V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
     double *across;
@@ -146,7 +149,8 @@ struct State {
     Stages *fine;            /* of dense output; 0: not made yet */
     long made;               /* methods whose stages are made, as bits */
     Stages stages[METHODS], refining; /* per method; `fine` */
-    long work_size;
+    long work_size, pair_room[3];
+    double start, knot;      /* times: of the first step, of the next knot of the inputs */
     int widened;             /* whether the scale counts what the step moves states by */
     double unit;             /* the scale of a state of size one, without atol */
     long doubts, patience;   /* rejections, less steps without; how many until every operation's rounding is looked at */

@@ -7,57 +7,57 @@
 
 typedef struct {
     V hi, lo;
-} D;
+} Pair;
 
-INLINE D d_of(V x) { return (D){x, v_all(0.0)}; }
-INLINE D d_quick_sum(V a, V b) { /* |a| >= |b| */
+INLINE Pair d_of(V x) { return (Pair){x, v_all(0.0)}; }
+INLINE Pair d_quick_sum(V a, V b) { /* |a| >= |b| */
     V s = a + b;
-    return (D){s, b - (s - a)};
+    return (Pair){s, b - (s - a)};
 }
-INLINE D d_sum(V a, V b) {
+INLINE Pair d_sum(V a, V b) {
     V s = a + b, t = s - a;
-    return (D){s, (a - (s - t)) + (b - t)};
+    return (Pair){s, (a - (s - t)) + (b - t)};
 }
-INLINE D d_product(V a, V b) {
+INLINE Pair d_product(V a, V b) {
     V p = a * b;
 #if HAVE_FMA
-    return (D){p, v_fma(a, b, -p)};
+    return (Pair){p, v_fma(a, b, -p)};
 #else
     V ca = a * v_all(134217729.0), cb = b * v_all(134217729.0), ah = ca - (ca - a), bh = cb - (cb - b), al = a - ah, bl = b - bh;
-    return (D){p, ((ah * bh - p) + ah * bl + al * bh) + al * bl};
+    return (Pair){p, ((ah * bh - p) + ah * bl + al * bh) + al * bl};
 #endif
 }
-INLINE D d_add(D a, D b) {
-    D s = d_sum(a.hi, b.hi), t = d_sum(a.lo, b.lo);
+INLINE Pair d_add(Pair a, Pair b) {
+    Pair s = d_sum(a.hi, b.hi), t = d_sum(a.lo, b.lo);
     s = d_quick_sum(s.hi, s.lo + t.hi);
     return d_quick_sum(s.hi, s.lo + t.lo);
 }
-INLINE D d_neg(D a) { return (D){-a.hi, -a.lo}; }
-INLINE D d_sub(D a, D b) { return d_add(a, d_neg(b)); }
-INLINE D d_mul(D a, D b) {
-    D p = d_product(a.hi, b.hi);
+INLINE Pair d_neg(Pair a) { return (Pair){-a.hi, -a.lo}; }
+INLINE Pair d_sub(Pair a, Pair b) { return d_add(a, d_neg(b)); }
+INLINE Pair d_mul(Pair a, Pair b) {
+    Pair p = d_product(a.hi, b.hi);
     return d_quick_sum(p.hi, p.lo + (a.hi * b.lo + a.lo * b.hi));
 }
-INLINE D d_scaled(D a, double power_of_two) { return (D){a.hi * v_all(power_of_two), a.lo * v_all(power_of_two)}; }
-INLINE D d_select(Mask m, D a, D b) { return (D){v_select(m, a.hi, b.hi), v_select(m, a.lo, b.lo)}; }
-INLINE Mask d_less(D a, D b) { return (a.hi < b.hi) | ((a.hi == b.hi) & (a.lo < b.lo)); }
-INLINE Mask d_equal(D a, D b) { return (a.hi == b.hi) & (a.lo == b.lo); }
-INLINE Mask d_true(D a) { return a.hi != v_all(0.0); }
+INLINE Pair d_scaled(Pair a, double power_of_two) { return (Pair){a.hi * v_all(power_of_two), a.lo * v_all(power_of_two)}; }
+INLINE Pair d_select(Mask m, Pair a, Pair b) { return (Pair){v_select(m, a.hi, b.hi), v_select(m, a.lo, b.lo)}; }
+INLINE Mask d_less(Pair a, Pair b) { return (a.hi < b.hi) | ((a.hi == b.hi) & (a.lo < b.lo)); }
+INLINE Mask d_equal(Pair a, Pair b) { return (a.hi == b.hi) & (a.lo == b.lo); }
+INLINE Mask d_true(Pair a) { return a.hi != v_all(0.0); }
 /* A leading part that is zero or not finite, alone. */
-INLINE D d_or(V first, D rest) {
+INLINE Pair d_or(V first, Pair rest) {
     return d_select((first == v_all(0.0)) | (v_abs(first) > v_all(1e300)) | (first != first), d_of(first), rest);
 }
-OUTLINE D d_div(D a, D b) {
+OUTLINE Pair d_div(Pair a, Pair b) {
     V q = a.hi / b.hi;
-    D r = d_sub(a, d_mul(b, d_of(q)));
+    Pair r = d_sub(a, d_mul(b, d_of(q)));
     V next = r.hi / b.hi;
     r = d_sub(r, d_mul(b, d_of(next)));
-    D sum = d_quick_sum(q, next);
+    Pair sum = d_quick_sum(q, next);
     return d_or(q, d_add(sum, d_of(r.hi / b.hi)));
 }
-OUTLINE D d_sqrt(D a) {
+OUTLINE Pair d_sqrt(Pair a) {
     V root = v_sqrt(a.hi);
-    D rest = d_sub(a, d_product(root, root));
+    Pair rest = d_sub(a, d_product(root, root));
     return d_or(root, d_add(d_of(root), d_of(rest.hi / (root + root))));
 }
 
@@ -71,49 +71,49 @@ static const double sine_series[][2] = {
 static const double quarter_turn[] = {0x1.921fb54400000p+0, 0x1.0b4611a600000p-34, 0x1.3198a2e000000p-69, 0x1.b839a252049c1p-104};
 
 /* A sixteenth of what is left of the angle without quarter turns; then four times sin 2a = 2 sin a cos a, 1 - cos 2a = 2 sin^2 a. */
-OUTLINE void d_sincos(D x, D *sine, D *cosine) {
+OUTLINE void d_sincos(Pair x, Pair *sine, Pair *cosine) {
     V turns = v_floor(x.hi * v_all(0.6366197723675814) + v_all(0.5));
-    D r = x;
+    Pair r = x;
     for (int k = 0; k < 4; k++) r = d_sub(r, d_product(turns, v_all(quarter_turn[k])));
     r = d_scaled(r, 0.0625);
-    D square = d_mul(r, r), s = d_of(v_all(0.0)), one = d_of(v_all(1.0));
-    for (int k = 6; k >= 0; k--) s = d_add(d_mul(s, square), (D){v_all(sine_series[k][0]), v_all(sine_series[k][1])});
+    Pair square = d_mul(r, r), s = d_of(v_all(0.0)), one = d_of(v_all(1.0));
+    for (int k = 6; k >= 0; k--) s = d_add(d_mul(s, square), (Pair){v_all(sine_series[k][0]), v_all(sine_series[k][1])});
     s = d_add(r, d_mul(d_mul(r, square), s));
     square = d_mul(s, s);
-    D less = d_div(square, d_add(one, d_sqrt(d_sub(one, square))));
+    Pair less = d_div(square, d_add(one, d_sqrt(d_sub(one, square))));
     for (int k = 0; k < 4; k++) {
-        D twice = d_scaled(d_mul(s, d_sub(one, less)), 2.0);
+        Pair twice = d_scaled(d_mul(s, d_sub(one, less)), 2.0);
         less = d_scaled(d_mul(s, s), 2.0);
         s = twice;
     }
-    D c = d_sub(one, less);
+    Pair c = d_sub(one, less);
     V quadrant = turns - v_all(4.0) * v_floor(turns * v_all(0.25));
     Mask odd = (quadrant == v_all(1.0)) | (quadrant == v_all(3.0));
-    D a = d_select(odd, c, s), b = d_select(odd, s, c);
+    Pair a = d_select(odd, c, s), b = d_select(odd, s, c);
     *sine = d_select(quadrant >= v_all(2.0), d_neg(a), a);
     *cosine = d_select((quadrant == v_all(1.0)) | (quadrant == v_all(2.0)), d_neg(b), b);
 }
-OUTLINE D d_sin(D x) {
-    D s, c;
+OUTLINE Pair d_sin(Pair x) {
+    Pair s, c;
     d_sincos(x, &s, &c);
     return s;
 }
-OUTLINE D d_cos(D x) {
-    D s, c;
+OUTLINE Pair d_cos(Pair x) {
+    Pair s, c;
     d_sincos(x, &s, &c);
     return c;
 }
 /* The angle of (x, y): that of the leading parts, turned by what is left of the angle against it. */
-OUTLINE D d_atan2(D y, D x) {
+OUTLINE Pair d_atan2(Pair y, Pair x) {
     V first = v_atan2(y.hi, x.hi);
-    D s, c;
+    Pair s, c;
     d_sincos(d_of(first), &s, &c);
-    D across = d_sub(d_mul(y, c), d_mul(x, s)), along = d_add(d_mul(x, c), d_mul(y, s));
+    Pair across = d_sub(d_mul(y, c), d_mul(x, s)), along = d_add(d_mul(x, c), d_mul(y, s));
     return d_or(first, d_add(d_of(first), d_div(across, along)));
 }
-INLINE D d_truth(Mask m) { return d_of(v_truth(m)); }
-INLINE D d_one(void) { return d_of(v_all(1.0)); }
-INLINE D d_rest_of_circle(D x) { return d_sqrt(d_mul(d_sub(d_one(), x), d_add(d_one(), x))); }
+INLINE Pair d_truth(Mask m) { return d_of(v_truth(m)); }
+INLINE Pair d_one(void) { return d_of(v_all(1.0)); }
+INLINE Pair d_rest_of_circle(Pair x) { return d_sqrt(d_mul(d_sub(d_one(), x), d_add(d_one(), x))); }
 
 /* A function of one value, and its derivative there. */
 #define FIRST_ORDER(f, slope) d_or(f, d_quick_sum(f, (slope) * A.lo))
@@ -135,7 +135,7 @@ INLINE D d_rest_of_circle(D x) { return d_sqrt(d_mul(d_sub(d_one(), x), d_add(d_
     O(ATAN2, d_atan2(A, B)) O(HYPOT, d_sqrt(d_add(d_mul(A, A), d_mul(B, B)))) \
     O(MUL_ADD, d_add(d_mul(A, B), C)) O(MUL_SUB, d_sub(d_mul(A, B), C)) O(SUB_MUL, d_sub(C, d_mul(A, B))) O(MUL_MUL, d_mul(d_mul(A, B), C))
 
-#define AT(k) (*(D *)((char *)frame + s[k]))
+#define AT(k) (*(Pair *)((char *)frame + s[k]))
 #define A AT(2)
 #define B AT(3)
 #define C AT(4)
@@ -157,7 +157,7 @@ at_number: {
     NEXT;
 }
 at_sincos: {
-    D sine, cosine;
+    Pair sine, cosine;
     d_sincos(A, &sine, &cosine);
     AT(1) = sine;
     B = cosine;

@@ -16,7 +16,6 @@ from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Sol
 from acausal.errors import OptionError, SimulationError, SingularWarning
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Input
-from acausal.outputs.clocks import apart
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
@@ -112,9 +111,7 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))
     problem = replace(problem, parameters=initial.p, read=options.times(t0, end))
     check_branch(functions, problem, t0, end, initial.x)
-    breaks, guards = apart(knots(problem.inputs, t0, end), t0, end), guards_of(functions, options.events)
-    if breaks.size or guards:
-        problem = replace(problem, breaks=breaks, guards=guards)
+    problem = replace(problem, knots=knots(problem.inputs, t0, end), guards=guards_of(functions, options.events))
     solution = integrated(problem, initial.x, t0, end, options, called)
     reached = float(solution.t[-1])
     times = problem.read if reached == end else options.times_until(t0, reached)
@@ -162,7 +159,7 @@ def sensitivity_run(
         if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
     problem = _problem(functions, at, compiled)
-    problem = replace(problem, breaks=apart(knots(problem.inputs, at.t0, float(times[-1])), at.t0, float(times[-1])))
+    problem = replace(problem, knots=knots(problem.inputs, at.t0, float(times[-1])))
     found = sensitivities(functions, problem, at, times, wrt, accuracy)
     status = found.found.status
     raise_if_interrupted(status, None)

@@ -15,7 +15,7 @@ from acausal.errors import AcausalError, ParameterError
 from acausal.language.expression import Expression, Input, InputRate, number, sx, time
 from acausal.language.interpolant import is_spline, pieces_of
 from acausal.language.origin import origin
-from acausal.language.pieces import PiecewisePolynomial, WithKnots
+from acausal.language.pieces import WithKnots
 from acausal.outputs.clocks import clocks
 from acausal.outputs.functions import Functions
 
@@ -45,14 +45,13 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> In
 
 
 def knots(inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> np.ndarray:
-    """Times [s] from t0 to t1 at which inputs jump or bend, as far as that is known."""
+    """Times [s] from t0 to t1 at which inputs jump or bend, as far as that is known, but for those that the runtime finds: of tables, and of formulas that
+    do so regularly."""
     found = [np.zeros(0)]
     for course in inputs.courses if isinstance(inputs, Inputs) else ():
         if isinstance(course, Formula):
             switching = clocks(course.function)
-            found.append(np.zeros(0) if switching is None else switching.times(t0, t1, np.zeros(0)))
-        elif isinstance(course, PiecewisePolynomial):
-            found.append(course.knots(t0, t1))
+            found.append(np.zeros(0) if switching is None else switching.times(t0, t1))
         elif isinstance(course, _Watched) and isinstance(course.function, WithKnots):
             found.append(course.function.knots(t0, t1))
     return np.unique(np.concatenate(found))
@@ -107,7 +106,9 @@ def _formula(value: ca.SX, name: str) -> Course:
     if value.is_constant():
         return number(float(value), name)
     t = ca.SX.sym("t")
-    return Formula(ca.Function("course", [t], [ca.densify(ca.substitute(value, time.sx, t))]))
+    function = ca.Function("course", [t], [ca.densify(ca.substitute(value, time.sx, t))])
+    switching = clocks(function)
+    return Formula(function, () if switching is None else switching.lines)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,226 @@
+/* What rounding makes of a function's results. Its program is carried out on pairs of values, the second of which is disturbed: in each operation by a
+   random part of 2^-40, many times what rounding does. What both results differ by, made smaller again by as much, is what rounding does to first
+   order (Chaitin-Chatelin and Fraysse, Lectures on Finite Precision Computations). Jumps are decided by the first values, so that none is taken for
+   rounding. A sample is a lane; all widths take the same ones. */
+
+#define SAMPLES 8
+#define ENLARGED 0x1p-40
+
+typedef unsigned long long Words __attribute__((vector_size(8 * LANES)));
+
+/* Lane by lane 1 + a random part of `ENLARGED`. */
+INLINE V chance(Words *draw) {
+    *draw = *draw * 6364136223846793005ULL + 1442695040888963407ULL;
+    return v_all(1.0) + v_all(2 * ENLARGED) * ((V)((*draw >> 12) | 0x3ff0000000000000ULL) - v_all(1.5));
+}
+INLINE Pair rounded_pair(V first, V second, Words *draw) { return (Pair){first, second * chance(draw)}; }
+INLINE Pair same_pair(V x) { return (Pair){x, x}; }
+INLINE Pair pair_add(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi + b.hi, a.lo + b.lo, draw); }
+INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b.hi, a.lo * b.lo, draw); }
+
+#define EXACTLY(f) (Pair){f(A.hi), f(A.lo)}
+#define EXACTLY_TWO(f) (Pair){f(A.hi, B.hi), f(A.lo, B.lo)}
+#define ONE(f) rounded_pair(f(A.hi), f(A.lo), draw)
+#define TWO(f) rounded_pair(f(A.hi, B.hi), f(A.lo, B.lo), draw)
+#define TRUTH(m) same_pair(v_truth(m))
+
+#define DISTURBED(O) \
+    O(NEG, EXACTLY(-)) O(SQ, pair_mul(A, A, draw)) O(TWICE, ((Pair){A.hi + A.hi, A.lo + A.lo})) O(INV, ONE(v_all(1.0) /)) O(SQRT, ONE(v_sqrt)) \
+    O(FABS, EXACTLY(v_abs)) O(NOT, TRUTH(A.hi == v_all(0.0))) O(SIGN, same_pair(v_copysign(v_sign(A.hi), A.hi))) O(EXP, ONE(v_exp)) O(LOG, ONE(v_log)) \
+    O(SIN, ONE(v_sin)) O(COS, ONE(v_cos)) O(TAN, ONE(v_tan)) O(ASIN, ONE(v_asin)) O(ACOS, ONE(v_acos)) O(ATAN, ONE(v_atan)) O(SINH, ONE(v_sinh)) \
+    O(COSH, ONE(v_cosh)) O(TANH, ONE(v_tanh)) O(ASINH, ONE(v_asinh)) O(ACOSH, ONE(v_acosh)) O(ATANH, ONE(v_atanh)) O(FLOOR, same_pair(v_floor(A.hi))) \
+    O(CEIL, same_pair(v_ceil(A.hi))) O(ERF, ONE(v_erf)) O(ERFINV, ONE(v_erfinv)) O(LOG1P, ONE(v_log1p)) O(EXPM1, ONE(v_expm1)) O(ADD, pair_add(A, B, draw)) \
+    O(SUB, rounded_pair(A.hi - B.hi, A.lo - B.lo, draw)) O(MUL, pair_mul(A, B, draw)) O(DIV, rounded_pair(A.hi / B.hi, A.lo / B.lo, draw)) \
+    O(LT, TRUTH(A.hi < B.hi)) O(LE, TRUTH(A.hi <= B.hi)) O(EQ, TRUTH(A.hi == B.hi)) O(NE, TRUTH(A.hi != B.hi)) \
+    O(AND, TRUTH((A.hi != v_all(0.0)) & (B.hi != v_all(0.0)))) O(OR, TRUTH((A.hi != v_all(0.0)) | (B.hi != v_all(0.0)))) \
+    O(IF_ELSE_ZERO, d_select(A.hi != v_all(0.0), B, same_pair(v_all(0.0)))) O(POW, TWO(v_pow)) O(FMIN, EXACTLY_TWO(v_fmin)) O(FMAX, EXACTLY_TWO(v_fmax)) \
+    O(FMOD, TWO(v_fmod)) O(REMAINDER, TWO(v_remainder)) O(COPYSIGN, ((Pair){v_copysign(A.hi, B.hi), v_copysign(A.lo, B.hi)})) O(ATAN2, TWO(v_atan2)) \
+    O(HYPOT, TWO(v_hypot)) O(MUL_ADD, pair_add(pair_mul(A, B, draw), C, draw)) O(MUL_SUB, pair_add(pair_mul(A, B, draw), d_neg(C), draw)) \
+    O(SUB_MUL, pair_add(d_neg(pair_mul(A, B, draw)), C, draw)) O(MUL_MUL, pair_mul(pair_mul(A, B, draw), C, draw))
+
+#define AT(base, k) (*(Pair *)((char *)(base) + s[k]))
+#define A AT(frame, 2)
+#define B AT(frame, 3)
+#define C AT(frame, 4)
+#define NEXT goto *labels[*(s += WIDTH)]
+
+static void interpret_disturbed(const int *s, const Pair *in, Pair *frame, Pair *out, Words *draw) {
+#define LABEL(name, result) &&at_##name,
+    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, DISTURBED(LABEL)};
+#undef LABEL
+    s -= WIDTH;
+    NEXT;
+at_load: AT(frame, 1) = *(const Pair *)((const char *)in + s[2]); NEXT;
+at_store: AT(out, 1) = A; NEXT;
+at_number: {
+    double number;
+    memcpy(&number, s + 2, sizeof number);
+    AT(frame, 1) = same_pair(v_all(number));
+    NEXT;
+}
+at_sincos: {
+    Pair sine = ONE(v_sin), cosine = ONE(v_cos);
+    AT(frame, 1) = sine;
+    B = cosine;
+    NEXT;
+}
+#define CASE(name, result) at_##name: AT(frame, 1) = result; NEXT;
+    DISTURBED(CASE)
+#undef CASE
+at_end:;
+}
+
+#undef A
+#undef B
+#undef C
+#undef AT
+#undef NEXT
+#undef EXACTLY
+#undef EXACTLY_TWO
+#undef ONE
+#undef TWO
+#undef TRUTH
+
+/* Room for pairs of a program's values. 0 when memory is short. */
+static int make_pairs(Integrator *I, const Kernel *k) {
+    struct State *T = I->state;
+    const long sizes[] = {2 * k->inputs, 2 * k->outputs, k->constants};
+    V **const pairs[] = {&T->pair_in, &T->pair_out, &T->pair_frame};
+    int all = 1;
+    for (int p = 0; p < 3; p++) {
+        if (*pairs[p] && sizes[p] <= T->pair_room[p]) continue;
+        *pairs[p] = reserve_lanes(I, sizes[p] + 1);
+        T->pair_room[p] = sizes[p];
+        all = all && *pairs[p];
+    }
+    if (T->forgotten) return I->counted || all;
+    T->forgotten = reserve_doubles(I, I->nx * I->nx + 3 * I->nx + 1);
+    T->exchanged = reserve(I, sizeof(long) * (size_t)(I->nx + 1));
+    return I->counted || (all && T->forgotten && T->exchanged);
+}
+
+/* The program of the rates (0) or guards (1) for which pairs have room; null where there is none. */
+static const Kernel *disturbed_kernel(Integrator *I, int which) {
+    Kernel *k = which ? &I->disturbed_guard : &I->disturbed_rhs;
+    if (!k->program && !(I->lacking && I->lacking(which))) return 0;
+    return k->program && make_pairs(I, k) ? k : 0;
+}
+
+/* Into `found` what rounding makes of the results of a program (t, x, u, p), x being known to rounding of `size`. 0 when the input function failed. */
+static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x, const double *size, double *found) {
+    struct State *T = I->state;
+    Pair *in = (Pair *)(void *)T->pair_in, *out = (Pair *)(void *)T->pair_out, *frame = (Pair *)(void *)T->pair_frame;
+    V *u = T->disturbed;
+    if (!inputs_at(I, v_all(t), 1, u)) return 0;
+    for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = same_pair(v_all(u[i][0]));
+    for (long i = 0; i < I->np; i++) in[1 + I->nx + I->nu + i] = same_pair(v_all(I->parameters[i]));
+    for (long i = 0; i < k->outputs; i++) found[i] = 0;
+    for (long first = 0; first < SAMPLES; first += LANES) {
+        Words draw = {0};
+        for (long l = 0; l < LANES; l++) draw[l] = (unsigned long long)(first + l + 1) * 0x9e3779b97f4a7c15ULL;
+        in[0] = rounded_pair(v_all(t), v_all(t), &draw);
+        for (long i = 0; i < I->nx; i++) in[1 + i] = (Pair){v_all(x[i]), v_all(x[i]) + v_all(size[i]) * (chance(&draw) - v_all(1.0))};
+        interpret_disturbed(k->preparation, in, frame, out, &draw);
+        interpret_disturbed(k->program, in, frame, out, &draw);
+        for (long i = 0; i < k->outputs; i++)
+            for (long l = 0; l < LANES; l++) {
+                double change = fabs(out[i].lo[l] - out[i].hi[l]);
+                if (!(change <= found[i]) && !isnan(found[i])) found[i] = change;
+            }
+    }
+    for (long i = 0; i < k->outputs; i++) found[i] = isfinite(found[i]) ? found[i] * (EPS / ENLARGED) : NAN;
+    return 1;
+}
+
+/* M (n, n) = (1 - h df/dx) w at (t, x), by differences of 1e-7 of each state's size w, and 1 / the largest entry in each of its rows, by which it is
+   multiplied. States without a size are not moved, and w is 1. 0 when the input function failed. */
+static int forgetting(Integrator *I, double t, const double *x, double h, const double *size, double *M, double *row) {
+    struct State *T = I->state;
+    long n = I->nx;
+    V *in = T->point_in, *out = T->point_out;
+    if (!rate_at(I, t, x, T->rate)) return 0;
+    for (long first = 0; first < n; first += LANES) {
+        long count = n - first < LANES ? n - first : LANES;
+        double step[LANES] = {0};
+        for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
+        for (long l = 0; l < count; l++) {
+            double moved = x[first + l] + 1e-7 * size[first + l];
+            step[l] = moved - x[first + l];
+            in[1 + first + l][l] = moved;
+        }
+        rates_at(I, is_near(I, in), in, out);
+        I->evaluations += count;
+        for (long l = 0; l < count; l++)
+            for (long i = 0; i < n; i++) {
+                double slope = step[l] > 0 ? (out[i][l] - T->rate[i]) / step[l] : 0, own = i == first + l ? 1 : 0;
+                M[i * n + first + l] = (own - h * slope) * (size[first + l] > 0 ? size[first + l] : 1);
+            }
+    }
+    for (long i = 0; i < n; i++) {
+        double most = 0;
+        for (long j = 0; j < n; j++) most = fmax(most, fabs(M[i * n + j]));
+        row[i] = most > 0 ? 1 / most : 1;
+        for (long j = 0; j < n; j++) M[i * n + j] *= row[i];
+    }
+    return 1;
+}
+
+/* LU with row exchanges, in place. 0 when it is singular, or something in it not finite. */
+static int factor_real(double *M, long n, long *pivot) {
+    for (long k = 0; k < n; k++) {
+        pivot[k] = k;
+        for (long i = k; i < n; i++) {
+            if (!isfinite(M[i * n + k])) return 0;
+            if (fabs(M[i * n + k]) > fabs(M[pivot[k] * n + k])) pivot[k] = i;
+        }
+        if (M[pivot[k] * n + k] == 0) return 0;
+        for (long j = 0; j < n && pivot[k] != k; j++) {
+            double a = M[k * n + j];
+            M[k * n + j] = M[pivot[k] * n + j], M[pivot[k] * n + j] = a;
+        }
+        for (long i = k + 1; i < n; i++) {
+            double factor = M[i * n + k] /= M[k * n + k];
+            for (long j = k + 1; j < n && factor != 0; j++) M[i * n + j] -= factor * M[k * n + j];
+        }
+    }
+    return 1;
+}
+
+static void solve_real(const double *M, long n, const long *pivot, double *b) {
+    for (long k = 0; k < n; k++) {
+        double a = b[k];
+        b[k] = b[pivot[k]], b[pivot[k]] = a;
+    }
+    for (long i = 1; i < n; i++)
+        for (long j = 0; j < i; j++) b[i] -= M[i * n + j] * b[j];
+    for (long i = n - 1; i >= 0; i--) {
+        for (long j = i + 1; j < n; j++) b[i] -= M[i * n + j] * b[j];
+        b[i] /= M[i * n + i];
+    }
+}
+
+/* What rounding seems to add to the rates at (t, x) in an implicit step of size h, per state, each operation counted. A state that is the integral of a
+   disturbed one is disturbed with it, and what decays fast forgets: |(1 - h J)^-1| r for disturbances r. 0 when the input function failed. */
+static int rounding_of_rates(Integrator *I, const Kernel *k, double t, const double *x, double h, double *rates) {
+    struct State *T = I->state;
+    long n = I->nx;
+    double *M = T->forgotten, *size = M + n * n, *one = size + n, *row = one + n, *sum = T->rate;
+    for (long i = 0; i < n; i++) size[i] = fabs(x[i]);
+    if (!rounding_of(I, k, t, x, size, rates)) return 0;
+    for (long i = 0; i < n; i++) {
+        if (!isfinite(rates[i])) rates[i] = 0;
+        size[i] = fmax(size[i], fabs(h) * rates[i]);
+    }
+    if (!forgetting(I, t, x, h, size, M, row)) return 0;
+    if (!factor_real(M, n, T->exchanged)) return 1;
+    for (long i = 0; i < n; i++) sum[i] = 0;
+    for (long j = 0; j < n; j++) {
+        if (rates[j] == 0) continue;
+        for (long i = 0; i < n; i++) one[i] = 0;
+        one[j] = rates[j] * row[j];
+        solve_real(M, n, T->exchanged, one);
+        for (long i = 0; i < n; i++) sum[i] += fabs(one[i]) * (size[i] > 0 ? size[i] : 1);
+    }
+    for (long i = 0; i < n; i++) rates[i] = fmax(rates[i], sum[i]);
+    return 1;
+}
