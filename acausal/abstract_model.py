@@ -349,15 +349,17 @@ class AbstractModel(ABC):
         name: str = "simulator",
         outputs: Mapping[str, Expression] | None = None,
         events: Sequence[when] = (),
+        inputs: InputValues | None = None,
     ) -> Path:
         """Write instances of the model's motion in C, and a program around them, that need nothing else; returns the folder.
 
         They start from `start`. `name`: what all their names begin with; `outputs`: expressions that they compute, by names; `events`: zeros that
-        they look for. See `acausal.export.simulator`.
+        they look for; `inputs`: numbers, `ac.samples`, splines and expressions of `ac.time`. See `acausal.export.simulator`.
         """
         from acausal.export.simulator import export_simulator
 
-        at = self._situation(start, None, None, parameters)
+        at = self._situation(start, None, inputs, parameters)
         here = self._decided.at(at.p)
         initial = self._initial(here, at)
-        return export_simulator(here.functions, folder, initial, name=name, outputs=outputs, events=events)
+        signal = at.signal(here.functions)
+        return export_simulator(here.functions, folder, initial, name=name, outputs=outputs, events=events, inputs=signal)

@@ -20,9 +20,9 @@ WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconvers
 FLAGS = ("-O1", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fPIC")
 """Compiled in a hurry: optimisation does not change bits."""
 SUCCESS, AT_EVENT, STOPPED, STEP_UNDERFLOW, NON_FINITE, NOT_CONVERGED, MAX_STEPS, FAILED_INPUT = range(8)
-OUT_OF_MEMORY, BAD_ARGUMENT, OPEN_START, OTHER_MODEL = range(8, 12)
+OUT_OF_MEMORY, BAD_ARGUMENT, OPEN_START, OTHER_MODEL, SLIDES = range(8, 13)
 STATE, INPUT, PARAMETER, CONDITION, OUTPUT, EVENT = range(6)
-GAUSS, RADAU = range(2)
+GAUSS, RADAU, AUTO = range(3)
 
 
 def command() -> tuple[str, ...]:
@@ -78,6 +78,7 @@ class Options(ctypes.Structure):
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
         ("step", ctypes.c_double),
+        ("max_step", ctypes.c_double),
         ("max_steps", ctypes.c_long),
         ("input", InputFunction),
         ("user", ctypes.c_void_p),
@@ -95,11 +96,11 @@ class Report(ctypes.Structure):
 
     _fields_ = [
         ("status", ctypes.c_int),
-        ("message", ctypes.c_char * 160),
+        ("message", ctypes.c_char * 240),
         ("time", ctypes.c_double),
         ("reached", ctypes.c_double),
         ("failed_state", ctypes.c_char_p),
-        *((name, ctypes.c_long) for name in ("steps", "rejected", "newton_steps", "evaluations", "factorisations", "order", "samples")),
+        *((name, ctypes.c_long) for name in ("steps", "rejected", "newton_steps", "radau_steps", "evaluations", "factorisations", "order", "samples")),
     ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.emit.statements import BINARY, LEAVES, UNARY, Statements, Value, statements
 
-_END, _LOAD, _STORE, _NUMBER, _SINCOS = range(5)
+_END, _LOAD, _STORE, NUMBER, _SINCOS = range(5)
 _CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
 _MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL = range(5 + len(_CODES), 9 + len(_CODES))
 _WIDTH = 5
@@ -186,12 +186,12 @@ def _row(*statement: int) -> _Row:
 
 
 def _number(place: int, value: Value) -> _Row:
-    return _row(_NUMBER, place, *struct.unpack("=ii", struct.pack("=d", value.number)))
+    return _row(NUMBER, place, *struct.unpack("=ii", struct.pack("=d", value.number)))
 
 
 def _scaled(rows: Sequence[_Row], lanes: int) -> np.ndarray:
     """Places in bytes."""
     table = np.array(rows, dtype=np.int32)
     table[:, 1] *= 8 * lanes
-    table[table[:, 0] != _NUMBER, 2:] *= 8 * lanes
+    table[table[:, 0] != NUMBER, 2:] *= 8 * lanes
     return np.ascontiguousarray(table)

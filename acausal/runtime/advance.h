@@ -104,11 +104,6 @@ void moved_integration(Integrator *I, const char *block) {
     redirect(&I->times, &I->kinds + 1, block, I->room, I->block);
 }
 
-#define ASIDE 2.0 /* neighbouring numbers to either side of a knot that belong to no step: rounding decides there which side they are on */
-
-/* So far from a knot steps end before it, and begin after it. */
-static double aside(const Integrator *I, double knot) { return ASIDE * EPS * fmax(fabs(knot), fabs(I->state->start)); }
-
 /* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */
 static int cross_knot(Integrator *I) {
     struct State *T = I->state;

@@ -1,6 +1,11 @@
 /* Dense output. A Gauss step of s stages is accurate to order 2 s at its end but only s + 1 inside. Fixed-point iteration on more
    nodes, started from the collocation polynomial, brings the inside up to the end's accuracy. */
 
+#define ASIDE 2.0 /* neighbouring numbers to either side of a knot that belong to no step: rounding decides there which side they are on */
+
+/* So far from a knot steps end before it, and begin after it. */
+static double aside(const Integrator *I, double knot) { return ASIDE * EPS * fmax(fabs(knot), fabs(I->state->start)); }
+
 /* The step, of those that are kept, that a time lies in. */
 static long step_of(const Integrator *I, double t) {
     long low = I->first, high = I->steps - 1;
@@ -34,7 +39,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
         }
     }
     int newton = T->newton_now, noisy = T->noisy, unheard = T->unheard;
-    double *met = T->size;
+    double *met = T->size, spent = T->spent;
     memcpy(T->aside, T->noise, sizeof(double) * (size_t)I->nx);
     T->size = I->coefficients + I->offset[k] + s * I->nx;
     T->newton_now = 0;
@@ -60,6 +65,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     T->noisy = noisy;
     T->unheard = unheard;
     T->size = met;
+    T->spent = spent;
     memcpy(T->noise, T->aside, sizeof(double) * (size_t)I->nx);
     legendre_coefficients(I, F, F->K);
     return 1;
@@ -115,8 +121,9 @@ int dense(Integrator *I, long n, const double *t, double *x) {
         long k = step_of(I, t[m]), row = k - I->first, s = I->stage_count[row], width = s;
         const double *start = I->states + row * nx;
         double begin = I->times[row], end = I->times[row + 1], h = end - begin, theta[LANES] = {(t[m] - begin) / h};
-        if (theta[0] == 0 || theta[0] == 1) {
-            memcpy(x + m * nx, start + (theta[0] == 1 ? nx : 0), sizeof(double) * (size_t)nx);
+        int after = t[m] >= end;
+        if (after || t[m] - begin <= 2 * aside(I, begin)) { /* beside a knot that the motion has come to */
+            memcpy(x + m * nx, start + (after ? nx : 0), sizeof(double) * (size_t)nx);
             continue;
         }
         if (I->offset[row] < 0) return NOT_KEPT;

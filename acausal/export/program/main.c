@@ -10,7 +10,7 @@ static int usage(const char *program) {
                     "  end      time to stop at [s]; the start is at 0\n"
                     "  samples  equally spaced times, both ends included: 2 or more (501)\n"
                     "  rtol     relative and absolute error per step (1e-8)\n"
-                    "  method   gauss (default) or radau, for stiff models\n", program);
+                    "  method   auto (default), gauss, or radau, for stiff models\n", program);
     return 2;
 }
 
@@ -45,7 +45,8 @@ int main(int count, char **words) {
     double end = number(words[1]), wanted = count > 2 ? number(words[2]) : 501;
     if (count > 3) options.rtol = number(words[3]);
     if (count > 4 && strcmp(words[4], "radau") == 0) options.method = SIMULATOR_RADAU;
-    else if (count > 4 && strcmp(words[4], "gauss") != 0) return usage(words[0]);
+    else if (count > 4 && strcmp(words[4], "gauss") == 0) options.method = SIMULATOR_GAUSS;
+    else if (count > 4 && strcmp(words[4], "auto") != 0) return usage(words[0]);
     if (!(end >= 0) || !isfinite(end) || !(wanted >= 2 && wanted <= 1e8) || wanted != floor(wanted)) return usage(words[0]);
     if (!(options.rtol > 0 && options.rtol < 1)) return usage(words[0]);
 

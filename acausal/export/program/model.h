@@ -18,18 +18,13 @@ typedef struct {
 
 typedef struct {
     const char *title;
-    Kernel rhs;        /* t, x, u, p -> x' */
-    Kernel jvp;        /* t, x, u, p, dx -> df/dx dx */
-    Kernel projection; /* t, x, p -> x nearer to the invariants, invariants */
-    Kernel clearance;  /* t, x, p -> 0 where branches of the motion cross, about 1 far away */
-    Kernel guard;      /* t, x, u, p -> values whose zeros are events */
-    Kernel outputs;    /* t, x, u, p -> outputs */
-    long width;        /* LANES of model.c */
+    Integrator motion;              /* what all motions of the model have in common */
+    Kernel outputs;                 /* t, x, u, p -> outputs */
+    long width;                     /* LANES of model.c */
+    long held;                      /* inputs of the kernels that are sides of switches */
     Quantities quantities[SIMULATOR_EVENT + 1];
-    long invariants, copies, positions, operations;
-    Pattern pattern;
-    const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
-    const long *guard_direction, *guard_stops;
+    const char *given;              /* which inputs are tables or formulas */
+    const char *const *switches;    /* what switches, in words */
     long constants;                 /* parameters that follow from the start; they come last */
     PlainFunction assembly;         /* data (conditions, t, u, p without constants) -> x, constants; NaN where there is no such start */
     PlainFunction gaps;             /* t, x, u, p -> gaps of positions, of velocities; size of velocities. run is 0 without constraints */

@@ -18,6 +18,7 @@
 #define finish simulator_hidden_finish
 #define dense simulator_hidden_dense
 #define state_at simulator_hidden_state_at
+#define table_value simulator_hidden_table_value
 #define lanes simulator_hidden_lanes
 #define model simulator_hidden_model
 #endif

@@ -28,13 +28,13 @@ struct simulator_instance {
     simulator_report report; /* the last status; the rest: of the pieces before the present one */
     double *values[KINDS]; /* the present ones of each kind */
     double *x, *met, *data; /* where the piece began, then the end of the last step; sizes that states have had; for the assembly */
-    V *in, *out, *c, *w;    /* of the outputs */
+    V *in, *out, *c, *w;    /* of outputs, and of inputs that are formulas */
     const double **arguments;
     double **results, *work;
     long long *integers;
 };
 
-static const simulator_options defaults = {SIMULATOR_GAUSS, 0, 1e-8, 0.0, 0.0, 1000000, 0, 0};
+static const simulator_options defaults = {SIMULATOR_AUTO, 0, 1e-8, 0.0, 0.0, 0.0, 1000000, 0, 0};
 
 simulator_options simulator_defaults(void) { return defaults; }
 
@@ -62,12 +62,6 @@ long simulator_index(simulator_kind kind, const char *name) {
 
 /* Methods */
 
-static const Method *of_order(const Method *methods, long count, long order) {
-    for (long k = 0; k < count; k++)
-        if (methods[k].order == order) return &methods[k];
-    return 0;
-}
-
 /* The order at which a tolerance is cheapest: stages that fit into the lanes cost no more than one. */
 static long gauss_order(double rtol) {
     if (LANES >= 4) return rtol < (LANES >= 8 ? 2e-4 : 1e-5) ? 16 : 8;
@@ -78,37 +72,38 @@ static long radau_order(double rtol) { return rtol > 1e-6 ? 5 : rtol > 1e-10 ? 9
 
 /* Sets the methods of an instance. Returns 0 when there is none like that. */
 static int choose_method(Integrator *I, const simulator_options *options) {
-    I->methods = 1;
-    if (options->method == SIMULATOR_GAUSS) {
-        I->method_list = of_order(gauss_methods, COUNT(gauss_methods), options->order ? options->order : gauss_order(I->rtol));
-        if (!I->method_list) return 0;
-        I->fine = gauss_refining + (I->method_list - gauss_methods);
-        I->newton = WHERE_SLOW;
+    int radau = options->method == SIMULATOR_RADAU;
+    if (!radau && options->method != SIMULATOR_GAUSS && options->method != SIMULATOR_AUTO) return 0;
+    long order = options->order ? options->order : radau ? radau_order(I->rtol) : gauss_order(I->rtol);
+    I->newton = radau ? ALWAYS : WHERE_SLOW;
+    I->adapt_order = options->method == SIMULATOR_AUTO || (radau && !options->order && !(options->step > 0));
+    if (radau && I->adapt_order) {
+        I->method_list = gauss_methods[0] + 1;
+        I->methods = COUNT(gauss_methods[0]) - 1;
+        I->method = I->rtol > 1e-4 ? 0 : 1;
         return 1;
     }
-    I->newton = ALWAYS;
-    if (options->method != SIMULATOR_RADAU) return 0;
-    if (options->order || options->step > 0) {
-        I->method_list = of_order(radau_methods, COUNT(radau_methods), options->order ? options->order : radau_order(I->rtol));
-        return I->method_list != 0;
+    I->methods = options->method == SIMULATOR_AUTO ? COUNT(gauss_methods[0]) : 1;
+    for (long k = 0; k < (radau ? COUNT(radau_methods) : COUNT(gauss_methods)); k++) {
+        I->method_list = radau ? &radau_methods[k] : gauss_methods[k];
+        I->fine = radau ? 0 : &gauss_refining[k];
+        if (I->method_list->order == order) return 1;
     }
-    I->method_list = radau_methods;
-    I->methods = COUNT(radau_methods);
-    I->method = I->rtol > 1e-4 ? 0 : 1;
-    I->adapt_order = 1;
-    return 1;
+    return 0;
 }
 
 /* An integration with nothing in it yet; 0 when there is no such method. */
 static int blank(Integrator *I, const simulator_options *options) {
-    *I = (Integrator){.nx = count_of(SIMULATOR_STATE), .nu = count_of(SIMULATOR_INPUT), .np = count_of(SIMULATOR_PARAMETER),
-                      .ng = model.invariants, .positions = model.positions, .operations = model.operations, .pattern = model.pattern, .guards = count_of(SIMULATOR_EVENT),
-                      .rhs = model.rhs, .jvp = model.jvp, .projection = model.projection, .clearance = model.clearance,
-                      .guard = model.guard, .guard_direction = model.guard_direction, .guard_stops = model.guard_stops,
-                      .copies = model.copies, .copy_to = model.copy_to, .copy_from = model.copy_from,
-                      .max_steps = options->max_steps, .step = options->step, .atol = options->atol,
-                      .input = options->input, .user = options->user, .event_room = SIMULATOR_EVENTS_OF_A_STEP};
+    *I = model.motion;
+    I->max_steps = options->max_steps;
+    I->step = options->step;
+    I->max_step = options->max_step;
     I->rtol = fmax(options->rtol, FINEST);
+    I->atol = options->atol;
+    I->input = options->input;
+    I->user = options->user;
+    I->event_room = SIMULATOR_EVENTS_OF_A_STEP;
+    if (I->input) I->tables = I->formulas = I->clocks = 0;
     return choose_method(I, options);
 }
 
@@ -119,6 +114,7 @@ const char *simulator_mistake(const simulator_options *options) {
     if (!(options->rtol > 0 && options->rtol < 1)) return "rtol must lie between 0 and 1.";
     if (!(options->atol >= 0)) return "atol must be positive, or 0 to judge states by their sizes alone.";
     if (!(options->step >= 0)) return "step must be positive, or 0 for steps as the tolerances allow.";
+    if (!(options->max_step >= 0) || (options->max_step > 0 && options->step > 0)) return "max_step must be positive, or 0, and goes with steps that adapt.";
     if (options->max_steps < 1) return "max_steps must be positive.";
     return blank(&I, options) ? 0 : "There is no method of that order.";
 }
@@ -148,17 +144,18 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
         integers = larger(integers, plain[k]->iw);
         work = larger(work, plain[k]->w);
     }
-    long data = count_of(SIMULATOR_CONDITION) + 1 + I->nu + I->np;
+    long data = count_of(SIMULATOR_CONDITION) + 1 + count_of(SIMULATOR_INPUT) + I->np;
+    const Kernel *o = &model.outputs, *f = &model.motion.formula;
     if (!s) s = &counted;
     take(block, &used, sizeof *s);
     for (int kind = 0; kind < KINDS; kind++) s->values[kind] = take(block, &used, sizeof(double) * (size_t)count_of((simulator_kind)kind));
     s->x = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->met = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->data = take(block, &used, sizeof(double) * (size_t)data);
-    s->in = take(block, &used, sizeof(V) * (size_t)model.outputs.inputs);
-    s->out = take(block, &used, sizeof(V) * (size_t)model.outputs.outputs);
-    s->c = take(block, &used, sizeof(V) * (size_t)(model.outputs.constants + 1));
-    s->w = take(block, &used, sizeof(V) * (size_t)(model.outputs.work + 1));
+    s->in = take(block, &used, sizeof(V) * (size_t)larger(o->inputs, f->inputs));
+    s->out = take(block, &used, sizeof(V) * (size_t)larger(o->outputs, f->outputs));
+    s->c = take(block, &used, sizeof(V) * (size_t)(larger(o->constants, f->constants) + 1));
+    s->w = take(block, &used, sizeof(V) * (size_t)(larger(o->work, f->work) + 1));
     s->arguments = take(block, &used, sizeof(double *) * (size_t)arguments);
     s->results = take(block, &used, sizeof(double *) * (size_t)results);
     s->integers = take(block, &used, sizeof(long long) * (size_t)integers);
@@ -253,6 +250,7 @@ static const char *in_words(simulator_status status) {
     case SIMULATOR_FAILED_INPUT: return "The inputs could not be computed.";
     case SIMULATOR_OUT_OF_MEMORY: return "Not enough memory.";
     case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
+    case SIMULATOR_SLIDES: return "The motion slides along a switch of the rates: from both sides it is led back there, so that no side lasts.";
     case SIMULATOR_OTHER_MODEL: return "With these values other equations are needed: export a model that is built with them.";
     default: return "The call makes no sense.";
     }
@@ -271,7 +269,7 @@ static int failed(simulator_instance *s, simulator_status status, const char *me
 
 /* What the integrator could not do. */
 static int gave_up(simulator_instance *s, enum Code code) {
-    char message[160];
+    char message[sizeof s->report.message];
     const Integrator *I = &s->I;
     switch (code) {
     case TOO_MANY_STEPS:
@@ -279,6 +277,10 @@ static int gave_up(simulator_instance *s, enum Code code) {
         return failed(s, SIMULATOR_MAX_STEPS, message);
     case INPUT_FAILED: return failed(s, SIMULATOR_FAILED_INPUT, 0);
     case OUT_OF_MEMORY: return failed(s, SIMULATOR_OUT_OF_MEMORY, 0);
+    case SLIDES:
+        snprintf(message, sizeof message, "The motion slides along a switch of the rates, %.80s: from both sides it is led back there, so that no side lasts.",
+                 model.switches[I->worst]);
+        return failed(s, SIMULATOR_SLIDES, message);
     default: break;
     }
     if (I->worst >= 0 && I->worst < I->nx) s->report.failed_state = model.quantities[SIMULATOR_STATE].names[I->worst];
@@ -300,6 +302,7 @@ simulator_report simulator_summary(const simulator_instance *s) {
     r.steps += I->steps;
     r.rejected += I->rejected;
     r.newton_steps += I->newton_steps;
+    r.radau_steps += I->radau_steps;
     r.evaluations += I->evaluations;
     r.factorisations += I->factorisations;
     r.order = I->method_list[I->method].order;
@@ -307,6 +310,9 @@ simulator_report simulator_summary(const simulator_instance *s) {
 }
 
 /* Numbers */
+
+/* Whether an input is a table or formula of time. */
+static int is_given(const simulator_instance *s, simulator_kind kind, long i) { return kind == SIMULATOR_INPUT && !s->options.input && model.given[i]; }
 
 static int changeable(const simulator_instance *s, simulator_kind kind) {
     if (kind == SIMULATOR_INPUT) return !s->options.input;
@@ -320,7 +326,7 @@ static int renewed_by(simulator_instance *s, simulator_kind kind) {
 }
 
 int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value) {
-    if (!exists(kind, i) || !changeable(s, kind)) return said(s, SIMULATOR_BAD_ARGUMENT, "There is no such number, or it cannot be set.");
+    if (!exists(kind, i) || !changeable(s, kind) || is_given(s, kind, i)) return said(s, SIMULATOR_BAD_ARGUMENT, "There is no such number, or it cannot be set.");
     s->values[kind][i] = value;
     return renewed_by(s, kind);
 }
@@ -331,19 +337,31 @@ int simulator_set_all(simulator_instance *s, simulator_kind kind, const double *
     return renewed_by(s, kind);
 }
 
-/* Inputs at the present time. Returns 0 when they could not be computed. */
-static int present_inputs(simulator_instance *s) { return !s->I.input || s->I.input(s->I.user, s->present, s->values[SIMULATOR_INPUT]); }
-
-static int find_outputs(simulator_instance *s) {
-    const Kernel *k = &model.outputs;
-    const double *parts[] = {&s->present, s->values[SIMULATOR_STATE], s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]};
-    const long counts[] = {1, s->I.nx, s->I.nu, s->I.np};
+/* Results of a kernel, all of whose arguments are given, into s->out. */
+static void run_at(simulator_instance *s, const Kernel *k, const double *const *arguments, const long *counts, int parts) {
     long at = 0;
-    for (int part = 0; part < 4; part++)
-        for (long i = 0; i < counts[part]; i++) s->in[at++] = v_all(parts[part][i]);
+    for (int part = 0; part < parts; part++)
+        for (long i = 0; i < counts[part]; i++) s->in[at++] = v_all(arguments[part][i]);
     k->prepare(s->in, s->c, s->c, s->w);
     k->run(s->in, s->c, s->out, s->w);
-    for (long i = 0; i < k->outputs; i++) s->values[SIMULATOR_OUTPUT][i] = s->out[i][0];
+}
+
+/* Inputs at the present time. Returns 0 when they could not be computed. */
+static int present_inputs(simulator_instance *s) {
+    const Integrator *I = &s->I;
+    double *u = s->values[SIMULATOR_INPUT];
+    if (I->input) return I->input(I->user, s->present, u);
+    for (long k = 0; k < I->tables; k++) u[I->table_list[k].input] = table_value(&I->table_list[k], s->present);
+    if (I->formulas) run_at(s, &I->formula, (const double *const[]){&s->present}, (const long[]){1}, 1);
+    for (long k = 0; k < I->formulas; k++) u[I->formula_input[k]] = s->out[k][0];
+    return 1;
+}
+
+static int find_outputs(simulator_instance *s) {
+    const double *const arguments[] = {&s->present, s->values[SIMULATOR_STATE], s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]};
+    const long counts[] = {1, s->I.nx, count_of(SIMULATOR_INPUT), s->I.np};
+    run_at(s, &model.outputs, arguments, counts, 4);
+    for (long i = 0; i < model.outputs.outputs; i++) s->values[SIMULATOR_OUTPUT][i] = s->out[i][0];
     return SIMULATOR_SUCCESS;
 }
 
@@ -384,7 +402,7 @@ static int differs(long first, long count, const double *values, const double *e
 
 /* The state at which a motion starts at the present time, and the constants in p that belong to it. */
 static simulator_status assemble(simulator_instance *s) {
-    const long c = count_of(SIMULATOR_CONDITION), nu = s->I.nu, own = s->I.np - model.constants;
+    const long c = count_of(SIMULATOR_CONDITION), nu = count_of(SIMULATOR_INPUT), own = s->I.np - model.constants;
     const double *conditions = s->values[SIMULATOR_CONDITION], *u = s->values[SIMULATOR_INPUT], zero = 0;
     double *p = s->values[SIMULATOR_PARAMETER], *x = s->values[SIMULATOR_STATE], *data = s->data;
     const double *exported = model.quantities[SIMULATOR_PARAMETER].values;
@@ -451,7 +469,7 @@ static int start_from(simulator_instance *s, double t, const double *states) {
     if (!isfinite(t)) return said(s, SIMULATOR_BAD_ARGUMENT, "The start must be at a finite time.");
     memset(&s->report, 0, sizeof s->report);
     s->crossing = (simulator_crossing){-1, 0, NAN};
-    s->I.steps = s->I.rejected = s->I.newton_steps = s->I.evaluations = s->I.factorisations = 0;
+    s->I.steps = s->I.rejected = s->I.newton_steps = s->I.radau_steps = s->I.evaluations = s->I.factorisations = 0;
     s->renewed = NOTHING_NEW;
     s->stage = NEW;
     s->present = t;
@@ -479,6 +497,7 @@ static int renew(simulator_instance *s) {
     s->report.steps = r.steps;
     s->report.rejected = r.rejected;
     s->report.newton_steps = r.newton_steps;
+    s->report.radau_steps = r.radau_steps;
     s->report.evaluations = r.evaluations;
     s->report.factorisations = r.factorisations;
     memcpy(s->met, s->I.size, sizeof(double) * (size_t)s->I.nx);
@@ -515,7 +534,7 @@ static int next_event(simulator_instance *s, double t) {
     s->told++;
     s->present = fmin(s->crossing.time, I->t);
     int status = read_present(s);
-    return status != SIMULATOR_SUCCESS ? status : said(s, model.guard_stops[guard] ? SIMULATOR_STOPPED : SIMULATOR_AT_EVENT, 0);
+    return status != SIMULATOR_SUCCESS ? status : said(s, model.motion.guard_stops[guard] ? SIMULATOR_STOPPED : SIMULATOR_AT_EVENT, 0);
 }
 
 /* What keeps an instance from moving to time t; SIMULATOR_SUCCESS when it may go on. */

@@ -27,7 +27,7 @@
 #endif
 
 /* Of this interface; it grows when programs that use it have to change. */
-#define SIMULATOR_INTERFACE 1
+#define SIMULATOR_INTERFACE 2
 /* What wrote these files. */
 #define SIMULATOR_VERSION {version}
 
@@ -35,7 +35,7 @@
 /* What an instance has: numbers of some kind, counted from 0. */
 typedef enum {
     SIMULATOR_STATE,     /* positions and velocities at the present time */
-    SIMULATOR_INPUT,     /* at the present time; set, where options.input is 0: constant from then on */
+    SIMULATOR_INPUT,     /* at the present time; set, where options.input is 0, and it is no table or formula of time: constant from then on */
     SIMULATOR_PARAMETER, /* set: from then on. The last ones may be constants of integration, which `simulator_start` sets */
     SIMULATOR_CONDITION, /* start values that were named when the model was exported; `simulator_start` meets them */
     SIMULATOR_OUTPUT,    /* expressions that were named when the model was exported, at the present time; cannot be set */
@@ -54,26 +54,30 @@ typedef enum {
     SIMULATOR_OUT_OF_MEMORY,  /* malloc failed, or a step had more than SIMULATOR_EVENTS_OF_A_STEP events */
     SIMULATOR_BAD_ARGUMENT,   /* the call makes no sense; nothing was done */
     SIMULATOR_OPEN_START,     /* the states do not close the loops, or there are none that do for these values */
-    SIMULATOR_OTHER_MODEL     /* with these values other equations would be needed, e.g. other constraints are independent */
+    SIMULATOR_OTHER_MODEL,    /* with these values other equations would be needed, e.g. other constraints are independent */
+    SIMULATOR_SLIDES          /* the rates switch back and forth without end */
 } simulator_status;
 
 #define SIMULATOR_EVENTS_OF_A_STEP 256
 
 typedef enum {
     SIMULATOR_GAUSS, /* Gauss-Legendre collocation: for everything that is not stiff */
-    SIMULATOR_RADAU  /* Radau IIA collocation: for stiff models */
+    SIMULATOR_RADAU, /* Radau IIA collocation: for stiff models */
+    SIMULATOR_AUTO   /* Gauss, and Radau for as long as a motion is stiff */
 } simulator_method;
 
 /* How an instance integrates: it keeps this as long as it lives. */
 typedef struct {
     simulator_method method;
-    long order;     /* gauss 8, 12, 16; radau 5, 9, 13; 0: by the tolerance */
+    long order;     /* gauss, auto: even, 2 to 16; radau: odd, 1 to 13; 0: by the tolerance */
     double rtol;    /* relative error per step, 0 < rtol < 1; no less than 1e-15 is used */
     double atol;    /* absolute error per step, in SI units; 0: none, states are judged by their sizes */
     double step;    /* size of fixed steps [s]; 0: as the tolerances allow */
+    double max_step; /* steps are no longer than that [s]; 0: as the tolerances allow */
     long max_steps; /* of one motion; it fails when these are not enough */
     /* Fills the inputs u at time t, also at times ahead of the present one; returns 0 to give up. 0: inputs are constant between calls of
-       `simulator_set`. Where inputs jump, end steps: advance to that time, then call `simulator_renew`. */
+       `simulator_set`, or tables and formulas of time, where they were exported as that. Where inputs jump, end steps: advance to that time, then call
+       `simulator_renew`; knots of tables and jumps of formulas end steps by themselves. */
     int (*input)(void *user, double t, double *u);
     void *user; /* handed to `input` */
 } simulator_options;
@@ -87,12 +91,13 @@ typedef struct {
 /* What a motion has cost since it was started. */
 typedef struct {
     simulator_status status;
-    char message[160];        /* in words; "" after success */
+    char message[240];        /* in words; "" after success */
     double time;              /* present [s] */
     double reached;           /* end of the last step [s]; may be later */
     const char *failed_state; /* name of the state that failed first; 0: none, or not known */
     long steps, rejected;     /* steps taken, and tried in vain */
     long newton_steps;        /* of these, solved by Newton's iteration */
+    long radau_steps;         /* of these, by Radau's method */
     long evaluations;         /* of the rates at one point */
     long factorisations;      /* of the equations of Newton's iteration */
     long order;               /* of the last step */
@@ -115,7 +120,7 @@ SIMULATOR_API const char *simulator_unit(simulator_kind kind, long i);
 SIMULATOR_API double simulator_exported(simulator_kind kind, long i);
 SIMULATOR_API long simulator_index(simulator_kind kind, const char *name);
 
-/* gauss, order by the tolerance, rtol = 1e-8, no fixed step, at most a million steps, constant inputs. */
+/* auto, order by the tolerance, rtol = 1e-8, no fixed step, at most a million steps, inputs as they were exported. */
 SIMULATOR_API simulator_options simulator_defaults(void);
 
 /* What is wrong with options, in words; 0 when nothing is. options: 0 for simulator_defaults(), here and below. */
@@ -143,7 +148,8 @@ SIMULATOR_API void simulator_free(simulator_instance *s);
 
 /* Sets number i, e.g. simulator_set(s, SIMULATOR_PARAMETER, simulator_index(SIMULATOR_PARAMETER, "mass"), 2.0), or all of a kind, in order.
    Before the start: what it starts with. Later: a new piece of the motion begins at the present time with the next call that moves it,
-   which checks that loops are closed with the new values. SIMULATOR_BAD_ARGUMENT where there is no such number. */
+   which checks that loops are closed with the new values. SIMULATOR_BAD_ARGUMENT where there is no such number, or it is an input that is a table or a
+   formula of time, which stays that when all are set. */
 SIMULATOR_API int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value);
 SIMULATOR_API int simulator_set_all(simulator_instance *s, simulator_kind kind, const double *values);
 
