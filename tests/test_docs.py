@@ -13,6 +13,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 sys.path.append(str(DOCS))
 
 from tools.catalogue import catalogue  # noqa: E402
+from tools.executed import executed  # noqa: E402
 from tools.scenes import FOLDER, script_of  # noqa: E402
 
 
@@ -39,5 +40,16 @@ def test_each_part_of_ones_own_does_what_its_page_says(path):
 @pytest.mark.parametrize("path", sorted((DOCS.parent / "examples").glob("*/*.py")), ids=lambda path: path.stem)
 def test_each_machine_of_the_gallery_has_a_title_and_a_bound(path):
     space = runpy.run_path(str(path))
-    assert len(space["__doc__"].split("\n")[0]) < 130
+    assert 5 < len(space["__doc__"].split(": ")[0]) < 60
     assert callable(space["main"]) and 0 < space["LIMIT"] < 0.1
+
+
+@pytest.mark.parametrize("page", ["tutorial", "concepts"])
+def test_code_on_pages_runs(page, tmp_path):
+    blocks = re.findall(r"```{run}\n(.*?)```", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) > 3
+    space: dict[str, object] = {}
+    for block in blocks:
+        options = dict(re.findall(r"^:(\w+): ?(.*)$", block, re.MULTILINE))
+        code = re.sub(r"^:\w+:.*\n", "", block, flags=re.MULTILINE)
+        executed(code, space, options.get("picture"), tmp_path / "picture.png", options.get("raises"))

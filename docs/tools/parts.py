@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
-import io
 import os
 import re
 import shutil
-import tempfile
-import warnings
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -21,8 +17,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from tools.catalogue import Kind, catalogue
+from tools.executed import executed
 from tools.formulas import energies_of, formulas_of, with_symbols
-from tools.scenes import script_of
+from tools.scenes import own_script, script_of
 
 import acausal as ac
 import components
@@ -34,18 +31,17 @@ from acausal.parts.joint import AbstractJoint
 
 @dataclass(frozen=True)
 class Shown:
-    """What running a part's script gave: what it printed, states and operations of its model, and whether it drew a picture."""
+    """What running a part's script gave: what it printed, states and operations of its model."""
 
     name: str
     script: str
     printed: str
     states: int
     operations: int
-    drawn: bool
 
 
 def write_pages(folder: Path) -> int:
-    """Write `folder`/NAME.md for every kind and `folder`/index.md; returns how many. Raises what a script raises: a page that does not run is none."""
+    """Write `folder`/NAME.md for every kind and `folder`/index.md; returns how many. Raises `RuntimeError` where a script of `docs/scenes` fails."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     kinds = catalogue()
@@ -58,30 +54,24 @@ def write_pages(folder: Path) -> int:
 
 
 def _run(kind: Kind, folder: Path) -> Shown:
-    script = script_of(kind)
-    if not script:
-        return Shown(kind.name, "", "", 0, 0, False)
-    printed, space, here = io.StringIO(), dict[str, Any](), Path.cwd()
-    with tempfile.TemporaryDirectory() as place:
-        os.chdir(place)
-        try:
-            with warnings.catch_warnings(), contextlib.redirect_stdout(printed):
-                warnings.simplefilter("error")
-                exec(compile(script, f"{kind.name}.py", "exec"), space)
-        except Exception as error:
+    """A script that was written for it must run; one that a template made may not suit, and the index of the pages says so."""
+    space: dict[str, Any] = {}
+    try:
+        script = script_of(kind)
+        if not script:
+            return Shown(kind.name, "", "", 0, 0)
+        printed = executed(script, space, "picture.png", folder / f"{kind.name}.png")
+    except Exception as error:
+        if own_script(kind):
             raise RuntimeError(f"The script on the page of {kind.name} fails: {error}") from None
-        finally:
-            os.chdir(here)
-        picture = Path(place) / "picture.png"
-        if drawn := picture.exists():
-            shutil.copy(picture, folder / f"{kind.name}.png")
+        return Shown(kind.name, "", str(error), 0, 0)
     model = space["model"]
-    return Shown(kind.name, script, printed.getvalue(), len(model.state_names), model.operations, drawn)
+    return Shown(kind.name, script, printed, len(model.state_names), model.operations)
 
 
 def _page(kind: Kind, shown: Shown) -> str:
     lines = [f"# {kind.name}", "", markdown(kind.text), ""]
-    if shown.drawn:
+    if shown.script:
         lines += [f"```{{image}} {kind.name}.png", f":alt: the example below: {kind.name}", ":width: 60%", "```", ""]
     lines += [*_signature(kind), *_variables(kind.cls), *_laws(kind)]
     if shown.script:
@@ -195,6 +185,9 @@ def _index(kinds: list[Kind], runs: dict[str, Shown]) -> str:
         lines += [f"## {group}", ""]
         rows = [(f"[{k.name}]({k.name}.md)", _cell(markdown(k.summary)), _cost(runs[k.name])) for k in members]
         lines += [*_table(("part", "what it is", "states, operations of its example"), rows), ""]
+    without = [kind.name for kind in kinds if kind.is_part and not runs[kind.name].script]
+    if without:
+        lines += [f"Without an example that runs: {', '.join(without)}.", ""]
     pages = "\n".join(kind.name for kind in kinds)
     return "\n".join([*lines, f"```{{toctree}}\n:hidden:\n\n{pages}\n```", ""])
 

@@ -19,7 +19,9 @@ from acausal.language.connector import Connector, Electrical, Frame, Point, Rota
 from acausal.parts.field import AbstractField
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.potential import AbstractPotential
+from components.contacts.laws import AbstractTouchingLaw
 from components.geometry.curves import AbstractCurve
+from components.geometry.shapes import AbstractShape
 from components.geometry.surfaces import AbstractSurface
 
 FOLDER = Path(__file__).parents[1] / "scenes"
@@ -27,12 +29,18 @@ FOLDER = Path(__file__).parents[1] / "scenes"
 
 def script_of(kind: Kind) -> str:
     """The complete script, imports included; none for what is no part. Raises `LookupError` for a part of which no template suits: write a file."""
+    own = own_script(kind)
+    body = "" if own else _body(kind)
+    return own or (complete(body) if body else "")
+
+
+def own_script(kind: Kind) -> str:
+    """What `docs/scenes` has for it; empty where it has none."""
     for path in sorted(FOLDER.glob("*.py")):
         first, script = path.read_text(encoding="utf-8").split("\n", 1)
         if kind.name in re.split(r"\W+", first.removeprefix("# Shows")):
             return script.strip() + "\n"
-    body = _body(kind)
-    return complete(body) if body else ""
+    return ""
 
 
 def complete(body: str) -> str:
@@ -293,7 +301,22 @@ print(run)
 print(f"energy kept to {run.energy_error():.0e}")
 run.picture("picture.png", times=(0.0, 0.5, 1.0))
 """
-_OF_A_PART: dict[type, str] = {AbstractCurve: _CURVE, AbstractSurface: _SURFACE}
+_SHAPE = """
+scene.world = World()
+scene.contact = Touching(VALUE, Plane())
+scene.body = RigidBody(mass=1.0, inertia=(0.02, 0.03, 0.03), rotation=("x", 1.2))
+scene.connect(scene.world.frame, scene.contact.frame_a)
+scene.connect(scene.contact.frame_b, scene.body.frame)
+
+model = ac.build(scene)
+print(model)
+run = model.simulate(1.0, {scene.body.frame.angular_velocity: ac.near((0.5, 0.4, 2.0))})
+print(run)
+print(f"energy kept to {run.energy_error():.0e}")
+run.picture("picture.png", times=(0.0, 0.3, 0.6))
+"""
+_LAW = _SHAPE.replace("Touching(VALUE, Plane())", "Touching(Ellipsoid((0.2, 0.15, 0.1)), Plane(), VALUE)")
+_OF_A_PART: dict[type, str] = {AbstractShape: _SHAPE, AbstractTouchingLaw: _LAW, AbstractCurve: _CURVE, AbstractSurface: _SURFACE}
 
 
 def _two_frames(cls: type, kinds: dict[str, type]) -> bool:
