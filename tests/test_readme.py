@@ -1,19 +1,17 @@
-"""What the README prints works as printed."""
+"""What the README prints works as printed, and what the page of abilities makes of it."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
-import acausal as ac
-from acausal.parts.joint import AbstractJoint
-from acausal.parts.pose import Pose, rotation_about_z
-from components import RigidBody, World
-
-BLOCKS = re.findall(r"```python\n(.*?)```", (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+BLOCKS = [
+    block
+    for name in ("README.md", "docs/abilities.md")
+    for block in re.findall(r"```python\n(.*?)```", (Path(__file__).parents[1] / name).read_text(encoding="utf-8"), re.DOTALL)
+]
 
 
 def test_first_scene(tmp_path, monkeypatch, capsys):
@@ -42,16 +40,3 @@ def test_events_and_derivatives(tmp_path, monkeypatch):
     assert np.max(np.abs(slope[1, :, 0] - (ends[1] - ends[0]) / (2 * h))) < 1e-6
     expected = model.simulate(1.0, {scene.shoulder.q: 0.7}, rtol=1e-12)[scene.lower.tip.position][-1]
     assert np.max(np.abs(np.array(space["reach"]([0.7]))[:, 1] - expected)) < 1e-6
-
-
-def test_joint_of_ones_own_in_one_short_class():
-    """A body on a helix: (I + m (r^2 + h^2)) q'' = -m g h about its centre on the helix."""
-    space = {"ac": ac, "ca": ca, "AbstractJoint": AbstractJoint, "Pose": Pose, "rotation_about_z": rotation_about_z}
-    exec(BLOCKS[2], space)
-    scene = ac.System()
-    scene.world, scene.helix, scene.bead = World(), space["Helix"](), RigidBody.ball(2.0, 0.03)
-    scene.connect(scene.world.frame, scene.helix.frame_a)
-    scene.connect(scene.helix.frame_b, scene.bead.frame)
-    run = ac.build(scene).simulate(2.0, rtol=1e-12)
-    inertia = 0.4 * 2.0 * 0.03**2 + 2.0 * (0.1**2 + 0.02**2)
-    assert np.max(np.abs(run[scene.helix.q] + 0.5 * 2.0 * 9.81 * 0.02 / inertia * run.t**2)) < 1e-9
