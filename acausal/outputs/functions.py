@@ -22,7 +22,7 @@ from acausal.numerics.folding import folded_function
 from acausal.numerics.switching import switching
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.outputs import Outputs
-from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.contact import AbstractContact
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
@@ -307,9 +307,8 @@ class Functions:
         found: list[tuple[Part, ca.SX]] = []
         for part in self.outputs.system.flat.parts:
             contact = part.component
-            if isinstance(contact, AbstractConstraint) and contact.only_pushes:
-                normal, force = self.outputs.resolve(contact.frame_a.rotation)[:, 2], self.outputs.resolve(contact.frame_b.force)
-                found.append((part, -ca.dot(normal, force)))
+            if isinstance(contact, AbstractContact):
+                found.append((part, self.outputs.resolve(contact.normal_force)))
         pushes = ca.vertcat(*(push for _, push in found))
         return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
 

@@ -23,15 +23,11 @@ class AbstractConstraint(Component, ABC):
     """Two frames, and residuals in the pose of one in the other that vanish at all times.
 
     Must provide `closure`. Such a part brings no coordinates: the parts at its ends keep theirs.
-    A contact is one (mostly a joint) with `only_pushes`: its residual is the gap along z of frame_a, positive apart; where it rolls,
-    `closure_rates` are the sliding velocities of the point that touches. Its rows are independent and all of them are 6 - nv.
     `tests/conformance` finds every constraint, joint and contact of the catalogue and holds it to this.
     """
 
     between_points: ClassVar[bool] = False
     """Whether only the origins of its frames matter, so that a point will do at its ends."""
-    only_pushes: ClassVar[bool] = False
-    """Whether in nature it could only push frame_b along z of frame_a: a contact. Nothing stops it from pulling; runs tell where it does."""
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 

@@ -7,17 +7,18 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Scalar, Variable, scalar, sx
+from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
+from acausal.parts.contact import AbstractContact
 from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
-from components.contacts.meeting import solved
+from components.contacts.meeting import on_surface, solved
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
 
 @final
-class RollingBallOnSurface(AbstractJoint):
+class RollingBallOnSurface(AbstractJoint, AbstractContact):
     """A ball of `radius` [m] > 0 with its centre at frame_b rolls without slipping on a `surface` fixed in frame_a, on the side of its normal.
 
     Three velocities and no multiplier. q: unit quaternion of R_ab (4, scalar first), then the surface's coordinates of the point that touches; v: angular
@@ -62,6 +63,9 @@ class RollingBallOnSurface(AbstractJoint):
         subspace = ca.vertcat(ca.SX.eye(3), ca.skew(arm))
         X = Pose(np.eye(3), self._centre(q[4:]))
         return (Motion(X, rates, subspace, twist, bias, v, spin=rotation_from_quaternion(q[:4])),)
+
+    def touch(self) -> tuple[Expression, Expression]:
+        return on_surface(self.surface, self.q[4:], self.frame_a)
 
     def looks_turned_round(self, behind_a: Inertia) -> bool:
         return is_round(behind_a)

@@ -8,6 +8,9 @@ from typing import final
 
 import casadi as ca
 
+from acausal.language.connector import Frame
+from acausal.language.expression import Expression
+from acausal.parts.contact import read
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
 from components.geometry.surfaces import AbstractSurface
 
@@ -188,6 +191,12 @@ class MeetingByCoordinates(AbstractMeeting):
         """Of both together, (2, 2) [1/m], as `AbstractSurface.curvature`."""
         D = self._between(own, place)
         return self.surface.curvature(place) + inverse(self.surface.metric(place)) @ D @ self._bend(own) @ D.T
+
+
+def on_surface(surface: AbstractSurface, place: Expression, frame: Frame) -> tuple[Expression, Expression]:
+    """Point [m] and normal (3, 1) in the world frame, at a place on the surface that is fixed in a frame."""
+    point, normal = read(surface.point(place.sx)), read(surface.normal(place.sx))
+    return frame.position + frame.rotation @ point, frame.rotation @ normal
 
 
 def inverse(A: ca.SX) -> ca.SX:

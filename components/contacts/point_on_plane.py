@@ -7,7 +7,8 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Variable
+from acausal.language.expression import Expression, Variable
+from acausal.parts.contact import AbstractContact
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
 from acausal.parts.steps import AbstractStep, Ball, Slide
@@ -16,7 +17,7 @@ _ALONG_X, _ALONG_Y = (rotation_to_axis(np.array(axis)) for axis in ([1.0, 0.0, 0
 
 
 @final
-class PointOnPlane(AbstractStepJoint):
+class PointOnPlane(AbstractStepJoint, AbstractContact):
     """The origin of frame_b slides without friction on the plane z = 0 of frame_a: a foot, a skid, the tip of a top on ice.
 
     Five freedoms; closing a loop, one row. q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in
@@ -25,7 +26,6 @@ class PointOnPlane(AbstractStepJoint):
         scene.foot = PointOnPlane()
     """
 
-    only_pushes = True
     if_given_arguments = (
         'Its plane is z = 0 of frame_a: connect that to a turned frame, world.at((0, 0, 0), rotation=("x", 1.57)).'
     )
@@ -38,6 +38,9 @@ class PointOnPlane(AbstractStepJoint):
             Slide(slice(5, 6), slice(4, 5), _ALONG_Y),
             Ball(slice(0, 4), slice(0, 3)),
         )
+
+    def touch(self) -> tuple[Expression, Expression]:
+        return self.frame_b.position, self.frame_a.rotation[:, 2]
 
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
         return symbolic(X_ab.position)[2]

@@ -9,15 +9,16 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, Variable, scalar, sx, vector
+from acausal.language.expression import Expression, Scalar, Variable, scalar, sx, vector
 from acausal.language.origin import origin
+from acausal.parts.contact import AbstractContact, read
 from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
 
 
-class AbstractRollingBody(AbstractJoint, ABC):
+class AbstractRollingBody(AbstractJoint, AbstractContact, ABC):
     """A convex body, fixed in frame_b, rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
     Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows
@@ -26,7 +27,6 @@ class AbstractRollingBody(AbstractJoint, ABC):
     shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point`.
     """
 
-    only_pushes = True
     q = Variable(
         "", "unit quaternion, scalar first (4); x and y of the centre in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0)
     )
@@ -64,6 +64,11 @@ class AbstractRollingBody(AbstractJoint, ABC):
         bias = ca.cross(v, velocity) + ca.cross(c_rate, v)
         subspace = ca.vertcat(ca.SX.eye(3), ca.skew(c))
         return (Motion(X, self.rates(q, v, t), subspace, ca.vertcat(v, velocity), ca.vertcat(ca.SX.zeros(3), bias), v),)
+
+    @final
+    def touch(self) -> tuple[Expression, Expression]:
+        b, up = self.frame_b, self.frame_a.rotation[:, 2]
+        return b.position + b.rotation @ read(self.contact_point((b.rotation.T @ up).sx)), up
 
     @final
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
+from acausal.parts.contact import AbstractContact, read
 from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
@@ -18,7 +19,7 @@ from components.orientation import Axis, axis_vector, mounting
 _TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))
 
 
-class AbstractRollingWheel(AbstractJoint, ABC):
+class AbstractRollingWheel(AbstractJoint, AbstractContact, ABC):
     """A body of revolution about `axis` of frame_b rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
     Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows (no
@@ -34,7 +35,6 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     O'Reilly, Intermediate Dynamics for Engineers (2nd ed.), 10.8. Must provide `lowest_point`, and an `axis` in its constructor.
     """
 
-    only_pushes = True
     if_outside = "The wheel has fallen through its plane: it does not roll on its rim any more."
     q = Variable("", "yaw, lean, spin [rad] (3); x and y of the centre in frame_a [m] (2)", size=5)
     v = Variable("rad/s", "angular velocity along the heading, the axle, and up in the wheel's plane", size=3)
@@ -43,6 +43,12 @@ class AbstractRollingWheel(AbstractJoint, ABC):
     @abstractmethod
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
         """Of the wheel that leans by the angle of this `sine` and `cosine` > 0: (along the axle, up in its plane) (2, 1) [m]."""
+
+    @final
+    def touch(self) -> tuple[Expression, Expression]:
+        a, b = self.frame_a, self.frame_b
+        sine, cosine, axes = self._seen_heading(Pose((a.rotation.T @ b.rotation).sx, np.zeros(3)))
+        return b.position + b.rotation @ read(axes.T @ self._arm(sine, cosine)), a.rotation[:, 2]
 
     @final
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:

@@ -7,17 +7,18 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Parameter, Variable, declared_in
+from acausal.language.expression import Expression, Parameter, Variable, declared_in
+from acausal.parts.contact import AbstractContact
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_law
-from components.contacts.meeting import meeting
+from components.contacts.meeting import meeting, on_surface
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
 
 @final
-class Touching(AbstractJoint):
+class Touching(AbstractJoint, AbstractContact):
     """A body with the outside `shape`, fixed in frame_b, touches the `surface` fixed in frame_a in one point, on the side of its normal.
 
     `law`: Rolling() (three velocities), RollingWithoutPivoting() (two), Sliding() (five); no multiplier.
@@ -63,6 +64,9 @@ class Touching(AbstractJoint):
 
     def turns(self) -> tuple[bool, ...]:
         return (*self._meeting.turns, *self.surface.turns)
+
+    def touch(self) -> tuple[Expression, Expression]:
+        return on_surface(self.surface, self.q[self._place], self.frame_a)
 
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
         own, place = q[self._own], q[self._place]

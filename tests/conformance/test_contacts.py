@@ -7,17 +7,23 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.parts.contact import AbstractContact
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.turning import turning
-from components import Force, RigidBody, World
+from components import Ellipsoid, Force, HeightField, RigidBody, World
 from components.orientation import rotation_about
 from tests.conformance.catalogue import made
 from tests.conformance.test_joints import ARGUMENTS, catalogue, composed, make, random_state
 
 
 def contacts() -> list[type[AbstractJoint]]:
-    return [cls for cls in catalogue() if cls.only_pushes]
+    return [cls for cls in catalogue() if issubclass(cls, AbstractContact)]
+
+
+def on_planes() -> list[type[AbstractJoint]]:
+    """Those that are constraints of the pose alone too."""
+    return [cls for cls in contacts() if make(cls).closure(Pose(ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)), ca.SX(0)) is not None]
 
 
 def as_constraint(joint: AbstractJoint) -> tuple[ca.SX, ca.SX, ca.SX, Pose, Pose]:
@@ -31,7 +37,7 @@ def test_contacts_are_found():
     assert len(contacts()) >= 5
 
 
-@pytest.mark.parametrize("cls", contacts(), ids=lambda c: c.__name__)
+@pytest.mark.parametrize("cls", on_planes(), ids=lambda c: c.__name__)
 def test_motion_in_the_tree_keeps_the_touch_and_does_not_slip(cls):
     """What the contact asks as a constraint holds along its motion as a joint: no gap opens, and nothing slips."""
     joint, rng = make(cls), np.random.default_rng(1)
@@ -90,7 +96,7 @@ def test_contact_bears_the_weight_at_rest(cls):
     assert np.max(np.abs(force - [0, 0, -1.3 * 9.81])) < 1e-12  # into the joint, that is downwards
 
 
-@pytest.mark.parametrize("cls", contacts(), ids=lambda c: c.__name__)
+@pytest.mark.parametrize("cls", on_planes(), ids=lambda c: c.__name__)
 def test_rows_are_independent_and_their_wrenches_do_no_work(cls):
     """As a constraint: as many rows as velocities miss to six, none that follows from others, none with power in a motion of the contact."""
     joint, rng = make(cls), np.random.default_rng(3)
@@ -112,9 +118,9 @@ def test_rows_are_independent_and_their_wrenches_do_no_work(cls):
 def rates(cls, length: float = 1.0, place: Pose | None = None):
     """(q, v) -> x' of a body on the contact, all lengths `length` times as long, the whole scene at another `place` of the world."""
     place = place or Pose.identity()
-    joint = made(
-        cls, {name: length * np.array(value) for name, value in ARGUMENTS.items() if name in ("radius", "tube", "semi_axes")}
-    )
+    sizes: dict[str, object] = {name: length * np.array(ARGUMENTS[name]) for name in ("radius", "tube", "semi_axes")}
+    sizes["surface"] = HeightField(lambda x, y: (0.2 * x * x - 0.1 * x * y) / length)
+    joint = made(cls, sizes | {"shape": Ellipsoid(length * np.array((0.3, 0.2, 0.25)))})
     R, p = np.array(place.rotation), np.array(place.position)
     scene = ac.System()
     scene.world, scene.contact = World(R @ [0, 0, -9.81 * length]), joint
@@ -150,3 +156,28 @@ def test_similar_contacts_move_alike(cls, length: float):
         x = np.concatenate(random_state(joint, rng))
         one, two = np.array(f(0.0, x)).ravel(), np.array(g(0.0, size * x)).ravel()
         assert np.max(np.abs(two / size - one)) < 1e-11 * np.max(np.abs(one))
+
+
+@pytest.mark.parametrize("cls", contacts(), ids=lambda c: c.__name__)
+def test_what_is_read_of_a_contact_is_what_it_does(cls):
+    """At random states: the force is along the normal and across it, the points are where the bodies are, nothing slips that does not slide."""
+    joint, rng = make(cls), np.random.default_rng(6)
+    assert isinstance(joint, AbstractContact)
+    scene = ac.System()
+    scene.world, scene.contact, scene.body = World(), joint, RigidBody(1.3, (0.02, 0.03, 0.025), (0.02, -0.01, 0.03))
+    scene.connect(scene.world.at((0.1, 0.2, 0.3), ("x", 0.4)), joint.frame_a)
+    scene.connect(joint.frame_b, scene.body.frame)
+    model = ac.build(scene)
+    read = model.functions.output(
+        joint.point_a, joint.point_b, joint.normal, joint.force, joint.normal_force, joint.friction_force, joint.slip, joint.pivoting,
+        scene.body.frame.angular_velocity, scene.body.frame.torque, scene.body.frame.position, scene.body.frame.force,
+    )  # fmt: skip
+    q, v = random_state(joint, rng)
+    a, b, n, force, push, across, slip, pivot, w, torque, p, own = (
+        np.array(x).ravel() for x in read(0.0, np.concatenate([q, v]), [], [])
+    )
+    assert np.max(np.abs(a - b)) < 1e-15 and abs(n @ n - 1) < 1e-15
+    assert np.max(np.abs(force - push * n - across)) < 1e-13 and abs(n @ across) < 1e-13
+    assert np.max(np.abs(force - own)) < 1e-12 and np.max(np.abs(np.cross(b - p, force) - torque)) < 1e-12
+    assert abs(pivot - n @ w) < 1e-14
+    assert np.max(np.abs(slip)) < 1e-14 if v.size == 3 else np.max(np.abs(across)) < 1e-12
