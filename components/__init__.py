@@ -2,8 +2,8 @@
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free, PrescribedMotion, Rod (massless). Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
-Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Touching (any shape on any surface: also Ellipsoid, Disk, ConvexShape; laws Rolling,
-RollingWithoutPivoting, Sliding), KnifeEdge, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
+Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
+Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), KnifeEdge, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
@@ -15,8 +15,10 @@ RelativeRotationSensor, SignalTorque, SignalForce.
 from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
 from components.contacts.ball_on_surface import RollingBallOnSurface
+from components.contacts.contact import Contact
+from components.contacts.contact_force import ContactForce
 from components.contacts.knife_edge import KnifeEdge
-from components.contacts.laws import Rolling, RollingWithoutPivoting, Sliding
+from components.contacts.laws import Apart, Creep, HuntCrossley, Rolling, RollingWithoutPivoting, Sliding, SmoothCoulomb, Viscous
 from components.contacts.point_on_plane import PointOnPlane
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
@@ -42,7 +44,17 @@ from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, S
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from components.geometry.curves import Circle, Helix, Line, ParametricCurve, SplineCurve
 from components.geometry.shapes import ConvexShape, Disk, Ellipsoid
-from components.geometry.surfaces import Cone, Cylinder, HeightField, ParametricSurface, Plane, Revolution, Sphere, Torus
+from components.geometry.surfaces import (
+    Cone,
+    Cylinder,
+    HeightField,
+    Parallel,
+    ParametricSurface,
+    Plane,
+    Revolution,
+    Sphere,
+    Torus,
+)
 from components.guides.along_curve import AlongCurve
 from components.guides.point_on_curve import PointOnCurve
 from components.guides.point_on_surface import PointOnSurface
@@ -96,6 +108,7 @@ __all__ = [
     "PID",
     "AlongCurve",
     "AngleSource",
+    "Apart",
     "Bushing",
     "Capacitor",
     "CartesianTranslation",
@@ -103,7 +116,10 @@ __all__ = [
     "Circle",
     "Cone",
     "Constant",
+    "Contact",
+    "ContactForce",
     "ConvexShape",
+    "Creep",
     "CurrentSensor",
     "CurrentSource",
     "Cylinder",
@@ -127,6 +143,7 @@ __all__ = [
     "Ground",
     "HeightField",
     "Helix",
+    "HuntCrossley",
     "Inductor",
     "Inertia",
     "Integrator",
@@ -136,6 +153,7 @@ __all__ = [
     "NonlinearDamper",
     "NonlinearSpring",
     "OperationalAmplifier",
+    "Parallel",
     "ParametricCurve",
     "ParametricSurface",
     "Particle",
@@ -176,6 +194,7 @@ __all__ = [
     "SignalVoltage",
     "Sliding",
     "SlidingMass",
+    "SmoothCoulomb",
     "SpeedSource",
     "Sphere",
     "Spherical",
@@ -197,6 +216,7 @@ __all__ = [
     "UniformField",
     "Universal",
     "VelocitySource",
+    "Viscous",
     "VoltageSource",
     "World",
 ]  # fmt: skip

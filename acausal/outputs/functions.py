@@ -307,7 +307,7 @@ class Functions:
         found: list[tuple[Part, ca.SX]] = []
         for part in self.outputs.system.flat.parts:
             contact = part.component
-            if isinstance(contact, AbstractContact):
+            if isinstance(contact, AbstractContact) and contact.holds:
                 found.append((part, self.outputs.resolve(contact.normal_force)))
         pushes = ca.vertcat(*(push for _, push in found))
         return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None

@@ -12,10 +12,12 @@ from acausal.parts.constraint import AbstractConstraint
 
 
 class AbstractTouch(ABC):
-    """Something between two frames that touches in one point, and what is read of it, all in the world frame. Must provide `touch` and `pushed`."""
+    """Something between two frames that touches in one point, and what is read of it, all in the world frame. Must provide `ends`, `touch`
+    and `pushed`."""
 
-    frame_a: Frame
-    frame_b: Frame
+    @abstractmethod
+    def ends(self) -> tuple[Frame, Frame]:
+        """Frames of the two bodies, a and b."""
 
     @abstractmethod
     def touch(self) -> tuple[Expression, Expression]:
@@ -69,7 +71,7 @@ class AbstractTouch(ABC):
     @property
     def slip(self) -> Expression:
         """Velocity of frame_b's body where it touches, against frame_a's, across the normal (3, 1) [m/s]."""
-        (point, normal), (a, b) = self.touch(), (self.frame_a, self.frame_b)
+        (point, normal), (a, b) = self.touch(), self.ends()
         moving = b.velocity + _cross(b.angular_velocity, point - b.position)
         relative = moving - a.velocity - _cross(a.angular_velocity, point - a.position)
         return relative - normal @ (normal.T @ relative)
@@ -77,7 +79,8 @@ class AbstractTouch(ABC):
     @property
     def pivoting(self) -> Expression:
         """Angular velocity of frame_b's body against frame_a's about the normal [rad/s]."""
-        return self.normal.T @ (self.frame_b.angular_velocity - self.frame_a.angular_velocity)
+        a, b = self.ends()
+        return self.normal.T @ (b.angular_velocity - a.angular_velocity)
 
 
 class AbstractContact(AbstractConstraint, AbstractTouch, ABC):
@@ -86,6 +89,14 @@ class AbstractContact(AbstractConstraint, AbstractTouch, ABC):
     Mostly a joint. Its residual, if it has a closed form, is the gap; where it rolls, `closure_rates` are the sliding velocities of the point that
     touches; its rows are independent and all of them are 6 - nv. `tests/conformance` finds every contact of the catalogue and holds it to this.
     """
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds the bodies together, so that it might pull."""
+        return True
+
+    def ends(self) -> tuple[Frame, Frame]:
+        return self.frame_a, self.frame_b
 
     def pushed(self) -> tuple[Frame, ...]:
         return (self.frame_b,)

@@ -177,7 +177,7 @@ def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
     k, i = np.unravel_index(int(np.argmin(values)), values.shape)
     warnings.warn(
         f"'{parts[k].path}' ({parts[k].component.created_at}) pulls, with {-values[k, i]:.4g} N at t = {t[i]:.6g} s: a contact can only push, so what "
-        "it holds would have left it. Motions go on as if it were held; look for the time with an event on the force of its frame_b.",
+        "it holds would have left it. Motions go on as if it were held; look for the time with an event on its normal_force.",
         ContactWarning, stacklevel=callers_level(),
     )  # fmt: skip
 

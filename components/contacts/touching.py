@@ -8,20 +8,21 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Parameter, Variable, declared_in
-from acausal.parts.contact import AbstractContact
+from acausal.parts.contact import AbstractContact, read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
-from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_law
-from components.contacts.meeting import meeting, on_surface
-from components.geometry.surfaces import AbstractSurface, checked_surface
+from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touching
+from components.contacts.meeting import AbstractMeeting, meeting
+from components.contacts.nearness import Nearness
+from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
 
 
 @final
 class Touching(AbstractJoint, AbstractContact):
     """A body with the outside `shape`, fixed in frame_b, touches the `surface` fixed in frame_a in one point, on the side of its normal.
 
-    `law`: Rolling() (three velocities), RollingWithoutPivoting() (two), Sliding() (five); no multiplier.
+    `law`: Rolling() (three velocities), RollingWithoutPivoting() (two), Sliding() (five); no multiplier. Apart(): six, and the gap is a coordinate.
     A shape that is known by its point for each normal (Sphere, Ellipsoid, Disk, Torus, ConvexShape) has q: unit quaternion of R_ab (4, scalar
     first), then the coordinates of the touching point on the surface. Any other (Cylinder, Cone, Revolution, ParametricSurface) has q: coordinates
     of that point on the shape, the angle from the surface's first tangent to the shape's [rad], and its coordinates on the surface.
@@ -38,71 +39,103 @@ class Touching(AbstractJoint, AbstractContact):
 
     def __init__(self, shape: AbstractSurface, surface: AbstractSurface, law: AbstractTouchingLaw | None = None) -> None:
         self.shape, self.surface = checked_surface(shape, "Touching", "shape"), checked_surface(surface, "Touching")
-        self.law = checked_law(Rolling() if law is None else law, "Touching")
-        self._meeting = meeting(shape, surface)
-        start = _start(shape, surface)
-        self._own, self._place = slice(0, len(self._meeting.start)), slice(len(self._meeting.start), len(start))
+        self.law = checked_touching(Rolling() if law is None else law, "Touching")
+        own = len(meeting(shape, surface).start)
+        start = (*_start(shape, surface), *(() if self.law.holds else (0.0,)))
+        self._own, self._place = slice(0, own), slice(own, own + len(surface.start))
         self._declare("q", "", len(start), start)
         self._declare("v", self.law.unit, self.law.freedoms)
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
-        own, place = q[self._own], q[self._place]
-        R = self._meeting.rotation(own, place)
-        return Pose(R, self.surface.point(place) - R @ self._meeting.arm(own, place))
+        own, place, both = self._parts(q)
+        R = both.rotation(own, place)
+        return Pose(R, both.surface.point(place) - R @ both.arm(own, place))
 
     def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
-        own, place = q[self._own], q[self._place]
+        own, place, both = self._parts(q)
         w, slip = self._turning(q, v), self._slip(q, v)
-        u = self._meeting.gliding(own, place, w, slip)
-        return ca.vertcat(self._meeting.rates(own, place, w, slip, u), self.surface.rates(place, u))
+        u = both.gliding(own, place, w, slip)
+        opening = () if self.law.holds else (v[-1],)
+        return ca.vertcat(both.rates(own, place, w, slip, u), self.surface.rates(place, u), *opening)
 
     def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
-        return ca.vertcat(self._meeting.invariants(q[self._own]), self.surface.invariants(q[self._place]))
+        own, place, both = self._parts(q)
+        return ca.vertcat(both.invariants(own), self.surface.invariants(place))
 
     def domain(self, q: ca.SX) -> ca.SX:
-        return ca.vertcat(self._meeting.fit(q[self._own], q[self._place]), self.surface.inside(q[self._place]))
+        own, place, both = self._parts(q)
+        return ca.vertcat(both.fit(own, place), both.surface.inside(place))
 
     def turns(self) -> tuple[bool, ...]:
-        return (*self._meeting.turns, *self.surface.turns)
+        return (*meeting(self.shape, self.surface).turns, *self.surface.turns, *(() if self.law.holds else (False,)))
 
     def touch(self) -> tuple[Expression, Expression]:
-        return on_surface(self.surface, self.q[self._place], self.frame_a)
+        _, place, both = self._parts(self.q.sx)
+        frame = self.frame_a
+        return frame.position + frame.rotation @ read(both.surface.point(place)), frame.rotation @ read(
+            self.surface.normal(place)
+        )
+
+    @property
+    def holds(self) -> bool:
+        return self.law.holds
+
+    @property
+    def gap(self) -> Expression:
+        return read(ca.SX(0)) if self.law.holds else self.q[-1]
+
+    def axes(self, q: ca.SX) -> ca.SX:
+        """(3, 3) both tangents of the surface and its normal where it touches, in frame_a."""
+        place = q[self._place]
+        return ca.horzcat(self.surface.tangents(place), self.surface.normal(place))
+
+    def nearness(self) -> Nearness:
+        """Where the bodies touch, or are nearest."""
+        _, place, both = self._parts(self.q.sx)
+        return Nearness(self.pose(self.q.sx, ca.SX(0)), self.gap.sx, both.surface.point(place), self.surface.normal(place))
+
+    def velocity(self) -> ca.SX:
+        """Of the body's point over the surface (3, 1), in frame_a [m/s]."""
+        return self.axes(self.q.sx) @ (self.law.slipping() @ self.v.sx)
 
     def motions(self, q: ca.SX, v: ca.SX, t: ca.SX) -> tuple[Motion, ...]:
-        own, place = q[self._own], q[self._place]
+        own, place, both = self._parts(q)
         X = self.pose(q, t)
-        R, arm, w, slip = symbolic(X.rotation), self._meeting.arm(own, place), self._turning(q, v), self._slip(q, v)
-        u = self._meeting.gliding(own, place, w, slip)
-        tangents = self._tangents(q)
-        turning, slipping = self.law.turning(tangents), tangents @ self.law.slipping()
-        subspace = ca.sparsify(ca.vertcat(turning, ca.skew(arm) @ turning + slipping))
-        velocity = ca.cross(arm, w) + slipping @ v
-        arm_rate = R.T @ (self.surface.slopes(place) @ u - slip)
-        # rates of the tangents in frame_b, of which the law makes velocities
-        turned = R.T @ self._tangents_rate(place, u) - ca.cross(ca.horzcat(w, w), tangents)
-        bias_w = (self.law.turning(turned) - self.law.turning(ca.SX(3, 2))) @ v
-        bias_v = ca.cross(arm_rate, w) + ca.cross(arm, bias_w) + turned @ self.law.slipping() @ v + ca.cross(w, velocity)
+        R, arm, w, slip = symbolic(X.rotation), both.arm(own, place), self._turning(q, v), self._slip(q, v)
+        u = both.gliding(own, place, w, slip)
+        axes, slipping = R.T @ self.axes(q), self.law.slipping()
+        turning = self.law.turning(axes[:, :2])
+        subspace = ca.sparsify(ca.vertcat(turning, ca.skew(arm) @ turning + axes @ slipping))
+        velocity = ca.cross(arm, w) + axes @ (slipping @ v)
+        over = axes[:, :2] @ (slipping[:2, :] @ v)
+        arm_rate = R.T @ (both.surface.slopes(place) @ u) - over
+        # rates of the axes in frame_b, along which the law has velocities
+        turned = R.T @ self._axes_rate(place, u) - ca.cross(ca.horzcat(w, w, w), axes)
+        bias_w = (self.law.turning(turned[:, :2]) - self.law.turning(ca.SX(3, 2))) @ v
+        bias_v = ca.cross(arm_rate, w) + ca.cross(arm, bias_w) + turned @ (slipping @ v) + ca.cross(w, velocity)
         return (Motion(X, self.rates(q, v, t), subspace, ca.vertcat(w, velocity), ca.vertcat(ca.densify(bias_w), bias_v), v),)
 
-    def _tangents(self, q: ca.SX) -> ca.SX:
-        """Of the surface, in frame_b."""
-        return self._meeting.rotation(q[self._own], q[self._place]).T @ self.surface.tangents(q[self._place])
+    def _parts(self, q: ca.SX) -> tuple[ca.SX, ca.SX, AbstractMeeting]:
+        """Own coordinates, those on the surface, and what touches: where there is a gap, the parallel surface at its distance."""
+        surface = self.surface if self.law.holds else Parallel(self.surface, read(q[-1]))
+        return q[self._own], q[self._place], meeting(self.shape, surface)
 
-    def _tangents_rate(self, place: ca.SX, u: ca.SX) -> ca.SX:
+    def _axes_rate(self, place: ca.SX, u: ca.SX) -> ca.SX:
         """In frame_a, where the touching point glides over the surface with u."""
         surface = self.surface
-        tangents, turn = surface.tangents(place), surface.connection(place) @ u
-        normal_rate = surface.slopes(place) @ surface.curvature(place) @ u
+        tangents, normal, turn = surface.tangents(place), surface.normal(place), surface.connection(place) @ u
+        bent = surface.slopes(place) @ (surface.curvature(place) @ u)
         about = ca.horzcat(turn * tangents[:, 1], -turn * tangents[:, 0])
-        return about - surface.normal(place) @ (tangents.T @ normal_rate).T
+        return ca.horzcat(about - normal @ (tangents.T @ bent).T, bent)
 
     def _turning(self, q: ca.SX, v: ca.SX) -> ca.SX:
         """Angular velocity in frame_b."""
-        return self.law.turning(self._tangents(q)) @ v
+        own, place, both = self._parts(q)
+        return self.law.turning(both.rotation(own, place).T @ self.surface.tangents(place)) @ v
 
     def _slip(self, q: ca.SX, v: ca.SX) -> ca.SX:
-        """Velocity of the body's point over the surface, in frame_a."""
-        return self.surface.tangents(q[self._place]) @ (self.law.slipping() @ v)
+        """Velocity of the body's point along the surface, in frame_a."""
+        return self.surface.tangents(q[self._place]) @ (self.law.slipping()[:2, :] @ v)
 
 
 def _start(shape: AbstractSurface, surface: AbstractSurface) -> tuple[float, ...]:

@@ -86,6 +86,10 @@ class AbstractSurface(ABC):
         """Positive where only one point has the normal n, (k, 1), without unit and of size 1 well inside. Empty where that is everywhere."""
         return ca.SX(0, 1)
 
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        """The point nearest to a place p (3, 1) [m] that is not far off, and the normal there; None where that has no closed form."""
+        return None
+
     def metric(self, q: ca.SX) -> ca.SX:
         """Products of the slopes, (2, 2)."""
         slopes = self.slopes(q)
@@ -126,6 +130,9 @@ class Plane(AbstractSurface):
 
     def slopes(self, q: ca.SX) -> ca.SX:
         return ca.SX(ca.DM([[1, 0], [0, 1], [0, 0]]))
+
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        return ca.vertcat(p[:2], 0), ca.SX([0, 0, 1])
 
     def tangents(self, q: ca.SX) -> ca.SX:
         return self.slopes(q)
@@ -183,6 +190,10 @@ class Sphere(AbstractSurface):
     def touching(self, n: ca.SX) -> ca.SX | None:
         return sx(self.radius) * n if self._side > 0 else None
 
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        outwards = p / ca.norm_2(p)
+        return sx(self.radius) * outwards, self._side * outwards
+
     def metric(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) ** 2 * ca.SX.eye(2)
 
@@ -212,6 +223,10 @@ class Cylinder(AbstractSurface):
     def normal(self, q: ca.SX) -> ca.SX:
         angle = q[0] / sx(self.radius)
         return self._side * ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
+
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        outwards = _across(p)
+        return sx(self.radius) * outwards + ca.vertcat(0, 0, p[2]), self._side * outwards
 
     def tangents(self, q: ca.SX) -> ca.SX:
         slopes = self.slopes(q)
@@ -252,6 +267,11 @@ class Torus(AbstractSurface):
     def single(self, n: ca.SX) -> ca.SX:
         return ca.norm_2(n[:2])
 
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        ring = sx(self.radius) * _across(p)
+        normal = (p - ring) / ca.norm_2(p - ring)
+        return ring + sx(self.tube) * normal, normal
+
 
 @final
 class Cone(AbstractSurface):
@@ -278,6 +298,12 @@ class Cone(AbstractSurface):
     def normal(self, q: ca.SX) -> ca.SX:
         slope = 1 / ca.tan(sx(self.half_angle))
         return self._side * ca.vertcat(-slope * q / ca.norm_2(q), 1) / ca.sqrt(1 + slope**2)
+
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        outwards, up = _across(p), ca.SX([0, 0, 1])
+        c, s = ca.cos(sx(self.half_angle)), ca.sin(sx(self.half_angle))
+        along = s * outwards + c * up
+        return along * ca.dot(along, p), self._side * (s * up - c * outwards)
 
 
 @final
@@ -387,3 +413,68 @@ class Revolution(AbstractSurface):
     @staticmethod
     def _around(r: ca.SX, angle: ca.SX) -> ca.SX:
         return ca.vertcat(r[0] * ca.cos(angle), r[0] * ca.sin(angle), r[1])
+
+
+@final
+class Parallel(AbstractSurface):
+    """At a `distance` [m] from another `surface`, on the side of its normal where it is positive; with its coordinates and normals.
+
+    Only where it is smooth: 1 + distance * curvature > 0 in all directions.
+
+        Parallel(Torus(1.0, 0.2), 0.05)
+    """
+
+    def __init__(self, surface: AbstractSurface, distance: Scalar) -> None:
+        self.surface = checked_surface(surface, "Parallel")
+        self.distance = scalar(distance, "Parallel's distance", unit="m")
+        self.unit, self.start = surface.unit, surface.start  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def turns(self) -> tuple[bool, ...]:
+        return self.surface.turns
+
+    def start_for(self, length: float) -> tuple[float, ...]:
+        return self.surface.start_for(length)
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return self.surface.point(q) + sx(self.distance) * self.surface.normal(q)
+
+    def rates(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        return self.surface.rates(q, v)
+
+    def invariants(self, q: ca.SX) -> ca.SX:
+        return self.surface.invariants(q)
+
+    def inside(self, q: ca.SX) -> ca.SX:
+        stretch = self._stretch(q)
+        return ca.vertcat(self.surface.inside(q), ca.det(stretch), ca.trace(stretch) / 2)
+
+    def slopes(self, q: ca.SX) -> ca.SX:
+        return self.surface.slopes(q) @ self._stretch(q)
+
+    def normal(self, q: ca.SX) -> ca.SX:
+        return self.surface.normal(q)
+
+    def tangents(self, q: ca.SX) -> ca.SX:
+        return self.surface.tangents(q)
+
+    def connection(self, q: ca.SX) -> ca.SX:
+        return self.surface.connection(q)
+
+    def curvature(self, q: ca.SX) -> ca.SX:
+        W = self.surface.curvature(q)
+        return ca.solve(self._stretch(q), W) if W.nnz() else W
+
+    def touching(self, n: ca.SX) -> ca.SX | None:
+        found = self.surface.touching(n)
+        return None if found is None else found + sx(self.distance) * n
+
+    def single(self, n: ca.SX) -> ca.SX:
+        return self.surface.single(n)
+
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        found = self.surface.nearest(p)
+        return None if found is None else (found[0] + sx(self.distance) * found[1], found[1])
+
+    def _stretch(self, q: ca.SX) -> ca.SX:
+        return ca.SX.eye(2) + sx(self.distance) * self.surface.curvature(q)

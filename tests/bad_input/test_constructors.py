@@ -15,7 +15,20 @@ import pytest
 import acausal as ac
 from acausal.errors import AcausalError, ParameterError
 from acausal.parts.field import FieldForce
-from components import Cylinder, Damper, Ellipsoid, Helix, Revolute, RigidBody, Section, ShapeIntegrals, Spring, Sum, World
+from components import (
+    Cylinder,
+    Damper,
+    Ellipsoid,
+    Helix,
+    HuntCrossley,
+    Revolute,
+    RigidBody,
+    Section,
+    ShapeIntegrals,
+    Spring,
+    Sum,
+    World,
+)
 from tests.bad_input.messages import Wrong
 from tests.conformance.catalogue import kinds
 
@@ -25,7 +38,7 @@ USUAL: dict[str, Any] = {
     "section": Section.circle(0.1), "integrals": ShapeIntegrals.of_masses(np.ones(8), SHAPES[:, :, 0] + 0.3, SHAPES), "semi_axes": (0.3, 0.2, 0.1),
     "potential": lambda s: s**2, "points": (0.0, 1.0), "values": (0.0, 1.0),
     "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
-    "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "PotentialField.potential": lambda p, t: p[2],
+    "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "PotentialField.potential": lambda p, t: p[2],
     "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",

@@ -10,7 +10,7 @@ import acausal as ac
 from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, unbalanced_power
 from acausal.parts.pose import symbolic
-from components import Particle, RigidBody, World
+from components import Ellipsoid, HuntCrossley, Particle, Plane, RigidBody, SmoothCoulomb, World
 from components.fields import CentralField
 from tests.conformance.catalogue import kinds, made
 
@@ -23,6 +23,7 @@ ARGUMENTS: dict[str, dict[str, object]] = {
     "FieldForce": {"field": CentralField(3.0), "body": RigidBody(2.0, (0.2, 0.3, 0.4), (0.1, -0.2, 0.3))},
     "Drag": {"linear": 0.3, "quadratic": 0.5, "wind": (1.0, -2.0, 0.5)},
     "MagnusForce": {"coefficient": 0.4, "wind": (1.0, -2.0, 0.5)}, "PitchingMoment": {"coefficient": 0.4},
+    "ContactForce": {"shape": Ellipsoid((2.0, 3.0, 2.5)), "surface": Plane(), "law": HuntCrossley(30.0, 0.1, friction=SmoothCoulomb(0.3, 0.1))},
 }  # fmt: skip
 USUAL = {"stiffness": 30.0, "natural_length": 0.4, "damping": 2.0}
 ALL = [cls(**ARGUMENTS[cls.__name__]) if cls.__name__ in ARGUMENTS else made(cls, USUAL) for cls in kinds(AbstractForce)]

@@ -1,0 +1,100 @@
+"""Forces between two bodies where they touch."""
+
+from __future__ import annotations
+
+from typing import final
+
+import casadi as ca
+
+from acausal.errors import ParameterError
+from acausal.language.connector import Frame
+from acausal.language.origin import origin
+from acausal.parts.force import AbstractForce, Action
+from acausal.parts.placement import Placement
+from acausal.parts.pose import symbolic
+from components.contacts.laws import AbstractFriction, HuntCrossley
+from components.contacts.nearness import Nearness, nearness
+from components.contacts.touching import Touching
+from components.geometry.surfaces import AbstractSurface, checked_surface
+
+_LOOSE = "A contact is between two bodies: connect both of its frames."
+
+
+@final
+class ContactForce(AbstractForce):
+    """What the body with the outside `shape` at frame_b and the `surface` of frame_a exert on one another by a law of forces: a part of `Contact`.
+
+    `law`: HuntCrossley(...) where they may part, Viscous(...) or Creep(...) where a `joint`, Touching, lets them slide. The joint between the same
+    frames knows where they are nearest; without one there is a closed form for the pair.
+    """
+
+    frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+    frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+
+    def __init__(
+        self,
+        shape: AbstractSurface,
+        surface: AbstractSurface,
+        law: HuntCrossley | AbstractFriction,
+        joint: Touching | None = None,
+    ) -> None:
+        self.shape, self.surface = checked_surface(shape, "ContactForce", "shape"), checked_surface(surface, "ContactForce")
+        if not isinstance(law, HuntCrossley | AbstractFriction):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ParameterError(
+                f"ContactForce's law is {law!r} ({origin()}). Give HuntCrossley(...), Viscous(...) or Creep(...)."
+            )
+        if not (joint is None or isinstance(joint, Touching)):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ParameterError(
+                f"ContactForce's joint is {joint!r} ({origin()}). Give a Touching between the same frames, or none."
+            )
+        self.law, self.joint = law, joint
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        near, velocity = self._seen(placement)
+        R, p = symbolic(near.pose.rotation), symbolic(near.pose.position)
+        slip, rate = _parts(near, velocity)
+        force = self._push(near.gap, rate) * near.normal - self._resistance(near.gap, rate, slip) * slip
+        own, arm = R.T @ force, R.T @ (near.point_b - p)
+        return (Action(self.frame_a, -force, -ca.cross(near.point_b, force)), Action(self.frame_b, own, ca.cross(arm, own)))
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return self.law.energy(self._seen(placement)[0].gap) if isinstance(self.law, HuntCrossley) else ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        near, velocity = self._seen(placement)
+        slip, rate = _parts(near, velocity)
+        elastic = self.law.slope(near.gap) if isinstance(self.law, HuntCrossley) else ca.SX(0)
+        return self._resistance(near.gap, rate, slip) * ca.sumsqr(slip) + (elastic - self._push(near.gap, rate)) * rate
+
+    def _seen(self, placement: Placement) -> tuple[Nearness, ca.SX]:
+        """Where the bodies are nearest, and the velocity (3, 1) of frame_b's over frame_a's there, in frame_a [m/s]."""
+        if self.joint is not None:
+            return self.joint.nearness(), self.joint.velocity()
+        a, b = self.frame_a, self.frame_b
+        X = placement.relative_pose(a, b)
+        near = nearness(self.shape, self.surface, X)
+        if near is None:
+            raise ParameterError(
+                f"ContactForce ({self.created_at}): the nearest points of {type(self.shape).__name__} and {type(self.surface).__name__} have no closed "
+                "form. Use Contact(...), or give it joint=Touching(shape, surface, Apart()) between the same frames."
+            )
+        R, p, w_a = symbolic(X.rotation), symbolic(X.position), placement.angular_velocity(a)
+        w, v = placement.angular_velocity(b) - R.T @ w_a, placement.velocity(b) - R.T @ (placement.velocity(a) + ca.cross(w_a, p))
+        return near, near.velocity(w, v)
+
+    def _push(self, gap: ca.SX, rate: ca.SX) -> ca.SX:
+        return self.law.push(gap, rate) if isinstance(self.law, HuntCrossley) else ca.SX(0)
+
+    def _resistance(self, gap: ca.SX, rate: ca.SX, slip: ca.SX) -> ca.SX:
+        """Force over slip [N*s/m]."""
+        square = ca.sumsqr(slip)
+        if isinstance(self.law, HuntCrossley):
+            friction = self.law.friction
+            return ca.SX(0) if friction is None else friction.resistance(square, self._push(gap, rate))
+        return self.law.resistance(square)
+
+
+def _parts(near: Nearness, velocity: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Slip (3, 1), and the rate of the gap [m/s]."""
+    rate = ca.dot(near.normal, velocity)
+    return velocity - rate * near.normal, rate
