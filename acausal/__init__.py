@@ -10,6 +10,7 @@ from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
+from acausal.optimal_control.estimation import Recording, estimate
 from acausal.optimal_control.language import at_end, at_start, average, free, integral
 from acausal.optimal_control.problem import OptimalControl
 from acausal.parts import rotations
@@ -29,6 +30,7 @@ __all__ = [
     "OptimalControl",
     "Parameter",
     "Point",
+    "Recording",
     "Rotational",
     "Signal",
     "System",
@@ -43,6 +45,7 @@ __all__ = [
     "dot",
     "equal",
     "errors",
+    "estimate",
     "exactly",
     "free",
     "integral",

@@ -10,7 +10,8 @@ import pytest
 import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
-from components import Fixed, ForceSource, Particle, Prismatic, Revolute, RigidBody, TorqueSource, World
+from acausal.simulate.trajectory import Trajectory
+from components import Fixed, ForceSource, Particle, Prismatic, Revolute, RigidBody, TorqueSource, TranslationalSpring, World
 from tests.scenes import FourBar
 
 
@@ -263,3 +264,105 @@ def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, An
     scene = Sledge()
     with pytest.raises(OptionError, match=words):
         ask(scene, ac.build(scene))
+
+
+def test_a_controller_holds_the_pole_up() -> None:
+    """Receding horizon from 0.2 rad beside upright: after two seconds the pole stands and the cart is on its way back."""
+    scene = CartPole()
+    model = ac.build(scene)
+    ocp = ac.OptimalControl(model, 1.0)
+    ocp.start({scene.rail.q: 0.3, scene.hinge.q: np.pi - 0.2})
+    ocp.bound(scene.force, -30, 30)
+    upright = scene.hinge.q - np.pi
+    ocp.minimise(ac.integral(10 * scene.rail.q**2 + 50 * upright**2 + 0.01 * scene.force**2 + 0.1 * scene.rail.v**2))
+    control = ocp.controller(0.05, 15, controls="constant")
+    names = (scene.rail.q, scene.hinge.q, scene.rail.v, scene.hinge.v)
+    x = np.array([0.3, np.pi - 0.2, 0.0, 0.0])
+    for k in range(40):
+        u = control(x)
+        run = model.simulate(
+            0.05 * (k + 1), dict(zip(names, x, strict=True)), t0=0.05 * k, inputs={scene.force: float(u[0])}, samples=2
+        )
+        x = run.x[:, -1]
+    assert abs(x[1] - np.pi) < 0.02
+    assert abs(x[0]) < 0.1
+    assert control.best.iterations < 12
+    with pytest.raises(OptionError, match="give 4 finite states"):
+        control([0.0, np.nan, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def swung() -> tuple[Pendulum, ac.Model, Trajectory]:
+    scene = Pendulum()
+    model = ac.build(scene)
+    return (
+        scene,
+        model,
+        model.simulate(3.0, {scene.hinge.q: 1.0}, parameters={scene.length: 0.63}, inputs={scene.torque: 0.4}, rtol=1e-11),
+    )
+
+
+def test_estimates_are_exact_without_noise(swung: Any) -> None:
+    scene, model, run = swung
+    t = np.linspace(0.1, 3, 20)
+    data = {
+        scene.hinge.q: (t, run.at(t)[scene.hinge.q], 0.01),
+        scene.bob.point.position: (t[:5], run.at(t[:5])[scene.bob.point.position], 0.01),
+    }
+    found = ac.estimate(model, data, [scene.length, "torque", scene.hinge.q], {scene.hinge.q: 0.9})
+    assert np.allclose(found.values, [0.63, 0.4, 1.0], rtol=1e-8)
+    assert found.chi2 < 1e-10
+    assert "hinge.q = 1" in str(found)
+
+
+def test_standard_errors_cover_the_truth(swung: Any) -> None:
+    """Over repetitions chi squared has its mean and the errors, in standard errors, unit variance."""
+    scene, model, run = swung
+    rng, t = np.random.default_rng(1), np.linspace(0.1, 3, 30)
+    exact = run.at(t)[scene.hinge.q]
+    chi2, off = [], []
+    for _ in range(40):
+        y = exact + 0.02 * rng.normal(size=t.size)
+        y[rng.integers(0, t.size, 3)] = np.nan  # missing
+        found = ac.estimate(model, {scene.hinge.q: (t, y, 0.02)}, [scene.length, scene.torque], {scene.hinge.q: 1.0}, rtol=1e-7)
+        chi2.append(found.chi2 / found.freedom)
+        off.append([(found[k] - true) / found.standard_error(k) for k, true in ((scene.length, 0.63), (scene.torque, 0.4))])
+    assert np.mean(chi2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 25 / 40))
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 80))
+
+
+def test_what_the_data_cannot_tell_is_said() -> None:
+    """Of a spring and the mass on it only the ratio shows."""
+    scene = ac.System()
+    scene.mass, scene.stiffness = ac.Parameter(1.0, "kg"), ac.Parameter(50.0, "N/m")
+    scene.world, scene.rail, scene.body = World(gravity=(0, 0, 0)), Prismatic("x"), Particle(scene.mass)
+    scene.spring = TranslationalSpring(scene.stiffness)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.point)
+    scene.connect(scene.spring.flange_a, scene.rail.support)
+    scene.connect(scene.spring.flange_b, scene.rail.flange)
+    model = ac.build(scene)
+    run = model.simulate(2.0, {scene.rail.q: 0.1}, parameters={scene.mass: 1.2})
+    found = ac.estimate(
+        model, {scene.rail.q: (run.t, run[scene.rail.q], 1e-3)}, [scene.mass, scene.stiffness], {scene.rail.q: 0.1}
+    )
+    assert found["stiffness"] / found["mass"] == pytest.approx(50 / 1.2, rel=1e-6)
+    assert np.isinf(found.standard_error(scene.mass))
+    assert "no data sees this change: +0.71 of mass, +0.71 of stiffness" in str(found).replace("-0.71", "+0.71")
+
+
+@pytest.mark.parametrize(
+    ("data", "unknowns", "words"),
+    [
+        (lambda s: {s.hinge.q: [1, 2]}, ["length"], r"must be \(times, values\)"),
+        (lambda s: {s.hinge.q: ([1, 2], [1])}, ["length"], "2 times need 2 values"),
+        (lambda s: {s.hinge.q: ([-1, 2], [1, 2])}, ["length"], "before the start"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, 2], 0.0)}, ["length"], "must be positive"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, [], "nothing is unknown"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, ["hinge.q"], "no single start value"),
+    ],
+)
+def test_recordings_that_make_no_sense_are_refused_in_words(swung: Any, data: Any, unknowns: list[str], words: str) -> None:
+    scene, model, _ = swung
+    with pytest.raises(OptionError, match=words):
+        ac.estimate(model, data(scene), unknowns)

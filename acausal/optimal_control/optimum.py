@@ -55,6 +55,10 @@ class Optimum:
         """Where the unknowns stand."""
         return self.transcribed.mesh
 
+    def again(self, unknowns: np.ndarray, cost: float, iterations: int) -> Optimum:
+        """Another solution of the same program."""
+        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations)
+
     @functools.cached_property
     def motion(self) -> Guess:
         """All unknowns at the points of the mesh."""
@@ -230,18 +234,22 @@ def _solved(
     transcribed: Transcribed, plugin: str, options: dict[str, Any], *, warm: bool
 ) -> tuple[np.ndarray, float, dict[str, Any]]:
     program = transcribed.program
-    own: dict[str, Any] = {"print_time": False}
-    if plugin == "ipopt":
-        own |= {
-            "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _SOLVER_TOLERANCE, "ipopt.nlp_scaling_method": "none",
-            "ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0,
-        }  # fmt: skip
-        if warm:
-            own |= {"ipopt.mu_init": 1e-4, "ipopt.mu_strategy": "monotone"}
+    own = ipopt_options(warm=warm) if plugin == "ipopt" else {"print_time": False}
     solver = program.solver(plugin, {**own, **options, "error_on_fail": False})
     (least, most), (lower, upper) = program.bounds, program.limits
     found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
     return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()
+
+
+def ipopt_options(*, warm: bool) -> dict[str, Any]:
+    """Quiet, in the units of the program; `warm`: where a solution is near."""
+    options = {
+        "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _SOLVER_TOLERANCE, "ipopt.nlp_scaling_method": "none",
+        "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.mu_strategy": "adaptive",
+    }  # fmt: skip
+    if warm:
+        options |= {"ipopt.mu_init": 1e-4, "ipopt.mu_strategy": "monotone", "ipopt.warm_start_init_point": "yes"}
+    return options
 
 
 def _failure(transcribed: Transcribed, w: np.ndarray, status: str) -> str:

@@ -12,6 +12,7 @@ from acausal.arguments import dictionary, finite, whole_number
 from acausal.collocation.tableau import radau_iia
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter, Symbol
+from acausal.optimal_control.controller import Controller
 from acausal.optimal_control.guess import Guess, path_guess
 from acausal.optimal_control.language import Cost, free
 from acausal.optimal_control.mesh import Mesh
@@ -174,6 +175,20 @@ class OptimalControl:
         asked, stops, units = self._asked(controls == "constant")
         guess = self._first(asked.stage, stops, mesh, units)
         return optimum(self._model, asked, mesh, guess, units, solver, dict(options or {}), tolerance, refinements, self._given)
+
+    def controller(
+        self,
+        rate: float,
+        intervals: int = 20,
+        *,
+        order: int = 5,
+        controls: str = "free",
+        options: Mapping[str, Any] | None = None,
+    ) -> Controller:
+        """States x -> inputs u, by solving this problem from x on in each call, warm started; `rate` [s]: the time between two calls."""
+        every = finite(rate, "controller: the rate [s]")
+        best = self.solve(intervals, order=order, controls=controls, refinements=0)
+        return Controller(best, every, dict(options or {}))
 
     @property
     def _given(self) -> dict[str, Any]:

@@ -79,6 +79,10 @@ class Transcribed:
         count = len(stage.free)
         return Guess(times, values, float(full[full.size - count - 1]), full[full.size - count :])
 
+    def unknowns(self, guess: Guess) -> np.ndarray:
+        """Those of the program for a motion."""
+        return _values(_Layout(self.asked.stage, self.mesh, self.asked.held), guess, self.mesh) / self.units
+
 
 class _Rows:
     """Constraint rows as they are added."""

@@ -1,0 +1,262 @@
+"""Values of parameters, inputs and start values from recordings of a motion."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from acausal.arguments import dictionary
+from acausal.errors import AssemblyError, OptionError, SimulationError, StartValueError
+from acausal.language.expression import Expression, Input, Parameter, Symbol
+from acausal.outputs.functions import Functions
+from acausal.simulate.sensitivity import Sensitivities
+from acausal.start.initial import exactly, near
+
+_LOST = (SimulationError, AssemblyError, StartValueError)
+_UNSEEN = 1e-6
+"""Of the largest: singular values of the data's slopes below this say nothing beside rounding and the tolerance of the motion."""
+
+
+class Sensitive(Protocol):
+    """What is asked of a model."""
+
+    @property
+    def functions(self) -> Functions:
+        """CasADi functions of the model."""
+        ...
+
+    @property
+    def sensitivities(self) -> Callable[..., Sensitivities]:
+        """Derivatives of its motion."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One experiment. `data`: {expression: (times (m,) [s], values (m,) or (m, size), standard deviation of their noise)}; without the last one the noise
+    is estimated from what is left over. NaN: missing. `start` and `inputs` as for `simulate`.
+    """
+
+    data: Mapping[Any, Any]
+    start: Mapping[Any, Any] | None = None
+    inputs: Mapping[Any, Any] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What recordings say of `unknowns`: `values` (n,), their `covariance` (n, n), and of the fit `chi2` with `freedom` (measured values less unknowns):
+    about equal where noise is as said and the model is right. `residuals` (m,): model less data, in standard deviations.
+    `unseen` (k, n): changes of the unknowns, each of length 1 relative to the values, that no data sees.
+    """
+
+    unknowns: tuple[Expression, ...]
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    chi2: float
+    freedom: int
+    residuals: np.ndarray
+    unseen: np.ndarray
+    evaluations: int
+
+    def __getitem__(self, unknown: Expression | str) -> float:
+        """The value of one unknown, by itself or its name."""
+        return float(self.values[self._number(unknown)])
+
+    def standard_error(self, unknown: Expression | str) -> float:
+        """Of one unknown, in its own unit; infinite where the data do not see it."""
+        k = self._number(unknown)
+        return float(np.sqrt(self.covariance[k, k]))
+
+    def _number(self, unknown: Expression | str) -> int:
+        for k, (own, name) in enumerate(zip(self.unknowns, self.names, strict=True)):
+            if own is unknown or name == unknown:
+                return k
+        raise OptionError(f"{unknown!r} was not estimated. Estimated were: {', '.join(self.names)}.")
+
+    @functools.cached_property
+    def correlation(self) -> np.ndarray:
+        """(n, n), between -1 and 1."""
+        size = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore"):
+            return self.covariance / size / size[:, None]
+
+    def __str__(self) -> str:
+        errors = np.sqrt(np.diag(self.covariance))
+        lines = [
+            f"{name} = {value:.8g} +- {error:.2g}" for name, value, error in zip(self.names, self.values, errors, strict=True)
+        ]
+        lines.append(f"chi2 = {self.chi2:.4g} with {self.freedom} degrees of freedom")
+        for direction in self.unseen:
+            parts = [f"{share:+.2g} of {name}" for share, name in zip(direction, self.names, strict=True) if abs(share) > 1e-3]
+            lines.append(f"no data sees this change: {', '.join(parts)}, each relative to its value")
+        return "\n".join(lines)
+
+
+def estimate(
+    model: Sensitive,
+    recordings: Mapping[Any, Any] | Recording | Sequence[Recording],
+    unknowns: Sequence[Expression | str],
+    start: Mapping[Any, Any] | None = None,
+    *,
+    inputs: Mapping[Any, Any] | None = None,
+    parameters: Mapping[Any, float] | None = None,
+    t0: float = 0.0,
+    rtol: float = 1e-9,
+) -> Estimate:
+    """The values of `unknowns` with which the motion is nearest to what was recorded, by least squares in standard deviations of the noise.
+
+    `recordings`: data of one experiment (see `Recording`), one or several. `unknowns`: parameters, constant inputs, and variables with a value in
+    `start`, where the search begins too. Gauss-Newton with exact sensitivities in trust regions (scipy's `least_squares`). Raises `OptionError`, and the
+    errors of `simulate` where not even the first motion can be made.
+    """
+    symbols = model.functions.outputs.system.flat.symbols
+    wanted = [symbols({one: 0.0}) for one in unknowns]
+    keys: list[Expression] = [next(iter(one)) for one in wanted]
+    if not keys:
+        raise OptionError(
+            "estimate: nothing is unknown. Name parameters, inputs or start values: estimate(model, data, [scene.mass])."
+        )
+    if isinstance(recordings, Mapping):
+        recordings = Recording(recordings, start, inputs)
+    all_runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    runs = [_Run(model, one, keys, parameters or {}, t0, rtol) for one in all_runs]
+    first = np.array([_begin(runs, key, parameters or {}, model.functions) for key in keys])
+    problem = _Fit(runs, first)
+    names = tuple(model.functions.outputs.name(k) if isinstance(k, Symbol) else repr(k) for k in keys)
+    return problem.solved(tuple(keys), names)
+
+
+def _begin(runs: list[_Run], key: Expression, parameters: Mapping[Any, float], functions: Functions) -> float:
+    system = functions.outputs.system
+    if isinstance(key, Parameter):
+        given = system.flat.symbols(parameters)
+        return float(given.get(key, system.p_values[system.flat.parameters.index(key)]))
+    values = [run.inputs.get(key, 0.0) if isinstance(key, Input) else run.start.get(key) for run in runs]
+    found = next((v.value if isinstance(v, near | exactly) else v for v in values if v is not None), None)
+    if found is None or np.size(found) != 1:
+        raise OptionError(
+            f"estimate: {key!r} is no parameter and no input, and has no single start value; give one where the search begins."
+        )
+    return float(np.asarray(found).item())
+
+
+class _Run:
+    """One recording: its residuals and their slopes for values of the unknowns."""
+
+    def __init__(
+        self,
+        model: Sensitive,
+        recording: Recording,
+        keys: list[Expression],
+        parameters: Mapping[Any, float],
+        t0: float,
+        rtol: float,
+    ) -> None:
+        symbols = model.functions.outputs.system.flat.symbols
+        self.model, self.keys, self.t0, self.rtol = model, keys, t0, rtol
+        self.start = dict(symbols(dictionary(recording.start or {}, "start", "{scene.hinge.q: 0.3}")))
+        self.inputs = dict(symbols(dictionary(recording.inputs or {}, "inputs", "{scene.force: 1.0}")))
+        self.parameters = dict(symbols(parameters))
+        self.series = [
+            _series(model.functions, key, value, t0)
+            for key, value in symbols(dictionary(recording.data, "data", "{scene.hinge.q: (times, values, 0.01)}")).items()
+        ]
+        self.times = np.unique(np.concatenate([[t0], *(one.times for one in self.series)]))
+        self.noise_known = all(one.noise_known for one in self.series)
+
+    def residuals(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(m,) and (m, n)."""
+        start, inputs, parameters = dict(self.start), dict(self.inputs), dict(self.parameters)
+        for key, value in zip(self.keys, values.tolist(), strict=True):
+            (parameters if isinstance(key, Parameter) else inputs if isinstance(key, Input) else start)[key] = value
+        found = self.model.sensitivities(self.times, self.keys, start, inputs=inputs, parameters=parameters, rtol=self.rtol)
+        rows: list[np.ndarray] = []
+        slopes: list[np.ndarray] = []
+        for one in self.series:
+            y, total = found.total_derivative(one.wanted)
+            at = np.searchsorted(self.times, one.times)
+            off, known = (y.T[at] - one.values) / one.noise, np.isfinite(one.values)
+            rows.append(off[known])
+            slopes.append((total[at] / one.noise[:, :, None])[known])
+        return np.concatenate(rows), np.concatenate(slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """Of one expression: `times` (m,), `values` and `noise` (m, size)."""
+
+    wanted: Expression
+    times: np.ndarray
+    values: np.ndarray
+    noise: np.ndarray
+    noise_known: bool
+
+
+def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> _Series:
+    name = functions.outputs.name(wanted) if isinstance(wanted, Symbol) else repr(wanted)
+    if not isinstance(given, tuple) or len(given) not in (2, 3):  # pyright: ignore[reportUnknownArgumentType]
+        raise OptionError(f"The data of {name} must be (times, values) or (times, values, standard deviation).")
+    try:
+        parts = [np.asarray(part, dtype=float) for part in given]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    except (TypeError, ValueError):
+        raise OptionError(f"The data of {name} are not numbers.") from None
+    times, values = parts[0].ravel(), parts[1]
+    size = functions.outputs.resolve(wanted).numel()
+    if values.size != times.size * size:
+        raise OptionError(f"The data of {name}: {times.size} times need {times.size * size} values, not {values.size}.")
+    if not np.all(np.isfinite(times)) or np.any(times < t0):
+        raise OptionError(f"The data of {name} have times that are not finite, or before the start at {t0:g} s.")
+    values = values.reshape(times.size, size)
+    noise = parts[2] if len(parts) == 3 else np.array(1.0)
+    if not np.all(noise > 0):
+        raise OptionError(f"The standard deviation of {name} must be positive.")
+    whole = np.broadcast_to(noise.reshape(times.size, -1) if noise.size > 1 else noise, values.shape)
+    return _Series(wanted, times, values, np.array(whole), len(parts) == 3)
+
+
+class _Fit:
+    """All recordings together."""
+
+    def __init__(self, runs: list[_Run], first: np.ndarray) -> None:
+        self.runs, self.first = runs, first
+        self.evaluations = 0
+        self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
+
+    def _both(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self._known is None or self._known[0] != values.tobytes():
+            self.evaluations += 1
+            before = self._known
+            try:
+                pairs = [run.residuals(values) for run in self.runs]
+                self._known = values.tobytes(), np.concatenate([r for r, _ in pairs]), np.concatenate([s for _, s in pairs])
+            except _LOST:
+                if before is None:
+                    raise
+                self._known = values.tobytes(), 10 * before[1], before[2]  # no motion there: the step is refused
+        return self._known[1], self._known[2]
+
+    def solved(self, unknowns: tuple[Expression, ...], names: tuple[str, ...]) -> Estimate:
+        """The least squares."""
+        from scipy.optimize import least_squares
+
+        found: Any = least_squares(
+            lambda v: self._both(v)[0], self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14
+        )
+        values = np.asarray(found.x)
+        rows, slopes = self._both(values)
+        size = np.where(values == 0.0, 1.0, np.abs(values))
+        _, s, V = np.linalg.svd(slopes * size)
+        s = np.append(s, np.zeros(values.size - s.size))
+        seen = s > _UNSEEN * np.max(s, initial=0.0)
+        chi2, freedom = float(rows @ rows), rows.size - int(seen.sum())
+        spread = 1.0 if all(run.noise_known for run in self.runs) else chi2 / max(1, freedom)
+        weights = np.where(seen, 1.0 / np.where(seen, s, 1.0) ** 2, 0.0)
+        covariance = spread * (V.T * weights) @ V * size * size[:, None]
+        touched = np.any(np.abs(V[~seen]) > 1e-3, axis=0)
+        covariance[touched, touched] = np.inf
+        return Estimate(unknowns, names, values, covariance, chi2, freedom, rows, V[~seen], self.evaluations)
