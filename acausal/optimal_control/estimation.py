@@ -10,13 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from acausal.arguments import dictionary
-from acausal.errors import AssemblyError, OptionError, SimulationError, StartValueError
+from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.outputs.functions import Functions
 from acausal.simulate.sensitivity import Sensitivities
 from acausal.start.initial import exactly, near
 
-_LOST = (SimulationError, AssemblyError, StartValueError)
+_LOST = (SimulationError, AssemblyError, StartValueError, ParameterError)
 _UNSEEN = 1e-6
 """Of the largest: singular values of the data's slopes below this say nothing beside rounding and the tolerance of the motion."""
 
