@@ -11,7 +11,18 @@ import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.simulate.trajectory import Trajectory
-from components import Fixed, ForceSource, Particle, Prismatic, Revolute, RigidBody, TorqueSource, TranslationalGround, TranslationalSpring, World
+from components import (
+    Fixed,
+    ForceSource,
+    Particle,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    TorqueSource,
+    TranslationalGround,
+    TranslationalSpring,
+    World,
+)
 from tests.scenes import FourBar
 
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 _SOLVER_TOLERANCE, _REPLAYED = 1e-9, 1e-10
 """Of the program in units of its own, and of the replay."""
-_NO_BREAKS = np.zeros((0, 2))
 _MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -128,7 +127,7 @@ class Optimum:
         found, accuracy = np.zeros(self.mesh.intervals), Accuracy.asked(_REPLAYED)
         for k in range(self.mesh.intervals):
             t0, t1 = float(self.t[k]), float(self.t[k + 1])
-            problem = replace(self.run.problem, breaks=_NO_BREAKS, read=np.array([t1]))
+            problem = replace(self.run.problem, read=np.array([t1]))
             solution = integrate(problem, self.x[:, k].copy(), t0, t1, accuracy)
             off = np.abs(solution.x[:, -1] - self.x[:, k + 1]) / self._spread
             found[k] = np.max(off) if solution.status.kind is StatusKind.SUCCESS else np.inf
