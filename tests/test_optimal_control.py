@@ -344,7 +344,7 @@ def test_standard_errors_cover_the_truth(swung: Any) -> None:
 
 def test_what_the_data_cannot_tell_is_said() -> None:
     """Of a spring and the mass on it only the ratio shows."""
-    scene = ac.System()
+    scene: Any = ac.System()
     scene.mass, scene.stiffness = ac.Parameter(1.0, "kg"), ac.Parameter(50.0, "N/m")
     scene.world, scene.rail, scene.body = World(gravity=(0, 0, 0)), Prismatic("x"), Particle(scene.mass)
     scene.spring, scene.fixed = TranslationalSpring(scene.stiffness), TranslationalGround()

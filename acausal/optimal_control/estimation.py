@@ -136,8 +136,8 @@ def _begin(runs: list[_Run], key: Expression, parameters: Mapping[Any, float], f
     if isinstance(key, Parameter):
         given = system.flat.symbols(parameters)
         return float(given.get(key, system.p_values[system.flat.parameters.index(key)]))
-    values = [run.inputs.get(key, 0.0) if isinstance(key, Input) else run.start.get(key) for run in runs]
-    found = next((v.value if isinstance(v, near | exactly) else v for v in values if v is not None), None)
+    values: list[Any] = [run.inputs.get(key, 0.0) if isinstance(key, Input) else run.start.get(key) for run in runs]
+    found: Any = next((v.value if isinstance(v, near | exactly) else v for v in values if v is not None), None)
     if found is None or np.size(found) != 1:
         raise OptionError(
             f"estimate: {key!r} is no parameter and no input, and has no single start value; give one where the search begins."
@@ -242,9 +242,10 @@ class _Fit:
 
     def solved(self, unknowns: tuple[Expression, ...], names: tuple[str, ...]) -> Estimate:
         """The least squares."""
-        from scipy.optimize import least_squares
+        import scipy.optimize
 
-        found: Any = least_squares(
+        fit: Any = scipy.optimize.least_squares  # its stub knows no slopes as a function
+        found = fit(
             lambda v: self._both(v)[0], self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14
         )
         values = np.asarray(found.x)
