@@ -16,6 +16,7 @@ copyright = "the authors, MIT licence"
 extensions = ["myst_parser", "sphinx_design", "tools.mathml", "tools.run"]
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
+highlight_language = "text"  # of what names no language: messages, formulas
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = "acausal"

@@ -18,8 +18,11 @@ from tools.scenes import FOLDER, script_of  # noqa: E402
 
 
 @pytest.mark.parametrize("kind", catalogue(), ids=lambda kind: kind.name)
-def test_each_part_has_a_text_and_a_script_for_its_page(kind):
+def test_each_part_has_a_text_of_less_than_a_screen_and_a_script_for_its_page(kind):
     assert kind.text
+    assert len(kind.text.splitlines()) < 25 and max(map(len, kind.text.splitlines())) < 160, (
+        "help() of it does not fit on a screen"
+    )
     assert "model = ac.build(scene)" in script_of(kind) or not kind.is_part
 
 

@@ -79,7 +79,8 @@ class Connector:
             raise AttributeError(f"{self!r} has no '{name}'. {hint}")
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__} {self.name} of {type(self.owner).__name__}"
+        kind = type(self).__name__
+        return f"{kind} {self.name} of {type(self.owner).__name__}" if self.owner is not None else f"{kind} {self.name}"
 
 
 _NOT_READ = ("domain", "port", "quantities", "quantity")
