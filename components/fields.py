@@ -8,9 +8,9 @@ from typing import Any, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, formula, of_time, scalar, sx, time, vector
+from acausal.language.expression import Expression, Scalar, formula, leaves, of_time, scalar, sx, time, vector
 from acausal.language.origin import origin
-from acausal.parts.field import AbstractField
+from acausal.parts.field import AbstractField, AbstractMutualField
 
 
 @final
@@ -34,6 +34,23 @@ class CentralField(AbstractField):
     def spread_potential(self, p: ca.SX, R: ca.SX, spread: ca.SX, t: ca.SX) -> ca.SX:
         square, seen = ca.sumsqr(p), R.T @ p  # MacCullagh; without sources, the trace of `spread` is taken off
         return -1.5 * sx(self.mu) * ca.dot(seen, spread @ seen) / (square * square * ca.sqrt(square))
+
+
+@final
+class MutualGravitation(AbstractMutualField):
+    """Newton's gravitation between all bodies and particles of the scene: potential -G m_1 m_2 / r of each pair.
+
+    `constant` G [m^3/(kg*s^2)] > 0, 6.6743e-11 (CODATA 2018) unless said otherwise. Bodies feel the gradient too: forces and moments to second order in
+    their sizes. Parts that touch one another at a rigid connection do not attract. Bodies that come together meet a singularity.
+
+        scene.gravitation = MutualGravitation()
+    """
+
+    def __init__(self, constant: Scalar = 6.6743e-11) -> None:
+        self.constant = scalar(constant, "MutualGravitation's constant", positive=True, unit="m^3/(kg*s^2)")
+
+    def field_of(self, mass: ca.SX) -> CentralField:
+        return CentralField(Expression(sx(self.constant) * mass, leaves(self.constant)))
 
 
 @final

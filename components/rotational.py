@@ -194,3 +194,25 @@ class SpeedSource(Component):
 
     def supplied_power(self) -> Expression:
         return -1.0 * self.flange.tau * self.speed
+
+
+@final
+class AngularAccelerationSource(Component):
+    """A given angular acceleration: der(v) = acceleration [rad/s^2], der(phi) = v; constant, parameter, input, function of time, or any
+    expression of the scene. phi and v are states. Supplies -tau v.
+
+    scene.spindle = AngularAccelerationSource(ac.Input("rad/s^2"))
+    """
+
+    flange = Rotational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or an inertia.")
+    v = Variable("rad/s", "angular velocity")
+
+    def __init__(self, acceleration: Scalar | Callable[[Any], Any]) -> None:
+        self.acceleration = scalar(language.of_time(acceleration), "AngularAccelerationSource's acceleration", unit="rad/s^2")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(der(self.flange.phi), self.v)
+        yield equal(der(self.v), self.acceleration)
+
+    def supplied_power(self) -> Expression:
+        return -1.0 * self.flange.tau * self.v

@@ -158,3 +158,25 @@ class VelocitySource(Component):
 
     def supplied_power(self) -> Expression:
         return -1.0 * self.flange.f * self.velocity
+
+
+@final
+class AccelerationSource(Component):
+    """A given acceleration: der(v) = acceleration [m/s^2], der(s) = v; constant, parameter, input, function of time, or any
+    expression of the scene. s and v are states. Supplies -f v.
+
+    scene.sledge = AccelerationSource(ac.Input("m/s^2"))
+    """
+
+    flange = Translational.port(must_connect=True, if_unconnected="It drives nothing: connect it to a joint's flange or a mass.")
+    v = Variable("m/s", "velocity")
+
+    def __init__(self, acceleration: Scalar | Callable[[Any], Any]) -> None:
+        self.acceleration = scalar(language.of_time(acceleration), "AccelerationSource's acceleration", unit="m/s^2")
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(der(self.flange.s), self.v)
+        yield equal(der(self.v), self.acceleration)
+
+    def supplied_power(self) -> Expression:
+        return -1.0 * self.flange.f * self.v

@@ -19,7 +19,7 @@ _INSTEAD = (
     "Rates are known of positions, rotations, joints' q, variables of scalar parts and time. For anything else put a delay between: a signal behind "
     "an Integrator is a state."
 )
-_DYNAMIC = ("force", "torque", "acceleration", "angular_acceleration")
+_DYNAMIC = ("force", "torque", "acceleration", "angular_acceleration", "specific_force")
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,11 @@ class Point(Connector):
         return self.quantity("acceleration", "m/s^2")
 
     @property
+    def specific_force(self) -> Quantity:
+        """What an accelerometer feels there [m/s^2], in the world frame, shape (3, 1): `acceleration` less the gravity of the world and of all fields."""
+        return self.quantity("specific_force", "m/s^2")
+
+    @property
     def force(self) -> Quantity:
         """Force that flows into the component here, in the world frame [N], shape (3, 1)."""
         return self.quantity("force", "N")

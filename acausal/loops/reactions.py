@@ -19,6 +19,7 @@ from acausal.loops.constraints import Constraints
 from acausal.loops.loops import mounted_places
 from acausal.loops.self_stress import loop_reactions, wrench_on_b
 from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.field import AbstractField, AbstractMutualField
 from acausal.parts.force import AbstractForce
 from acausal.parts.inertia import Inertia, skew
 from acausal.parts.pose import Pose, symbolic
@@ -100,13 +101,15 @@ class Reactions:
         return result
 
     def quantity(self, symbol: Quantity) -> ca.SX:
-        """A force, torque, acceleration or angular acceleration at a connector, in the world frame."""
+        """A force, torque, acceleration, angular acceleration or specific force at a connector, in the world frame."""
         connector, name = symbol.connector, symbol.name
         assert isinstance(connector, Point)
         if name in ("force", "torque"):
             torque, force = self.flow(connector)
             return force if name == "force" else torque
         link, place = self.system.placement.place(connector)
+        if name == "specific_force":
+            return self.quantity(connector.acceleration) - self._gravity(connector)
         if link < 0:
             return ca.SX.zeros(3)
         w_dot, a = self.motion.accelerations[link]
@@ -116,6 +119,30 @@ class Reactions:
         w = self.system.kinematics.angular_velocity(link)
         gravity = symbolic(tree.world) @ tree.gravity
         return R @ (a + ca.cross(w_dot, p) + ca.cross(w, ca.cross(w, p))) + gravity
+
+    def _gravity(self, connector: Point) -> ca.SX:
+        """Acceleration by the world's gravity and by all fields at a connector, in the world frame [m/s^2]."""
+        system = self.system
+        total = symbolic(system.tree.world) @ system.tree.gravity
+        for part in system.flat.parts:
+            field = part.component
+            if isinstance(field, AbstractMutualField):
+                raise UnknownVariableError(
+                    f"The specific force at {system.flat.connector_paths[connector]} is not known beside {part.where}, of which the body there is itself a "
+                    "source. Read `acceleration`, or use a CentralField that a body carries."
+                )
+            if isinstance(field, AbstractField):
+                X = system.placement.pose(self._seat(field))
+                R, p = symbolic(X.rotation), ca.SX.sym("p", 3)
+                pull = -ca.gradient(ca.SX(field.potential(p, system.placement.t)), p)
+                at = R.T @ (symbolic(system.placement.pose(connector).position) - symbolic(X.position))
+                total += R @ ca.substitute(pull, p, at)
+        return total
+
+    def _seat(self, field: AbstractField) -> Point:
+        """Where a field stands: in what its frame is connected to."""
+        members = next(members for members in self.system.flat.connection_sets if field.frame in members)
+        return next(c for c in members if isinstance(c, Point) and isinstance(c.owner, AbstractRigidPart | AbstractConstraint))
 
     def flow(self, connector: Point) -> Wrench:
         """Torque about the connector's origin and force into its component, in the world frame, (3, 1) each.

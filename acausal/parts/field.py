@@ -13,7 +13,7 @@ from acausal.language.connector import Frame, Point
 from acausal.parts.inertia import Inertia, is_zero, scaled, skew
 from acausal.parts.pose import Matrix, Pose, cleaned_vector, product, symbolic, total
 from acausal.parts.potential import AbstractPotential
-from acausal.parts.rigid import AbstractRigidPart
+from acausal.parts.rigid import AbstractRigidPart, Attachment
 
 
 class AbstractField(Component, ABC):
@@ -53,20 +53,66 @@ class FieldForce(AbstractPotential):
     @property
     def seat(self) -> Point:
         """The connector of the body that frame_b is connected to."""
-        return self.body.attachments()[0].connector
+        return _seat(self.body).connector
 
     def inertia(self) -> Inertia:
         """Of the body, about and in frame_b."""
-        return self.body.inertia().seen_from(self.body.attachments()[0].pose.inverse())
+        return _seated_inertia(self.body)
 
     def potential(self, X_ab: Pose, t: ca.SX) -> ca.SX:
         inertia, R = self.inertia(), symbolic(X_ab.rotation)
         centre = symbolic(X_ab.position)
         if not is_zero(inertia.moment):
-            centre = centre + R @ symbolic(scaled(1 / inertia.mass, inertia.moment))
+            centre = centre + R @ _centre(inertia)
         energy = ca.SX(inertia.mass) * ca.SX(self.field.potential(centre, t))
         spread = _spread(inertia, self.field.has_no_sources)
         return energy if is_zero(spread) else energy + self.field.spread_potential(centre, R, symbolic(spread), t)
+
+
+class AbstractMutualField(Component, ABC):
+    """What every mass of a scene does to every other. Must provide `field_of`; action and reaction are equal by construction."""
+
+    @abstractmethod
+    def field_of(self, mass: ca.SX) -> AbstractField:
+        """The field of a mass [kg] in one point."""
+
+
+@final
+class PairForce(AbstractPotential):
+    """What two bodies do to one another by a mutual field, to second order in their sizes: frame_a on one, frame_b on the other."""
+
+    def __init__(self, field: AbstractMutualField, one: AbstractRigidPart, other: AbstractRigidPart) -> None:
+        self.field, self.one, self.other = field, one, other
+        self.created_at = field.created_at
+
+    @property
+    def seats(self) -> tuple[Point, Point]:
+        """The connectors of the bodies that frame_a and frame_b are connected to."""
+        return _seat(self.one).connector, _seat(self.other).connector
+
+    def potential(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+        a, b = _seated_inertia(self.one), _seated_inertia(self.other)
+        R = symbolic(X_ab.rotation)
+        p = symbolic(X_ab.position) + R @ _centre(b) - _centre(a)
+        field = self.field.field_of(ca.SX(a.mass))
+        energy = ca.SX(b.mass) * ca.SX(field.potential(p, t))
+        for inertia, by, place, turn in ((b, field, p, R), (a, self.field.field_of(ca.SX(b.mass)), -p, ca.SX.eye(3))):
+            spread = _spread(inertia, by.has_no_sources)
+            energy += 0 if is_zero(spread) else by.spread_potential(place, turn, symbolic(spread), t)
+        return energy
+
+
+def _seat(body: AbstractRigidPart) -> Attachment:
+    """Where a force takes hold of a body."""
+    return body.attachments()[0]
+
+
+def _seated_inertia(body: AbstractRigidPart) -> Inertia:
+    return body.inertia().seen_from(_seat(body).pose.inverse())
+
+
+def _centre(inertia: Inertia) -> ca.SX:
+    return ca.SX.zeros(3) if is_zero(inertia.moment) else symbolic(scaled(1 / inertia.mass, inertia.moment))
 
 
 def _spread(inertia: Inertia, traceless: bool) -> Matrix:

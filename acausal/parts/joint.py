@@ -95,10 +95,11 @@ class AbstractJoint(AbstractConstraint, ABC):
 
     @final
     def supplied_power(self) -> Expression | float:
-        """What the joint gives to its ends where its pose depends on time [W]: less the wrenches into it times their twists."""
+        """What the joint gives to its ends where it moves by itself [W]: less the wrenches into it times their twists."""
         t = ca.SX.sym("t")
         X = self.pose(self.q.sx, t)
-        if not ca.depends_on(ca.vertcat(ca.vec(symbolic(X.rotation)), symbolic(X.position)), t):
+        moves = ca.depends_on(ca.vertcat(ca.vec(symbolic(X.rotation)), symbolic(X.position)), t)
+        if not moves and self.rates(self.q.sx, ca.SX.zeros(self.v.size), t).is_zero():
             return 0.0
         power = Expression(ca.SX(0), frozenset())
         for frame in (self.frame_a, self.frame_b):

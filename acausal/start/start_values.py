@@ -100,6 +100,6 @@ def check_settable(leaf: Symbol) -> None:
     if isinstance(leaf, Time):
         raise StartValueError("time cannot have a start value; give t0.")
     if isinstance(leaf, Derivative) or (
-        isinstance(leaf, Quantity) and leaf.name in ("force", "torque", "acceleration", "angular_acceleration")
+        isinstance(leaf, Quantity) and leaf.name in ("force", "torque", "acceleration", "angular_acceleration", "specific_force")
     ):
         raise StartValueError(f"{leaf.name} follows from the equations of motion and is not free: it cannot have a start value.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ from acausal.errors import GroundError, ModelError
 from acausal.language.connector import Connector
 from acausal.language.flatten import FlatSystem, Part
 from acausal.parts.elastic_body import AbstractElasticBody
-from acausal.parts.field import AbstractField, FieldForce
+from acausal.parts.field import AbstractField, AbstractMutualField, FieldForce, PairForce
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 
 
@@ -18,14 +19,11 @@ def with_field_forces(flat: FlatSystem) -> FlatSystem:
 
     Raises `GroundError` for a field that stands nowhere, `ModelError` where bodies are elastic.
     """
+    flat = _with_pairs(flat)
     fields = [part for part in flat.parts if isinstance(part.component, AbstractField)]
     if not fields:
         return flat
-    elastic = [part.where for part in flat.parts if isinstance(part.component, AbstractElasticBody)]
-    if elastic:
-        raise ModelError(
-            f"{fields[0].where} acts on rigid bodies and particles; {elastic[0]} is elastic. Use World's gravity there."
-        )
+    _check_rigid(flat, fields[0])
     parts, paths = list(flat.parts), dict(flat.connector_paths)
     sets = _with_stands(flat, fields)
     place = {connector: k for k, members in enumerate(sets) for connector in members}
@@ -43,6 +41,35 @@ def with_field_forces(flat: FlatSystem) -> FlatSystem:
             paths |= {end: f"{path}.{end.name}" for end in force.connectors()}
             stands.append(force.frame_a)
             sets[place[force.seat]].append(force.frame_b)
+    return replace(flat, parts=tuple(parts), connector_paths=paths, connection_sets=tuple(map(tuple, sets)))
+
+
+def _check_rigid(flat: FlatSystem, field: Part) -> None:
+    elastic = [part.where for part in flat.parts if isinstance(part.component, AbstractElasticBody)]
+    if elastic:
+        raise ModelError(f"{field.where} acts on rigid bodies and particles; {elastic[0]} is elastic. Use World's gravity there.")
+
+
+def _with_pairs(flat: FlatSystem) -> FlatSystem:
+    """The scene with a `PairForce` of each mutual field between any two parts with mass that are not fixed to one another at a connector."""
+    fields = [part for part in flat.parts if isinstance(part.component, AbstractMutualField)]
+    if not fields:
+        return flat
+    _check_rigid(flat, fields[0])
+    parts, paths, sets = list(flat.parts), dict(flat.connector_paths), [list(members) for members in flat.connection_sets]
+    place = {connector: k for k, members in enumerate(sets) for connector in members}
+    bodies = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart) and not part.component.inertia().is_zero]
+    for field, (one, other) in itertools.product(fields, itertools.combinations(bodies, 2)):
+        assert isinstance(field.component, AbstractMutualField)
+        assert isinstance(one.component, AbstractRigidPart) and isinstance(other.component, AbstractRigidPart)
+        force = PairForce(field.component, one.component, other.component)
+        seats = [place[seat] for seat in force.seats]
+        if seats[0] != seats[1]:
+            path = f"{field.path}[{one.path}, {other.path}]"
+            parts.append(Part(path, force))
+            paths |= {end: f"{path}.{end.name}" for end in force.connectors()}
+            for seat, end in zip(seats, (force.frame_a, force.frame_b), strict=True):
+                sets[seat].append(end)
     return replace(flat, parts=tuple(parts), connector_paths=paths, connection_sets=tuple(map(tuple, sets)))
 
 

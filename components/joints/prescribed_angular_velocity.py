@@ -1,0 +1,55 @@
+"""A frame that turns as fast as it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ParameterError
+from acausal.language.expression import Expression, Parameter, Scalar, Time, Variable, of_time, sx, time, vector
+from acausal.language.origin import origin
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
+
+
+@final
+class PrescribedAngularVelocity(AbstractJoint):
+    """frame_b turns about the common origin with a given angular velocity against frame_a, seen in frame_b. No freedom; q, a unit quaternion of
+    R_ab with the scalar first, is a state: q' = q (0, w) / 2.
+
+    `angular_velocity` (3,) [rad/s]: numbers, expressions in `ac.time` and parameters, a function of time, or a spline of scipy. Its power is counted in the
+    energy balance. Raises `ParameterError` for what has no known rate (inputs, variables).
+
+        scene.spun = PrescribedAngularVelocity(lambda t: (0.1, 0.0, ca.sin(t)))
+    """
+
+    q = Variable("", "unit quaternion, scalar first", size=4, start=(1.0, 0.0, 0.0, 0.0))
+    v = Variable("", "none", size=0)
+
+    def __init__(self, angular_velocity: Scalar | Callable[[Any], Any]) -> None:
+        self.angular_velocity = vector(of_time(angular_velocity), "PrescribedAngularVelocity's angular_velocity", unit="rad/s")
+        given = self.angular_velocity
+        for leaf in given.leaves if isinstance(given, Expression) else ():
+            if not isinstance(leaf, Time | Parameter):
+                raise ParameterError(
+                    f"PrescribedAngularVelocity's angular_velocity depends on the {leaf.kind} {leaf.name}, whose rate is not known ({origin()}). Use "
+                    "functions of ac.time and parameters; to follow an input, put a SpeedSource on a joint's flange."
+                )
+
+    def given_motions(self) -> tuple[Expression, ...]:
+        return (self.angular_velocity,) if isinstance(self.angular_velocity, Expression) else ()
+
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        return Pose(rotation_from_quaternion(q), np.zeros(3))
+
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        return quaternion_rate(q, ca.substitute(sx(self.angular_velocity), time.sx, t))
+
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        return 0.5 * (ca.sumsqr(q) - 1)
+
+    def coordinates(self, X_ab: Pose) -> ca.SX:
+        return quaternion_from_matrix(symbolic(X_ab.rotation))
