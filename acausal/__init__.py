@@ -13,7 +13,7 @@ from acausal.moved import answer_to_old_names
 from acausal.optimal_control.estimation import Recording, estimate
 from acausal.optimal_control.language import at_end, at_start, average, free, integral
 from acausal.optimal_control.problem import OptimalControl
-from acausal.parts import rotations
+from acausal.parts import curvilinear, rotations
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 
@@ -41,6 +41,7 @@ __all__ = [
     "average",
     "build",
     "cross",
+    "curvilinear",
     "der",
     "dot",
     "equal",

@@ -1,19 +1,20 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, Rod (massless). Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
+CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless). Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
-Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), KnifeEdge, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
-SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, RotationalGround; along lines: SlidingMass, TranslationalSpring,
-TranslationalDamper, ForceSource, PositionSource, VelocitySource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
-VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
+Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
+SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
+RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; along lines: SlidingMass, TranslationalSpring,
+TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
+VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
-RelativeRotationSensor, SignalTorque, SignalForce.
+RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
 """
 
 from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
+from components.cam import CamFollower
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.contact import Contact
 from components.contacts.contact_force import ContactForce
@@ -22,7 +23,9 @@ from components.contacts.laws import Apart, Creep, HuntCrossley, Rolling, Rollin
 from components.contacts.point_on_plane import PointOnPlane
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
+from components.contacts.steered_axle import SteeredAxle
 from components.contacts.touching import Touching
+from components.earth import RotatingEarth, Whereabouts
 from components.electrical import (
     Capacitor,
     CurrentSource,
@@ -34,7 +37,7 @@ from components.electrical import (
     SignalVoltage,
     VoltageSource,
 )
-from components.fields import CentralField, PotentialField, UniformField
+from components.fields import CentralField, MutualGravitation, PotentialField, UniformField
 from components.flexible import FlexibleBody, ShapeIntegrals
 from components.flexible_beam import FlexibleBeam, Section
 from components.forces.air import Drag, MagnusForce, PitchingMoment
@@ -58,10 +61,12 @@ from components.geometry.surfaces import (
 from components.guides.along_curve import AlongCurve
 from components.guides.point_on_curve import PointOnCurve
 from components.guides.point_on_surface import PointOnSurface
+from components.imu import Accelerometer, Gyro
 from components.joints.cartesian_translation import CartesianTranslation
 from components.joints.cylindrical import Cylindrical
 from components.joints.free import Free
 from components.joints.planar import Planar
+from components.joints.prescribed_angular_velocity import PrescribedAngularVelocity
 from components.joints.prescribed_motion import PrescribedMotion
 from components.joints.prismatic import Prismatic
 from components.joints.revolute import Revolute
@@ -69,8 +74,10 @@ from components.joints.rod import Rod
 from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
+from components.motor import DCMotor
 from components.rotational import (
     AngleSource,
+    AngularAccelerationSource,
     Gear,
     Inertia,
     RotationalDamper,
@@ -94,6 +101,7 @@ from components.signals import (
     TranslationSensor,
 )
 from components.translational import (
+    AccelerationSource,
     ForceSource,
     PositionSource,
     SlidingMass,
@@ -106,10 +114,14 @@ from components.world import World
 
 __all__ = [
     "PID",
+    "AccelerationSource",
+    "Accelerometer",
     "AlongCurve",
     "AngleSource",
+    "AngularAccelerationSource",
     "Apart",
     "Bushing",
+    "CamFollower",
     "Capacitor",
     "CartesianTranslation",
     "CentralField",
@@ -124,6 +136,7 @@ __all__ = [
     "CurrentSource",
     "Cylinder",
     "Cylindrical",
+    "DCMotor",
     "Damper",
     "Diode",
     "Disk",
@@ -141,6 +154,7 @@ __all__ = [
     "Gain",
     "Gear",
     "Ground",
+    "Gyro",
     "HeightField",
     "Helix",
     "HuntCrossley",
@@ -150,6 +164,7 @@ __all__ = [
     "KnifeEdge",
     "Line",
     "MagnusForce",
+    "MutualGravitation",
     "NonlinearDamper",
     "NonlinearSpring",
     "OperationalAmplifier",
@@ -166,6 +181,7 @@ __all__ = [
     "PointOnSurface",
     "PositionSource",
     "PotentialField",
+    "PrescribedAngularVelocity",
     "PrescribedMotion",
     "Prismatic",
     "RackAndPinion",
@@ -182,6 +198,7 @@ __all__ = [
     "RollingEllipsoid",
     "RollingTorus",
     "RollingWithoutPivoting",
+    "RotatingEarth",
     "RotationSensor",
     "RotationalDamper",
     "RotationalGround",
@@ -201,6 +218,7 @@ __all__ = [
     "SplineCurve",
     "Spring",
     "SpringDamper",
+    "SteeredAxle",
     "Sum",
     "Table",
     "TimeFunction",
@@ -218,5 +236,6 @@ __all__ = [
     "VelocitySource",
     "Viscous",
     "VoltageSource",
+    "Whereabouts",
     "World",
 ]  # fmt: skip

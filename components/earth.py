@@ -53,7 +53,9 @@ class RotatingEarth(System):
         self.rate = scalar(rate, "RotatingEarth's rate", unit="rad/s")
         self.world, self.attraction = World(None), CentralField(scalar(mu, "RotatingEarth's mu", positive=True, unit="m^3/s^2"))
         self.turning = PrescribedMotion(angle=self.rate * language.time, axis="z")
+        self.ground = Fixed()
         self.connect(self.world.frame, self.turning.frame_a)
+        self.connect(self.turning.frame_b, self.ground.frame_a)
         self.stations: list[Fixed] = []
 
     @property
@@ -64,11 +66,14 @@ class RotatingEarth(System):
     @property
     def fixed(self) -> Frame:
         """It turns with the earth."""
-        return self.turning.frame_b
+        return self.ground.frame_b
 
     def level(self, latitude: float, longitude: float, height: Scalar = 0.0) -> Frame:
         """A frame fixed in the earth at latitude and longitude [rad] and a height [m] over the sphere: x to the north, y to the east, z down."""
-        lat, lon = (language.number(value, f"RotatingEarth.level's {name}") for value, name in ((latitude, "latitude"), (longitude, "longitude")))
+        lat, lon = (
+            language.number(value, f"RotatingEarth.level's {name}")
+            for value, name in ((latitude, "latitude"), (longitude, "longitude"))
+        )
         R = rotation_about(np.array([0.0, 0.0, 1.0]), lon) @ rotation_about(np.array([0.0, 1.0, 0.0]), -lat - np.pi / 2)
         out = -R[:, 2]
         distance = self.radius + scalar(height, "RotatingEarth.level's height", unit="m")

@@ -47,7 +47,7 @@ class MutualGravitation(AbstractMutualField):
     """
 
     def __init__(self, constant: Scalar = 6.6743e-11) -> None:
-        self.constant = scalar(constant, "MutualGravitation's constant", positive=True, unit="m^3/(kg*s^2)")
+        self.constant = scalar(constant, "MutualGravitation's constant", positive=True, unit="m^3/kg/s^2")
 
     def field_of(self, mass: ca.SX) -> CentralField:
         return CentralField(Expression(sx(self.constant) * mass, leaves(self.constant)))

@@ -6,7 +6,7 @@ from typing import final
 
 from acausal.language.component import System
 from acausal.language.connector import Connector, Electrical, Rotational
-from acausal.language.expression import Expression, Scalar
+from acausal.language.expression import Expression, Scalar, scalar
 from components.electrical import ElectromotiveForce, Inductor, Resistor
 from components.rotational import Gear, Inertia, RotationalDamper, RotationalGround
 
@@ -38,6 +38,9 @@ class DCMotor(System):
         ratio: Scalar = 1.0,
         damping: Scalar = 0.0,
     ) -> None:
+        inductance = scalar(inductance, "DCMotor's inductance", non_negative=True, unit="H")
+        inertia = scalar(inertia, "DCMotor's inertia", non_negative=True, unit="kg*m^2")
+        damping = scalar(damping, "DCMotor's damping", non_negative=True, unit="N*m*s/rad")
         self.emf, self.gear = ElectromotiveForce(constant), Gear(ratio)
         wire: Connector = self.pin_a
         self.winding = Resistor(resistance)
@@ -60,5 +63,5 @@ class DCMotor(System):
             self.connect(self.bearing.flange_a, self.housing.flange)
 
 
-def _none(value: Scalar) -> bool:
+def _none(value: float | Expression) -> bool:
     return not isinstance(value, Expression) and value == 0.0

@@ -79,7 +79,9 @@ def base_vectors(coordinates: Three, position: Scalar) -> Expression:
     p, values = ca.SX.sym("p", 3), _entries(position)
     at = ca.vertcat(*values)
     if not all(ca.symvar(value) for value in values) or any(not value.is_symbolic() for value in values):
-        raise ParameterError(f"Base vectors are those of a place itself, e.g. scene.bob.point.position, not of {shown(position)} ({origin()}).")
+        raise ParameterError(
+            f"Base vectors are those of a place itself, e.g. scene.bob.point.position, not of {shown(position)} ({origin()})."
+        )
     slopes = ca.jacobian(ca.substitute(ca.vertcat(*(c.sx for c in coordinates)), at, p), p)
     curves = ca.substitute(ca.densify(ca.inv(slopes)), p, at)
     lengths = [ca.norm_2(curves[:, k]) for k in range(3)]

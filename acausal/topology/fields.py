@@ -58,7 +58,9 @@ def _with_pairs(flat: FlatSystem) -> FlatSystem:
     _check_rigid(flat, fields[0])
     parts, paths, sets = list(flat.parts), dict(flat.connector_paths), [list(members) for members in flat.connection_sets]
     place = {connector: k for k, members in enumerate(sets) for connector in members}
-    bodies = [part for part in flat.parts if isinstance(part.component, AbstractRigidPart) and not part.component.inertia().is_zero]
+    bodies = [
+        part for part in flat.parts if isinstance(part.component, AbstractRigidPart) and not part.component.inertia().is_zero
+    ]
     for field, (one, other) in itertools.product(fields, itertools.combinations(bodies, 2)):
         assert isinstance(field.component, AbstractMutualField)
         assert isinstance(one.component, AbstractRigidPart) and isinstance(other.component, AbstractRigidPart)

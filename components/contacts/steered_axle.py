@@ -7,7 +7,7 @@ from typing import Any, final
 
 from acausal.language.component import System
 from acausal.language.connector import Frame
-from acausal.language.expression import Scalar
+from acausal.language.expression import Expression, Scalar, of_time, scalar
 from components.contacts.knife_edge import KnifeEdge
 from components.joints.prescribed_motion import PrescribedMotion
 
@@ -31,9 +31,10 @@ class SteeredAxle(System):
     def __init__(self, steer: Scalar | Callable[[Any], Any] = 0.0) -> None:
         self.wheels = KnifeEdge()
         self.connect(self.road, self.wheels.frame_a)
-        if not callable(steer) and isinstance(steer, int | float) and steer == 0.0:
+        angle = scalar(of_time(steer), "SteeredAxle's steer", unit="rad")
+        if not isinstance(angle, Expression) and angle == 0.0:
             self.connect(self.chassis, self.wheels.frame_b)
             return
-        self.steering = PrescribedMotion(angle=steer, axis="z")
+        self.steering = PrescribedMotion(angle=angle, axis="z")
         self.connect(self.chassis, self.steering.frame_a)
         self.connect(self.steering.frame_b, self.wheels.frame_b)

@@ -12,7 +12,7 @@ from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Parameter, Scalar, Time, Variable, of_time, sx, time, vector
 from acausal.language.origin import origin
 from acausal.parts.joint import AbstractJoint
-from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
+from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
 
 
 @final
@@ -50,6 +50,3 @@ class PrescribedAngularVelocity(AbstractJoint):
 
     def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
         return 0.5 * (ca.sumsqr(q) - 1)
-
-    def coordinates(self, X_ab: Pose) -> ca.SX:
-        return quaternion_from_matrix(symbolic(X_ab.rotation))

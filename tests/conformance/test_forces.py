@@ -11,7 +11,7 @@ from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, unbalanced_power
 from acausal.parts.pose import symbolic
 from components import Ellipsoid, HuntCrossley, Particle, Plane, RigidBody, SmoothCoulomb, World
-from components.fields import CentralField
+from components.fields import CentralField, MutualGravitation
 from tests.conformance.catalogue import kinds, made
 
 STIFF = np.random.default_rng(5).normal(size=(6, 6))
@@ -21,6 +21,9 @@ ARGUMENTS: dict[str, dict[str, object]] = {
     "NonlinearDamper": {"force": lambda length, rate: 3 * rate * ca.fabs(rate) / length},
     "Bushing": {"stiffness": STIFF @ STIFF.T, "damping": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)},
     "FieldForce": {"field": CentralField(3.0), "body": RigidBody(2.0, (0.2, 0.3, 0.4), (0.1, -0.2, 0.3))},
+    "PairForce": {
+        "field": MutualGravitation(2.0), "one": RigidBody(1.5, (0.2, 0.3, 0.4), (0.1, -0.2, 0.3)), "other": RigidBody(2.0, (0.3, 0.3, 0.4), (0, 0.1, 0)),
+    },
     "Drag": {"linear": 0.3, "quadratic": 0.5, "wind": (1.0, -2.0, 0.5)},
     "MagnusForce": {"coefficient": 0.4, "wind": (1.0, -2.0, 0.5)}, "PitchingMoment": {"coefficient": 0.4},
     "ContactForce": {"shape": Ellipsoid((2.0, 3.0, 2.5)), "surface": Plane(), "law": HuntCrossley(30.0, 0.1, friction=SmoothCoulomb(0.3, 0.1))},
