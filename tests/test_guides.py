@@ -245,6 +245,56 @@ def test_a_ball_too_large_for_its_bowl_is_refused():
         ac.build(scene)
 
 
+@pytest.mark.parametrize("size", [1e-7, 1e-3, 1.0, 1e4])
+@pytest.mark.parametrize(
+    "curve",
+    [
+        lambda size: SplineCurve([(0, 0, size), (size, 0.3 * size, 0.2 * size), (2 * size, 0, 0.6 * size)]),
+        lambda size: ParametricCurve(lambda s: (size * s, size * ca.sin(s), 0), ends=(2.0, 2.001), unit="rad"),
+        lambda size: ParametricCurve(lambda s: (s, size * ca.sin(s / size), 0), ends=(-9 * size, -8 * size), unit="m"),
+    ],
+)
+def test_points_begin_between_the_ends_of_a_curve_of_any_size(curve, size):
+    """And at the same place of it."""
+    places: list[np.ndarray] = []
+    for one in (size, 1.0):
+        scene = on(PointOnCurve(curve(one)), Particle(1.0))
+        x = ac.build(scene).initial_state().x[0]
+        ends = scene.guide.curve.ends
+        places.append((x - ends[0]) / (ends[1] - ends[0]))
+    assert 0 < places[0] < 1 and abs(places[0] - places[1]) < 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-7, 1.0, 1e4])
+def test_a_ball_begins_where_its_bowl_is_wide_enough_at_any_radius(size):
+    """It is too large for the bottom, where a search begins; also with other parameters than at build."""
+    scene = ac.System()
+    scene.world, scene.size, scene.factor = World((0, 0, -G)), ac.Parameter(size, "m"), ac.Parameter(0.55)
+    radius = scene.factor * scene.size
+    scene.guide = RollingBallOnSurface(radius, HeightField(lambda x, y: (x * x + y * y) / scene.size.sx))
+    scene.body = RigidBody.ball(2.0, radius)
+    scene.connect(scene.world.frame, scene.guide.frame_a)
+    scene.connect(scene.guide.frame_b, scene.body.frame)
+    model = ac.build(scene)
+    for values in ({}, {scene.factor: 0.9}, {scene.size: 1.5 * size}):
+        state = model.initial_state(parameters=values)
+        u, v = state.x[4:6] / values.get(scene.size, size)
+        slopes = np.array([1, 2 * u, 2 * v])
+        stretch = 1 - values.get(scene.factor, 0.55) * 2 / np.linalg.norm(slopes)  # at most, across the slope
+        assert 0 < stretch < 1
+
+
+def test_parameters_that_only_a_curve_knows_are_parameters_of_the_scene():
+    radius = ac.Parameter(0.5, "m")
+    scene = on(PointOnCurve(Circle(2 * radius)), Particle(1.0), gravity=(0, -G, 0))
+    model = ac.build(scene)
+    for value in (0.5, 0.8):
+        run = model.simulate(1.0, {scene.guide.q: -1.4}, parameters={radius: value}, rtol=1e-10, samples=2)
+        fixed = on(PointOnCurve(Circle(2 * value)), Particle(1.0), gravity=(0, -G, 0))
+        expected = ac.build(fixed).simulate(1.0, {fixed.guide.q: -1.4}, rtol=1e-10, samples=2)
+        assert abs(run[scene.guide.q][-1] - expected[fixed.guide.q][-1]) < 1e-8
+
+
 @pytest.mark.parametrize(
     "make",
     [

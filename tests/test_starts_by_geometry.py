@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -16,7 +17,9 @@ from acausal import errors
 from acausal.numerics.assembly import assemble
 from components import (
     Diode,
+    ParametricCurve,
     Particle,
+    PointOnCurve,
     Prismatic,
     Resistor,
     Revolute,
@@ -254,3 +257,41 @@ def test_a_start_that_is_no_number_is_refused(value):
     closed(scene, (scene.world.frame, scene.slide, scene.point.point))
     with pytest.raises(errors.StartValueError, match="not a number"):
         ac.build(scene).initial_state({scene.slide.q: value})
+
+
+def test_what_cannot_move_rests_whatever_is_wished_for():
+    """Not at a rounding error, from which a motion would go on."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.block = World(None), Prismatic("x"), RigidBody.box(1.0, (0.1, 0.1, 0.1), position=(0.3, 0, 0))
+    scene.top, scene.stone = Prismatic("y"), Particle(1.0, position=(0.3, 0, 0))
+    scene.stays = [Rod(float(np.hypot(x - 0.3, y))) for x, y in ((1.0, 0.4), (-0.7, 1.1))]
+    closed(
+        scene,
+        (scene.world.frame, scene.rail, scene.block.frame),
+        (scene.block.frame, scene.top, scene.stone.point),
+        (scene.world.at((1.0, 0.4, 0)), scene.stays[0], scene.block.frame),
+        (scene.world.at((-0.7, 1.1, 0)), scene.stays[1], scene.block.frame),
+    )
+    state = ac.build(scene).initial_state({scene.rail.v: ac.near(-0.524997), scene.top.v: ac.near(0.3)})
+    values = dict(zip(ac.build(scene).state_names, state.x, strict=True))
+    assert values["rail.v"] == 0.0 and values["top.v"] == 0.3
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-7, 3.0])
+def test_what_is_only_wished_for_never_keeps_loops_from_closing(length):
+    """A point of an arm on two crosses slides on a curve that moves away: from the wish no search finds back, from the sketch every one does."""
+    scene = ac.System()
+    scene.world = World(None)
+    scene.wire = PointOnCurve(ParametricCurve(lambda s: (length * ca.sin(s), 0.3 * length * ca.sin(2 * s), 0.2 * length * s * s)))
+    scene.ball, scene.first, scene.second = Spherical(), Universal("x", "y"), Universal("x", "z")
+    scene.upper, scene.lower = (RigidBody.rod(1.0, (0, 0, x * length), radius=0.05 * length) for x in (0.5, 0.4))
+    closed(
+        scene,
+        (scene.world.at((0, 0, -0.85 * length)), scene.first, scene.upper.frame),
+        (scene.upper.tip, scene.second, scene.lower.frame),
+        (scene.world.frame, scene.wire, scene.ball.frame_a),
+    )
+    scene.connect(scene.ball.frame_b, scene.lower.tip)
+    model = ac.build(scene)
+    wished = {scene.wire.q: ac.near(9.0), scene.first.q: ac.near([3.0, -2.0]), scene.second.q: ac.near([2.0, 2.5])}
+    assert np.isfinite(model.initial_state().x).all() and np.isfinite(model.initial_state(wished).x).all()

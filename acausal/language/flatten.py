@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, cast
 
 import casadi as ca
@@ -202,16 +203,14 @@ def _name_hidden_symbols(parts: list[Part], names: dict[Symbol, str]) -> None:
                     leaf.name = names[leaf]
 
 
-def leaves_inside(value: object) -> Iterator[Symbol]:
-    """Declared symbols in an expression, or in those inside lists, tuples and dataclasses."""
+def leaves_inside(value: object, within: tuple[object, ...] = ()) -> Iterator[Symbol]:
+    """Declared symbols in an expression, or in those inside lists, tuples and values such as sections, curves and surfaces."""
     if isinstance(value, Expression | ca.SX):
         yield from sorted(leaves(value), key=lambda leaf: leaf.name)
-    elif isinstance(value, list | tuple):
-        for entry in value:
-            yield from leaves_inside(entry)
-    elif is_dataclass(value) and not isinstance(value, type):
-        for field in fields(value):
-            yield from leaves_inside(getattr(value, field.name))
+    elif not isinstance(value, Component | Connector | type | ModuleType) and not any(value is outer for outer in within):
+        inner = value if isinstance(value, list | tuple) else getattr(value, "__dict__", {}).values()
+        for entry in list(cast(Iterable[object], inner)):
+            yield from leaves_inside(entry, (*within, value))
 
 
 def _check_member(connection: Connection, paths: dict[Connector, str]) -> None:

@@ -16,25 +16,26 @@ from acausal.numerics.assembly import Residual, assemble, brought_near
 from acausal.numerics.thresholds import EDGE
 
 _ATTEMPTS = 12
+_INSIDE, _INSIDE_STEPS = 0.5, 8
+"""Of a joint's domain, which is 1 well inside."""
 
 
-def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn: Callable[[], Residual]) -> np.ndarray:
+def close_loops(walk: Walk, guess: np.ndarray, drawn: Callable[[], Residual]) -> np.ndarray:
     """The configuration z of the group's coordinates nearest to the `guess` q with all its loops closed on the branch meant.
 
     `drawn`: makes the measure of how far one is from the sketch.
     Loops that are driven may close at another time only: the walk is then at that time.
     Raises `AssemblyError` with the smallest gap.
     """
-
-    meant = ca.Function("meant", [group.q, t], [ca.vertcat(group.domain, *_signs(group, t))])
+    group, t = walk.symbolic.group, walk.symbolic.t
 
     def is_meant(z: np.ndarray) -> bool:
-        return bool(np.all(np.array(meant(z * walk.unit, walk.time)) > EDGE))
+        return bool(np.all(walk.meant(z)[0] > EDGE))
 
     rng, time = np.random.default_rng(0), walk.time
     sketch = guess / walk.unit
     smallest, where = np.inf, sketch
-    for first in _beginnings(group, walk, sketch, rng):
+    for first in _beginnings(group, walk, _brought_inside(walk, sketch), sketch, rng):
         if not all(np.isfinite(part).all() for part in walk.at(first)):  # a wheel that lies flat, the tip of a cone: beside it
             continue
         found = assemble(walk.closing, first, sizes=walk.sizes)
@@ -65,12 +66,28 @@ def close_loops(group: LoopGroup, walk: Walk, t: ca.SX, guess: np.ndarray, drawn
     )
 
 
-def _beginnings(group: LoopGroup, walk: Walk, sketch: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
-    """The sketch, shifted to where it nearly closes, and about both, farther and farther away."""
+def _brought_inside(walk: Walk, sketch: np.ndarray) -> np.ndarray:
+    """The sketch, where joints that are outside of their domain are brought well inside, by Newton's method."""
+    z = sketch
+    for _ in range(_INSIDE_STEPS):
+        d, D = (part[: walk.symbolic.group.domain.numel()] for part in walk.meant(z))
+        outside = ~(d[:, 0] > EDGE)
+        if not outside.any() or not (np.isfinite(d).all() and np.isfinite(D).all()):
+            break
+        z = z + np.linalg.lstsq(D[outside], _INSIDE - d[outside, 0])[0]
+    return z
+
+
+def _beginnings(
+    group: LoopGroup, walk: Walk, inside: np.ndarray, sketch: np.ndarray, rng: np.random.Generator
+) -> Iterator[np.ndarray]:
+    """The sketch, with joints brought `inside` of their domain, shifted to where it nearly closes, and about these, farther and farther away."""
     yield sketch
-    near = sketch
+    near = inside
+    if near is not sketch:
+        yield near
     if not group.turning.all():
-        near = brought_near(walk.closing, sketch, group.turning, walk.sizes)
+        near = brought_near(walk.closing, near, group.turning, walk.sizes)
         yield near
     for attempt in range(1, _ATTEMPTS):
         yield (near if attempt % 2 else sketch) + rng.normal(scale=0.1 * 1.35**attempt, size=sketch.size)
@@ -85,13 +102,6 @@ def _without_slope(group: LoopGroup, parts: list[np.ndarray]) -> AssemblyError:
         "derivative of that, is no finite number where the search for an assembled position begins, nor near it. Begin elsewhere: give bodies a rough "
         "position=(x, y, z) or joints a start; in a closure of your own, avoid sqrt(0), division by zero and the like."
     )
-
-
-def _signs(group: LoopGroup, t: ca.SX) -> list[ca.SX]:
-    """Positive on the branches of closure that are meant; those that depend on parameters are left out."""
-    known = {s.element_hash() for s in (*ca.vertsplit(group.q), t)}
-    signs = [rows.sign for rows in group.loops if rows.sign is not None]
-    return [sign for sign in signs if {s.element_hash() for s in ca.symvar(sign)} <= known]
 
 
 def _nowhere(group: LoopGroup) -> AssemblyError:

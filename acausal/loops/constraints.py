@@ -125,6 +125,11 @@ class Constraints:
         """Whether motions may pass so closely by a singular position that rates lose digits there."""
         return not self.damped and any(part.narrow for part in self.examined)
 
+    @functools.cached_property
+    def places(self) -> tuple[int, ...]:
+        """Of the parameters on which a configuration with closed loops depends, where joints also are in their domains."""
+        return tuple(sorted({i for walk in self.symbolic.walks for i in walk.influences}))
+
     @property
     def slips(self) -> tuple[int, ...]:
         """Places in `velocity` of rows that are not rates of position rows: rolling without slip."""
@@ -208,20 +213,18 @@ def _closed(
     """A walk of a group, and the closed configuration z of it that is nearest to the sketch q (nq,)."""
     group, guess = asked.group, sketch[list(asked.group.q_places)]
     walk = Walk(asked, values, guess, time)
-    return walk, close_loops(
-        group, walk, system.tree.t, guess, functools.partial(distance_from_sketch, system, group, walk, sketch)
-    )
+    return walk, close_loops(walk, guess, functools.partial(distance_from_sketch, system, group, walk, sketch))
 
 
 def closed_sketch(system: MechanicalSystem, constraints: Constraints, values: np.ndarray) -> np.ndarray:
     """The `q_start` (nq,) that `constraints` would have, had the scene been built with these values of the parameters. Raises `AssemblyError`."""
     q = constraints.q_start.copy()
     sketch = sketch_configuration(system) if constraints.near is None else constraints.near
-    for part in constraints.examined:
-        if not np.array_equal(values[list(part.parameters)], part.values[list(part.parameters)]):
-            asked = next(walk for walk in constraints.symbolic.walks if walk.group is part.group)
+    for asked in constraints.symbolic.walks:
+        places = list(asked.influences)
+        if not np.array_equal(values[places], constraints.values[places]):
             walk, z = _closed(system, asked, values, sketch, constraints.time)
-            q[list(part.group.q_places)] = z * walk.unit
+            q[list(asked.group.q_places)] = z * walk.unit
     return q
 
 

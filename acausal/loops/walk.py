@@ -76,6 +76,28 @@ class WalkFunctions:
         bent = curvature(self.group.closing, self.group.q, places)
         return ca.Function("bends", [self.group.q, self.t, self.parameters], [ca.densify(bent)])
 
+    @functools.cached_property
+    def influences(self) -> tuple[int, ...]:
+        """Places of the parameters on which it depends where the group is closed."""
+        group = self.group
+        used = {s.element_hash() for s in ca.symvar(ca.vertcat(group.closing, group.velocity, group.domain))}
+        return tuple(i for i in range(self.parameters.numel()) if self.parameters[i].element_hash() in used)
+
+    @functools.cached_property
+    def meant(self) -> ca.Function:
+        """(q, t, p) -> what is positive on the branches that are meant: joints' domains, signs of hinges that close loops; and derivatives by q."""
+        group = self.group
+        known = {s.element_hash() for s in (*ca.vertsplit(group.q), self.t, *ca.vertsplit(self.parameters))}
+        signs = [rows.sign for rows in group.loops if rows.sign is not None]
+        signs = [sign for sign in signs if {s.element_hash() for s in ca.symvar(sign)} <= known]
+        meant = ca.densify(ca.vertcat(group.domain, *signs))
+        return ca.Function("meant", [group.q, self.t, self.parameters], [meant, ca.densify(ca.jacobian(meant, group.q))])
+
+    def domain_bends(self, places: np.ndarray) -> ca.Function:
+        """(q, t, p) -> second derivatives of the joints' domain by the coordinates at `places` (nq,)."""
+        bends = ca.densify(curvature(self.group.domain, self.group.q, places))
+        return ca.Function("domain_bends", [self.group.q, self.t, self.parameters], [bends])
+
 
 class Walk:
     """Assembled configurations z of a group of loops one after the other, for parameters of these `values`, at the time `time`.
@@ -105,7 +127,7 @@ class Walk:
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, time) for q in probes]
         c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
-        instead = np.maximum(bent, _lengths_of_rates(A, N, group.turning))
+        instead = np.maximum(np.maximum(bent, _lengths_of_rates(A, N, group.turning)), self._inside())
         terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
         self.unit = unknown_sizes(J, group.turning, terms, drawn, instead)
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
@@ -133,6 +155,19 @@ class Walk:
         slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
         own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
         return own, np.max(own[:, None] * used, axis=0, initial=0.0)
+
+    def _inside(self) -> np.ndarray:
+        """How far coordinates (nq,) go until what joints say of their domain, which is 1 well inside, is another; zero where nothing is said."""
+        group, at = self.symbolic.group, (self.guess, self.time, self._values)
+        straight = ~group.turning & (ca.DM(ca.jacobian(group.domain, group.q).sparsity(), 1).full() > 0).any(axis=0)
+        if not straight.any():
+            return np.zeros(self.guess.size)
+        slopes = np.array(self.symbolic.meant(*at)[1])[: group.domain.numel()]
+        steepest = np.max(np.abs(np.nan_to_num(slopes)), axis=0, initial=0.0)
+        found = np.divide(1.0, steepest, out=np.zeros(self.guess.size), where=straight & (steepest > 0))
+        bends = np.array(self.symbolic.domain_bends(straight)(*at))
+        found[straight] = np.where(steepest[straight] > 0, found[straight], bent_size(np.ones(len(bends)), bends))
+        return found
 
     def _rounding(self, q: np.ndarray) -> np.ndarray:
         return self._drawn + finite(self._noise.at(np.append(q, self.time)))
@@ -187,6 +222,11 @@ class Walk:
             (self._rows, np.ones(1)), (self._rows, self.unit), (self._velocity, self.rate), (self.unit, self.rate),
             (self._rows, np.ones(1)),
         ]  # fmt: skip
+
+    def meant(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is positive where the group is meant to be (k, 1), and its derivatives by z: joints' domains first."""
+        values, slopes = self.symbolic.meant(z * self.unit, self.time, self._values)
+        return np.array(values), np.array(slopes) * self.unit
 
     def bent(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """How the sum of the rows A, with these `weights` (m,), changes with z: (nv, nq)."""

@@ -159,9 +159,9 @@ class ReducedSystem:
     def q_start_at(self, values: np.ndarray) -> np.ndarray:
         """The same had the scene been built with these values of the parameters (np,): a start depends on what they are, not on what they were."""
         c = self.constraints
-        if c.unchanged(values):
+        key = values[list(c.places)].tobytes()
+        if key == c.values[list(c.places)].tobytes():
             return self.q_start
-        key = values[list(c.parameters)].tobytes()
         if key not in self._closed_sketches:
             if len(self._closed_sketches) >= _KEPT:
                 self._closed_sketches.clear()

@@ -57,6 +57,11 @@ class Block:
         """Rows that are to be small."""
         return Rows.of(self.unknowns.y, self.whole, self.soft) if self.wished else None
 
+    @property
+    def rotates(self) -> bool:
+        """Whether some unknowns are angular velocities, so that what is much for the others is known in 1/s, too."""
+        return self.unknowns.linear and bool(self.unknowns.turning.any())
+
     @functools.cached_property
     def curved(self) -> bool:
         """Whether some rows are not linear in y: among velocities, circuits may bring such."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +27,11 @@ _SIZED = 8
 """Times that curved rows are measured anew where a search came to."""
 
 
-def solve_block(block: Block, data: np.ndarray, first: np.ndarray, factors: np.ndarray, fastest: float) -> Found:
-    """y of the block nearest to `first`, with `factors` of the wishes; begins anew from up to 24 other places where nothing closes.
+def solve_block(
+    block: Block, data: np.ndarray, first: np.ndarray, closer: np.ndarray, factors: np.ndarray, fastest: float
+) -> Found:
+    """y of the block nearest to `first`, with `factors` of the wishes; begins anew where nothing closes from there: `closer`, where loops are
+    closed unless start values open them, and from up to 24 other places.
 
     `fastest`: rate of all blocks, beside which much smaller ones are rounding errors.
     """
@@ -37,17 +41,17 @@ def solve_block(block: Block, data: np.ndarray, first: np.ndarray, factors: np.n
     found, right = search.descend(search.beginning())
     spent, restarts = found.iterations, 0
     if not right:
-        found, right, more, restarts = search.begin_anew(found)
+        found, right, more, restarts = search.begin_anew(found, closer)
         spent += more
+    best = Found(found.y, search.begun, found.gap, found.part, right, spent, restarts)
     if right and spent and not block.unknowns.linear:
-        nearest = search.nearest(found, spent, restarts)
-        return replace(nearest, y=_without_noise(nearest.y, search.begun, sizes.unknowns))
-    return Found(found.y, search.begun, found.gap, found.part, right, spent, restarts)
+        best = search.nearest(found, spent, restarts)
+    return replace(best, y=_without_noise(best.y, search.begun, sizes.unknowns))
 
 
 def _without_noise(y: np.ndarray, begun: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Zeros where the search began at zero and only rounding led away: an integrator would follow such a number with all its digits."""
-    return np.where((begun == 0) & (np.abs(y) < _NOTHING * sizes), 0.0, y)
+    """Zeros where the search went elsewhere and rounding is all that is left: an integrator would follow such a number with all its digits."""
+    return np.where((begun != y) & (np.abs(y) < _NOTHING * sizes), 0.0, y)
 
 
 @dataclass(frozen=True)
@@ -130,12 +134,11 @@ class _Search:
             found, of = replace(on, iterations=found.iterations + on.iterations), there
         return replace(found, converged=False), False
 
-    def begin_anew(self, best: Assembled) -> tuple[Assembled, bool, int, int]:
+    def begin_anew(self, best: Assembled, closer: np.ndarray) -> tuple[Assembled, bool, int, int]:
         """What closes first, or else came nearest to that, and whether it closed; the steps it took, and beginnings."""
         rng, spent = np.random.default_rng(0), 0
-        if not (self.block.unknowns.linear or self.block.unknowns.turning.all()):
-            near = brought_near(self._hard, self.begun, self.block.unknowns.turning, self.sizes)
-            found, right = self.descend(near)
+        for begin in self._nearer(closer):
+            found, right = self.descend(begin, approach=begin is not closer)
             if right:
                 return found, True, found.iterations, 1
         for attempt in range(_ATTEMPTS):
@@ -150,6 +153,16 @@ class _Search:
             if found.part < best.part:
                 best = found
         return best, False, spent, _ATTEMPTS
+
+    def _nearer(self, closer: np.ndarray) -> Iterator[np.ndarray]:
+        """Other places that are likely to close: the sketch shifted, and without what is wished for."""
+        turning = self.block.unknowns.turning
+        if self.block.unknowns.linear:
+            return
+        if not turning.all():
+            yield brought_near(self._hard, self.begun, turning, self.sizes)
+        if not np.array_equal(closer, self.begun):
+            yield closer
 
     def nearest(self, found: Assembled, spent: int, restarts: int) -> Found:
         """The best of what was found and of its rivals."""

@@ -73,11 +73,15 @@ class Search:
         """Rows that hold whatever the start values are."""
         return sum(size for _, size in self.closing)
 
-    def first(self, data: np.ndarray) -> np.ndarray:
-        """Where the search begins: the guess, of positions that for the parameters in the data, with the start values of coordinates put in."""
+    def first(self, data: np.ndarray, wished: bool = True) -> np.ndarray:
+        """Where the search begins: the guess, of positions that for the parameters in the data, with the start values of coordinates put in,
+        also those `wished` for.
+        """
         first = (self.guess if self.drawn is None else self.drawn.closed(data)).copy()
+        exact = {k for target in self.exact for k in range(target.place.start, target.place.stop)}
         for i, k in self.plain:
-            first[i] = data[k]
+            if wished or k in exact:
+                first[i] = data[k]
         return first
 
     def solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
@@ -96,12 +100,13 @@ class Search:
         if self.whole is None or (self.said and self.is_meant(first, data)):
             return Found(first, first, 0.0, 0.0, True)
         factors = self.wish_factors(weights)
-        y = first.copy()
+        y, closer = first.copy(), self.first(data, wished=False)
         parts: list[Found] = []
         whole = np.concatenate([data, first])
-        rates = [block.sizes(whole, first, factors[block.wished])[0].rate for block in self.blocks if block.unknowns.linear]
+        rates = [block.sizes(whole, first, factors[block.wished])[0].rate for block in self.blocks if block.rotates]
         for block in self.blocks:
-            found = solve_block(block, data, first, factors[block.wished], max(rates, default=0.0))
+            fastest = max(rates) if block.rotates else 0.0
+            found = solve_block(block, data, first, closer[block.places], factors[block.wished], fastest)
             y[block.places] = found.y
             parts.append(found)
         worst = max(parts, key=lambda f: (not f.converged, f.part))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from components import Prismatic, RigidBody
 from tests.scenes import rotation
 from tests.similar import SCENES, Similar, Units
 from tests.similar_mechanisms import MORE
@@ -125,6 +126,22 @@ def test_scenes_of_different_size_in_one_system_move_as_each_alone(big: str, sma
         expected = alone.numbers(apart.simulate(end, alone.start, rtol=RTOL, samples=5, progress=False))
         assert np.max(np.abs(similar.numbers(run) - expected)) < 1e2 * similar.growth * RTOL
     assert model.degrees_of_freedom == freedoms
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "bennett_linkage", "planar_linkage"])
+def test_a_slide_beside_a_loop_decides_nothing_about_its_start_however_fast_it_is(name: str) -> None:
+    """By the same bits: a speed in a small unit of length is no large rate."""
+    found: list[np.ndarray] = []
+    for length in (1.0, 4.0**12):
+        loop, scene = SCENES[name](Units(length)), ac.System()
+        scene.loop, scene.rail, scene.block = loop.scene, Prismatic("x"), RigidBody(1.0, (1.0, 1.0, 1.0))
+        scene.connect(loop.scene.world.frame, scene.rail.frame_a)
+        scene.connect(scene.rail.frame_b, scene.block.frame)
+        wishes = {key: ac.near(value) for key, value in loop.start.items() if not isinstance(value, ac.near)}
+        model = ac.build(scene)
+        states = zip(model.state_names, model.initial_state({**wishes, scene.rail.v: ac.near(0.7 * length)}).x, strict=True)
+        found.append(np.array([np.frexp(value)[0] for state, value in states if not state.startswith("rail")]))
+    assert np.array_equal(*found)
 
 
 TURNED, FAR = (rotation(7), np.array([3.0, -2.0, 1.0])), (np.eye(3), 1e6 * np.array([1.0, 0.2, -0.3]))
