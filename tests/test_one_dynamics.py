@@ -56,7 +56,10 @@ def test_a_chart_answers_as_the_whole_does(make, tmp_path):
     )
     for other in (pickle.loads(pickle.dumps(minimal)), pickle.loads(pickle.dumps(f))):
         assert np.array_equal(np.array(other.explicit_dynamics(0, y, [], p)).ravel(), y_dot)
-    ac.load_c(minimal.export_c(tmp_path))
+    folder = minimal.export_c(tmp_path)
+    if make not in (DoublePendulum, FourBar):  # derivatives of larger scenes take five times as long to compile, and say no more
+        (folder / "derivatives.c").unlink()
+    assert np.allclose(np.array(ac.load_c(folder)["explicit_dynamics"](0, y, [], p)).ravel(), y_dot, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("make", [DoublePendulum, FourBar])

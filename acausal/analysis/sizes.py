@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
+from acausal.dynamics.slopes import slopes_of_places
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.coordinates import coordinates, reach, turning_states
 
@@ -89,11 +90,13 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
         return np.zeros(0)
     q = at.x[: s.mechanics.tree.q.numel()]
     found = coordinates(s.mechanics, s.p, at.p, q, s.scalar.position)
-    length = reach(s.mechanics, s.p, at.p, q, found.all)
+    length, size = reach(s.mechanics, s.p, at.p, q, found.all), np.ones(nq)
     if not 0 < length < np.inf:
         stiffness = J[nq:last, :nq]
         length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
-    return np.where(turning_states(s)[0], 1.0, length if 0 < length < np.inf else 1.0)
+    else:
+        size[: q.size] /= slopes_of_places(s.mechanics.tree, s.p, q, at.p, at.t)
+    return np.where(turning_states(s)[0], 1.0, size * (length if 0 < length < np.inf else 1.0))
 
 
 def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.dynamics.forward_dynamics import massless, own_inertia
+from acausal.dynamics.slopes import slopes_of_places
 from acausal.dynamics.tree import Tree
 from acausal.numerics.sizes import positive, power_of_four
 from acausal.numerics.thresholds import RANK
@@ -110,7 +111,7 @@ class TreeInertia:
         tree, q = self.tree, self.q
         if len(tree.links) > _MOST_LINKS:
             return ()
-        rng, much = np.random.default_rng(6), _much(tree, self._near, q, values)
+        rng, much = np.random.default_rng(6), _much(tree, self.parameters, self._near, q, values)
         places = [q + 0.3 * much * rng.uniform(-1, 1, q.size) for _ in range(2)]
         for place, amplitudes in ((place, part) for place in places for part in _elastic(tree)):
             place[amplitudes] = 0.0
@@ -148,7 +149,7 @@ def _lengths(tree: Tree, parameters: ca.SX) -> ca.Function:
     return ca.Function("near", [tree.q, tree.t, parameters], [ca.vertcat(ca.SX(0, 1), *near), ca.vertcat(ca.SX(0, 1), *wide)])
 
 
-def _much(tree: Tree, lengths: ca.Function, q: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _much(tree: Tree, parameters: ca.SX, lengths: ca.Function, q: np.ndarray, values: np.ndarray) -> np.ndarray:
     """What is much for each entry of q (nq,): 1 for turns, else a length near the joint; 1 where there is none in the whole tree."""
     turns, much = tree.turning[0], np.ones(q.size)
     if turns.all():
@@ -162,7 +163,7 @@ def _much(tree: Tree, lengths: ca.Function, q: np.ndarray, values: np.ndarray) -
     around = positive(np.where(around > 0, around, np.max(own, initial=0.0)))
     for joint in tree.joints:
         much[joint.q] = np.where(turns[joint.q], 1.0, around[joint.link])
-    return much
+    return much / slopes_of_places(tree, parameters, q, values)
 
 
 def _is_thin(inertia: Inertia) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from acausal.dynamics.slopes import slopes_of_places
 from acausal.dynamics.system import MechanicalSystem
 from acausal.parts.joint_coordinates import Coordinate, joint_coordinates
 from acausal.parts.pose import symbolic
@@ -68,9 +69,10 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
         for c in joint_coordinates(f"{item.edge.name}.q", item.edge.joint, item.q.start):
             found.append(replace(c, periodic=c.periodic and tree.q[c.place.start].element_hash() not in counted))
     all = tuple(found)
+    slopes = slopes_of_places(tree, p, q, values)
     size = reach(system, p, values, q, all)
     length = size if 0 < size < np.inf else 1.0
-    return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, length))
+    return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, length / slopes))
 
 
 def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
@@ -82,10 +84,10 @@ def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
 
 def reach(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.ndarray, all: tuple[Coordinate, ...]) -> float:
     """The greatest offset of any link or coordinate at q [m]; 0 where there is none."""
-    tree = system.tree
+    tree, slopes = system.tree, slopes_of_places(system.tree, p, q, values)
     offsets = [ca.norm_2(symbolic(link.offset.position)) for link in tree.links]
     offsets += [ca.norm_2(symbolic(pose.position)) for _, pose in tree.places]
     offsets += [ca.norm_2(symbolic(x.position)) for e in system.mechanism.cuts for x in (e.pose_a, e.pose_b)]
     size = ca.Function("size", [tree.q, tree.t, p], [ca.vertcat(ca.SX(0, 1), *offsets)])
-    lengths = [float(abs(q[c.place.start])) for c in all if not c.turns]
+    lengths = [float(abs(q[i]) * slopes[i]) for i in (c.place.start for c in all if not c.turns)]
     return float(np.max(np.array(size(q, 0.0, values)), initial=max(lengths, default=0.0)))
