@@ -23,6 +23,7 @@ from components import Prismatic, Revolute, RigidBody, Spring, World
 from examples.bicycle import Bicycle
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage, chain
 from tests.test_minimal import geared_motor, vehicle
+from tests.test_one_dynamics import GearedArms
 from tests.test_sensitivity import AdjustableFourBar, Oscillator
 
 SCENES: tuple[Callable[[], ac.System], ...] = (
@@ -193,10 +194,45 @@ def test_other_processes_are_asked_by_name_and_answer_with_all_they_have():
     assert np.array_equal(*forces)
 
 
-@pytest.mark.parametrize("question", ["run", "minimal", "forces"])
-def test_answers_are_pickled(question):
-    found = _ask(ac.build(DoublePendulum()), question)
-    assert str(pickle.loads(pickle.dumps(found))) == str(found)
+ANSWERS: dict[str, Callable[[ac.Model], Any]] = {
+    "run": lambda m: m.simulate(0.1, START, samples=3, events=[ac.when(ac.time - 0.05)]),
+    "minimal": lambda m: m.minimal(START),
+    "charts": lambda m: m.minimal(START).simulate(0.1, samples=3),
+    "sensitivities": lambda m: m.sensitivities([0.0, 0.1], ["mass"], START)["pivot.q"],
+    "start": lambda m: m.initial_state(START),
+    "linearization": lambda m: m.linearize(START),
+    "equilibrium": lambda m: m.equilibrium(START),
+    "forces": lambda m: m.inverse_dynamics([0.0, 0.1], {"hinge.q": 0.4}, ["push"], START),
+    "joint forces": lambda m: m.inverse_dynamics([0.0, 0.1], {"hinge.q": 0.4}, ["hinge"], START),
+    "branches": lambda m: m.branches(START, searches=5),
+    "step": lambda m: m.step(),
+    "assembly": lambda m: m.assembly_function(None, "hinge.q", START),
+    "constraints": lambda m: m.constraints(),
+    "decisions": lambda m: m.decisions,
+    "equations": lambda m: m.equations(),
+    "report": lambda m: m.report(),
+}
+START = {"hinge.q": 0.4}
+
+
+@pytest.mark.parametrize("question", ANSWERS)
+def test_answers_are_pickled_and_copied(question):
+    found = ANSWERS[question](ac.build(GearedArms()))
+    for other in (pickle.loads(pickle.dumps(found)), copy.deepcopy(found)):
+        assert str(other) == str(found)
+
+
+def test_motions_with_functions_that_cannot_be_pickled_are_read_elsewhere():
+    bias, model = 0.1, ac.build(GearedArms())
+    run, charts = (
+        m.simulate(1.0, START, inputs={"push": lambda t: np.sin(7 * t) + bias}, samples=9) for m in (model, model.minimal(START))
+    )
+    for one in (run, charts):
+        other = pickle.loads(pickle.dumps(one))
+        for name in ("push", "pivot.v", "motor.flange.tau"):
+            assert np.array_equal(other[name], one[name])
+            np.testing.assert_allclose(other.at(0.123)[name], one.at(0.123)[name], rtol=1e-10)
+        assert other.energy_error() == pytest.approx(one.energy_error(), abs=1e-9)
 
 
 def test_failures_are_pickled_with_what_was_computed():

@@ -222,6 +222,19 @@ def test_events_are_found_and_stop_in_whatever_chart_they_lie():
     np.testing.assert_allclose(again.at(0.7).x, motion.at(0.7).x, rtol=1e-12, atol=1e-12)
 
 
+def test_an_interrupt_keeps_the_motion_through_charts():
+    scene = slider_crank()
+    model = ac.build(scene)
+
+    def stop(_: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        model.minimal({scene.a.q: 0.5, scene.a.v: 15.0}, prefer=[scene.slide.q]).simulate(1e5, progress=stop)
+    run = caught.value.run  # type: ignore[attr-defined]
+    assert len(run.charts) > 1 and 0 < run.t[-1] < 1e5 and np.isfinite(run[scene.slide.q]).all()
+
+
 def test_an_old_motion_of_charts_answers_with_a_warning():
     motion = ac.build(DoublePendulum()).minimal().simulate(0.1, samples=2, compiled=False)
     with pytest.warns(DeprecationWarning, match="the motion itself"):

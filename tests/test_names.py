@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.errors import UnknownVariableError
 from components import Spherical, TorqueSource
 from tests.scenes import FourBar, Pendulum, chain
 
@@ -39,25 +43,85 @@ def test_states_are_read_and_set_by_their_names(make):
         assert np.array_equal(run[name], row)
 
 
-def test_names_give_the_bits_of_what_they_name():
+def given(scene: Driven) -> dict[str, Any]:
+    """What is asked by symbols, by what it is called."""
+    q, tip = scene.hinge.q, scene.rod.tip.position
+    return {
+        "start": {q: 0.4}, "parameters": {scene.mass: 2.0}, "inputs": {scene.push: 0.3}, "wrt": [scene.mass, q], "by": [q], "states": [q, scene.hinge.v],
+        "outputs": [tip], "free": [scene.push], "steady": [q], "prefer": [q], "motions": {q: 0.1 * ac.time + 0.4}, "unknowns": [scene.push],
+        "variables": [q], "events": [ac.when(scene.hinge.v)],
+    }  # fmt: skip
+
+
+END, TIMES = 1.0, [0.0, 1.0]
+METHODS: dict[str, tuple[dict[str, Any], Callable[[Any], Any]]] = {
+    "initial_state": ({}, lambda found: found.x),
+    "simulate": ({"end": END}, lambda run: [*run["hinge.q"], *(event.time for event in run.events)]),
+    "sensitivities": ({"times": TIMES}, lambda found: found["rod.tip.position"]),
+    "trajectory_function": ({"times": TIMES}, lambda f: np.array(f([2.0, 0.4]))),
+    "linearize": ({}, lambda found: [*found.A.ravel(), *found.C.ravel()]),
+    "equilibrium": ({}, lambda found: [*found.x, found["push"]]),
+    "inverse_dynamics": ({"times": TIMES}, lambda found: found.force("push")),
+    "inverse_dynamics_function": ({}, lambda f: np.array(f(0, [0.4, 0.1], 1.0, 0, 2.0))),
+    "minimal": ({}, lambda found: found.start),
+    "branches": ({"searches": 5}, lambda found: np.concatenate([state.x for state in found])),
+    "assembly_function": ({}, lambda f: np.array(f([2.0, 0.3]))),
+    "export_simulator": ({}, lambda folder: list((folder / "model.json").read_bytes())),
+}
+"""With what else they are asked, and how an answer is read."""
+
+
+def questions() -> Iterator[tuple[str, str]]:
+    """All methods with all their arguments that mean something of the scene."""
+    known = given(Driven())
+    for name, method in inspect.getmembers(ac.Model, inspect.isfunction):
+        yield from ((name, argument) for argument in inspect.signature(method).parameters if argument in known and name[0] != "_")
+
+
+@pytest.mark.parametrize(("method", "argument"), list(questions()))
+def test_names_give_the_bits_of_what_they_name(method, argument, tmp_path):
     scene = Driven()
-    model = ac.build(scene)
+    model, more = ac.build(scene), METHODS[method][0]
+    taken = inspect.signature(getattr(model, method)).parameters
+    by_symbol = {key: value for key, value in given(scene).items() if key in taken}
+    if method in ("trajectory_function", "assembly_function"):
+        by_symbol["outputs"] = scene.rod.tip.position
+    if method == "export_simulator":
+        by_symbol["outputs"] = {"tip": scene.rod.tip.position}
+    by_name = by_symbol | {argument: named(model, by_symbol[argument])}
+    answers: list[np.ndarray] = []
+    for k, asked in enumerate((by_symbol, by_name)):
+        folder = {"folder": tmp_path / str(k)} if "folder" in taken else {}
+        answers.append(np.array(METHODS[method][1](getattr(model, method)(**asked, **more, **folder))))
+    assert answers[0].size and np.array_equal(*answers)
 
-    def answers(q, mass, push, tip):
-        given = {"start": {q: 0.4}, "parameters": {mass: 2.0}, "inputs": {push: 0.3}}
-        yield model.simulate(1.0, **given)[tip]
-        yield model.sensitivities([0.0, 1.0], [mass, push, q], **given)[tip]
-        yield np.array(model.trajectory_function([0.0, 1.0], tip, [mass, q], **given)([2.0, 0.4]))
-        yield model.linearize(**given, states=[q, "hinge.v"], outputs=[tip]).C
-        yield model.equilibrium({q: 0.1}, free=[push], parameters={mass: 3.0}, steady=[q]).x
-        yield np.array(model.assembly_function(tip, q, {q: 0.1})(0.2))
-        yield model.minimal(prefer=[q], **given).start
-        yield model.inverse_dynamics([0.0, 1.0], {q: 0.1 * ac.time}, [push], parameters={mass: 2.0}).force(push)
 
-    by_symbol = answers(scene.hinge.q, scene.mass, scene.push, scene.rod.tip.position)
-    by_name = answers("hinge.q", "mass", "push", "rod.tip.position")
-    for a, b in zip(by_symbol, by_name, strict=True):
-        assert a.size and np.array_equal(a, b)
+def named(model: ac.Model, value: Any) -> Any:
+    """Names in place of symbols."""
+    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
+        return {key: named(model, one) for key, one in value.items()}
+    if isinstance(value, dict):
+        return {named(model, key): one for key, one in value.items()}
+    if isinstance(value, list):
+        return [named(model, one) for one in value]
+    if isinstance(value, ac.when):
+        return ac.when("hinge.v")
+    return model.system.flat.names.get(value, "rod.tip.position")
+
+
+def test_answers_are_read_by_names():
+    scene = Driven()
+    model, start = ac.build(scene), {"hinge.q": 0.4}
+    tip = scene.rod.tip.position
+    placed = model.functions.frame_kinematics("rod.tip"), model.functions.frame_kinematics(scene.rod.tip)
+    assert np.array_equal(*(np.array(f(0, [0.3, 0], 0, 1)[0]) for f in placed))
+    with pytest.raises(UnknownVariableError, match=r"Did you mean 'rod\.tip'"):
+        model.functions.frame_kinematics("rod.tp")
+    for answer in (
+        model.simulate(0.1, start, samples=3), model.minimal(start).simulate(0.1, samples=3), model.equilibrium(start),
+        model.sensitivities(TIMES, ["mass"], start), model.inverse_dynamics(TIMES, {"hinge.q": 0.1}, ["push"]),
+    ):  # fmt: skip
+        assert np.array_equal(answer["rod.tip.position"], answer[tip])
 
 
 def test_joints_are_unknowns_by_their_paths():

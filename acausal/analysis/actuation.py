@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -34,6 +35,11 @@ class Actuation:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return actuated, (self.whole, list(self.places))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Actuation:
+        """Itself, unless the scene is copied along with it."""
+        whole = copy.deepcopy(self.whole, memo)
+        return self if whole is self.whole else actuated(whole, copy.deepcopy(list(self.places), memo))
 
     @property
     def entries(self) -> list[int]:

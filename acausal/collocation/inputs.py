@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -29,11 +30,29 @@ Course = float | PiecewisePolynomial | Formula | Callable[[float], float]
 """What an input is: a number, a table or a formula, which the runtime knows, or a function of one number."""
 
 
+@dataclass(frozen=True)
+class Copied:
+    """A function of time as what it was in the steps of a motion: for copies and files, which cannot have the function."""
+
+    values: Callable[[np.ndarray], np.ndarray]
+
+    def __call__(self, t: float) -> float:
+        return float(self.values(np.array([t]))[0, 0])
+
+
 @dataclass(frozen=True, eq=False)
 class Inputs:
     """times (n,) -> inputs (nu, n)."""
 
     courses: tuple[Course, ...]
+
+    def copied(self, through: Callable[[Callable[[np.ndarray], np.ndarray]], Callable[[np.ndarray], np.ndarray]]) -> Inputs:
+        """The same for files, with what goes `through` the values of a function in place of one that cannot be pickled."""
+        lost = {i: f for i, f in self.functions if not _can_be_pickled(f)}
+        if not lost:
+            return self
+        made = {i: Copied(through(lambda t, f=f: np.array([[f(float(one)) for one in t]]))) for i, f in lost.items()}
+        return Inputs(tuple(made.get(i, course) for i, course in enumerate(self.courses)))
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         result = np.empty((len(self.courses), times.size))
@@ -80,3 +99,11 @@ class Inputs:
         """(t) -> all formulas."""
         t = ca.SX.sym("t")
         return ca.Function("formula", [t], [ca.vertcat(*(course.function(t) for _, course in self.formulas))], {"cse": True})
+
+
+def _can_be_pickled(function: Callable[[float], float]) -> bool:
+    try:
+        pickle.dumps(function)
+    except Exception:  # of any kind: whoever wrote the function has his own
+        return False
+    return True

@@ -214,6 +214,11 @@ class Solution:
     located: bool = False
     kept: Kept | None = None
 
+    @property
+    def known(self) -> np.ndarray:
+        """(n - 1,): from which times to the next ones there is a polynomial."""
+        return np.ones(self.t.size - 1, dtype=bool) if self.kept is None else self.kept.known
+
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: the integrator's memory stays behind, polynomials through its dense output take its place."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -239,15 +244,18 @@ class Interpolant:
     @staticmethod
     def of(solution: Solution) -> Interpolant:
         """Of a solution, as accurate as its dense output."""
-        t, nx = solution.t, solution.x.shape[0]
         if isinstance(solution.dense, Interpolant):
             return solution.dense
+        return Interpolant.through(solution.dense, solution.t, solution.known)
+
+    @staticmethod
+    def through(function: Callable[[np.ndarray], np.ndarray], t: np.ndarray, known: np.ndarray) -> Interpolant:
+        """Of a function, times (m,) -> values (nx, m), that is smooth between times t; only where it is `known`."""
         if t.size < 2:
-            return Interpolant(t, solution.x.T[None, :, :], np.zeros(1, dtype=int))
-        known = np.ones(t.size - 1, dtype=bool) if solution.kept is None else solution.kept.known
+            return Interpolant(t, function(t).T[None, :, :], np.zeros(1, dtype=int))
         begin, end = t[:-1, None][known], t[1:, None][known]
         times = np.minimum(begin + (end - begin) * _NODES, end)
-        values = solution.dense(times.ravel()).T.reshape(-1, _NODES.size, nx)
+        values = function(times.ravel()).T.reshape(times.shape[0], _NODES.size, -1)
         return Interpolant(t, values, np.where(known, np.cumsum(known) - 1, -1))
 
     def __call__(self, times: np.ndarray) -> np.ndarray:

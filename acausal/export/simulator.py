@@ -7,6 +7,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,10 +75,12 @@ def export_simulator(
     of time. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
-    target = Path(folder)
+    target, named_by = Path(folder), model.outputs.system.flat.symbols
+    outputs = {key: named_by(value) for key, value in (outputs or {}).items()}
+    events = [replace(event, expression=named_by(event.expression)) for event in events]
     _check_inputs(model, inputs)
     start = start_functions(model, initial)
-    kinds = _kinds(model, initial, start, outputs or {}, events, inputs)
+    kinds = _kinds(model, initial, start, outputs, events, inputs)
     title = model.outputs.system.flat.name
     heading = f"{title}: simulation in C"
 
@@ -94,7 +97,7 @@ def export_simulator(
 
     texts = {named(file): named(text) for file, text in templates.items()}
     texts |= {
-        "model.c": model_c(model, title, kinds, start, outputs or {}, events, inputs),
+        "model.c": model_c(model, title, kinds, start, outputs, events, inputs),
         "assembly.h": start_c(start, f"{name}_hidden_"),
         "methods.h": methods_c(),
         "model.json": json.dumps(_facts(title, kinds), indent=2),
@@ -167,6 +170,7 @@ def _kinds(
                 f"export_simulator: {event.expression!r} in `events` is not a scalar; give one event for each entry."
             )
     flat = model.outputs.system.flat
+    watched = flat.symbols([event.expression for event in events])
     constants = model.space.elimination.constants.numel()
     entries = {key: model.outputs.resolve(value).numel() for key, value in outputs.items()}
     shown = [(key + (f"[{k}]" if n > 1 else ""), expression_unit(outputs[key])) for key, n in entries.items() for k in range(n)]
@@ -185,8 +189,8 @@ def _kinds(
         Kind("output", tuple(n for n, _ in shown), tuple(u for _, u in shown), (float("nan"),) * len(shown)),
         Kind(
             "event",
-            tuple(expression_name(model.outputs, e.expression) for e in events),
-            tuple(expression_unit(e.expression) for e in events),
+            tuple(expression_name(model.outputs, e) for e in watched),
+            tuple(expression_unit(e) for e in watched),
             (float("nan"),) * len(events),
         ),
     ]

@@ -93,10 +93,14 @@ class FlatSystem:
             return {self.symbols(key): value for key, value in cast(Mapping[Any, Any], given).items()}
         return given
 
+    def connector(self, path: str) -> Connector | None:
+        """With this path; None where there is none."""
+        return next((connector for connector, own in self.connector_paths.items() if own == path), None)
+
     def _quantity(self, name: str) -> Expression | None:
         """`path.of.connector.quantity`."""
         path, _, last = name.rpartition(".")
-        connector = next((connector for connector, own in self.connector_paths.items() if own == path), None)
+        connector = self.connector(path)
         found = getattr(connector, last, None) if connector is not None and last.isidentifier() else None
         return found if isinstance(found, Expression) else None
 

@@ -13,7 +13,7 @@ import numpy as np
 from acausal.collocation.problem import Exact
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.dynamics.tree import JointSymbols
-from acausal.errors import ExportError
+from acausal.errors import ExportError, UnknownVariableError
 from acausal.language.component import energy_unknown
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Symbol
@@ -29,6 +29,7 @@ from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace
 from acausal.runtime.integrand import Integrand
 from acausal.runtime.series import Series
+from acausal.wording import nearest
 
 if TYPE_CHECKING:
     from acausal.runtime.kernels import How
@@ -383,8 +384,20 @@ class Functions:
         """(t, x, u, p) -> the values of any expressions of the scene's variables. Raises `UnknownVariableError`."""
         return self._function(name, [self.outputs.resolve(e) for e in expressions], [f"y{i}" for i in range(len(expressions))])
 
-    def frame_kinematics(self, connector: Point) -> ca.Function:
-        """(t, x, u, p) -> position (3), velocity (3), and for a frame rotation (3, 3) and angular velocity (3), all in the world frame."""
+    def frame_kinematics(self, connector: Point | str) -> ca.Function:
+        """(t, x, u, p) -> position (3), velocity (3), and for a frame rotation (3, 3) and angular velocity (3), all in the world frame.
+
+        `connector`: itself or its path, "rod.tip". Raises `UnknownVariableError`.
+        """
+        if isinstance(connector, str):
+            flat, path = self.outputs.system.flat, connector
+            found = flat.connector(path)
+            if not isinstance(found, Point):
+                places = [own for c, own in flat.connector_paths.items() if isinstance(c, Point)]
+                raise UnknownVariableError(
+                    f"There is no frame or point '{path}' in the scene '{flat.name}'.{nearest(path, places)}"
+                )
+            connector = found
         wanted: list[Expression] = [connector.position, connector.velocity]
         names = ["position", "velocity"]
         if isinstance(connector, Frame):

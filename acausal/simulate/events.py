@@ -16,20 +16,23 @@ _DIRECTIONS = {"both": 0, "rising": 1, "falling": -1}
 
 @dataclass(frozen=True, eq=False)
 class when:
-    """A zero of `expression` that is looked for along a motion, e.g. `ac.when(scene.ball.position[2] - 0.1, "falling", stop=True)`.
+    """A zero of `expression`, or of what has that name, that is looked for along a motion, e.g. `ac.when(scene.ball.position[2] - 0.1,
+    "falling", stop=True)`.
 
     `direction`: "rising", "falling" or "both". `stop`: whether the motion ends there. An expression that is zero at the start counts
     if it then leaves zero in the direction asked for; "both" takes a start at zero for no event. Where zero is touched but not
     crossed, it counts for any direction. Raises `OptionError` for another direction.
     """
 
-    expression: Expression
+    expression: Expression | str
     direction: str = "both"
     stop: bool = False
 
     def __post_init__(self) -> None:
         if self.direction not in _DIRECTIONS:
             raise OptionError(f'when: the direction is "rising", "falling" or "both", not {self.direction!r}.')
+        if isinstance(self.expression, str):
+            return
         if not isinstance(self.expression, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
             raise OptionError(f"when: {self.expression!r} is not an expression of a scene's variables.")
         if self.expression.sx.is_scalar() and self.expression.sx.op() in _CONDITIONS:

@@ -15,7 +15,7 @@ from acausal.arguments import ascending, listed, truth, whole_number
 from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Solution, StatusKind
 from acausal.errors import OptionError, SimulationError, SingularWarning
 from acausal.integrators.integrate import integrate
-from acausal.language.expression import Input
+from acausal.language.expression import Expression, Input
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
@@ -186,12 +186,12 @@ def guards_of(functions: Functions, events: Sequence[when]) -> Guards | None:
     """What is to be watched; None without events. Raises `OptionError`, `UnknownVariableError`."""
     if not events:
         return None
-    key = tuple(event.expression for event in events)
+    key: tuple[Expression, ...] = tuple(functions.outputs.system.flat.symbols([event.expression for event in events]))
     function = functions.guard_functions.get(key)
     if function is None:
-        for event in events:
-            if functions.outputs.resolve(event.expression).numel() != 1:
-                raise OptionError(f"when: {event.expression!r} is not a scalar; give one event for each entry.")
+        for expression in key:
+            if functions.outputs.resolve(expression).numel() != 1:
+                raise OptionError(f"when: {expression!r} is not a scalar; give one event for each entry.")
         if len(functions.guard_functions) >= 64:
             functions.guard_functions.clear()
         function = functions.guard_functions[key] = functions.output(

@@ -6,7 +6,7 @@ import copy
 import functools
 import html
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.charts.chart import Chart
-from acausal.collocation.problem import Problem, Solution, Statistics, Status, together
+from acausal.collocation.inputs import Inputs
+from acausal.collocation.problem import Interpolant, Problem, Solution, Statistics, Status, together
 from acausal.errors import OptionError
 from acausal.language.component import System
 from acausal.language.expression import Expression
@@ -55,8 +56,18 @@ class Trajectory:
     watched: tuple[when, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """With the states at `t` as they are: elsewhere the same bits are read, whatever would be interpolated or compiled there."""
-        return _read, (self.functions, self.problem, self.pieces, self.initial, self.t, self.watched, self.x)
+        """With states and inputs at `t` as they are: elsewhere the same bits are read, whatever would be interpolated or compiled there."""
+        t, known = self.steps.t, np.concatenate([piece.solution.known for piece in self.pieces])
+
+        def through(function: Callable[[np.ndarray], np.ndarray]) -> Interpolant:
+            return Interpolant.through(function, t, known)
+
+        def copied(problem: Problem) -> Problem:
+            inputs = problem.inputs
+            return replace(problem, inputs=inputs.copied(through)) if isinstance(inputs, Inputs) else problem
+
+        pieces = tuple(replace(piece, problem=copied(piece.problem)) for piece in self.pieces)
+        return _read, (self.functions, copied(self.problem), pieces, self.initial, self.t, self.watched, self.x, self.u)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Trajectory:
         """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
@@ -295,7 +306,8 @@ def _read(
     t: np.ndarray,
     watched: tuple[when, ...],
     x: np.ndarray,
+    u: np.ndarray,
 ) -> Trajectory:
     run = Trajectory(functions, problem, pieces, initial, t, watched)
-    run.__dict__["x"] = x
+    run.__dict__.update(x=x, u=u)
     return run
