@@ -11,7 +11,18 @@ import acausal as ac
 from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.integrators.integrate import integrate
 from acausal.runtime.pattern import jacobian_pattern
-from components import Prismatic, Revolute, RigidBody, TranslationalDamper, TranslationalGround, TranslationalSpring, World
+from components import (
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    RotationalSpring,
+    TranslationalDamper,
+    TranslationalGround,
+    TranslationalSpring,
+    World,
+)  # fmt: skip
 
 
 def linear(J: np.ndarray) -> Problem:
@@ -123,3 +134,39 @@ def test_a_fast_oscillation_without_damping_stays_with_gauss():
     run = model.simulate(0.5, start, rtol=1e-6)
     assert "radau" not in run.statistics.method
     assert run.energy_error() < 1e-5
+
+
+class StiffElbow(ac.System):
+    """A double pendulum whose elbow a spring [N m/rad] and a damper [N m s/rad] hold straight."""
+
+    def __init__(self, stiffness: float, damping: float) -> None:
+        self.world, self.shoulder, self.elbow = World((0, 0, -9.81)), Revolute("y"), Revolute("y")
+        self.upper, self.lower = RigidBody.rod(1.0, (0, 0, -0.7)), RigidBody.rod(2.0, (0, 0, -0.4))
+        self.spring, self.damper, self.ground = RotationalSpring(stiffness), RotationalDamper(damping), RotationalGround()
+        self.connect(self.world.frame, self.shoulder.frame_a)
+        self.connect(self.shoulder.frame_b, self.upper.frame)
+        self.connect(self.upper.tip, self.elbow.frame_a)
+        self.connect(self.elbow.frame_b, self.lower.frame)
+        self.connect(self.ground.flange, self.spring.flange_a, self.damper.flange_a)
+        self.connect(self.spring.flange_b, self.damper.flange_b, self.elbow.flange)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e2, 3e4, 3e6])
+@pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10])
+def test_a_start_at_rest_in_what_is_stiff_is_no_rounding(stiffness: float, damping: float) -> None:
+    """The first steps are far too long for fixed-point iteration, whose divergence must not be taken for rounding: the pendulum is that of one rigid rod."""
+    scene = ac.System()
+    scene.world, scene.hinge = World((0, 0, -9.81)), Revolute("y")
+    scene.upper, scene.lower = RigidBody.rod(1.0, (0, 0, -0.7)), RigidBody.rod(2.0, (0, 0, -0.4))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.upper.frame)
+    scene.connect(scene.upper.tip, scene.lower.frame)
+    exact = ac.build(scene).simulate(2.0, {scene.hinge.q: 1.0}, rtol=1e-12)[scene.hinge.q][-1]
+    elbow = StiffElbow(stiffness, damping)
+    model = ac.build(elbow)
+    for rtol in (1e-5, 1e-7, 1e-10):
+        end = 2.0 if damping else 0.02
+        run = model.simulate(end, {elbow.shoulder.q: 1.0}, rtol=rtol)
+        if damping:
+            assert run[elbow.shoulder.q][-1] == pytest.approx(exact, abs=100 / stiffness + 100 * rtol)
+        assert run.energy_error() < 1e3 * rtol

@@ -408,6 +408,7 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
     int done = T->newton_now ? newton(I, S, h, I->x, &J) : fixed_point(I, S, h, I->x, &J);
     *contraction = J.contraction;
     T->change = J.change;
+    T->grown = J.change / J.least;
     T->straight = S->around;
     return done;
 }
@@ -441,10 +442,13 @@ static double step_error(Integrator *I, Stages *S, double h) {
     return left;
 }
 
-/* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. */
+#define ESCAPED 16 /* changes that grow by more are no rounding */
+
+/* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. Where it
+   diverges, states are so large in the end that rounding would forgive whatever they are. */
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
-    if (S->around || T->noisy || !(T->change < INFINITY)) return 0;
+    if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED) return 0;
     sample_noise(I, S);
     double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;

@@ -27,13 +27,13 @@ typedef struct {
 typedef struct {
     double tolerance, floor;
     int limit, count;
-    double contraction, change, best;
+    double contraction, change, best, least; /* least: of all changes */
 } Judge;
 
 enum Verdict { GO_ON, DONE, HOPELESS };
 
 static Judge new_judge(double tolerance, double floor, int limit) {
-    Judge j = {tolerance, floor, limit, 0, 0.0, INFINITY, 1.0};
+    Judge j = {tolerance, floor, limit, 0, 0.0, INFINITY, 1.0, INFINITY};
     return j;
 }
 
@@ -42,6 +42,7 @@ INLINE enum Verdict judge(Judge *j, double change) {
     j->count++;
     double last = j->change;
     j->change = change;
+    j->least = fmin(j->least, change);
     if (!(change < INFINITY)) return HOPELESS;
     if (change <= j->floor) return DONE;
     if (j->count == 1) return change <= 1e-3 * j->tolerance ? DONE : GO_ON;
@@ -158,7 +159,7 @@ struct State {
     double trusted, planned; /* size of the last step without doubts; of the last one before steps began to be rejected */
     int missed;              /* whether tries of the last step were rejected */
     int noisy, unheard;      /* whether rounding is looked at; for how many steps nothing was forgiven to it */
-    double change;           /* the last one of the iteration */
+    double change, grown;    /* the last one of the iteration, and by how much it was larger than the least one */
     double last_h;           /* size of the last step */
     long last_s, since_switch;
     long terms;
