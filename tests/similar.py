@@ -11,9 +11,14 @@ import numpy as np
 
 import acausal as ac
 from components import (
+    Cone,
+    Contact,
+    Cylinder,
     Damper,
+    Ellipsoid,
     Free,
     Gear,
+    HuntCrossley,
     PointOnPlane,
     Prismatic,
     Revolute,
@@ -25,6 +30,8 @@ from components import (
     RotationalGround,
     RotationalSpring,
     Screw,
+    SmoothCoulomb,
+    Sphere,
     Spherical,
     Spring,
     Universal,
@@ -265,6 +272,33 @@ def rattleback(of: Units) -> Similar:
     joined(s, (of.base(s.world), s.contact, s.stone.frame))
     v = s.contact.v
     return Similar(s, {v: [0.01 * of.rate, -0.01 * of.rate, -2 * of.rate]}, of.time, ((v, of.rate),))
+
+
+@scene
+def cylinder_on_an_ellipsoid(of: Units) -> Similar:
+    """Coordinates on both: lengths and angles in one joint."""
+    s: Any = ac.System()
+    s.world, s.contact = of.world(0, 0, -9.81), Contact(Cylinder(0.1 * of.length), Ellipsoid(of.vector(0.9, 0.7, 0.5)))
+    s.roller = RigidBody.cylinder(of.mass, 0.1 * of.length, of.length)
+    joined(s, (of.base(s.world), s.contact, s.roller.frame))
+    start = {
+        s.contact.q: [0.02 * of.length, 0.05 * of.length, 1.2, 40 / 41, 9 / 41, 0, 0],
+        s.contact.v: [0.1 * of.rate, -0.1 * of.rate, of.rate],
+    }
+    return Similar(s, start, 0.3 * of.time, ((s.contact.q[0:2], of.length), (s.contact.q[2:7], 1.0), (s.contact.v, of.rate)))
+
+
+@scene
+def ball_that_yields_in_a_cone(of: Units) -> Similar:
+    s: Any = ac.System()
+    law = HuntCrossley(
+        1e4 * of.stiffness / of.length**0.5, 0.3 * of.time / of.length, friction=SmoothCoulomb(0.2, 0.01 * of.speed)
+    )
+    s.world, s.contact = of.world(0, 0, -9.81), Contact(Sphere(0.1 * of.length), Cone(0.8), law)
+    s.joint, s.ball = Free(), RigidBody.ball(1.3 * of.mass, 0.1 * of.length)
+    joined(s, (of.base(s.world), s.joint, s.ball.frame), (of.base(s.world), s.contact, s.ball.frame))
+    start = {s.joint.q: [1, 0, 0, 0, 0.5 * of.length, 0, 0.7 * of.length], s.joint.v: [0, 0, 0, 0, of.speed, 0]}
+    return Similar(s, start, 0.3 * of.time, ((s.joint.q[4:7], of.length), (s.joint.v[0:3], of.rate)), growth=1e4)
 
 
 @scene
