@@ -10,9 +10,12 @@ from collections import Counter
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
+import casadi as ca
+
 from acausal.graphs import Graph, least_tree
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose
 from acausal.parts.weld import Weld
 from acausal.topology.mechanism import Edge, Group, TreeEdge
 
@@ -65,7 +68,9 @@ def _least_freedom(groups: Sequence[Group], edges: Sequence[Joint], driven: Set[
 
 
 def _keeps_coordinates(joint: AbstractJoint, driven: Set[AbstractJoint]) -> bool:
-    return joint in driven or type(joint).closure is AbstractJoint.closure
+    if joint in driven or type(joint).closure is AbstractJoint.closure:
+        return True
+    return joint.closure(Pose(ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)), ca.SX.sym("t")) is None
 
 
 def _rooted(count: int, edges: Sequence[Joint], chosen: Set[int]) -> list[tuple[int, int, int]]:

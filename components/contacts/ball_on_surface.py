@@ -13,8 +13,10 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
+from components.contacts.laws import Rolling
 from components.contacts.meeting import on_surface, solved
-from components.geometry.surfaces import AbstractSurface, checked_surface
+from components.contacts.nearness import nearness, touched
+from components.geometry.surfaces import AbstractSurface, Sphere, checked_surface
 
 
 @final
@@ -64,8 +66,17 @@ class RollingBallOnSurface(AbstractJoint, AbstractContact):
         X = Pose(np.eye(3), self._centre(q[4:]))
         return (Motion(X, rates, subspace, twist, bias, v, spin=rotation_from_quaternion(q[:4])),)
 
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
+        near = nearness(Sphere(self.radius), self.surface, X_ab)
+        return None if near is None else near.gap
+
+    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+        near = nearness(Sphere(self.radius), self.surface, X_ab)
+        return ca.SX(0, 1) if near is None else Rolling().forbidden(near, w_ab_b, v_ab_b)
+
     def touch(self) -> tuple[Expression, Expression]:
-        return on_surface(self.surface, self.q[4:], self.frame_a)
+        found = touched(Sphere(self.radius), self.surface, self.frame_a, self.frame_b)
+        return found or on_surface(self.surface, self.q[4:], self.frame_a)
 
     def looks_turned_round(self, behind_a: Inertia) -> bool:
         return is_round(behind_a)

@@ -14,7 +14,7 @@ from acausal.parts.pose import Pose
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.contact_force import ContactForce
 from components.contacts.laws import AbstractFriction, AbstractTouchingLaw, Apart, Law, Rolling, Sliding, checked_law
-from components.contacts.nearness import Nearness, nearness
+from components.contacts.nearness import nearness, nearness_of_frames, touched
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
 from components.contacts.touching import Touching
@@ -62,13 +62,18 @@ class Contact(System, AbstractTouch):
 
     @property
     def gap(self) -> Expression:
-        return read(self._seen().gap) if self.joint is None else self.joint.gap
+        if self.joint is not None:
+            return self.joint.gap
+        near = nearness_of_frames(self.shape, self.surface, *self.ends())
+        assert near is not None, "there is a closed form, see `_parts`"
+        return read(near.gap)
 
     def touch(self) -> tuple[Expression, Expression]:
         if self.joint is not None:
             return self.joint.touch()
-        near, a = self._seen(), self.ends()[0]
-        return a.position + a.rotation @ read(near.point_b), a.rotation @ read(near.normal)
+        found = touched(self.shape, self.surface, *self.ends())
+        assert found is not None, "there is a closed form, see `_parts`"
+        return found
 
     def ends(self) -> tuple[Frame, Frame]:
         part = self.joint or self.force_part
@@ -77,13 +82,6 @@ class Contact(System, AbstractTouch):
 
     def pushed(self) -> tuple[Frame, ...]:
         return tuple(part.frame_b for part in (self.joint, self.force_part) if part is not None)
-
-    def _seen(self) -> Nearness:
-        a, b = self.ends()
-        X = Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx)
-        found = nearness(self.shape, self.surface, X)
-        assert found is not None, "there is a closed form, see `_parts`"
-        return found
 
     def _joint(self, name: str) -> Joint:
         if self.joint is None:

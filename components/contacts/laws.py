@@ -11,6 +11,8 @@ import casadi as ca
 from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Scalar, scalar, sx
 from acausal.language.origin import origin
+from acausal.parts.pose import symbolic
+from components.contacts.nearness import Nearness
 
 
 class AbstractTouchingLaw(ABC):
@@ -29,6 +31,10 @@ class AbstractTouchingLaw(ABC):
     def slipping(self) -> ca.SX:
         """(3, freedoms), numbers: velocity of the body's point over the surface along both tangents and the normal [m/s], by v."""
 
+    @abstractmethod
+    def forbidden(self, near: Nearness, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        """Velocities (n, 1) that are zero besides the gap's rate, of bodies with these angular velocity and velocity of B against A, in B."""
+
 
 @final
 @dataclass(frozen=True)
@@ -43,6 +49,9 @@ class Rolling(AbstractTouchingLaw):
     def slipping(self) -> ca.SX:
         return ca.SX(3, 3)
 
+    def forbidden(self, near: Nearness, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return near.tangents.T @ near.velocity(w_ab_b, v_ab_b)
+
 
 @final
 @dataclass(frozen=True)
@@ -56,6 +65,10 @@ class RollingWithoutPivoting(AbstractTouchingLaw):
 
     def slipping(self) -> ca.SX:
         return ca.SX(3, 2)
+
+    def forbidden(self, near: Nearness, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        slip = near.tangents.T @ near.velocity(w_ab_b, v_ab_b)
+        return ca.vertcat(slip, ca.dot(symbolic(near.pose.rotation).T @ near.normal, w_ab_b))
 
 
 @final
@@ -74,6 +87,9 @@ class Sliding(AbstractTouchingLaw):
     def slipping(self) -> ca.SX:
         return ca.horzcat(ca.SX(3, 3), ca.SX.eye(3)[:, :2])
 
+    def forbidden(self, near: Nearness, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
 
 @final
 @dataclass(frozen=True)
@@ -89,6 +105,9 @@ class Apart(AbstractTouchingLaw):
 
     def slipping(self) -> ca.SX:
         return ca.horzcat(ca.SX(3, 3), ca.SX.eye(3))
+
+    def forbidden(self, near: Nearness, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
 
 
 class AbstractFriction(ABC):

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from acausal.parts.pose import Pose, rotation_to_axis_symbolic, symbolic
+from acausal.language.connector import Frame
+from acausal.language.expression import Expression
+from acausal.parts.contact import read
+from acausal.parts.pose import Pose, symbolic
 from components.geometry.surfaces import AbstractSurface, Plane, Sphere
 
 
@@ -14,23 +17,20 @@ from components.geometry.surfaces import AbstractSurface, Plane, Sphere
 class Nearness:
     """Two bodies A and B where they are nearest, in A's axes and from its origin.
 
-    `pose`: X_ab; `gap` [m], negative where they overlap; `point_b` (3, 1) [m], the point of B; `normal` (3, 1) of A, towards B.
+    `pose`: X_ab; `gap` [m], negative where they overlap; `point_b` (3, 1) [m], the point of B; `normal` (3, 1) of A, towards B; `tangents`:
+    two unit vectors (3, 2) across the normal and one another. They may jump where A is a ball, see `AbstractSurface.across`.
     """
 
     pose: Pose
     gap: ca.SX
     point_b: ca.SX
     normal: ca.SX
+    tangents: ca.SX
 
     @property
     def point_a(self) -> ca.SX:
         """The point of A (3, 1) [m]."""
         return self.point_b - self.gap * self.normal
-
-    @property
-    def tangents(self) -> ca.SX:
-        """Two unit vectors (3, 2) across the normal and one another. They jump where the normal turns through the plane z = 0 of A."""
-        return rotation_to_axis_symbolic(self.normal)[:, :2]
 
     def velocity(self, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
         """Of B's material point over A (3, 1) [m/s], by angular velocity and velocity of B's frame against A's, in B. Along the normal it is gap'."""
@@ -48,14 +48,27 @@ def nearness(shape: AbstractSurface, surface: AbstractSurface, pose: Pose) -> Ne
         if arm is None:
             return None
         point = p + R @ arm
-        return Nearness(pose, point[2], point, ca.SX([0, 0, 1]))
+        normal = ca.SX([0, 0, 1])
+        return Nearness(pose, point[2], point, normal, surface.across(normal))
     if isinstance(shape, Sphere):
         arm, found = shape.touching(ca.SX([0, 0, 1])), surface.nearest(p)
         if arm is None or found is None:
             return None
         point = p - arm[2] * found[1]
-        return Nearness(pose, ca.dot(found[1], point - found[0]), point, found[1])
+        return Nearness(pose, ca.dot(found[1], point - found[0]), point, found[1], surface.across(found[1]))
     if isinstance(surface, Sphere):
         back = nearness(surface, shape, pose.inverse())
-        return None if back is None else Nearness(pose, back.gap, p + R @ back.point_a, -(R @ back.normal))
+        if back is not None:
+            return Nearness(pose, back.gap, p + R @ back.point_a, -(R @ back.normal), R @ back.tangents)
     return None
+
+
+def touched(shape: AbstractSurface, surface: AbstractSurface, a: Frame, b: Frame) -> tuple[Expression, Expression] | None:
+    """The nearest point of the body of a frame and the normal, in the world frame, as read of both frames; None without a closed form."""
+    near = nearness_of_frames(shape, surface, a, b)
+    return None if near is None else (a.position + a.rotation @ read(near.point_b), a.rotation @ read(near.normal))
+
+
+def nearness_of_frames(shape: AbstractSurface, surface: AbstractSurface, a: Frame, b: Frame) -> Nearness | None:
+    """Of the bodies of two frames, as read of these."""
+    return nearness(shape, surface, Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx))

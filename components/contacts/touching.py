@@ -14,7 +14,7 @@ from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touching
 from components.contacts.meeting import AbstractMeeting, meeting
-from components.contacts.nearness import Nearness
+from components.contacts.nearness import Nearness, nearness, touched
 from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
 
 
@@ -66,10 +66,20 @@ class Touching(AbstractJoint, AbstractContact):
         own, place, both = self._parts(q)
         return ca.vertcat(both.fit(own, place), both.surface.inside(place))
 
+    def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
+        near = nearness(self.shape, self.surface, X_ab) if self.law.holds else None
+        return None if near is None else near.gap
+
+    def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+        near = nearness(self.shape, self.surface, X_ab)
+        return ca.SX(0, 1) if near is None else self.law.forbidden(near, w_ab_b, v_ab_b)
+
     def turns(self) -> tuple[bool, ...]:
         return (*meeting(self.shape, self.surface).turns, *self.surface.turns, *(() if self.law.holds else (False,)))
 
     def touch(self) -> tuple[Expression, Expression]:
+        if self.law.holds and (found := touched(self.shape, self.surface, self.frame_a, self.frame_b)):
+            return found
         _, place, both = self._parts(self.q.sx)
         frame = self.frame_a
         return frame.position + frame.rotation @ read(both.surface.point(place)), frame.rotation @ read(
@@ -92,7 +102,8 @@ class Touching(AbstractJoint, AbstractContact):
     def nearness(self) -> Nearness:
         """Where the bodies touch, or are nearest."""
         _, place, both = self._parts(self.q.sx)
-        return Nearness(self.pose(self.q.sx, ca.SX(0)), self.gap.sx, both.surface.point(place), self.surface.normal(place))
+        X, axes = self.pose(self.q.sx, ca.SX(0)), self.axes(self.q.sx)
+        return Nearness(X, self.gap.sx, both.surface.point(place), axes[:, 2], axes[:, :2])
 
     def velocity(self) -> ca.SX:
         """Of the body's point over the surface (3, 1), in frame_a [m/s]."""

@@ -11,7 +11,7 @@ import casadi as ca
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, scalar, sx
 from acausal.language.origin import origin
-from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
+from acausal.parts.pose import quaternion_rate, rotation_from_quaternion, rotation_to_axis_symbolic
 from components.geometry.curves import within
 from components.geometry.laws import place
 
@@ -86,6 +86,10 @@ class AbstractSurface(ABC):
         """Positive where only one point has the normal n, (k, 1), without unit and of size 1 well inside. Empty where that is everywhere."""
         return ca.SX(0, 1)
 
+    def across(self, n: ca.SX) -> ca.SX:
+        """Two unit vectors (3, 2) across a normal n (3, 1) and one another. On a ball no such choice is smooth: it jumps where z of n changes its sign."""
+        return rotation_to_axis_symbolic(n)[:, :2]
+
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         """The point nearest to a place p (3, 1) [m] that is not far off, and the normal there; None where that has no closed form."""
         return None
@@ -109,6 +113,12 @@ def _across(n: ca.SX) -> ca.SX:
     return ca.vertcat(n[:2], 0) / ca.norm_2(n[:2])
 
 
+def _around_and_along(n: ca.SX) -> ca.SX:
+    """Unit vectors (3, 2) around z, and across that and a normal n (3, 1) that is not along z."""
+    around = ca.vertcat(-n[1], n[0], 0) / ca.norm_2(n[:2])
+    return ca.horzcat(around, ca.cross(n, around))
+
+
 def checked_surface(surface: object, part: str, role: str = "surface") -> AbstractSurface:
     """Raises `ParameterError` for anything else."""
     if not isinstance(surface, AbstractSurface):
@@ -129,6 +139,9 @@ class Plane(AbstractSurface):
         return ca.SX([0, 0, 1])
 
     def slopes(self, q: ca.SX) -> ca.SX:
+        return ca.SX(ca.DM([[1, 0], [0, 1], [0, 0]]))
+
+    def across(self, n: ca.SX) -> ca.SX:
         return ca.SX(ca.DM([[1, 0], [0, 1], [0, 0]]))
 
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
@@ -224,6 +237,9 @@ class Cylinder(AbstractSurface):
         angle = q[0] / sx(self.radius)
         return self._side * ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
 
+    def across(self, n: ca.SX) -> ca.SX:
+        return _around_and_along(n)
+
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         outwards = _across(p)
         return sx(self.radius) * outwards + ca.vertcat(0, 0, p[2]), self._side * outwards
@@ -298,6 +314,9 @@ class Cone(AbstractSurface):
     def normal(self, q: ca.SX) -> ca.SX:
         slope = 1 / ca.tan(sx(self.half_angle))
         return self._side * ca.vertcat(-slope * q / ca.norm_2(q), 1) / ca.sqrt(1 + slope**2)
+
+    def across(self, n: ca.SX) -> ca.SX:
+        return _around_and_along(n)
 
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         outwards, up = _across(p), ca.SX([0, 0, 1])
