@@ -13,7 +13,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import SimulationError
-from acausal.runtime.kernels import twofold
+from acausal.runtime.kernels import paired
 from acausal.runtime.load import runtime
 from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
 from tests.test_interpreter import kernel_values
@@ -176,7 +176,20 @@ def test_twofold_precision_has_thirty_digits():
     t, none = ca.SX.sym("t"), ca.SX(0, 1)
     rates = ca.Function("f", [t, ca.vertcat(x, y), none, none], [ca.vertcat(*zeros)])
     points = np.random.default_rng(0).uniform(0.1, 9.0, (3, 64))
-    kernel = twofold(rates, ca.Function("g", [t, ca.vertcat(x, y), none], [x]), library.lanes).kernels[0]
+    kernel = paired(rates, "rates", library.lanes, parameters=(3,)).kernel
     assert np.max(np.abs(kernel_values(kernel, points, library))) < 3e-29
     plain = np.array(rates(points[:1], points[1:], ca.DM(0, 1), ca.DM(0, 1)))
     assert np.max(np.abs(plain)) > 1e-17
+
+
+def test_functions_for_twice_as_many_digits_are_made_only_where_a_motion_comes_near():
+    lengths = 0.4, 1.0, 0.4 + 1e-7
+    scene = four_bar(1.0, lengths, (1.0, 2.0, 1.5))
+    b, d = min((drawn(1.0, lengths, 0.9, side) for side in (1, -1)), key=lambda angles: abs(angles[1] - 0.9))
+    start = {scene.a.q: 0.9, scene.a.v: 5.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+    model = ac.build(scene)
+    made: list[bool] = []
+    for end in (0.01, 4.0):
+        model.simulate(end, start, samples=3)
+        made.append("_exact_dynamics" in vars(model.functions))
+    assert made == [False, True]

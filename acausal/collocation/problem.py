@@ -42,12 +42,12 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Exact:
-    """`rhs` and `project` of a problem once more, for arithmetic with twice as many digits. `through`: whether motions may lead straight through
+    """What makes `rhs` and `project` of a problem once more, for arithmetic with twice as many digits. `through`: whether motions may lead straight through
     singular positions, not past them only.
     """
 
-    rhs: ca.Function
-    project: ca.Function
+    rhs: Callable[[], ca.Function]
+    project: Callable[[], ca.Function]
     through: bool
     usual: np.ndarray
     """(nx,): 1 / how much a velocity is, beside others; 0 for other states."""

@@ -255,13 +255,29 @@ class Functions:
         s = self.outputs.system
         if s.exact is None:
             return None
-        rates, step = (ca.densify(self.space.kept(part)) for part in s.exact)
-        step = folded_function("exact_projection", [s.t, self.space.x, self.space.p], [step], ["t", "x", "p"], ["x_next"])
         usual = np.zeros(s.x.numel())
         usual[s.nq : s.nq + s.tree_velocities] = 1 / s.constraints.rates
-        return Exact(
-            self._function("exact_dynamics", [rates], ["x_dot"]), step, s.constraints.singular, self.space.restricted(usual)
-        )
+        return Exact(self.exact_dynamics, self.exact_projection, s.constraints.singular, self.space.restricted(usual))
+
+    def exact_dynamics(self) -> ca.Function:
+        """(t, x, u, p) -> x' for arithmetic with twice as many digits, where there is such a function: long, and needed near singular positions only."""
+        return self._exact_dynamics
+
+    def exact_projection(self) -> ca.Function:
+        """(t, x, p) -> x for the same."""
+        return self._exact_projection
+
+    @functools.cached_property
+    def _exact_dynamics(self) -> ca.Function:
+        assert self.outputs.system.exact is not None
+        return self._function("exact_dynamics", [self.space.kept(self.outputs.system.exact[0])], ["x_dot"])
+
+    @functools.cached_property
+    def _exact_projection(self) -> ca.Function:
+        s = self.outputs.system
+        assert s.exact is not None
+        step = ca.densify(self.space.kept(s.exact[1]))
+        return folded_function("exact_projection", [s.t, self.space.x, self.space.p], [step], ["t", "x", "p"], ["x_next"])
 
     def native(self, how: How) -> NativeProblem | None:
         """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""

@@ -170,7 +170,7 @@ class Integrator(ctypes.Structure):
         ("block", ctypes.c_void_p),
         ("room", ctypes.c_size_t),
         ("used", ctypes.c_size_t),
-        *((name, ctypes.c_long) for name in ("counted", "first", "event_room")),
+        *((name, ctypes.c_long) for name in ("counted", "first", "event_room", "promised")),
     ]  # fmt: skip
 
 

@@ -60,6 +60,7 @@ class Integrand:
             "ng": self.invariants.size1_out(0) if self.invariants is not None and self.projects else 0,
             "copies": len(self.copies[0]), "positions": self.positions,
             "operations": self.function.n_instructions(),
+            "promised": int(self.unheld_exact is not None),
             "through": int(self.unheld_exact is not None and self.unheld_exact.through),
             "held": self.held, "row_count": 0 if self.switching is None else self.switching.switch.size,
         }  # fmt: skip
@@ -97,12 +98,21 @@ class Integrand:
         return jacobian_pattern(self.rates)
 
     @functools.cached_property
-    def exact(self) -> tuple[Wanted, ...]:
-        """Rates, of held inputs, and projection for arithmetic with twice as many digits; none where nothing needs it."""
+    def exact_rates(self) -> Wanted | None:
+        """Of held inputs, for arithmetic with twice as many digits; None where nothing needs it."""
         exact = self.unheld_exact
-        if exact is None:
-            return ()
-        return Wanted("exact_rhs", self.with_sides(exact.rhs), (3,)), Wanted("exact_projection", exact.project, (2,))
+        return None if exact is None else Wanted("exact_rhs", self.with_sides(exact.rhs()), (3,))
+
+    @functools.cached_property
+    def exact_projection(self) -> Wanted | None:
+        """For the same."""
+        exact = self.unheld_exact
+        return None if exact is None else Wanted("exact_projection", exact.project(), (2,))
+
+    @property
+    def exact(self) -> tuple[Wanted, ...]:
+        """Both; none where nothing needs them."""
+        return tuple(wanted for wanted in (self.exact_rates, self.exact_projection) if wanted is not None)
 
     @property
     def usual(self) -> np.ndarray | None:

@@ -116,11 +116,6 @@ class NativeProblem:
         """Whether a compiler works in the background."""
         return any(kernels.busy for kernels in self._made)
 
-    @functools.cached_property
-    def exact(self) -> tuple[Paired, ...]:
-        """Rates and projection as programs for twofold precision; none where nothing needs it."""
-        return tuple(self.paired(wanted) for wanted in self.integrand.exact)
-
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
     def paired(self, wanted: Wanted) -> Paired:
         """A function as a program on pairs of values."""
@@ -156,8 +151,6 @@ class NativeProblem:
         )  # fmt: skip
         for name, array in self._arrays.items():
             setattr(core, name, array.ctypes.data_as(_Long if array.dtype == np.int_ else _Double))
-        for wanted, exact in zip(self.integrand.exact, self.exact, strict=True):
-            setattr(core, wanted.name, exact.kernel)
         if self.integrand.usual is not None:
             core.usual = _address(self.integrand.usual)
         if choice.tableaus[0].name == "gauss":
@@ -172,7 +165,8 @@ class NativeProblem:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
-        kernel = ctypes.byref(self.exact[1].kernel if self.exact else self.kernels.current[1])
+        exact = self.integrand.exact_projection
+        kernel = ctypes.byref(self.kernels.current[1] if exact is None else self.paired(exact).kernel)
         self.library.project_states(
             kernel, self.nx, self.integrand.numbers["np"], _address(parameters), times.size, _address(times), _address(rows)
         )
@@ -327,11 +321,19 @@ class Run:
         return 1
 
     def _lacking(self, which: int) -> int:
-        """The program of the rates (0) or guards (1) that shows what rounding does, made when it is first needed."""
+        """A program that is made when it is first needed: of the rates (0) or guards (1) to show what rounding does, of exact rates (2) or projection (3)."""
         integrand = self.native.integrand
         try:
-            wanted = integrand.guard(self._guard_function) if which else integrand.wanted[0]
-            setattr(self.core, ("disturbed_rhs", "disturbed_guard")[which], self.native.paired(wanted).kernel)
+            wanted = (
+                integrand.wanted[0] if which == 0 else integrand.guard(self._guard_function) if which == 1
+                else integrand.exact_rates if which == 2 else integrand.exact_projection
+            )  # fmt: skip
+            assert wanted is not None
+            setattr(
+                self.core,
+                ("disturbed_rhs", "disturbed_guard", "exact_rhs", "exact_projection")[which],
+                self.native.paired(wanted).kernel,
+            )
         except ExportError:  # then it is not known
             return 0
         return 1

@@ -48,10 +48,21 @@ static V clearances(Integrator *I, const V *in) {
     return T->clearance_out[0];
 }
 
-/* The rates (0), or one correction (1), in twofold precision. */
+/* Whether there are exact kernels, or can be. */
+static int has_exact(const Integrator *I) { return I->promised || present(&I->exact_rhs); }
+
+/* The rates (0), or one correction (1), in twofold precision; not finite where the kernel that was promised cannot be had. */
 static void run_exact(Integrator *I, int which, const V *in, V *out) {
+    struct State *T = I->state;
     const Kernel *k = which ? &I->exact_projection : &I->exact_rhs;
-    run_kernel(k, in, I->state->exact_c[which], out, I->state->work);
+    if (!T->exact_c[which]) {
+        if (!present(k) && I->lacking) I->lacking(2 + which);
+        if (!present(k) || !prepared(I, k, which ? T->projection_in : T->point_in, &T->exact_c[which])) {
+            for (long i = 0; i < I->nx; i++) out[i] = v_all(NAN);
+            return;
+        }
+    }
+    run_kernel(k, in, T->exact_c[which], out, T->work);
 }
 
 static int make_exact(Integrator *I) {
@@ -70,7 +81,7 @@ static int make_exact(Integrator *I) {
 /* The clearance below which rounding of rates, which grows as its power -3/2, would be seen beside the tolerance. */
 static double exact_limit(const Integrator *I) { return I->step > 0 ? EXACT : fmin(EXACT, ROUNDED / I->rtol); }
 
-static int is_near(Integrator *I, const V *in) { return present(&I->exact_rhs) && clearances(I, in)[0] < exact_limit(I); }
+static int is_near(Integrator *I, const V *in) { return has_exact(I) && clearances(I, in)[0] < exact_limit(I); }
 
 static void look_around(Integrator *I, Stages *S) {
     double limit = exact_limit(I);
@@ -79,7 +90,7 @@ static void look_around(Integrator *I, Stages *S) {
         V clear = clearances(I, S->in[b]);
         memcpy(S->clear + b * LANES, &clear, sizeof clear);
         memcpy(S->clear_of_all + b * LANES, &I->state->clearance_out[1], sizeof clear);
-        if (present(&I->exact_rhs)) S->exact |= i_any(clear < v_all(limit));
+        if (has_exact(I)) S->exact |= i_any(clear < v_all(limit));
     }
 }
 
@@ -87,7 +98,7 @@ static void look_around(Integrator *I, Stages *S) {
 static const V *corrected(Integrator *I, const V *in) {
     struct State *T = I->state;
     memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + I->nx));
-    if (present(&I->exact_projection)) run_exact(I, 1, T->projection_in, T->projection_out);
+    if (has_exact(I)) run_exact(I, 1, T->projection_in, T->projection_out);
     else run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     return T->projection_out;
 }
@@ -154,7 +165,7 @@ static double continued(V *const *values, long i) {
 static void correct_lane(Integrator *I, const V *in, V *K, V *along, long lane, double tau) {
     struct State *T = I->state;
     close_nodes(I, in, K, lane, tau);
-    for (long b = 0; b < NODES / LANES; b++) rates_at(I, present(&I->exact_rhs), T->nodes[b], T->node_rates[b]);
+    for (long b = 0; b < NODES / LANES; b++) rates_at(I, has_exact(I), T->nodes[b], T->node_rates[b]);
     for (long i = I->positions; i < I->nx; i++) K[i][lane] = continued(T->node_rates, i);
     for (long b = 0; b < NODES / LANES; b++) {
         for (long i = 0; i < I->nx; i++) T->node_rates[b][i] = v_all(K[i][lane]);
@@ -205,7 +216,7 @@ static double continued_from(Integrator *I, const V *in, const V *K, long lane, 
 
 /* Which stages are next to a singular position, and whether some are around one. */
 static void find_zone(Integrator *I, Stages *S, Judge *J) {
-    int around = 0, exact = present(&I->exact_rhs);
+    int around = 0, exact = has_exact(I);
     long nearest = 0;
     for (long j = 0; j < S->s; j++) {
         S->tau[j] = S->clear[j] < CROSSING && (!exact || I->through) ? crossing(I, S->in[j / LANES], S->N[j / LANES], j % LANES, S->h) : 0;
@@ -315,7 +326,7 @@ static void beside_at(Integrator *I, int around, double h, double *rate) {
     struct State *T = I->state;
     V *in = T->point_in, *K = T->point_out;
     double clear = clearances(I, in)[0], tau = clear < CROSSING ? crossing(I, in, K, 0, h) : 0;
-    if (present(&I->exact_rhs)) tau = 2 * sqrt(clear) < AHEAD * T->part ? tau * T->part : 0;
+    if (has_exact(I)) tau = 2 * sqrt(clear) < AHEAD * T->part ? tau * T->part : 0;
     if (around) along_branch(I, in, K, T->one_along);
     if (tau > 0) correct_lane(I, in, K, T->one_along, 0, tau);
     for (long i = 0; i < I->nx; i++) rate[i] = (around ? T->one_along : K)[i][0];
@@ -330,7 +341,7 @@ static double clearance_at(Integrator *I, double t, const double *x) {
 
 /* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
 static int is_crossing(Integrator *I, double t, const double *x) {
-    return present(&I->clearance) && (!present(&I->exact_rhs) || I->state->straight) && clearance_at(I, t, x) < CROSSING;
+    return present(&I->clearance) && (!has_exact(I) || I->state->straight) && clearance_at(I, t, x) < CROSSING;
 }
 
 /* Whether a step leads from elsewhere to beside a singular position, where its end is known to eps / x^2 only, or closely past two of them:
@@ -405,7 +416,7 @@ static int is_lost(const Integrator *I, const Stages *S, double h) {
 
 /* Whether a step goes from one branch to another that comes close to it, between two stages that see nothing of this. */
 static int leaves_branch(Integrator *I, const Stages *S) {
-    if (!present(&I->exact_rhs) || S->around) return 0;
+    if (!has_exact(I) || S->around) return 0;
     long s = S->s;
     for (long j = 0; j < s; j++) {
         int first = j == 0, last = j == s - 1;

@@ -5,7 +5,7 @@
 static int project(Integrator *I, double t, double *x) {
     if (!I->ng || is_crossing(I, t, x)) return 0;
     struct State *T = I->state;
-    int exact = present(&I->exact_projection) && clearance_at(I, t, x) < exact_limit(I);
+    int exact = has_exact(I) && clearance_at(I, t, x) < exact_limit(I);
     V *in = T->projection_in, *out = T->projection_out;
     double last = INFINITY;
     int changed = 0;

@@ -83,7 +83,8 @@ typedef struct Integrator {
     Kernel row_change;  /* t, x, u, p, dx, du, dp -> changes of the rows */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
     Kernel disturbed_rhs, disturbed_guard; /* the same as programs for rounding.h */
-    int (*lacking)(long which);         /* makes one of these two where it is none; null: it stays unknown what rounding does */
+    /* Makes one of these where it is none: disturbed rates (0), guards (1), exact rates (2), projection (3). Null: it stays unknown what rounding does */
+    int (*lacking)(long which);
     /* The last `held` of the nu inputs are sides of switches, kept by the runtime; row r is one of switch row_switch[r], which goes over to
        row_factor[r] times its side + row_plus[r] */
     long held, row_count;
@@ -136,6 +137,7 @@ typedef struct Integrator {
     char *block;
     size_t room, used;
     long counted, first, event_room; /* whether bytes are only counted; number of steps that are not kept; events of one step at most */
+    long promised;                   /* whether exact kernels are to be had where they are needed */
 } Integrator;
 
 EXPORT int begin(Integrator *I);
