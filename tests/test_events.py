@@ -223,3 +223,34 @@ def test_a_motion_that_goes_on_in_the_same_direction_does_not_stop_again(compile
     assert run.solution.stopped
     on = model.simulate(5.0, {position: run.x[:3, -1], velocity: run.x[3:, -1]}, t0=run.t[-1], events=events, compiled=compiled)
     assert not on.solution.stopped and on.t[-1] == 5.0
+
+
+@BOTH
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_zero_by_geometry_is_no_event_however_it_is_written(seed, compiled):
+    """Along a hinge's axis nothing moves: speeds from rest on, whose terms vanish at the start and rounding with them, in any units; small guards that are
+    none of rounding are found as others are."""
+    rng = np.random.default_rng(seed)
+    n = rng.normal(size=3)
+    scene = ac.System()
+    scene.world, scene.hinge = World((0, 0, -9.81)), Revolute(tuple(n))
+    scene.rod = RigidBody.rod(1.0, tuple(rng.normal(size=3)))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    n /= np.linalg.norm(n)
+    tip, frame = scene.rod.tip, scene.rod.frame
+    across = np.cross(n, rng.normal(size=3))
+    zeros = [
+        tip.velocity.T @ n,
+        1e9 * (tip.velocity.T @ n),
+        frame.angular_velocity.T @ across,
+        1e-12 * (tip.velocity.T @ n) * (tip.position.T @ across),
+    ]
+    model = ac.build(scene)
+    start = {scene.hinge.q: model.equilibrium({scene.hinge.q: 0.0}).point.x[0] + 0.4}
+    small = ac.when(1e-20 * scene.hinge.v, "rising")
+    run = model.simulate(10.0, start, events=[*map(ac.when, zeros), small], compiled=compiled)
+    turning = np.flatnonzero((run[scene.hinge.v][1:-1] < 0) & (run[scene.hinge.v][2:] >= 0)).size
+    assert all(event.when is small for event in run.events)
+    assert turning > 2
+    assert len(run.events) - turning in (0, 1)  # at rest at the start

@@ -260,13 +260,17 @@ static int guard_rounding(const Path *p, double theta) {
 static int search(Path *p, const double *values) {
     struct State *T = p->I->state;
     struct GuardState *G = &T->guard_states[p->guard];
-    double least = INFINITY, largest = 0, where = 0;
+    double least = INFINITY, largest = 0, where = 0, there = 0;
     for (int j = 0; j < POINTS; j++) {
         if (fabs(values[j]) < least) least = fabs(values[j]), where = chebyshev_point(j);
-        if (isfinite(values[j])) largest = fmax(largest, fabs(values[j]));
+        if (isfinite(values[j]) && fabs(values[j]) > largest) largest = fabs(values[j]), there = chebyshev_point(j);
     }
+    /* what is nothing but rounding where it is largest is so everywhere, also where its terms vanish and rounding with them */
+    if (!guard_rounding(p, there)) return 0;
+    double most = T->guard_noise[p->guard];
     if (!guard_rounding(p, where)) return 0;
     p->noise = isfinite(T->guard_noise[p->guard]) ? ROUNDINGS * T->guard_noise[p->guard] : 0;
+    if (isfinite(most) && largest <= ROUNDINGS * most) p->noise = fmax(p->noise, ROUNDINGS * most);
     if (p->first) p->noise = fmax(p->noise, fabs(values[0]) <= AT_START * largest ? AT_START * largest : 0);
     if (p->first && fabs(values[0]) <= p->noise) G->at_start = 1;
     p->searches = 0;
