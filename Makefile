@@ -7,6 +7,11 @@ BIN := .venv/bin
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
+.venv/.docs: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,docs]'
+	touch .venv/.ready $@
+
 demo: .venv/.ready
 	$(BIN)/python examples/andrews.py
 
@@ -22,8 +27,7 @@ benchmark: .venv/.ready
 	$(BIN)/python -m benchmarks
 
 # pages that teach, in docs/_build/index.html; every example on them is run, and warnings are errors
-docs: .venv/.ready
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,docs]'
+docs: .venv/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
 
 .PHONY: demo lint test benchmark docs

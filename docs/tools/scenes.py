@@ -315,7 +315,9 @@ print(run)
 print(f"energy kept to {run.energy_error():.0e}")
 run.picture("picture.png", times=(0.0, 0.3, 0.6))
 """
-_LAW = _SHAPE.replace("Touching(VALUE, Plane())", "Touching(Ellipsoid((0.2, 0.15, 0.1)), Plane(), VALUE)")
+_LAW = _SHAPE.replace("Touching(VALUE, Plane())", "Touching(Ellipsoid((0.2, 0.15, 0.1)), Plane(), VALUE)").replace(
+    'RigidBody(mass=1.0, inertia=(0.02, 0.03, 0.03), rotation=("x", 1.2))', 'RigidBody.ellipsoid(mass=1.0, semi_axes=(0.2, 0.15, 0.1), rotation=("x", 1.2))'
+)
 _OF_A_PART: dict[type, str] = {AbstractShape: _SHAPE, AbstractTouchingLaw: _LAW, AbstractCurve: _CURVE, AbstractSurface: _SURFACE}
 
 
