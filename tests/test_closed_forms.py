@@ -7,7 +7,20 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 import acausal as ac
-from components import Particle, Revolute, RigidBody, RollingBall, RollingDisk, RollingEllipsoid, Spherical, Spring, World
+from components import (
+    Particle,
+    Revolute,
+    RigidBody,
+    RollingBall,
+    RollingDisk,
+    RollingEllipsoid,
+    SlidingMass,
+    Spherical,
+    Spring,
+    TranslationalGround,
+    TranslationalSpring,
+    World,
+)
 from tests.scenes import PointPendulum, rotation
 
 G = 9.81
@@ -206,3 +219,24 @@ def test_motion_does_not_depend_on_the_choice_of_axes(seed):
     a = ac.build(plain).simulate(2.0, start, rtol=1e-12)[plain.lower.tip.position]
     b = ac.build(turned).simulate(2.0, turned_start, rtol=1e-12)[turned.lower.tip.position]
     assert np.max(np.abs(a @ R.T - b)) < 1e-10
+
+
+@pytest.mark.parametrize("count", [8, 10, 25])
+@pytest.mark.parametrize(("rtol", "length"), [(1e-6, 1.0), (1e-12, 1e-9)])
+def test_a_row_of_oscillators_plucked_at_rest_is_the_sum_of_its_modes(count, rtol, length):
+    """The far ones begin as high a power of time as there are springs between: no step resolves a part of that."""
+    scene = ac.System()
+    scene.walls, scene.masses = [TranslationalGround(), TranslationalGround()], [SlidingMass(0.1) for _ in range(count)]
+    scene.springs = [TranslationalSpring(40.0) for _ in range(count + 1)]
+    before = [scene.walls[0].flange, *(mass.flange_b for mass in scene.masses)]
+    behind = [*(mass.flange_a for mass in scene.masses), scene.walls[1].flange]
+    for spring, a, b in zip(scene.springs, before, behind, strict=True):
+        scene.connect(a, spring.flange_a)
+        scene.connect(spring.flange_b, b)
+    run = ac.build(scene).simulate(4.0, {scene.masses[2].s: length}, rtol=rtol)
+    n = np.arange(1, count + 1)
+    rates = 2 * np.sqrt(40.0 / 0.1) * np.sin(n * np.pi / (2 * count + 2))
+    shapes = np.sqrt(2 / (count + 1)) * np.sin(np.outer(n, n) * np.pi / (count + 1))
+    exact = (shapes[2] * length * np.cos(run.t[:, None] * rates)) @ shapes
+    found = np.stack([run[mass.s] for mass in scene.masses], axis=1)
+    assert np.max(np.abs(found - exact)) < max(rtol, 1e-13) * length

@@ -482,6 +482,36 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h) {
     return explains;
 }
 
+/* States at zero that are reached only through others at zero move as a high power of the step, of which no step size resolves a part. What
+   the errors that others may have move such a state by in a step of size h is allowed to it, too, from neighbour to neighbour. 1 where there is such
+   a state, -1 when the input function failed. */
+static int follows_others(Integrator *I, double h) {
+    struct State *T = I->state;
+    double *allowed = T->most, *rate = T->factor, *moved = T->increment;
+    int explains = 0, reached = 1;
+    if (!rate_at(I, I->t, I->x, rate)) return -1;
+    for (long i = 0; i < I->nx; i++) allowed[i] = T->unit * T->size[i];
+    for (long sweep = 0; reached && sweep < I->nx; sweep++) {
+        reached = 0;
+        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + allowed[i];
+        if (!rate_at(I, I->t, T->before, moved)) return -1;
+        for (long i = 0; i < I->nx; i++) {
+            double change = fabs(h * (moved[i] - rate[i])) / PART;
+            if (allowed[i] == 0 && change > 0 && change < INFINITY) allowed[i] = change, reached = 1;
+        }
+    }
+    for (long i = 0; i < I->nx; i++) {
+        double least = LEFT * allowed[i] / fabs(h);
+        if (T->size[i] == 0 && least > T->least[i]) T->least[i] = least, explains = 1;
+    }
+    if (explains) {
+        T->doubts = 0;
+        T->patience = DOUBTS;
+        forget_noise(I);
+    }
+    return explains;
+}
+
 #define INSTANT 1e-9 /* of a step: no time passes */
 
 /* Where a step is to end so that a switch goes over there; see switches.h. */
@@ -527,10 +557,11 @@ static enum Code one_adaptive(Integrator *I) {
         if (!S) return OUT_OF_MEMORY;
         double spent = T->spent;
         if (++refused) T->doubts++;
-        const Kernel *disturbed = T->doubts >= T->patience ? disturbed_kernel(I, 0) : 0;
-        if (disturbed) {
+        if (T->doubts >= T->patience) {
+            const Kernel *disturbed = disturbed_kernel(I, 0);
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int explained = rests_on_rounding(I, disturbed, first);
+            int explained = follows_others(I, first);
+            if (!explained && disturbed) explained = rests_on_rounding(I, disturbed, first);
             if (explained < 0) return INPUT_FAILED;
             if (explained) I->h = first;
         }

@@ -4,20 +4,18 @@ import casadi as ca
 import numpy as np
 
 import acausal as ac
-from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.contact import AbstractContact
 from acausal.parts.pose import Pose, symbolic
 from components import RigidBody, World
 
 LIMIT = 1e-8
 
 
-class BallRollsOnGround(AbstractConstraint):
+class BallRollsOnGround(AbstractContact):
     """A ball of `radius` [m] about the origin of frame_b touches the plane z = 0 of frame_a and rolls on it without slipping.
 
     `RollingBall` is the same as a joint with coordinates of its own and without multipliers; this one shows the rows.
     """
-
-    only_pushes = True  # a run tells where it would have to pull
 
     def __init__(self, radius: float) -> None:
         self.radius = radius
@@ -29,6 +27,10 @@ class BallRollsOnGround(AbstractConstraint):
         R = symbolic(X_ab.rotation)
         lowest = -self.radius * R[2, :].T  # the point that touches, from the centre, in frame_b
         return (R @ (v_ab_b + ca.cross(w_ab_b, lowest)))[:2]  # its velocity along the plane [m/s]
+
+    def touch(self) -> tuple[ac.Expression, ac.Expression]:
+        normal = self.frame_a.rotation[:, 2]  # what is read of it, in the world: the point that touches, and the normal
+        return self.frame_b.position - self.radius * normal, normal
 
 
 def main() -> float:

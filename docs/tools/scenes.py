@@ -16,6 +16,7 @@ from tools.catalogue import Kind
 import components
 from acausal.language.component import declared
 from acausal.language.connector import Connector, Electrical, Frame, Point, Rotational, Signal, Translational
+from acausal.parts.contact import AbstractContact
 from acausal.parts.field import AbstractField
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.potential import AbstractPotential
@@ -316,7 +317,8 @@ print(f"energy kept to {run.energy_error():.0e}")
 run.picture("picture.png", times=(0.0, 0.3, 0.6))
 """
 _LAW = _SHAPE.replace("Touching(VALUE, Plane())", "Touching(Ellipsoid((0.2, 0.15, 0.1)), Plane(), VALUE)").replace(
-    'RigidBody(mass=1.0, inertia=(0.02, 0.03, 0.03), rotation=("x", 1.2))', 'RigidBody.ellipsoid(mass=1.0, semi_axes=(0.2, 0.15, 0.1), rotation=("x", 1.2))'
+    'RigidBody(mass=1.0, inertia=(0.02, 0.03, 0.03), rotation=("x", 1.2))',
+    'RigidBody.ellipsoid(mass=1.0, semi_axes=(0.2, 0.15, 0.1), rotation=("x", 1.2))',
 )
 _OF_A_PART: dict[type, str] = {AbstractShape: _SHAPE, AbstractTouchingLaw: _LAW, AbstractCurve: _CURVE, AbstractSurface: _SURFACE}
 
@@ -328,7 +330,7 @@ def _two_frames(cls: type, kinds: dict[str, type]) -> bool:
 _TEMPLATES: tuple[tuple[Callable[[type, dict[str, type]], bool], str], ...] = (
     (lambda cls, kinds: issubclass(cls, AbstractPotential), _POTENTIAL),
     (lambda cls, kinds: issubclass(cls, AbstractField), _FIELD),
-    (lambda cls, kinds: issubclass(cls, AbstractJoint) and cls.only_pushes, _CONTACT),
+    (lambda cls, kinds: issubclass(cls, AbstractJoint) and issubclass(cls, AbstractContact), _CONTACT),
     (lambda cls, kinds: issubclass(cls, AbstractJoint) and _two_frames(cls, kinds), _JOINT),
     (_two_frames, _CONSTRAINT),
     (_only("point_a", "point_b", of=Point), _LINE_FORCE),

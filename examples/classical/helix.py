@@ -28,7 +28,9 @@ def main(folder: str = "out") -> float:
     inwards = -np.sum((push * place)[:, :2], axis=1) / RADIUS
     off = max(off, float(np.max(np.abs(inwards - MASS * RADIUS * (slope * run.t) ** 2))))
     print(run)
-    print(f"down {-place[-1, 2]:.2f} m, {-run[scene.wire.q][-1] / (2 * np.pi):.2f} turns; off by {off:.0e}; energy kept to {run.energy_error():.0e}")
+    print(
+        f"down {-place[-1, 2]:.2f} m, {-run[scene.wire.q][-1] / (2 * np.pi):.2f} turns; off by {off:.0e}; energy kept to {run.energy_error():.0e}"
+    )
     run.picture(f"{folder}/helix.png", times=(0.0, 0.6, 1.0))
     run.animate(f"{folder}/helix.html")
     return off

@@ -40,7 +40,9 @@ def main(folder: str = "out") -> float:
     motion = (shapes[2] * 0.08 * np.cos(run.t[:, None] * exact)) @ shapes
     away = float(np.max(np.abs(np.stack([run[rail.q] for rail in scene.rails], axis=1) - motion)))
     print(run)
-    print(f"{COUNT} frequencies from {found[0]:.3f} to {found[-1]:.3f} rad/s, off by {off:.0e}; the motion is the sum of its modes to {away:.0e} m")
+    print(
+        f"{COUNT} frequencies from {found[0]:.3f} to {found[-1]:.3f} rad/s, off by {off:.0e}; the motion is the sum of its modes to {away:.0e} m"
+    )
     run.picture(f"{folder}/oscillators.png", times=(0.0, 0.1, 0.2))
     run.animate(f"{folder}/oscillators.html", speed=0.5)
     return max(off, away)

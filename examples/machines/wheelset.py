@@ -23,8 +23,6 @@ class ConeOnRail(AbstractConstraint):
     The point that touches is that of the rail which lies deepest in the cone, in closed form. `guided`: it does not slip sideways either.
     """
 
-    only_pushes = True
-
     def __init__(self, radius: float, slope: float, guided: bool) -> None:
         self.radius, self.slope, self.guided = radius, slope, guided
 
