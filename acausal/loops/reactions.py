@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -13,7 +14,8 @@ from acausal.dynamics.kinematics import Place
 from acausal.dynamics.newton_euler import NewtonEuler, newton_euler
 from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import UnknownVariableError
-from acausal.language.connector import Point, Quantity
+from acausal.language.connector import FLOWS, Point, Quantity
+from acausal.language.expression import Symbol
 from acausal.language.flatten import Part
 from acausal.loops.constraints import Constraints
 from acausal.loops.loops import mounted_places
@@ -24,6 +26,7 @@ from acausal.parts.force import AbstractForce
 from acausal.parts.inertia import Inertia, skew
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractRigidPart
+from acausal.parts.span import AbstractSpan
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -44,6 +47,8 @@ class Reactions:
     constraints: Constraints
     v_dot: ca.SX
     multipliers: ca.SX
+    solved: Mapping[Symbol, ca.SX] = field(default_factory=dict[Symbol, ca.SX])
+    """Values of scalar variables, among them the efforts at flanges of spans."""
 
     @functools.cached_property
     def motion(self) -> NewtonEuler:
@@ -94,11 +99,18 @@ class Reactions:
             basis = ca.horzcat(rows.wrench_basis, rows.dropped_basis)
             on_b = basis @ multipliers[first : first + basis.shape[1]]
             first += basis.shape[1]
+            if isinstance(rows.edge.joint, AbstractSpan):
+                on_b = on_b + rows.edge.joint.wrench_on_b(rows.pose) * self._effort(rows.edge.joint)
             a, b = mounted_places(rows.edge, self.system.placement)
             R, p = symbolic(rows.pose.rotation), symbolic(rows.pose.position)
             torque, force = formulas.move_wrench(R, p, on_b[:3], on_b[3:])
             result[rows.edge.name] = ((a, (-torque, -force)), (b, (on_b[:3], on_b[3:])))
         return result
+
+    def _effort(self, span: AbstractSpan) -> ca.SX:
+        """Into the flange of a span; nothing where nothing is connected to it."""
+        symbol: Symbol = getattr(span.flange, FLOWS[type(span.flange)][1])
+        return self.solved.get(symbol, ca.SX(0))
 
     def quantity(self, symbol: Quantity) -> ca.SX:
         """A force, torque, acceleration, angular acceleration or specific force at a connector, in the world frame."""

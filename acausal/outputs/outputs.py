@@ -43,7 +43,7 @@ class Outputs:
     def reactions(self) -> Reactions:
         """Flows at connectors, in symbols for what the dynamics give."""
         r = self.system
-        return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers)
+        return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers, r.solved)
 
     @functools.cached_property
     def _rates(self) -> ca.SX:

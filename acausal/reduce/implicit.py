@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -45,7 +45,7 @@ def with_reactions(
                 "force or a torque depend on it, or put a delay between (a signal behind an Integrator is a state)."
             )
     phi, laws = mechanics.laws
-    values = _values(mechanics, constraints, symbols, v_dot, multipliers)
+    values = _values(mechanics, constraints, symbols, v_dot, multipliers, scalar.solved)
     entries = [
         (s, value)
         for symbol, read in zip(symbols, values, strict=True)
@@ -74,12 +74,17 @@ def _scalars(symbol: Symbol, value: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
 
 
 def _values(
-    mechanics: MechanicalSystem, constraints: Constraints, symbols: Sequence[Symbol], v_dot: ca.SX, multipliers: ca.SX
+    mechanics: MechanicalSystem,
+    constraints: Constraints,
+    symbols: Sequence[Symbol],
+    v_dot: ca.SX,
+    multipliers: ca.SX,
+    solved: Mapping[Symbol, ca.SX],
 ) -> list[ca.SX]:
     """What each of the symbols stands for, by laws and readings."""
     tree = mechanics.tree
     V, forces = ca.SX.sym("v_dot", v_dot.numel()), ca.SX.sym("multipliers", multipliers.numel())
-    reactions = Reactions(mechanics, constraints, V, forces)
+    reactions = Reactions(mechanics, constraints, V, forces, solved)
     found: list[ca.SX] = []
     for symbol in symbols:
         if isinstance(symbol, Quantity):

@@ -15,6 +15,7 @@ from acausal.language.equation import input_rate
 from acausal.language.expression import InputRate, Symbol, Variable, time
 from acausal.loops.loops import relative_pose
 from acausal.parts.joint import AbstractJoint
+from acausal.parts.span import AbstractSpan
 from acausal.scalar.collection import Collection as Collected
 from acausal.scalar.collection import Flange, collect, has_scalar_parts
 from acausal.scalar.diagnosis import no_rate
@@ -378,6 +379,11 @@ def _driven(mechanics: MechanicalSystem) -> tuple[Driven, ...]:
             q = cut.joint.coordinates(relative_pose(cut, mechanics.placement))
             assert q is not None
             held.append((cut.name, cut.joint, q, mechanics.kinematics.rate(q)))
+    for cut in mechanics.mechanism.cuts:
+        if isinstance(cut.joint, AbstractSpan) and cut.joint.flange in connected:
+            q = cut.joint.coordinate(relative_pose(cut, mechanics.placement))
+            v = mechanics.kinematics.rate(q)
+            found.append(Driven(cut.joint.flange, q, v, ca.jacobian(v, tree.v), cut.name))
     for name, joint, q, v in held:
         found += [Driven(flange, q, v, ca.jacobian(v, tree.v), name) for flange in joint.flanges if flange in connected]
     return tuple(found)

@@ -21,6 +21,7 @@ from acausal.parts.inertia import Inertia
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
+from acausal.parts.span import AbstractSpan
 from acausal.topology.canonical_order import Name, canonical_order, natural, rounded
 from acausal.topology.mechanism import Edge, Group, Kind, Mechanism
 from acausal.topology.rigid_groups import rigid_groups
@@ -120,7 +121,7 @@ def _gravity(rigid: Sequence[Part]) -> np.ndarray | None:
 
 def _edge(path: str, joint: Kind, groups: Sequence[Group], index: dict[Point, int]) -> Edge[Kind]:
     a, b = index[joint.frame_a], index[joint.frame_b]
-    if a == b and not isinstance(joint, AbstractElasticBody):
+    if a == b and not isinstance(joint, AbstractElasticBody | AbstractSpan):
         raise LockedError(
             f"Both ends of joint '{path}' ({joint.created_at}) are fixed to the same rigid group ({', '.join(p.path for p in groups[a].parts)}), "
             "so it cannot move. Connect one end to another part."
