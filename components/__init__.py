@@ -1,12 +1,12 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless). Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
+CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; along lines: SlidingMass, TranslationalSpring,
-TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
+TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
 RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
@@ -14,6 +14,7 @@ RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
 
 from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
+from components.cable import Cable, ConstantSum, LineOfAction
 from components.cam import CamFollower
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.contact import Contact
@@ -121,6 +122,7 @@ __all__ = [
     "AngularAccelerationSource",
     "Apart",
     "Bushing",
+    "Cable",
     "CamFollower",
     "Capacitor",
     "CartesianTranslation",
@@ -128,6 +130,7 @@ __all__ = [
     "Circle",
     "Cone",
     "Constant",
+    "ConstantSum",
     "Contact",
     "ContactForce",
     "ConvexShape",
@@ -163,6 +166,7 @@ __all__ = [
     "Integrator",
     "KnifeEdge",
     "Line",
+    "LineOfAction",
     "MagnusForce",
     "MutualGravitation",
     "NonlinearDamper",

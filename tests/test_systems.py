@@ -20,6 +20,7 @@ from components import (
     AccelerationSource,
     Accelerometer,
     AngularAccelerationSource,
+    Cable,
     CamFollower,
     CentralField,
     DCMotor,
@@ -30,6 +31,7 @@ from components import (
     Gyro,
     Inertia,
     Line,
+    LineOfAction,
     MagnusForce,
     MutualGravitation,
     Particle,
@@ -45,6 +47,8 @@ from components import (
     RotatingEarth,
     SpeedSource,
     Sphere,
+    Spherical,
+    Spring,
     SteeredAxle,
     Torque,
     TranslationalGround,
@@ -407,6 +411,96 @@ def test_a_cam_lifts_its_follower():
         assert run.energy_error() < 1e-9
 
 
+# cables
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
+def test_two_weights_on_a_cable_fall_as_atwood_says(size):
+    """a = g (m - M) / (m + M), tension 2 g m M / (m + M), and what an eyelet feels."""
+    scene = ac.System()
+    scene.world, scene.one, scene.two = World((0, 0, -G * size)), Particle(2.0), Particle(1.0)
+    scene.rope = Cable(3.0 * size, over=(scene.world.at((-0.2 * size, 0, 0)), scene.world.at((0.2 * size, 0, 0))))
+    scene.connect(scene.rope.frame_a, scene.one.point)
+    scene.connect(scene.rope.frame_b, scene.two.point)
+    start = {scene.one.point.position: (-0.2 * size, 0, -size), scene.two.point.position: (0.2 * size, 0, -1.6 * size)}
+    run = ac.build(scene).simulate(0.5, start, rtol=1e-10)
+    assert np.max(np.abs(run[scene.one.point.acceleration] - (0, 0, -G * size / 3))) < 1e-10 * size
+    assert np.max(np.abs(run[scene.rope.tension] - 4 / 3 * G * size)) < 1e-10 * size
+    first, second = scene.rope.pieces[:2]
+    felt = -run[first.frame_b.force] - run[second.frame_a.force]
+    assert np.max(np.abs(felt - np.array((4, 0, -4)) / 3 * G * size)) < 1e-10 * size
+    assert run.energy_error() < 1e-12 and run.constraint_error() < 1e-12 * max(size, 1.0)
+
+
+def test_a_weight_under_a_table_draws_a_puck_towards_its_hole():
+    """(m + M) r'' = m h^2 / r^3 - M g, h = r^2 phi'."""
+    scene = ac.System()
+    scene.world, scene.x, scene.y, scene.puck, scene.rail, scene.weight = (
+        World(),
+        Prismatic("x"),
+        Prismatic("y"),
+        Particle(1.0),
+        Prismatic("z"),
+        Particle(0.5),
+    )
+    scene.rope = Cable(2.0, over=(scene.world.frame,))
+    scene.connect(scene.world.frame, scene.x.frame_a, scene.rail.frame_a)
+    scene.connect(scene.x.frame_b, scene.y.frame_a)
+    scene.connect(scene.y.frame_b, scene.puck.point, scene.rope.frame_a)
+    scene.connect(scene.rail.frame_b, scene.weight.point, scene.rope.frame_b)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 2
+    run = model.simulate(3.0, {scene.x.q: 1.0, scene.y.q: 0.0, scene.rail.q: ac.near(-1.0), scene.y.v: 3.0}, rtol=1e-11)
+    r, _, _ = curvilinear.cylindrical(scene.puck.point.position)
+    exact = ode(lambda t, y: [y[1], (9.0 / y[0] ** 3 - 0.5 * G) / 1.5], [1.0, 0.0], run.t)
+    assert np.max(np.abs(run[r] - exact[:, 0])) < 1e-8
+    assert run.energy_error() < 1e-10
+
+
+def test_a_hoist_with_a_moving_pulley_carries_twice_its_pull():
+    """Ground, loose pulley, fixed pulley, counterweight: the load hangs on two pieces; by Lagrange (M + 4 m) x'' = (2 m - M) g upwards."""
+    scene = ac.System()
+    M, m = 3.0, 1.0
+    scene.world, scene.load, scene.weight, scene.rails = (
+        World(),
+        RigidBody.ball(M, 0.1),
+        Particle(m),
+        [Prismatic("z") for _ in range(2)],
+    )
+    scene.rope = Cable(5.0, over=(scene.load.frame, scene.world.at((0, 0, 2.0))))
+    scene.connect(scene.world.at((0, 0, 2.0)), scene.rope.frame_a)
+    scene.connect(scene.world.frame, scene.rails[0].frame_a, scene.rails[1].frame_a)
+    scene.connect(scene.rails[0].frame_b, scene.load.frame)
+    scene.connect(scene.rails[1].frame_b, scene.weight.point, scene.rope.frame_b)
+    run = ac.build(scene).simulate(0.5, {scene.rails[0].q: 0.3, scene.rails[1].q: ac.near(0.4)}, rtol=1e-11)
+    assert np.max(np.abs(run[scene.rails[0].q] - 0.3 - 0.5 * (2 * m - M) * G / (M + 4 * m) * run.t**2)) < 1e-11
+    assert np.max(np.abs(run[scene.rope.tension] - m * (G - 2 * (2 * m - M) * G / (M + 4 * m)))) < 1e-9
+    assert run.energy_error() < 1e-11
+
+
+def test_a_spring_on_a_line_of_action_is_a_spring_between_points():
+    ends = []
+    for by_line in (False, True):
+        scene = ac.System()
+        scene.world, scene.ball, scene.rod = World(), Spherical(), RigidBody.rod(1.0, (0, 0, -1), radius=0.1)
+        scene.connect(scene.world.frame, scene.ball.frame_a)
+        scene.connect(scene.ball.frame_b, scene.rod.frame)
+        if by_line:
+            scene.line, scene.spring, scene.foot = LineOfAction(), TranslationalSpring(30.0, 0.4), TranslationalGround()
+            scene.connect(scene.spring.flange_a, scene.foot.flange)
+            scene.connect(scene.line.flange, scene.spring.flange_b)
+        else:
+            scene.line = Spring(30.0, 0.4)
+        a, b = (scene.line.frame_a, scene.line.frame_b) if by_line else (scene.line.point_a, scene.line.point_b)
+        scene.connect(scene.world.at((1, 0.2, 0)), a)
+        scene.connect(scene.rod.tip, b)
+        run = ac.build(scene).simulate(1.0, {scene.ball.v: (1.0, 2.0, 3.0)}, rtol=1e-10)
+        assert run.energy_error() < 1e-9
+        ends.append((run[scene.rod.tip.position], run[b.force], run[scene.ball.frame_b.force]))
+    for one, two in zip(*ends, strict=True):
+        assert np.max(np.abs(one - two)) < 1e-7
+
+
 # 27: navigation
 
 
@@ -547,6 +641,8 @@ def test_a_frame_is_turned_as_told_by_angles_samples_and_angular_velocities():
         (lambda: CamFollower(lambda phi: 0.1), "depends on the angle"),
         (lambda: DCMotor(0.05, 1.0, inductance=-1.0), "inductance"),
         (lambda: SteeredAxle((1, 2)), "steer"),
+        (lambda: Cable(1.0, over=World()), "points or frames"),
+        (lambda: Cable(-1.0), "length"),
         (lambda: curvilinear.cylindrical((1, 2)), "three coordinates"),
         (lambda: curvilinear.base_vectors(curvilinear.cylindrical((1, 2, 3)), (1, 2, 3)), "place itself"),
     ],

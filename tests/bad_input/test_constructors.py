@@ -39,7 +39,7 @@ USUAL: dict[str, Any] = {
     "potential": lambda s: s**2, "points": (0.0, 1.0), "values": (0.0, 1.0),
     "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
     "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "PotentialField.potential": lambda p, t: p[2],
-    "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
+    "ConstantSum.number": 2, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
             "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "linear", "quadratic"}  # fmt: skip
