@@ -26,7 +26,7 @@ html_copy_source = False
 html_show_sphinx = False
 exclude_patterns = ["_build", "tools", "scenes", "own"]
 nitpicky = True
-suppress_warnings = ["toc.not_included"]  # a page that no menu names is found by the search
+suppress_warnings = ["toc.not_included", "toc.duplicate_entry"]  # a page that no menu names is found by the search
 
 
 def setup(app: Sphinx) -> None:
