@@ -13,6 +13,8 @@ from components import (
     Cylindrical,
     Fixed,
     Free,
+    Gear,
+    Inertia,
     Particle,
     Planar,
     Prismatic,
@@ -23,6 +25,7 @@ from components import (
     Screw,
     Spherical,
     Spring,
+    TorqueSource,
     Universal,
     World,
 )  # fmt: skip
@@ -318,3 +321,41 @@ def test_a_singular_position_of_a_loop_is_said():
     assert upright.energy_error() < 1e-9
     with pytest.warns(ac.errors.SingularWarning, match="joints"):
         model.simulate(0.1, {scene.left.tip.position: (1, 0, 0), scene.left.tip.velocity: (0, 0, 0)}, rtol=1e-10)
+
+
+def geared_arm(rotor: ac.Parameter | float = 1e-3) -> ac.System:
+    """Six hinges, each driven through a gear by a motor with a rotor."""
+    scene, ratios = ac.System(), (-100, -150, -100, 60, 80, 50)
+    scene.world, scene.rotor = World(), rotor
+    scene.joints, scene.links = (
+        [Revolute(axis) for axis in "zyyxyx"],
+        [RigidBody(1.0 + k, (0.1, 0.2, 0.25), (0.05, 0.02, 0.3)) for k in range(6)],
+    )
+    scene.gears, scene.rotors = [Gear(1 / ratio) for ratio in ratios], [Inertia(rotor * (k + 1)) for k in range(6)]
+    scene.motors = [TorqueSource(ac.Input("N*m")) for _ in ratios]
+    end = scene.world.frame
+    for joint, link, gear, inertia, motor in zip(scene.joints, scene.links, scene.gears, scene.rotors, scene.motors, strict=True):
+        scene.connect(end, joint.frame_a)
+        scene.connect(joint.frame_b, link.frame)
+        scene.connect(joint.flange, gear.flange_a)
+        scene.connect(gear.flange_b, inertia.flange_a)
+        scene.connect(inertia.flange_b, motor.flange)
+        end = link.at((0, 0, 0.5))
+    return scene
+
+
+@pytest.mark.parametrize("rotor", [1e-3, ac.Parameter(1e-3, "kg*m^2")])
+def test_rotors_on_gears_belong_to_the_inertias_of_the_links(rotor):
+    """By the recursion of Newton and Euler, which takes accelerations as they come; at other inertias of rotors than at build, too."""
+    model = ac.build(geared_arm(rotor))
+    assert acceleration_operations(model) <= 1600
+    f, rng = model.functions, np.random.default_rng(0)
+    for size in (1e-3, 0.0, 2.0) if model.parameter_names else (1e-3,):
+        p = [size] * len(model.parameter_names)
+        for _ in range(5):
+            x, u = rng.normal(size=12), rng.normal(size=6)
+            x_dot = f.explicit_dynamics(0, x, u, p)
+            terms = np.abs(np.array(f.residual_dynamics(0, x, 0 * x_dot, [], u, p))) + 1
+            assert np.max(np.abs(np.array(f.residual_dynamics(0, x, x_dot, [], u, p))) / terms) < 1e-11
+    start = {"joints[1].q": 0.5, "joints[3].v": 1.0}
+    assert model.simulate(0.5, start, rtol=1e-10, samples=5).energy_error() < 1e-8

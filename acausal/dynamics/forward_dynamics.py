@@ -57,7 +57,7 @@ def zero_wrenches(tree: Tree) -> list[Wrench]:
     return [(ca.SX.zeros(3), ca.SX.zeros(3)) for _ in tree.links]
 
 
-def articulated_inertias(tree: Tree, rotors: Mapping[int, float] | None = None) -> ArticulatedInertias:
+def articulated_inertias(tree: Tree, rotors: Mapping[int, float] | Mapping[int, ca.SX] | None = None) -> ArticulatedInertias:
     """Factors of the mass matrix, for any right-hand sides.
 
     `rotors`: inertias that resist the motions of links, by their indices (see `virtual_inertia`). Raises `MasslessError` where a
@@ -172,7 +172,7 @@ def _accelerated(inertias: ArticulatedInertias, i: int, u: ca.SX, before: Wrench
     return total[:3], total[3:]
 
 
-def own_inertia(link: Link, rotor: float) -> tuple[ca.SX, ca.SX]:
+def own_inertia(link: Link, rotor: float | ca.SX) -> tuple[ca.SX, ca.SX]:
     """(6, n) and (n, n): what the motion of a link meets besides the inertia behind it."""
     n = link.motion.nv
     if link.modal is None:

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.forward_dynamics import forward_dynamics
+from acausal.dynamics.forward_dynamics import articulated_inertias, forward_dynamics
 from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError, OverdeterminedError
@@ -23,6 +23,7 @@ from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
+from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
 from acausal.reduce.signals import with_signals
@@ -245,6 +246,16 @@ def reduce_system(
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
     scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing, without)
     read: list[tuple[ca.SX, ca.SX]] = []
+    geared = (
+        None
+        if constraints.loops or mechanics.readings.borrowed or mechanics.readings.implicit
+        else geared_rotors(scalar, tree, p, values)
+    )
+    if geared is not None:
+        rest = geared.forces if extra is None else geared.forces + extra
+        inertias = articulated_inertias(tree, geared.rotors)
+        v_dot = forward_dynamics(mechanics.kinematics, rest, list(mechanics.wrenches), inertias=inertias)
+        scalar = dataclasses.replace(scalar, tau=geared.forces - geared.resistance * v_dot)
     if mechanics.readings.borrowed:
         mechanics, scalar, read = with_signals(mechanics, scalar)
     steps = [[(tau, scalar.tau), *read]]
