@@ -38,11 +38,11 @@ def compiled(folder: Path, *words: str | Path) -> None:
 
 
 @functools.cache
-def runtime(name: str = "simulator") -> Path:
+def runtime(name: str = "simulator", lanes: tuple[str, ...] = ()) -> Path:
     """The integrators as an object file: the same for all models, and the longest to compile."""
-    folder = Path(_scratch().name) / name
+    folder = Path(_scratch().name) / "".join([name, *lanes])
     ac.build(DoublePendulum()).export_simulator(folder, name=name)
-    compiled(folder, "-c", "runtime.c")
+    compiled(folder, "-c", *lanes, "runtime.c")
     return folder / "runtime.o"
 
 
@@ -105,12 +105,13 @@ class Report(ctypes.Structure):
 
 
 class Library:
-    """The shared library of an exported model."""
+    """The shared library of an exported model; `lanes`: how many, where that is not left to the processor."""
 
-    def __init__(self, folder: Path, name: str = "simulator") -> None:
-        made = folder / f"lib{name}.so"
+    def __init__(self, folder: Path, name: str = "simulator", lanes: int | None = None) -> None:
+        flags = () if lanes is None else (f"-DLANES={lanes}",)
+        made = folder / f"lib{name}{lanes or ''}.so"
         if not made.exists():
-            compiled(folder, "-shared", "-o", made, f"{name}.c", "model.c", runtime(name), "-lm")
+            compiled(folder, "-shared", "-o", made, *flags, f"{name}.c", "model.c", runtime(name, flags), "-lm")
         self.library, self.name, self.path = ctypes.CDLL(str(made), mode=ctypes.RTLD_GLOBAL), name, made
         pointer, number, real, status = ctypes.c_void_p, ctypes.c_long, ctypes.c_double, ctypes.c_int
         for function, result, *arguments in (

@@ -8,6 +8,7 @@ import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -20,6 +21,7 @@ import acausal as ac
 from acausal.emit.compiler import cached_library, compiler
 from acausal.emit.library import SOURCES
 from acausal.emit.statements import BINARY, UNARY
+from acausal.errors import ExportError
 from acausal.runtime import native as problems
 from acausal.runtime.kernels import Compilation, How, Kernel, Kernels, Wanted
 from acausal.runtime.load import Runtime, runtime
@@ -145,6 +147,24 @@ def test_kernels_of_models_have_the_bits_of_compiled_ones(scene: type[ac.System]
             points = np.random.default_rng(4).normal(0, 1, (interpreted.inputs, 24))
             points = np.repeat(points[:, :1], 24, axis=1) if one.integrand.numbers["np"] else points
             assert np.array_equal(*(_bits(kernel_values(kernel, points, library)) for kernel in (interpreted, compiled)))
+
+
+def test_kernels_for_other_lanes_than_those_of_the_runtime_are_never_run(
+    library: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever asks for compiled ones is told; a run goes on with the interpreter. Options of a runtime make a compiler give as many."""
+    x = ca.SX.sym("x")
+    wanted = [Wanted("f", ca.Function("f", [x], [ca.sin(x) + 1]))]
+    other = replace(library, lanes=2 if library.lanes > 2 else 4)
+    with pytest.raises(ExportError, match=f"compiled for {library.lanes} lanes and the runtime for {other.lanes}"):
+        Kernels(wanted, other, How.COMPILED)
+    kernels = Kernels(wanted, other, How.AUTO)
+    monkeypatch.setattr(kernels, "_cost", 0.0)
+    assert kernels.kind == "interpreted"
+    kernels.spent(1.0)
+    assert (kernels.kind, kernels.version) == ("interpreted", 0)
+    told = replace(other, options=(*library.options, f"-DLANES={other.lanes}"))
+    assert Kernels(wanted, told, How.COMPILED).kind == "compiled"
 
 
 def _motions(taken: list[Kernels], eager: bool, patch: pytest.MonkeyPatch) -> list[Array]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import SimulationError
+from acausal.errors import AccuracyWarning, SimulationError
 from acausal.runtime.kernels import paired
 from acausal.runtime.load import runtime
 from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
@@ -134,13 +134,15 @@ def test_a_linkage_of_rods_that_misses_its_flat_position_moves_alike_at_each_tol
 
 
 def test_nearer_than_the_digits_of_states_a_motion_is_followed_or_refused():
-    """Not in steps without end."""
+    """Or what it loses is told; not in steps without end."""
     scene = Inversor()
     model = ac.build(scene)
     for rtol in (1e-8, 1e-10, 1e-12):
-        run = model.simulate(1.5, {scene.P.point.velocity[2]: 1e-7}, rtol=rtol, samples=16, raise_on_failure=False)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", AccuracyWarning)
+            run = model.simulate(1.5, {scene.P.point.velocity[2]: 1e-7}, rtol=rtol, samples=16, raise_on_failure=False)
         assert run.statistics.steps < 1500
-        assert run.energy_error() < 1e-6
+        assert run.energy_error() < 1e-6 or told
 
 
 def test_what_is_missed_by_more_than_rounding_of_lengths_is_no_crossing():
@@ -176,8 +178,8 @@ def test_twofold_precision_has_thirty_digits():
     t, none = ca.SX.sym("t"), ca.SX(0, 1)
     rates = ca.Function("f", [t, ca.vertcat(x, y), none, none], [ca.vertcat(*zeros)])
     points = np.random.default_rng(0).uniform(0.1, 9.0, (3, 64))
-    kernel = paired(rates, "rates", library.lanes, parameters=(3,)).kernel
-    assert np.max(np.abs(kernel_values(kernel, points, library))) < 3e-29
+    made = paired(rates, "zeros", library.lanes, parameters=(3,))
+    assert np.max(np.abs(kernel_values(made.kernel, points, library))) < 3e-29
     plain = np.array(rates(points[:1], points[1:], ca.DM(0, 1), ca.DM(0, 1)))
     assert np.max(np.abs(plain)) > 1e-17
 

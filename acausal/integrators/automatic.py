@@ -52,11 +52,11 @@ class Automatic(AbstractIntegrator):
             warn_no_compiler(str(error))
             return Cvodes().integrate(problem, x0, t0, t1, accuracy, progress)
         return compiled.integrate(
-            problem, x0, t0, t1, accuracy, gauss_or_radau(accuracy.rtol, compiled.lanes, self.order), progress
+            problem, x0, t0, t1, accuracy, gauss_or_radau(accuracy.rtol, self.order), progress
         )
 
 
-def gauss_or_radau(rtol: float, lanes: int, order: int | None = None) -> Choice:
+def gauss_or_radau(rtol: float, order: int | None = None) -> Choice:
     """Gauss of an order, or of the one for a tolerance, and Radaus for where the motion is stiff."""
-    gauss = gauss_legendre((order or default_order(rtol, lanes)) // 2)
+    gauss = gauss_legendre((order or default_order(rtol)) // 2)
     return Choice((gauss, *ADAPTIVE), Newton.WHERE_SLOW, adapt_order=True)

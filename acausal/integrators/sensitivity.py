@@ -36,7 +36,7 @@ def integrate_sensitivities(
     x = np.full((x0.size, times.size), np.nan)
     S = np.full((times.size, *directions.dx.shape), np.nan)
     x[:, 0], S[0] = x0, directions.dx
-    choice = gauss_or_radau(accuracy.rtol, compiled.lanes)
+    choice = gauss_or_radau(accuracy.rtol)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), accuracy, choice, directions)
     status = Status(StatusKind.SUCCESS, float(times[0]))
     for k, end in enumerate(times[1:], start=1):

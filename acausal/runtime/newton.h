@@ -4,14 +4,14 @@ static long padded(long n) { return (n + LANES - 1) / LANES * LANES; }
 
 /* Costs of Newton's iteration, in operations on lanes. */
 static double jacobian_cost(const Integrator *I) {
-    return (double)((I->pattern.colours + LANES - 1) / LANES) * (2.5 * (double)I->operations + 4 * (double)I->nx);
+    return (double)((I->pattern.colours + COUNTED - 1) / COUNTED) * (2.5 * (double)I->operations + 4 * (double)I->nx);
 }
 static double dense_cost(const Integrator *I, double eigenvalues) {
     double n = (double)I->nx;
     return eigenvalues * n * n * (5 + 0.5 * n);
 }
 static double sparse_cost(const Integrator *I, double eigenvalues) {
-    return ceil(eigenvalues / LANES) * (10 * I->pattern.work + 40 * I->pattern.fill);
+    return ceil(eigenvalues / COUNTED) * (10 * I->pattern.work + 40 * I->pattern.fill);
 }
 static int is_sparse(const Integrator *I) { return 2 * sparse_cost(I, 4) < dense_cost(I, 4); }
 static double factor_cost(const Integrator *I, const Method *m) {
@@ -19,7 +19,7 @@ static double factor_cost(const Integrator *I, const Method *m) {
 }
 static double direction_cost(const Integrator *I, const Method *m) {
     double n = (double)I->nx, e = (double)m->eigenvalues;
-    return e * 6 * n * (double)m->stages + (is_sparse(I) ? ceil(e / LANES) * 20 * I->pattern.fill : 2 * e * n * n);
+    return e * 6 * n * (double)m->stages + (is_sparse(I) ? ceil(e / COUNTED) * 20 * I->pattern.fill : 2 * e * n * n);
 }
 
 static int make_newton(Integrator *I) {
@@ -133,8 +133,8 @@ static int factor_shifted(Integrator *I, double re, double im, double *A_re, dou
             long full = padded(k + 1);
             for (long j = k + 1; j < full && j < n; j++) {
                 double r = A_re[k * w + j], m = A_im[k * w + j];
-                A_re[i * w + j] -= lr * r - li * m;
-                A_im[i * w + j] -= lr * m + li * r;
+                A_re[i * w + j] = A_re[i * w + j] - lr * r + li * m;
+                A_im[i * w + j] = A_im[i * w + j] - lr * m - li * r;
             }
             for (long j = full / LANES; j < W; j++) {
                 V r = R[k * W + j], m = M[k * W + j];
@@ -185,10 +185,15 @@ static V in_lanes(const double *values, long stride, long e, long count) {
 
 static int factor_sparse(Integrator *I, const Method *m, double h) {
     measure_sparse_rows(I, h * m->eigen_re[0], h * m->eigen_im[0]);
+    struct Factors *first = I->state->sparse.blocks;
     for (long e = 0; e < m->eigenvalues; e += LANES) {
-        struct Factors *F = &I->state->sparse.blocks[e / LANES];
+        struct Factors *F = &first[e / LANES];
         V re = in_lanes(m->eigen_re, 1, e, m->eigenvalues) * v_all(h), im = in_lanes(m->eigen_im, 1, e, m->eigenvalues) * v_all(h);
-        if (!(F->known && factor_again(I, F, re, im)) && !factor_anew(I, F, re, im)) return 0;
+        if (e > 0) {
+            if (!same_pivots(I, F, first) || !factor_again(I, F, re, im, 0)) return 0;
+        } else if (!(F->known && factor_again(I, F, re, im, 1)) && !factor_anew(I, F, re, im)) {
+            return 0;
+        }
     }
     return 1;
 }

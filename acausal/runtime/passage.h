@@ -311,11 +311,8 @@ static double change_along(Integrator *I, Stages *S, const double *dK, const dou
         for (long l = 0; l < LANES; l++)
             for (long i = 0; i < I->nx; i++) D[i][l] = b * LANES + l < S->s ? dK[(b * LANES + l) * I->nx + i] : 0.0;
         along_branch(I, S->in[b], D, G);
-        for (long i = 0; i < I->nx; i++)
-            for (long l = 0; l < LANES; l++) {
-                double d = G[i][l] * factor[i];
-                sum += b * LANES + l < S->s ? d * d : 0.0;
-            }
+        for (long l = 0; l < LANES && b * LANES + l < S->s; l++)
+            for (long i = 0; i < I->nx; i++) sum += G[i][l] * factor[i] * (G[i][l] * factor[i]);
     }
     return sum;
 }
@@ -359,7 +356,7 @@ static int is_awkward(Integrator *I, const Stages *S, double h) {
     return clearance_at(I, I->t + h, T->across) < BESIDE && !(clearance_at(I, I->t, I->x) < BESIDE);
 }
 
-/* States of a step at these fractions of it, clearances into `clear`, products of them into `all`; the arguments of a rhs stay in T->ahead. */
+/* States of a step at LANES fractions of it, clearances into `clear`, products of them into `all`; the arguments of a rhs stay in T->ahead. */
 static void clearances_within(Integrator *I, const Stages *S, const double *fractions, double *clear, double *all) {
     struct State *T = I->state;
     double P[65], Q[64];
@@ -382,22 +379,24 @@ static void clearances_within(Integrator *I, const Stages *S, const double *frac
    clearances `least`, and does not lead straight through. */
 static int skips(Integrator *I, const Stages *S, double from, double to, double least) {
     struct State *T = I->state;
-    double fractions[LANES], clear[LANES], all[LANES], closest = least, seen = 0;
+    double fractions[COUNTED], clear[COUNTED], all[COUNTED], closest = least, seen = 0;
     int through = 0;
     for (int round = 0; round < ROUNDS; round++) {
-        double step = (to - from) / (LANES + 1), best = INFINITY, at = from;
-        for (long l = 0; l < LANES; l++) fractions[l] = from + step * (double)(l + 1);
-        clearances_within(I, S, fractions, clear, all);
-        for (long l = 0; l < LANES; l++)
-            if (all[l] < best) best = all[l], at = fractions[l];
+        double step = (to - from) / (COUNTED + 1), best = INFINITY, at = from;
+        for (long k = 0; k < COUNTED; k++) fractions[k] = from + step * (double)(k + 1);
+        for (long k = 0; k < COUNTED; k += LANES) clearances_within(I, S, fractions + k, clear + k, all + k);
+        for (long k = 0; k < COUNTED; k++)
+            if (all[k] < best) best = all[k], at = fractions[k];
         closest = fmin(closest, best);
-        for (long l = 0; l < LANES; l++)
-            if (clear[l] < CROSSING && clear[l] > seen && closest < SEEN * least) {
+        for (long k = 0; k < COUNTED; k++)
+            if (clear[k] < CROSSING && clear[k] > seen && closest < SEEN * least) {
+                long first = k / LANES * LANES;
                 V *K = T->exact_out;
+                if (GROUP > 1) clearances_within(I, S, fractions + first, clear + first, all + first);
                 rates_at(I, 1, T->ahead, K);
-                double tau = crossing(I, T->ahead, K, l, S->h);
-                through = tau > 0 && continued_from(I, T->ahead, K, l, tau, clear[l]) == tau;
-                seen = clear[l];
+                double tau = crossing(I, T->ahead, K, k - first, S->h);
+                through = tau > 0 && continued_from(I, T->ahead, K, k - first, tau, clear[k]) == tau;
+                seen = clear[k];
             }
         from = at - step;
         to = at + step;

@@ -139,6 +139,7 @@ static int forgetting(Integrator *I, double t, const double *x, double h, const 
     long n = I->nx;
     V *in = T->point_in, *out = T->point_out;
     if (!rate_at(I, t, x, T->rate)) return 0;
+    int exact = is_near(I, in);
     for (long first = 0; first < n; first += LANES) {
         long count = n - first < LANES ? n - first : LANES;
         double step[LANES] = {0};
@@ -148,7 +149,7 @@ static int forgetting(Integrator *I, double t, const double *x, double h, const 
             step[l] = moved - x[first + l];
             in[1 + first + l][l] = moved;
         }
-        rates_at(I, is_near(I, in), in, out);
+        rates_at(I, exact, in, out);
         I->evaluations += count;
         for (long l = 0; l < count; l++)
             for (long i = 0; i < n; i++) {

@@ -58,7 +58,9 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
     set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
     for (long i = 0; i < n; i++) size[i] = v_larger(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
-    Judge judgement = new_judge(tolerance, 4 * EPS / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
+    Judge judgements[LANES];
+    Bits ready = i_all(0); /* directions that have converged, and stay as they are */
+    for (long l = 0; l < LANES; l++) judgements[l] = new_judge(tolerance, 4 * EPS / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
     for (;;) {
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) {
@@ -77,11 +79,12 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
         for (long j = 0; j < s; j++) variation_at(I, S, j, X + j * n, N + j * n);
         V sum = v_all(0.0), top = v_all(1e-300);
         for (long i = 0; i < n; i++) {
-            for (long j = 0; j < s; j++) size[i] = v_larger(size[i], v_abs(N[j * n + i]) * v_all(h));
+            for (long j = 0; j < s; j++) size[i] = v_select(ready, size[i], v_larger(size[i], v_abs(N[j * n + i]) * v_all(h)));
             top = v_larger(top, size[i]);
         }
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
+                if (ready[l]) continue;
                 for (long q = 0; q < s * n; q++) T->residual[q] = N[q][l] - K[q][l];
                 newton_direction(I, S->method, T->residual, T->dK);
                 for (long q = 0; q < s * n; q++) N[q][l] = K[q][l] + T->dK[q];
@@ -93,11 +96,16 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 V d = (N[j * n + i] - K[j * n + i]) * v_all(h) / scale;
                 sum = v_fma(d, d, sum);
             }
-        memcpy(K, N, sizeof(V) * (size_t)(s * n));
-        double change = 0;
-        for (long l = 0; l < LANES; l++) change = sum[l] > change || !(sum[l] == sum[l]) ? sum[l] : change;
-        enum Verdict v = judge(&judgement, sqrt(change / (double)s));
-        if (v != GO_ON) return v == DONE;
+        for (long q = 0; q < s * n; q++) K[q] = v_select(ready, K[q], N[q]);
+        int going = 0;
+        for (long l = 0; l < LANES; l++) {
+            if (ready[l]) continue;
+            enum Verdict v = judge(&judgements[l], sqrt(sum[l] / (double)s));
+            if (v == HOPELESS) return 0;
+            ready[l] = v == DONE ? -1 : 0;
+            going |= v == GO_ON;
+        }
+        if (!going) return 1;
     }
 }
 

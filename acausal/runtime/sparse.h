@@ -1,6 +1,6 @@
 /* Sparse LU of 1 - z J, the eigenvalues z of a method side by side in lanes: left-looking, columns in an order that keeps fill low, the diagonal as pivot
    unless it is small (Gilbert and Peierls 1988). Pattern and pivots serve again as long as they are good (as in KLU, Davis and Palamadai
-   Natarajan 2010). Pivots are chosen by the first eigenvalue of a block of lanes. */
+   Natarajan 2010). Pivots are chosen by the first eigenvalue. */
 
 #define DIAGONAL 0.1 /* of the largest entry: the diagonal is the pivot */
 #define WORN 0.001   /* of the largest entry: a pivot from before is not used again */
@@ -183,8 +183,19 @@ static int factor_anew(Integrator *I, struct Factors *F, V z_re, V z_im) {
     return 1;
 }
 
-/* LU with the pivots of before. 0 when they are not good any more. */
-static int factor_again(Integrator *I, struct Factors *F, V z_re, V z_im) {
+/* Gives one block of eigenvalues the pattern and pivots of the first. 0 when memory is short. */
+static int same_pivots(Integrator *I, struct Factors *F, const struct Factors *first) {
+    long n = I->nx, L = first->L_start[n], U = first->U_start[n];
+    if (!room_for(I, 0, L > F->L_room ? L : 0, &F->L_room, &F->L_row, &F->L_re, &F->L_im)) return 0;
+    if (!room_for(I, 0, U > F->U_room ? U : 0, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
+    memcpy(F->L_start, first->L_start, sizeof(long) * (size_t)(4 * n + 2));
+    memcpy(F->L_row, first->L_row, sizeof(long) * (size_t)L);
+    memcpy(F->U_row, first->U_row, sizeof(long) * (size_t)U);
+    return 1;
+}
+
+/* LU with the pivots of before. 0 when they are not good any more, if that is `checked`: pivots are those of the first eigenvalue for all. */
+static int factor_again(Integrator *I, struct Factors *F, V z_re, V z_im, int checked) {
     struct Sparse *S = &I->state->sparse;
     for (long k = 0; k < I->nx; k++) {
         double largest = 0;
@@ -198,8 +209,8 @@ static int factor_again(Integrator *I, struct Factors *F, V z_re, V z_im) {
             F->U_im[a] = S->im[i];
             eliminate(S, F, j, S->re[i], S->im[i]);
         }
-        for (long a = F->L_start[k]; a < F->L_start[k + 1]; a++) largest = fmax(largest, entry_size(I, F->L_row[a]));
-        if (!(entry_size(I, F->pivot_row[k]) >= WORN * largest) || !divide(S, F, k)) return 0;
+        for (long a = F->L_start[k]; a < F->L_start[k + 1] && checked; a++) largest = fmax(largest, entry_size(I, F->L_row[a]));
+        if ((checked && !(entry_size(I, F->pivot_row[k]) >= WORN * largest)) || !divide(S, F, k)) return 0;
     }
     return 1;
 }

@@ -5,6 +5,8 @@
 #define METHODS 4     /* of one integration, at most */
 #define MOST_STAGES 32 /* of one method */
 #define BLOCKS (MOST_STAGES / LANES)
+#define COUNTED 8      /* lanes that costs are counted in, samples taken and sums ordered for, however many there are: all widths go the same way, to the bit */
+#define GROUP (COUNTED / LANES) /* blocks that hold as many */
 
 /* What belongs to one method: its matrices by columns in lanes, its stage values. Blocks of LANES stages; the last one is padded
    with copies of the last stage, which no norm counts. */
@@ -68,15 +70,32 @@ INLINE enum Verdict judge(Judge *j, double change) {
 /* start + sum over stages k of columns[k] * K[k][i], for the stages of one block */
 INLINE V combined(const V *columns, V *const *K, long blocks, long i, V start) {
     V r = start, other = v_all(0.0); /* two sums: half the latency */
+#if LANES == 1
+    for (long b = 0; b < blocks; b++) *(b & 1 ? &other : &r) = v_fma(K[b][i], columns[b], b & 1 ? other : r);
+#else
     for (long b = 0; b < blocks; b++) {
         const double *k = (const double *)&K[b][i];
 #pragma GCC unroll 8
         for (int l = 0; l < LANES; l += 2) {
             r = v_fma(v_all(k[l]), columns[b * LANES + l], r);
-            if (LANES > 1) other = v_fma(v_all(k[l + 1]), columns[b * LANES + l + 1], other);
+            other = v_fma(v_all(k[l + 1]), columns[b * LANES + l + 1], other);
         }
     }
+#endif
     return r + other;
+}
+
+/* The sum of all lanes of blocks, in pairs, and pairs of pairs: the same for all widths. */
+INLINE double sum_of_blocks(const V *part, long blocks) {
+    double sum = 0;
+    for (long first = 0; first < blocks; first += GROUP) {
+        double each[GROUP] = {0};
+        for (long k = 0; k < GROUP && first + k < blocks; k++) each[k] = v_sum(part[first + k]);
+        for (int width = GROUP / 2; width > 0; width /= 2)
+            for (int k = 0; k < width; k++) each[k] = each[2 * k] + each[2 * k + 1];
+        sum += each[0];
+    }
+    return sum;
 }
 
 /* A matrix (s, s), row-major, as columns in lanes. */
@@ -298,7 +317,7 @@ static void rates_at(Integrator *I, int exact, V *in, V *out) {
 
 /* Of the rates at all stages and what goes with them, in operations on lanes. */
 static double sweep_cost(const Integrator *I, const Stages *S) {
-    return (double)S->blocks * ((double)I->operations + ((double)S->s + 6) * (double)I->nx);
+    return (double)((S->s + COUNTED - 1) / COUNTED) * ((double)I->operations + ((double)S->s + 6) * (double)I->nx);
 }
 
 /* All rates from the states in `in`, into N. */
@@ -372,30 +391,40 @@ static void set_scale(Integrator *I, double h, double reach) {
 
 static void along_branch(Integrator *I, const V *in, const V *K, V *out);
 
+/* A random number, the same for the same n (the mixing of Wellons' hash prospector). */
+static unsigned drawn(long n) {
+    unsigned x = (unsigned)n;
+    x = (x ^ (x >> 16)) * 0x7feb352dU;
+    x = (x ^ (x >> 15)) * 0x846ca68bU;
+    return x ^ (x >> 16);
+}
+
 /* What rounding makes of the rates at the stages: how much they change when the states change by a unit or two of their last place. The
    largest change is left out: there the rates may jump. */
 static void sample_noise(Integrator *I, const Stages *S) {
     struct State *T = I->state;
-    unsigned draw = 1;
+    long samples = (S->s + COUNTED - 1) / COUNTED * COUNTED; /* the last stage again, where there are fewer */
     for (long i = 0; i < I->nx; i++) T->noise[i] = T->most[i] = 0;
-    for (long b = 0; b < S->blocks; b++) {
+    for (long first = 0; first < samples; first += LANES) {
         for (int k = 0; k < 2; k++) {
             V *in = T->disturbed;
-            memcpy(in, S->in[b], sizeof(V) * (size_t)I->rhs.inputs);
-            for (long i = 0; i < I->nx; i++)
-                for (long l = 0; l < LANES; l++) in[1 + i][l] *= 1 + EPS * ((double)((draw = draw * 1664525u + 1013904223u) >> 30) - 1.5);
+            for (long l = 0; l < LANES; l++) {
+                long j = first + l < S->s ? first + l : S->s - 1;
+                for (long i = 0; i < I->rhs.inputs; i++) in[i][l] = S->in[j / LANES][i][j % LANES];
+                for (long i = 0; i < I->nx; i++) in[1 + i][l] *= 1 + EPS * ((double)(drawn((2 * (first + l) + k) * I->nx + i) >> 30) - 1.5);
+            }
             rates_at(I, S->exact, in, T->rates[k]);
             if (S->around) along_branch(I, in, T->rates[k], T->rates[k]);
         }
         for (long i = 0; i < I->nx; i++)
             for (long l = 0; l < LANES; l++) {
                 double change = fabs(T->rates[0][i][l] - T->rates[1][i][l]);
-                if (!(change < INFINITY) || (S->around && S->tau[b * LANES + l] > 0)) continue;
+                if (!(change < INFINITY) || (S->around && S->tau[first + l < S->s ? first + l : S->s - 1] > 0)) continue;
                 T->noise[i] += change;
                 T->most[i] = fmax(T->most[i], change);
             }
     }
-    for (long i = 0; i < I->nx; i++) T->noise[i] = FEW * (T->noise[i] - T->most[i]) / (double)(S->blocks * LANES - 1 + (S->blocks * LANES == 1));
+    for (long i = 0; i < I->nx; i++) T->noise[i] = FEW * (T->noise[i] - T->most[i]) / (double)(samples - 1);
     for (long k = 0; k < I->copies; k++) /* what is the integral of a disturbed state is disturbed with it */
         T->noise[I->copy_to[k]] = fmax(T->noise[I->copy_to[k]], S->h * T->noise[I->copy_from[k]]);
     for (long i = 0; i < I->nx; i++) T->noise[i] = fmax(T->noise[i], T->least[i]);
@@ -456,7 +485,7 @@ static void widen(Integrator *I, Stages *S, V **K, double h) {
    (H - G), and `whole` of (N - K). */
 static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
     const double *factor = I->state->factor;
-    double sum = 0, all = 0;
+    V parts[BLOCKS], along[BLOCKS];
     widen(I, S, S->N, h);
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
@@ -470,7 +499,7 @@ static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
         S->N[b] = K;
         if (S->around) {
             V *G = S->G[b], *H = S->H[b];
-            all += v_sum(part * S->counted[b]);
+            along[b] = part * S->counted[b];
             part = v_all(0.0);
             for (long i = 0; i < I->nx; i++) {
                 V d = (H[i] - G[i]) * v_all(factor[i]);
@@ -479,11 +508,10 @@ static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
             S->G[b] = H;
             S->H[b] = G;
         }
-        part = part * S->counted[b];
-        sum += v_sum(part);
+        parts[b] = part * S->counted[b];
     }
-    *whole = all;
-    return sqrt(sum / (double)S->s);
+    *whole = S->around ? sum_of_blocks(along, S->blocks) : 0;
+    return sqrt(sum_of_blocks(parts, S->blocks) / (double)S->s);
 }
 
 /* in[1 + i] = x[i] + mu L[i] for the states of a list. */

@@ -38,19 +38,19 @@ static int make_switches(Integrator *I) {
 static int rows_at(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
     V *in = T->rows_in;
-    unsigned draw = 1;
     for (long r = 0; r < I->row_count; r++) T->row_noise[r] = 0;
-    for (int round = 0; round < (LANES < 8 ? 8 / LANES : 1); round++) {
-        for (long i = -1; i < I->nx; i++) {
-            double value = i < 0 ? t : x[i], unit = EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i])));
-            in[1 + i] = v_all(value);
-            for (long l = 1; l < LANES; l++) in[1 + i][l] += unit * ((double)((draw = draw * 1664525u + 1013904223u) >> 29) / 2 - 1.75);
+    for (long first = 0; first < COUNTED; first += LANES) {
+        for (long l = 0; l < LANES; l++) {
+            for (long i = -1; i < I->nx; i++) {
+                double value = i < 0 ? t : x[i], unit = first + l > 0 ? EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i]))) : 0;
+                in[1 + i][l] = value + unit * ((double)(drawn((first + l) * (I->nx + 1) + i) >> 29) / 2 - 1.75);
+            }
         }
         if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
         run_kernel(&I->rows, in, T->rows_c, T->rows_out, T->work);
         for (long r = 0; r < I->row_count; r++) {
-            T->one_row[r] = T->rows_out[r][0];
-            for (long l = 1; l < LANES; l++) {
+            if (first == 0) T->one_row[r] = T->rows_out[r][0];
+            for (long l = 0; l < LANES; l++) {
                 double change = fabs(T->rows_out[r][l] - T->one_row[r]);
                 if (change < INFINITY) T->row_noise[r] = fmax(T->row_noise[r], ROUNDINGS * change);
             }

@@ -45,7 +45,7 @@ def _driver(built: Built, setting: float) -> Prepared:
     compiled = f.native(How.COMPILED)
     assert compiled is not None
     problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
-    choice = Choice((gauss_legendre(default_order(setting, compiled.lanes) // 2),), Newton.WHERE_SLOW)
+    choice = Choice((gauss_legendre(default_order(setting) // 2),), Newton.WHERE_SLOW)
     made = Run(compiled, problem, x0, 0.0, built.scene.end, Accuracy(setting, setting), choice)
     fresh = type(made.core).from_buffer_copy(made.core)
     compiled.library.finish(ctypes.byref(made.core))

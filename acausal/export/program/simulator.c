@@ -62,11 +62,8 @@ long simulator_index(simulator_kind kind, const char *name) {
 
 /* Methods */
 
-/* The order at which a tolerance is cheapest: stages that fit into the lanes cost no more than one. */
-static long gauss_order(double rtol) {
-    if (LANES >= 4) return rtol < (LANES >= 8 ? 2e-4 : 1e-5) ? 16 : 8;
-    return rtol >= 1e-4 ? 8 : rtol >= 1e-7 ? 12 : 16;
-}
+/* The order at which a tolerance is cheapest. */
+static long gauss_order(double rtol) { return rtol < 2e-4 ? 16 : 8; }
 
 static long radau_order(double rtol) { return rtol > 1e-6 ? 5 : rtol > 1e-10 ? 9 : 13; }
 
