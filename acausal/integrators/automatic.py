@@ -51,9 +51,7 @@ class Automatic(AbstractIntegrator):
         except NoRuntimeError as error:
             warn_no_compiler(str(error))
             return Cvodes().integrate(problem, x0, t0, t1, accuracy, progress)
-        return compiled.integrate(
-            problem, x0, t0, t1, accuracy, gauss_or_radau(accuracy.rtol, self.order), progress
-        )
+        return compiled.integrate(problem, x0, t0, t1, accuracy, gauss_or_radau(accuracy.rtol, self.order), progress)
 
 
 def gauss_or_radau(rtol: float, order: int | None = None) -> Choice:
