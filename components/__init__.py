@@ -3,7 +3,7 @@
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
-Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
+Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
@@ -23,6 +23,7 @@ from components.contacts.knife_edge import KnifeEdge
 from components.contacts.laws import Apart, Creep, HuntCrossley, Rolling, RollingWithoutPivoting, Sliding, SmoothCoulomb, Viscous
 from components.contacts.point_on_plane import PointOnPlane
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
+from components.contacts.rolling_line import RollingCone, RollingCylinder
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
 from components.contacts.steered_axle import SteeredAxle
 from components.contacts.touching import Touching
@@ -198,6 +199,8 @@ __all__ = [
     "Rolling",
     "RollingBall",
     "RollingBallOnSurface",
+    "RollingCone",
+    "RollingCylinder",
     "RollingDisk",
     "RollingEllipsoid",
     "RollingTorus",

@@ -12,6 +12,7 @@ import acausal as ac
 from acausal import errors
 from components import (
     Apart,
+    Cone,
     Contact,
     ContactForce,
     Creep,
@@ -24,6 +25,8 @@ from components import (
     Plane,
     Revolute,
     RigidBody,
+    RollingCone,
+    RollingCylinder,
     RollingDisk,
     Sliding,
     SmoothCoulomb,
@@ -264,3 +267,65 @@ def test_a_contact_that_closes_a_loop_is_rows_or_coordinates(monkeypatch):
         seen = (frame.position, scene.hinge.q, scene.high.normal_force, scene.high.point_b)
         ends.append(np.concatenate([np.ravel(run[expression][-1]) for expression in seen]))
     assert np.max(np.abs(ends[0] - ends[1])) < 1e-8
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_cylinder_rolls_in_a_cylinder_as_a_longer_pendulum(size):
+    """theta'' = -2/3 g / (R - r) sin(theta); outside of it the other way; on a slope it runs down with 2/3 g sin."""
+    r, R = 0.1 * size, 0.5 * size
+    for side, surface in ((-1, Cylinder(R, inside_out=True)), (1, Cylinder(R))):
+        scene = ac.System()
+        scene.world, scene.body, scene.roll = (
+            World((0, -G * size, 0)),
+            RigidBody.cylinder(2.0, r, 0.3 * size),
+            RollingCylinder(r, surface),
+        )
+        scene.connect(scene.world.frame, scene.roll.frame_a)
+        scene.connect(scene.roll.frame_b, scene.body.frame)
+        model = ac.build(scene)
+        assert len(model.state_names) == 2
+        begin = 0.9 * side
+        run = model.simulate(1.0, {scene.roll.q: R * begin}, rtol=1e-12)
+        rate = -2 / 3 * G * size / (R + side * r)
+        exact = solve_ivp(
+            lambda t, y, k=rate: [y[1], k * np.cos(y[0])], (0, 1.0), [begin, 0], method="DOP853", rtol=1e-13, atol=1e-14
+        )
+        assert abs(run[scene.roll.q][-1].item() / R - exact.y[0, -1]) < 1e-11
+    slope = ac.System()
+    slope.world, slope.body, slope.roll = World((G * size, 0, 0)), RigidBody.cylinder(2.0, r, 0.3 * size), RollingCylinder(r)
+    slope.connect(slope.world.frame, slope.roll.frame_a)
+    slope.connect(slope.roll.frame_b, slope.body.frame)
+    run = ac.build(slope).simulate(1.0, {slope.roll.q: 0.0}, rtol=1e-12)
+    assert abs(run[slope.roll.q][-1].item() - G * size / 3) < 1e-12 * size
+    forward = run[slope.body.frame.angular_velocity][-1]
+    assert np.max(np.abs(forward - [0, run[slope.roll.v][-1].item() / r, 0])) < 1e-11
+
+
+@pytest.mark.parametrize("base", [None, Cone(1.1), Cone(0.5, outside=True)], ids=["plane", "inside", "outside"])
+def test_a_cone_rolls_about_the_line_that_touches(base):
+    """Its angular velocity is along that line; under a gravity across it swings as a pendulum of the inertia about the line."""
+    half, m, along, across, far = 0.3, 2.0, 0.01, 0.05, 0.4
+    scene = ac.System()
+    scene.world, scene.body = World((G, 0, 0)), RigidBody(m, (across, across, along), (0, 0, far))
+    scene.roll = RollingCone(half, base)
+    scene.connect(scene.world.frame, scene.roll.frame_a)
+    scene.connect(scene.roll.frame_b, scene.body.frame)
+    run = ac.build(scene).simulate(1.0, {scene.roll.q: 0.7}, rtol=1e-12)
+    alpha, side = (np.pi / 2, 1.0) if base is None else (base.half_angle, base.side)
+    q, rate = run[scene.roll.q].ravel(), run[scene.roll.v].ravel()
+    line = np.stack([np.sin(alpha) * np.cos(q), np.sin(alpha) * np.sin(q), np.full(q.size, np.cos(alpha))], axis=1)
+    turning = rate * np.sin(alpha - side * half) / np.sin(-side * half)
+    assert np.max(np.abs(run[scene.body.frame.angular_velocity] - turning[:, None] * line)) < 1e-11
+    inertia = (along * np.cos(half) ** 2 + (across + m * far**2) * np.sin(half) ** 2) * (
+        np.sin(alpha - side * half) / np.sin(half)
+    ) ** 2
+    pull = m * G * far * np.sin(alpha - side * half)
+    exact = solve_ivp(
+        lambda t, y: [y[1], -pull / inertia * np.sin(y[0])], (0, 1.0), [0.7, 0], method="DOP853", rtol=1e-13, atol=1e-14
+    )
+    assert abs(q[-1] - exact.y[0, -1]) < 1e-10
+
+
+def test_a_cylinder_too_large_for_the_other_is_refused():
+    with pytest.raises(errors.ParameterError, match="does not fit"):
+        RollingCylinder(0.5, Cylinder(0.4, inside_out=True))

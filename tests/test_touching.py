@@ -5,6 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
@@ -412,3 +414,45 @@ def test_what_holds_bodies_together_moves_bodies_apart_alike(body, base, law):
     size = np.max(np.abs(np.concatenate(expected)))
     assert np.max(np.abs(np.concatenate(found) - np.concatenate(expected))) < 1e-12 * size
     assert abs(opening.item()) < 1e-12 * size
+
+
+@settings(max_examples=5, deadline=None, derandomize=True)
+@given(
+    st.sampled_from(["ellipsoid", "tyre", "ball", "spindle"]), st.sampled_from(LAWS[:3]), st.integers(-6, 6),
+    st.tuples(*[st.floats(-1, 1)] * 3), st.integers(0, 2**31),
+)  # fmt: skip
+def test_random_bodies_on_random_ground_keep_their_energy(kind, law, decade, bends, seed):
+    """Any size: what the contact exerts does no work, and its point neither slips nor parts where the law forbids it."""
+    length, rng = 10.0**decade, np.random.default_rng(seed)
+    a, b, c = rng.uniform(0.05, 0.3, 3) * length
+    shape = {
+        "ellipsoid": Ellipsoid((a, b, c)), "tyre": Torus(a, b), "ball": Sphere(a), "spindle": Revolution(lambda s: (a - s**2 / (2 * length), s)),
+    }[kind]  # fmt: skip
+    ground = HeightField(lambda x, y: (bends[0] * x * x + bends[1] * x * y + bends[2] * y * y) / (3 * length))
+    joint = Touching(shape, ground, law)
+    scene = on(
+        joint, RigidBody(1.3, length**2 * np.array([0.02, 0.03, 0.025]), length * np.array([0.02, -0.01, 0.03])), (1.0, 2.0, -G)
+    )
+    model = ac.build(scene)
+    s, outputs, frame = model.system, model.functions.outputs, scene.body.frame
+    force, torque, velocity, turning = (
+        outputs.resolve(e) for e in (frame.force, frame.torque, frame.velocity, frame.angular_velocity)
+    )
+    powers = ca.vertcat(ca.vec(force * velocity), ca.vec(torque * turning))
+    energy = outputs.kinetic_energy + outputs.potential_energy
+    change = ca.jacobian(energy, s.x).T * s.x_dot
+    slip, across = outputs.resolve(joint.slip), outputs.resolve(joint.friction_force)
+    f = ca.Function("f", [s.t, s.x], [powers, change, slip, across, force])
+    own = np.array(joint.start_q())
+    unit = np.where(joint.turns(), 1.0, length)
+    for k in range(3):
+        q = own + unit * rng.uniform(-0.1, 0.1, own.size)
+        if own.size == 6 and kind != "spindle":
+            q[:4] /= np.linalg.norm(q[:4])
+        v = rng.uniform(-1, 1, joint.v.size) * np.where(np.arange(joint.v.size) < 3, 1.0, length)
+        powers, change, slip, across, force = (np.array(part).ravel() for part in f(0.0, np.concatenate([q, v])))
+        assert abs(np.sum(powers)) < 1e-11 * np.sum(np.abs(powers)), k
+        assert abs(np.sum(change)) < 1e-11 * np.sum(np.abs(change)), k
+        assert (
+            np.max(np.abs(slip)) < 1e-13 * length if law.freedoms < 5 else np.max(np.abs(across)) < 1e-11 * np.max(np.abs(force))
+        )

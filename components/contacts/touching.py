@@ -33,7 +33,10 @@ class Touching(AbstractJoint, AbstractContact):
         scene.contact = Touching(Ellipsoid((0.2, 0.1, 0.1)), Sphere(0.5))
     """
 
-    if_outside = "The body is curved less than the hollow that it lies in, or both are flat, or it touches in more than one point, or one of them ends."
+    if_outside = (
+        "The body is curved less than the hollow that it lies in, or both are flat, or it touches in more than one point, or one of them ends. For "
+        "cylinders and cones that touch along a line there are RollingCylinder and RollingCone."
+    )
     q = Variable("", "coordinates of the body, then of the touching point on the surface", size=6)
     v = Variable("rad/s", "angular velocity in frame_b", size=3)
 

@@ -175,7 +175,7 @@ class Sphere(AbstractSurface):
 
     def __init__(self, radius: Scalar, *, inside_out: bool = False) -> None:
         self.radius = scalar(radius, "Sphere's radius", positive=True, unit="m")
-        self._side = -1.0 if inside_out else 1.0
+        self.side = -1.0 if inside_out else 1.0
 
     def point(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) * rotation_from_quaternion(q)[:, 2]
@@ -191,27 +191,27 @@ class Sphere(AbstractSurface):
         return sx(self.radius) * ca.horzcat(-R[:, 1], R[:, 0])
 
     def normal(self, q: ca.SX) -> ca.SX:
-        return self._side * rotation_from_quaternion(q)[:, 2]
+        return self.side * rotation_from_quaternion(q)[:, 2]
 
     def tangents(self, q: ca.SX) -> ca.SX:
         R = rotation_from_quaternion(q)
-        return ca.horzcat(-R[:, 1], self._side * R[:, 0])
+        return ca.horzcat(-R[:, 1], self.side * R[:, 0])
 
     def connection(self, q: ca.SX) -> ca.SX:
         return ca.SX(1, 2)
 
     def touching(self, n: ca.SX) -> ca.SX | None:
-        return sx(self.radius) * n if self._side > 0 else None
+        return sx(self.radius) * n if self.side > 0 else None
 
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         outwards = p / ca.norm_2(p)
-        return sx(self.radius) * outwards, self._side * outwards
+        return sx(self.radius) * outwards, self.side * outwards
 
     def metric(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) ** 2 * ca.SX.eye(2)
 
     def curvature(self, q: ca.SX) -> ca.SX:
-        return self._side / sx(self.radius) * ca.SX.eye(2)
+        return self.side / sx(self.radius) * ca.SX.eye(2)
 
 
 @final
@@ -223,7 +223,7 @@ class Cylinder(AbstractSurface):
 
     def __init__(self, radius: Scalar, *, inside_out: bool = False) -> None:
         self.radius = scalar(radius, "Cylinder's radius", positive=True, unit="m")
-        self._side = -1.0 if inside_out else 1.0
+        self.side = -1.0 if inside_out else 1.0
 
     def point(self, q: ca.SX) -> ca.SX:
         radius = sx(self.radius)
@@ -235,18 +235,18 @@ class Cylinder(AbstractSurface):
 
     def normal(self, q: ca.SX) -> ca.SX:
         angle = q[0] / sx(self.radius)
-        return self._side * ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
+        return self.side * ca.vertcat(ca.cos(angle), ca.sin(angle), 0)
 
     def across(self, n: ca.SX) -> ca.SX:
         return _around_and_along(n)
 
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         outwards = _across(p)
-        return sx(self.radius) * outwards + ca.vertcat(0, 0, p[2]), self._side * outwards
+        return sx(self.radius) * outwards + ca.vertcat(0, 0, p[2]), self.side * outwards
 
     def tangents(self, q: ca.SX) -> ca.SX:
         slopes = self.slopes(q)
-        return ca.horzcat(slopes[:, 0], self._side * slopes[:, 1])
+        return ca.horzcat(slopes[:, 0], self.side * slopes[:, 1])
 
     def connection(self, q: ca.SX) -> ca.SX:
         return ca.SX(1, 2)
@@ -255,7 +255,7 @@ class Cylinder(AbstractSurface):
         return ca.SX.eye(2)
 
     def curvature(self, q: ca.SX) -> ca.SX:
-        return ca.diag(ca.vertcat(self._side / sx(self.radius), 0))
+        return ca.diag(ca.vertcat(self.side / sx(self.radius), 0))
 
 
 @final
@@ -303,7 +303,7 @@ class Cone(AbstractSurface):
 
     def __init__(self, half_angle: Scalar, *, outside: bool = False) -> None:
         self.half_angle = scalar(half_angle, "Cone's half_angle", positive=True, unit="rad")
-        self._side = -1.0 if outside else 1.0
+        self.side = -1.0 if outside else 1.0
 
     def start_for(self, length: float) -> tuple[float, ...]:
         return (4 * length, 0.0)
@@ -313,7 +313,7 @@ class Cone(AbstractSurface):
 
     def normal(self, q: ca.SX) -> ca.SX:
         slope = 1 / ca.tan(sx(self.half_angle))
-        return self._side * ca.vertcat(-slope * q / ca.norm_2(q), 1) / ca.sqrt(1 + slope**2)
+        return self.side * ca.vertcat(-slope * q / ca.norm_2(q), 1) / ca.sqrt(1 + slope**2)
 
     def across(self, n: ca.SX) -> ca.SX:
         return _around_and_along(n)
@@ -322,7 +322,7 @@ class Cone(AbstractSurface):
         outwards, up = _across(p), ca.SX([0, 0, 1])
         c, s = ca.cos(sx(self.half_angle)), ca.sin(sx(self.half_angle))
         along = s * outwards + c * up
-        return along * ca.dot(along, p), self._side * (s * up - c * outwards)
+        return along * ca.dot(along, p), self.side * (s * up - c * outwards)
 
 
 @final
@@ -388,7 +388,7 @@ class Revolution(AbstractSurface):
     ) -> None:
         self._s = ca.SX.sym("s")
         self.profile = place("Revolution", profile, self._s, rows=2)
-        self.ends, self._side = ends, 1.0 if flipped else -1.0
+        self.ends, self.side = ends, 1.0 if flipped else -1.0
         self.unit, self.start = unit, (start, 0.0)  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
@@ -404,7 +404,7 @@ class Revolution(AbstractSurface):
 
     def normal(self, q: ca.SX) -> ca.SX:
         slope = self._profile(q[0])[1]
-        return self._side * self._around(ca.vertcat(-slope[1], slope[0]) / ca.norm_2(slope), q[1])
+        return self.side * self._around(ca.vertcat(-slope[1], slope[0]) / ca.norm_2(slope), q[1])
 
     def metric(self, q: ca.SX) -> ca.SX:
         r, slope = self._profile(q[0])[:2]
@@ -412,13 +412,13 @@ class Revolution(AbstractSurface):
 
     def connection(self, q: ca.SX) -> ca.SX:
         slope = self._profile(q[0])[1]
-        return ca.horzcat(0, self._side * slope[0] / ca.norm_2(slope))
+        return ca.horzcat(0, self.side * slope[0] / ca.norm_2(slope))
 
     def curvature(self, q: ca.SX) -> ca.SX:
         r, slope, bend = self._profile(q[0])
         length = ca.norm_2(slope)
         along = (slope[1] * bend[0] - slope[0] * bend[1]) / length**3
-        return self._side * ca.diag(ca.vertcat(along, -slope[1] / (length * r[0])))
+        return self.side * ca.diag(ca.vertcat(along, -slope[1] / (length * r[0])))
 
     def inside(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1) if self.ends is None else within(q[0], self.ends)

@@ -41,7 +41,7 @@ USUAL: dict[str, Any] = {
     "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "PotentialField.potential": lambda p, t: p[2],
     "ConstantSum.number": 2, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
-POSITIVE = {"mass", "inertia", "radius", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
+POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
             "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "linear", "quadratic"}  # fmt: skip
 SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""

@@ -28,7 +28,7 @@ from tests.conformance.catalogue import kinds, made
 
 SHAPES = np.random.default_rng(0).normal(size=(8, 3, 2))
 ARGUMENTS = {
-    "radius": 0.3, "tube": 0.05, "semi_axes": (0.3, 0.2, 0.1), "length": 0.5, "section": Section.circle(0.1), "youngs_modulus": 1e4,
+    "radius": 0.3, "half_angle": 0.4, "tube": 0.05, "semi_axes": (0.3, 0.2, 0.1), "length": 0.5, "section": Section.circle(0.1), "youngs_modulus": 1e4,
     "angular_velocity": (0.3, -0.2, 0.5), "density": 100.0, "mass": 2.0, "stiffness": np.eye(2), "curve": Helix(0.4, 0.1), "surface": HeightField(lambda x, y: 0.2 * x * x - 0.1 * x * y), "shape": Ellipsoid((0.3, 0.2, 0.25)),
     "integrals": ShapeIntegrals.of_masses(np.ones(8), SHAPES[:, :, 0] + 0.3, SHAPES),
 }  # fmt: skip
