@@ -10,6 +10,7 @@ from scipy.special import beta
 
 import acausal as ac
 from acausal import errors
+from acausal.parts.contact import AbstractContact
 from components import (
     Apart,
     Cone,
@@ -329,3 +330,37 @@ def test_a_cone_rolls_about_the_line_that_touches(base):
 def test_a_cylinder_too_large_for_the_other_is_refused():
     with pytest.raises(errors.ParameterError, match="does not fit"):
         RollingCylinder(0.5, Cylinder(0.4, inside_out=True))
+
+
+class Skid(AbstractContact):
+    """A point on a plane, by one of one's own; where it touches is what `told` gives."""
+
+    def __init__(self, told) -> None:
+        self.told = told
+
+    def closure(self, X_ab, t):
+        return X_ab.position[2]
+
+    def touch(self):
+        return self.told(self)
+
+
+@pytest.mark.parametrize("told", [lambda s: None, lambda s: s.frame_b.position, lambda s: (s.frame_b.position, 3.0), lambda s: (s.frame_b.position, s.frame_a.rotation)])  # fmt: skip
+def test_a_contact_of_ones_own_that_does_not_say_where_it_touches_is_told(told):
+    scene = ac.System()
+    scene.world, scene.skid, scene.body = World(), Skid(told), RigidBody.box(1.0, (0.1, 0.1, 0.1))
+    scene.connect(scene.world.frame, scene.skid.frame_a)
+    scene.connect(scene.skid.frame_b, scene.body.frame)
+    with pytest.raises(errors.ModelError, match=r"skid.*touch\(\).*Return the point and the normal"):
+        ac.build(scene)
+
+
+def test_a_contact_of_ones_own_that_pulls_is_told():
+    scene = ac.System()
+    scene.world, scene.skid = World((0, 0, G)), Skid(lambda s: (s.frame_b.position, s.frame_a.rotation[:, 2]))
+    scene.body = RigidBody.box(1.0, (0.1, 0.1, 0.1))
+    scene.connect(scene.world.frame, scene.skid.frame_a)
+    scene.connect(scene.skid.frame_b, scene.body.frame)
+    with pytest.warns(errors.ContactWarning, match=r"'skid' \(tests/test_contact_laws.py:\d+\) pulls, with 9.81 N"):
+        run = ac.build(scene).simulate(0.1, rtol=1e-10)
+    assert abs(run[scene.skid.normal_force][-1].item() + G) < 1e-12

@@ -19,6 +19,7 @@ from acausal.language.flatten import FlatSystem, Part
 from acausal.language.origin import shortened
 from acausal.numerics.thresholds import EDGE
 from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.contact import AbstractTouch
 from acausal.parts.field import AbstractField
 from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, symbols_read, unbalanced_power
@@ -47,6 +48,17 @@ class OwnPart:
             self._check_joint(component)
         if isinstance(component, AbstractConstraint):
             self._check_constraint(component)
+        if isinstance(component, AbstractTouch):
+            found = self._called("touch()", component.touch)
+            if not (
+                isinstance(found, tuple)
+                and len(found) == 2
+                and all(isinstance(e, Expression) and e.shape == (3, 1) for e in found)
+            ):
+                raise self._error(
+                    "touch()",
+                    f"gives {shown(found)}. Return the point and the normal in the world frame, expressions (3, 1) of frames.",
+                )
         if isinstance(component, AbstractForce):
             self._check_force(component)
         if isinstance(component, AbstractField):
