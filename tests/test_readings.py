@@ -375,3 +375,32 @@ def test_interpolants_of_casadi_are_formulas(kind, dimensions):
     places = rng.uniform(-1.5, 2.5, (dimensions, 200))
     found, wanted = (np.array(ca.Function("f", [x], [e])(places)).ravel() for e in (shown, 2 * table(x) + ca.sin(x[0])))
     assert np.max(np.abs(found - wanted)) < 1e-10 * np.max(np.abs(wanted))
+
+
+NUMPY: dict[str, Callable[..., Any]] = {
+    "norm": lambda a, b, x: np.linalg.norm(a), "cross": lambda a, b, x: np.cross(a, b), "dot": lambda a, b, x: np.dot(a, b), "sum": lambda a, b, x: np.sum(a),
+    "where": lambda a, b, x: np.where(x > 0.5, x, -x), "clip": lambda a, b, x: np.clip(x, 0.2, 0.6), "concatenate": lambda a, b, x: np.concatenate((a, b)),
+    "interp": lambda a, b, x: np.interp(x, (0.0, 0.5, 1.0), (1.0, 3.0, 2.0)), "remainder": lambda a, b, x: np.remainder(-x, 0.3), "outer": lambda a, b, x: np.outer(a, b),
+    "log10": lambda a, b, x: np.log10(x), "heaviside": lambda a, b, x: np.heaviside(x - 0.5, 0.5), "logical": lambda a, b, x: np.logical_and(x > 0.2, x < 0.6),
+    "degrees": lambda a, b, x: np.rad2deg(x) + np.radians(x), "arctanh": lambda a, b, x: np.arctanh(x), "solve": lambda a, b, x: np.linalg.solve(np.outer(a, b) + np.eye(3), a),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("function", NUMPY.values(), ids=NUMPY)
+def test_functions_of_numpy_take_expressions(function):
+    """The same as of numbers."""
+    a, b, x = ca.SX.sym("a", 3), ca.SX.sym("b", 3), ca.SX.sym("x")
+    read = ca.Function("read", [a, b, x], [ca.densify(function(*(ac.Expression(s, frozenset()) for s in (a, b, x))).sx)])
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        at = rng.uniform(0.1, 0.9, 3), rng.uniform(0.1, 0.9, 3), float(rng.uniform(0.1, 0.9))
+        wanted = np.asarray(function(*at), dtype=float)
+        assert np.max(np.abs(np.array(read(*at)).reshape(wanted.shape) - wanted)) < 1e-13
+
+
+def test_functions_of_numpy_that_do_not_are_named():
+    expression = Pendulum().rod.tip.position
+    with pytest.raises(ac.errors.ExpressionError, match=r"numpy.median .*test_readings.py:.*ac.norm"):
+        np.median(expression)
+    with pytest.raises(ac.errors.ExpressionError, match=r"numpy.sum with axis="):
+        np.sum(expression, axis=0)

@@ -27,6 +27,12 @@ _UFUNCS: dict[str, Callable[..., Any]] = {
     "arctan2": ca.atan2, "sinh": ca.sinh, "cosh": ca.cosh, "tanh": ca.tanh, "exp": ca.exp, "log": ca.log,
     "sqrt": ca.sqrt, "absolute": ca.fabs, "fabs": ca.fabs, "sign": ca.sign, "maximum": ca.fmax, "minimum": ca.fmin,
     "square": lambda a: a * a, "hypot": ca.hypot, "floor": ca.floor, "ceil": ca.ceil,
+    "arcsinh": ca.asinh, "arccosh": ca.acosh, "arctanh": ca.atanh, "log1p": ca.log1p, "expm1": ca.expm1, "fmax": ca.fmax, "fmin": ca.fmin,
+    "log10": lambda a: ca.log(a) / math.log(10.0), "log2": lambda a: ca.log(a) / math.log(2.0), "exp2": lambda a: ca.exp(a * math.log(2.0)),
+    "reciprocal": lambda a: 1 / a, "positive": lambda a: a, "copysign": ca.copysign, "deg2rad": lambda a: a * (math.pi / 180), "radians": lambda a: a * (math.pi / 180),
+    "rad2deg": lambda a: a * (180 / math.pi), "degrees": lambda a: a * (180 / math.pi), "fmod": ca.fmod, "remainder": lambda a, b: a - b * ca.floor(a / b),
+    "floor_divide": lambda a, b: ca.floor(a / b), "heaviside": lambda a, b: ca.if_else(a > 0, 1, ca.if_else(a < 0, 0, b)),
+    "equal": ca.eq, "not_equal": ca.ne, "logical_and": ca.logic_and, "logical_or": ca.logic_or, "logical_not": ca.logic_not,
     "less": ca.lt, "less_equal": ca.le, "greater": ca.gt, "greater_equal": ca.ge,
 }  # fmt: skip
 
@@ -74,6 +80,11 @@ class Expression:
                 f"numpy.{ufunc.__name__} is not defined for symbolic expressions ({origin()}); CasADi's functions take them."
             )
         return _combined(operation, *inputs)
+
+    def __array_function__(self, function: Any, _: Any, arguments: tuple[Any, ...], options: dict[str, Any]) -> Expression:
+        from acausal.language.numpy_functions import applied
+
+        return applied(function, arguments, options)
 
     def __array__(self, *_: Any, **__: Any) -> np.ndarray:
         raise ExpressionError(
