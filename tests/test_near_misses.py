@@ -16,6 +16,7 @@ from acausal.errors import AccuracyWarning, SimulationError
 from acausal.runtime.kernels import paired
 from acausal.runtime.load import runtime
 from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
+from tests.scenes import rotation
 from tests.test_interpreter import kernel_values
 from tests.test_singular_loops import connected, drawn, four_bar
 from tests.test_singular_loops_in_space import LINKS, inversor
@@ -36,6 +37,7 @@ def bound(rtol: float, missed: float) -> float:
         (1e-7, [(0.2665835786329193, -0.29821669236189), (-0.3855585168450391, 0.10651117353711634)]),
         (-1e-9, [(0.2662447358514096, 0.29851924666830637), (-0.3852062347341028, 0.10777827574226306)]),
         (1e-11, [(0.2662008397127695, -0.2985583911669817), (-0.38517622328764284, 0.10788548101513896)]),
+        (-1e-13, [(0.26619744331096107, 0.29856141943444015), (-0.3851726717364283, 0.10789816007431126)]),
     ],
 )
 def test_a_four_bar_that_is_nearly_a_parallelogram_turns_where_it_nearly_folds(missed, tips):
@@ -145,12 +147,35 @@ def test_nearer_than_the_digits_of_states_a_motion_is_followed_or_refused():
         assert run.energy_error() < 1e-6 or told
 
 
-def test_what_is_missed_by_more_than_rounding_of_lengths_is_no_crossing():
-    """Lengths typed with twelve digits are equal; with eleven they differ."""
-    for missed, singular in ((0.0, True), (1e-13, True), (3e-12, False), (-1e-10, False)):
+def test_lengths_that_fit_to_rounding_are_a_crossing_and_others_are_none():
+    """With a few operations behind them they are off by 1e-15; from there on what is typed is what is meant."""
+    for missed, singular in ((0.0, True), (1e-15, True), (1e-13, False), (3e-12, False), (-1e-10, False)):
         model = ac.build(four_bar(1.0, (0.4, 1.0, 0.4 + missed)))
         assert model.system.constraints.singular is singular, missed
         assert (model.functions.exact is None) is singular
+
+
+@pytest.mark.parametrize("turn", [0, 3])
+@pytest.mark.parametrize("built", [0.36, 0.45, 0.4])
+def test_functions_tell_lengths_that_come_to_fit_and_to_miss(built, turn):
+    """A step of a four-bar that was built with another rocker is refused where the loop now passes a crossing, or misses one that it passed."""
+    R = rotation(turn) if turn else np.eye(3)
+    scene = ac.System()
+    scene.world, scene.length = World(None), ac.Parameter(built, "m")
+    scene.crank, scene.coupler = RigidBody.rod(1.0, tuple(0.4 * R[:, 0])), RigidBody.rod(2.0, tuple(R[:, 0]))
+    scene.rocker = RigidBody.rod(1.5, tuple(scene.length * float(x) for x in R[:, 0]))
+    scene.a, scene.b, scene.c, scene.d = (Revolute(tuple(R[:, 2])) for _ in range(4))
+    connected(scene, [(scene.a, scene.world.frame, scene.crank.frame), (scene.b, scene.crank.tip, scene.coupler.frame)])
+    ends = (scene.coupler.tip, scene.rocker.tip), (scene.world.at(tuple(R[:, 0])), scene.rocker.frame)
+    connected(scene, [(scene.c, *ends[0]), (scene.d, *ends[1])])
+    model = ac.build(scene)
+    step = model.step("gauss", order=4, h=0.01)
+    for length in (0.35, 0.4 - 1e-9, 0.4, 0.4 + 1e-12, 0.46):
+        b, d = drawn(1.0, (0.4, 1.0, length), 0.9, 1)
+        start = {scene.a.q: 0.9, scene.a.v: 5.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+        x = model.functions.space.restricted(model.initial_state(start, parameters={scene.length: length}).x)
+        fits = {0.4: built == 0.4}.get(length, abs(length - 0.4) > 1e-3)
+        assert np.isfinite(float(step(0, x, [], [length])[1])) == fits, length
 
 
 @pytest.mark.parametrize("step", [0.05, 0.02])

@@ -276,6 +276,32 @@ def test_each_four_bar_with_a_change_point_goes_on_along_its_branch(ground, leng
     assert max(np.max(np.abs(runs[0][q] - runs[1][q])) for q in (scene.a.q, scene.d.q)) < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("bars", "turn", "crank", "side"),
+    [
+        ((71.54918848612698, 101.08425252475395, 136.39434102638631, 36.239099984494615), 97, 2.7818864434829127, -1),
+        ((0.6071014199880979, 1.209834104265757, 7.325037905507203, 7.9277705897848625), 667, 0.37486830527971327, 1),
+    ],
+)
+def test_steps_that_are_refused_at_a_pass_leave_nothing_behind(bars, turn, crank, side):
+    """Each tolerance gives its energy error, also after the pass."""
+    R = rotation(turn)
+    turned = [tuple(float(x) * R[:, 0]) for x in bars]
+    scene = ac.System()
+    scene.world = World(None)
+    scene.crank, scene.coupler, scene.rocker = (RigidBody.rod(m, tip) for m, tip in zip((1, 1.5, 0.7), turned[1:], strict=True))
+    scene.a, scene.b, scene.c, scene.d = (Revolute(tuple(R[:, 2])) for _ in range(4))
+    connected(scene, [(scene.a, scene.world.frame, scene.crank.frame), (scene.b, scene.crank.tip, scene.coupler.frame)])
+    ends = (scene.coupler.tip, scene.rocker.tip), (scene.world.at(turned[0]), scene.rocker.frame)
+    connected(scene, [(scene.c, *ends[0]), (scene.d, *ends[1])])
+    model = ac.build(scene)
+    assert model.system.constraints.singular
+    b, d = drawn(bars[0], bars[1:], crank, side)
+    start = {scene.a.q: crank, scene.a.v: 3.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+    for rtol in (1e-10, 1e-11, 1e-12):
+        assert drift(model.simulate(6.0, start, rtol=rtol, samples=2)) < 1e-11
+
+
 @pytest.mark.parametrize("masses", [(1, 1, 1e-9), (1e-9, 1, 1e-9), (1e9, 1, 1), (1, 1e-12, 1), (1, 1e-3, 1e-6)])
 def test_change_points_are_passed_with_any_masses(masses):
     for ground, lengths, rate in ((1, (0.4, 1, 0.4), 5.0), (1, (0.6, 0.6, 1), 3.0)):

@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.loops.close_loops import close_loops
+from acausal.loops.crossing import Trail
 from acausal.loops.descent import singular_values_down
 from acausal.loops.examined import Examined, Margin
 from acausal.loops.loop_groups import LoopGroup, loop_groups
@@ -21,7 +22,6 @@ from acausal.loops.redundancy import RankReport, independent_rows, needed_rows
 from acausal.loops.singular import row_scale, singular_values_along
 from acausal.loops.sketch import sketch_configuration
 from acausal.loops.walk import Walk, WalkFunctions
-from acausal.numerics.thresholds import SINGULAR
 
 _SAMPLES = 8
 _OPENED = 3
@@ -250,10 +250,10 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
     scale = row_scale(jacobians)
-    trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else []
-    if 0 < rank.rank < group.v.numel() - 1 and all(smallest >= SINGULAR for smallest, _ in trail):
-        trail += singular_values_down(walk, samples, scale, rank.rank)
-    singular = rank.singular_at_start or any(smallest < SINGULAR for smallest, _ in trail)
+    trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else Trail()
+    if 0 < rank.rank < group.v.numel() - 1 and not trail.singular:
+        trail = trail.and_then(singular_values_down(walk, samples, scale, rank.rank, rank.kept))
+    singular = trail.singular
     if singular:  # what is usual away from singular positions is seen from afar
         samples = walk.samples(start, _SAMPLES)
         jacobians = [walk.at(z)[2] for z in samples]
@@ -273,7 +273,8 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         _empty(walk),
         walk,
         scale,
-        tuple((smallest, z * walk.unit) for smallest, z in trail),
+        tuple((smallest, z * walk.unit) for smallest, z in trail.places),
+        trail.crossings,
         _influences(group.loops, parameters),
         values,
     )

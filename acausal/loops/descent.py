@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from acausal.loops.crossing import Trail, crossing_near
 from acausal.loops.walk import Walk
 from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import SINGULAR
@@ -22,34 +23,38 @@ _LEAST_FALL = 0.1
 _GAP = 1e-3
 """Loops are closed to this times the square of the singular value: what is open moves places by the gap over it."""
 _CLOSED = 1e-8
+_CLOSE, _REACH = 0.02, 10.0
+"""Singular values from which a crossing is looked for, and how far away, times these."""
 
 
-def singular_values_down(
-    walk: Walk, starts: Sequence[np.ndarray], scale: np.ndarray, rank: int
-) -> list[tuple[float, np.ndarray]]:
-    """The least singular values that are reached from the assembled configurations `starts`, and where; none after a singular position.
+def singular_values_down(walk: Walk, starts: Sequence[np.ndarray], scale: np.ndarray, rank: int, kept: tuple[int, ...]) -> Trail:
+    """The least singular values that are reached from the assembled configurations `starts`, and where; none after a crossing.
 
-    `scale` (m,): of the rows of A; `rank`: how many are independent in general.
+    `scale` (m,): of the rows of A; `rank`: how many are independent in general, `kept` for example.
     """
-    found: list[tuple[float, np.ndarray]] = []
+    found = Trail()
     for start in starts:
-        found.append(_lowest(walk, start, scale[:, None], rank))
-        if found[-1][0] < SINGULAR:
+        found = found.and_then(_lowest(walk, start, scale, rank, kept))
+        if found.singular:
             break
     return found
 
 
-def _lowest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> tuple[float, np.ndarray]:
-    here = _smallest(walk, z, scale, rank)
+def _lowest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]) -> Trail:
+    rows = scale[:, None]
+    here = _smallest(walk, z, rows, rank)
     for _ in range(_MOST_STEPS):
+        near = crossing_near(walk, z, scale, kept, _REACH * here) if here < _CLOSE else None
+        if near is not None:
+            return Trail.at(here, z, near)
         if here < SINGULAR:
             break
-        moves = _moves(walk, z, scale, rank)
-        found = next((place for move in moves if (place := _lower(walk, z, scale, here, move, rank)) is not None), None)
+        moves = _moves(walk, z, rows, rank)
+        found = next((place for move in moves if (place := _lower(walk, z, rows, here, move, rank)) is not None), None)
         if found is None:
             break
-        z, here = found, _smallest(walk, found, scale, rank)
-    return here, z
+        z, here = found, _smallest(walk, found, rows, rank)
+    return Trail.at(here, z)
 
 
 def _smallest(walk: Walk, z: np.ndarray, scale: np.ndarray, rank: int) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from acausal.loops.crossing import Crossing
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
 from acausal.loops.walk import Walk
@@ -66,6 +67,8 @@ class Examined:
     """Usual lengths of the rows (m,)."""
     trail: tuple[tuple[float, np.ndarray], ...] = ()
     """Smallest singular values on a walk, and where."""
+    crossings: tuple[Crossing, ...] = ()
+    """Places near the walk where branches cross, or nearly do."""
     parameters: tuple[int, ...] = ()
     """Places of the parameters on which the group depends."""
     values: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -87,8 +90,9 @@ class Examined:
     @property
     def narrow(self) -> bool:
         """Whether motions may pass closely by a singular position: with one freedom, the walk meets what they do; with several it may miss that."""
-        free = self.group.v.numel() - self.rank.rank
-        return self.least < _NARROW and not (self.singular and free == 1)
+        if self.singular and self.group.v.numel() - self.rank.rank == 1:
+            return any(crossing.misses for crossing in self.crossings)
+        return self.least < _NARROW
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""

@@ -1,8 +1,9 @@
 """Singular positions of loops, looked for on a walk along the freedom that the loops leave.
 
 A position is singular where the constraints have fewer independent rows than around it: there, branches of the motion cross. Towards it
-the smallest singular value falls like the distance, and beyond it rises as fast. A walk may step across; where one freedom is left, it
-then finds the determinant of the constraints and the direction of the motion with the other sign.
+the smallest singular value falls like the distance, and beyond it rises as fast. From near by the place itself is found, and whether branches
+meet there (see `crossing`). A walk may step across it unseen; where one freedom is left, it then finds the determinant of the constraints and
+the direction of the motion with the other sign.
 """
 
 from __future__ import annotations
@@ -12,12 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.loops.crossing import Crossing, Trail, crossing_near
 from acausal.loops.walk import Walk
 from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import CLOSED, SINGULAR
 
 _STRIDE = 0.35
 _LENGTH = 5.0
+_AHEAD, _REACH, _BEYOND = 0.1, 3.0, 0.05
+"""How far crossings may be ahead where they are looked for, and times as far away; how far the walk goes on behind one."""
 _MOST_STEPS = 60
 _SHARPER = 0.6
 """Of the larger of two values to either side: less between them may be a tip, at which it is 0.45 at most in the golden section."""
@@ -58,6 +62,11 @@ class _Look:
         side = float(np.linalg.slogdet(np.vstack([A[list(self.kept)], along]))[0]) if freedoms == 1 else 0.0
         return _Place(z, smallest, side, along)
 
+    def crossing(self, place: _Place, reach: float, known: Sequence[Crossing]) -> Crossing | None:
+        """Near a closed configuration: one that is known, or else looked for."""
+        near = (one for one in known if np.max(np.abs(one.z - place.z)) < reach)
+        return next(near, None) or crossing_near(self.walk, place.z, self.scale, self.kept, reach)
+
     def between(self, a: _Place, b: _Place, part: float, ahead: np.ndarray) -> _Place | None:
         """A closed configuration on the way from one place to another."""
         z = self.walk.closed(
@@ -66,58 +75,61 @@ class _Look:
         return None if z is None else self.at(z, ahead)
 
 
-def _steps(look: _Look, start: np.ndarray, ahead: np.ndarray) -> Iterator[tuple[_Place, np.ndarray]]:
-    """Places from step to step, and the direction (nv,) in which each was reached.
-
-    The walk goes on in the same direction, first `ahead` (nv,), where there are several. A step ends short of where the singular
-    value, extrapolated, is zero: it shrinks by the same factor from step to step before a singular position, and levels off
-    before one that is missed.
-    """
-    here, walked, stride, before = look.at(start, ahead), 0.0, _STRIDE, np.inf
-    for _ in range(_MOST_STEPS):
-        yield here, ahead
-        if walked > _LENGTH or not np.max(np.abs(here.along), initial=0.0) > 1e-6:
-            return
-        slope = (before - here.smallest) / stride if np.isfinite(before) else 0.0
-        stride = min(_STRIDE, 0.6 * here.smallest / slope) if slope > 0 else _STRIDE
-        ahead = here.along / np.max(np.abs(here.along))
-        found = look.walk.closed(here.z + look.walk.at(here.z)[3] @ (stride * ahead))
-        if found is None:
-            return
-        before, walked = here.smallest, walked + stride
-        here = look.at(found, ahead)
-
-
 def row_scale(jacobians: Sequence[np.ndarray]) -> np.ndarray:
     """Largest lengths (m,) of the rows of A (m, nv) at some configurations."""
     scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
     return np.maximum(scale, 1e-6 * np.max(scale))
 
 
-def singular_values_along(
-    walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]
-) -> list[tuple[float, np.ndarray]]:
-    """Smallest singular values of A, and where, on a walk from the assembled configuration `start`, most of a turn of a hinge to either side, as
-    far as the first singular position: those of its places, and the least ones between them.
+def singular_values_along(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]) -> Trail:
+    """Smallest singular values of A, and where, on a walk from the assembled configuration `start`, most of a turn of a hinge to either side:
+    those of its places, and the least ones between them; and the crossings that it comes to.
 
     `scale` (m,): of the rows of A; `rank`: its independent rows in general, `kept` for example. At most 120 steps with two singular value
-    decompositions each, and 40 more at each place where the singular value has a sharp least.
+    decompositions each, and some more where the singular value has a sharp least.
     """
     look = _Look(walk, scale, rank, kept)
     ahead = np.random.default_rng(1).normal(size=walk.rate.size)
-    found: list[tuple[float, np.ndarray]] = []
+    trail = Trail()
     for sense in (1.0, -1.0):
-        last: list[_Place] = []
-        for place, along in _steps(look, start, sense * ahead):
-            last = [*last[-2:], place]
-            for one in (place, *_least(look, last, along)):
-                found.append((one.smallest, one.z))
-                if one.smallest < SINGULAR:
-                    return found
-    return found
+        for found in _one_way(look, start, sense * ahead, trail.crossings):
+            trail = trail.and_then(found)
+    return trail
 
 
-def _least(look: _Look, last: list[_Place], along: np.ndarray) -> list[_Place]:
+def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, known: Sequence[Crossing]) -> Iterator[Trail]:
+    """What is found from step to step, with some crossings `known`.
+
+    The walk goes on in the same direction, first `ahead` (nv,), where there are several. A step ends short of where the singular
+    value, extrapolated, is zero: it shrinks by the same factor from step to step before a crossing, and levels off before one
+    that is missed. Crossings are stepped over as soon as they are known.
+    """
+    here, walked, stride, before = look.at(start, ahead), 0.0, _STRIDE, np.inf
+    last: list[_Place] = []
+    for _ in range(_MOST_STEPS):
+        slope = (before - here.smallest) / stride if np.isfinite(before) else 0.0
+        left = here.smallest / slope if slope > 0 else np.inf
+        near = look.crossing(here, _REACH * min(left, _AHEAD), known) if left < _AHEAD or here.smallest < SINGULAR else None
+        last = [*last[-2:], here]
+        found = Trail.at(here.smallest, here.z, near)
+        if near is None:
+            found = found.and_then(_least(look, last, ahead, known))
+        yield found
+        known = (*known, *found.crossings)
+        if walked > _LENGTH or not np.max(np.abs(here.along), initial=0.0) > 1e-6:
+            return
+        stride = min(_STRIDE, 0.6 * left) if slope > 0 else _STRIDE
+        if near is not None and near.crosses:
+            last, stride = [], min(_STRIDE, _BEYOND + 2 * float(np.max(np.abs(near.z - here.z))))
+        ahead = here.along / np.max(np.abs(here.along))
+        there = look.walk.closed(here.z + look.walk.at(here.z)[3] @ (stride * ahead))
+        if there is None:
+            return
+        before, walked = here.smallest, walked + stride
+        here = look.at(there, ahead)
+
+
+def _least(look: _Look, last: list[_Place], along: np.ndarray, known: Sequence[Crossing]) -> Trail:
     """Where the singular value is least between the last places, if it has a tip there or the determinant changes sign: a singular position, or
     close to one.
     """
@@ -127,25 +139,32 @@ def _least(look: _Look, last: list[_Place], along: np.ndarray) -> list[_Place]:
     elif len(last) > 2 and _is_tip(*last):
         a, b, c = last
     else:
-        return []
+        return Trail()
     p, q, r = 0.0, 0.5, 1.0
-    least: list[_Place] = []
+    least: _Place | None = None
     for _ in range(_MOST_CUTS):
         if b is None:
-            return least
-        least = [min((*least, b), key=lambda place: place.smallest)]
+            break
+        near = (
+            look.crossing(b, _REACH * float(np.max(np.abs(c.z - a.z))), known)
+            if least is None or b.smallest < least.smallest
+            else None
+        )
+        if near is not None:
+            return Trail.at(b.smallest, b.z, near)
+        least = min((b,) if least is None else (least, b), key=lambda place: place.smallest)
         if b.smallest < SINGULAR or not (a.side * c.side < 0 or _is_tip(a, b, c)):
-            return least
+            break
         # golden section of the larger part
         before = q - p > r - q
         new = look.between(a, b, 1 - _GOLDEN, along) if before else look.between(b, c, _GOLDEN, along)
         if new is None:
-            return least
+            break
         where = q - _GOLDEN * (q - p) if before else q + _GOLDEN * (r - q)
         four = [(p, a), (where, new), (q, b), (r, c)] if before else [(p, a), (q, b), (where, new), (r, c)]
         middle = 1 if four[1][1].smallest < four[2][1].smallest else 2
         (p, a), (q, b), (r, c) = four[middle - 1 : middle + 2]
-    return least
+    return Trail() if least is None else Trail.at(least.smallest, least.z)
 
 
 def _is_tip(a: _Place, b: _Place, c: _Place) -> bool:

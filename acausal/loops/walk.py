@@ -211,6 +211,10 @@ class Walk:
         """Closing residuals (n,) with their units."""
         return self._parts(z * self.unit, self.time)[0][:, 0]
 
+    def terms(self, z: np.ndarray) -> np.ndarray:
+        """Sizes of the terms of the closing residuals (n,), with their units."""
+        return self._rounding(z * self.unit)
+
     def at(self, z: np.ndarray) -> list[np.ndarray]:
         """Closing residuals (n, 1), their Jacobian in z, A, and N with z' = N v."""
         return self._parts(z * self.unit, self.time, self._scales)[:4]

@@ -1,7 +1,7 @@
 """Whether what was decided by numbers holds at a state, a time and values of parameters: one number, for code that cannot decide again.
 
 Rows of loops: the pivots of K K' of the kept rows K, each of its usual length, and what is left of the others beside the span of these (Gram and
-Schmidt). Formulas of linear blocks are put into their equations, rows that follow from others must vanish, and gears that loops hold already must
+Schmidt), and the gaps of crossings that motions would come to. Formulas of linear blocks are put into their equations, rows that follow from others must vanish, and gears that loops hold already must
 be met.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from acausal.dynamics.formulas import pivots, solve_positive
 from acausal.loops.examined import Examined
+from acausal.loops.gaps import gap_margins
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import SINGULAR
 from acausal.reduce.state_space import StateSpace
@@ -35,6 +36,8 @@ def holds(space: StateSpace) -> ca.SX | None:
     for part in s.constraints.examined:
         if part.parameters or part.timed:
             margins += _loops(part)
+        if part.parameters and part.trail:
+            margins += gap_margins(part)
     followers = [h.residual for h in s.scalar.redundant]
     blocks = linear_decisions(s.scalar.blocks, s.p).blocks
     solved = [ca.densify(b.matrix @ b.found - b.right) for b in blocks]

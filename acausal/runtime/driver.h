@@ -428,15 +428,15 @@ static double step_error(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     int noisy = T->noisy;
     T->noisy = 0;
-    double error = step_error_of(I, S, h);
+    double near = beside_branches(I, S), error = near * step_error_of(I, S, h);
     if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->order + 1))) return error;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
         forget_noise(I);
-        return step_error_of(I, S, h);
+        return near * step_error_of(I, S, h);
     }
-    double left = step_error_of(I, S, h);
+    double left = near * step_error_of(I, S, h);
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
     if (T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
     return left;
@@ -458,7 +458,7 @@ static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
 
 /* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
    or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
-static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h) {
+static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, int beside) {
     struct State *T = I->state;
     double *found = T->most, *rate = T->factor;
     int explains = 0;
@@ -469,7 +469,7 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h) {
         for (long i = 0; i < I->nx; i++) {
             double noise = FEW * found[i];
             int is_noise = T->size[i] > 0 ? h * noise > fmax(T->unit, SMALL) * T->size[i] : later && noise > SMALL * fabs(rate[i]);
-            if (noise > T->least[i] && is_noise && isfinite(noise)) {
+            if (noise > T->least[i] && is_noise && isfinite(noise) && !(beside && T->size[i] > 0)) {
                 T->least[i] = 2 * noise;
                 explains = 1;
             }
@@ -561,7 +561,7 @@ static enum Code one_adaptive(Integrator *I) {
             const Kernel *disturbed = disturbed_kernel(I, 0);
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
             int explained = follows_others(I, first);
-            if (!explained && disturbed) explained = rests_on_rounding(I, disturbed, first);
+            if (!explained && disturbed) explained = rests_on_rounding(I, disturbed, first, is_continued(I, S));
             if (explained < 0) return INPUT_FAILED;
             if (explained) I->h = first;
         }

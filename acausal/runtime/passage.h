@@ -16,7 +16,8 @@
 #define AWAY 0.9 /* clearance of stages between others beyond which nothing is near */
 #define ROUNDS 4
 #define SHORTEST 1e-9 /* part of the size of a mechanism that it moves by in a step next to a singular position */
-#define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance */
+#define BRANCHES 0.01 /* part of the distance from a singular position that an error may be: another branch is as close */
+#define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance: 8 roundings of some 50 terms */
 #define CLOSER 8 /* times as close, the next distance that rates may be continued from */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
 
@@ -212,6 +213,21 @@ static double continued_from(Integrator *I, const V *in, const V *K, long lane, 
         tau = next;
     }
     return 0;
+}
+
+/* Whether rates of the last try were continued from afar: what rounding makes of them at the states is large, and explains nothing that moves. */
+static int is_continued(const Integrator *I, const Stages *S) {
+    int beside = 0;
+    for (long j = 0; j < S->s && present(&I->clearance) && !present(&I->exact_rhs); j++) beside |= S->clear[j] < NEARBY;
+    return beside;
+}
+
+/* How many times less the error of a step has to be than elsewhere: where another branch comes close that nothing leads to, a part of the distance. */
+static double beside_branches(const Integrator *I, const Stages *S) {
+    double least = INFINITY;
+    if (!S->exact || I->through || I->step > 0) return 1;
+    for (long j = 0; j < S->s; j++) least = fmin(least, S->clear[j]);
+    return fmax(1, I->rtol / (BRANCHES * sqrt(fmax(least, 0)) + EPS));
 }
 
 /* Which stages are next to a singular position, and whether some are around one. */
