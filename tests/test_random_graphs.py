@@ -125,7 +125,7 @@ class Composed:
     def part(self, name: str, k: int):
         return getattr(self.scene, f"{name}{k}")
 
-    @property
+    @functools.cached_property
     def start(self) -> dict:
         """q and v of the joints in the tree."""
         own = {self.part("j", k): joint for k, joint in enumerate(self.sketch.joints) if joint.kind != "Fixed"}

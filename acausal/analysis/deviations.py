@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
-from acausal.analysis.sizes import Sizes, sizes_at
+from acausal.analysis.state_sizes import Sizes, sizes_at
 from acausal.charts.independent import independent_entries
 from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import singular_loops

@@ -13,7 +13,7 @@ import numpy as np
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint, operating_point
-from acausal.analysis.sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
+from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions

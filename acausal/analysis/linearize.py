@@ -13,7 +13,7 @@ import numpy as np
 from acausal.analysis.deviations import Deviations, Tangent, deviations_at
 from acausal.analysis.modes import Mode, Modes, modes_of
 from acausal.analysis.point import Differentiable, OperatingPoint
-from acausal.analysis.sizes import ROUNDING, UNCHANGED, before_and_after, power_of_two
+from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, before_and_after, power_of_two
 from acausal.arguments import expressions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression

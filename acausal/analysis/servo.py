@@ -15,7 +15,7 @@ from acausal.analysis.conditions import Unknowns
 from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
-from acausal.analysis.sizes import power_of_two, sizes_at
+from acausal.analysis.state_sizes import power_of_two, sizes_at
 from acausal.errors import MotionError, OptionError
 from acausal.outputs.outputs import Outputs
 from acausal.wording import counted

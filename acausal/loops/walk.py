@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,7 +12,7 @@ import numpy as np
 from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import Residual, assemble, corrected
 from acausal.numerics.bound import BoundFunction
-from acausal.numerics.entries import entries, placed, places
+from acausal.numerics.entries import entries, places
 from acausal.numerics.independent import free_directions, rank_of
 from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
@@ -141,6 +142,8 @@ class Walk:
         self._velocity = _without_noise(A @ self.rate, terms)
         self.noise = ROUNDING * terms / self._velocity
         """What rounding makes of the rows in the velocities (m,), in parts of what is much for them."""
+        one = np.ones(1)
+        self._parts.scale((self._rows, one), (self._rows, self.unit), (self._velocity, self.rate), (self.unit, self.rate))
 
     def _bent(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lengths of rows (m,) without angles whose slope J at the guess changes with place, as a rod between particles has it, and of the
@@ -217,15 +220,7 @@ class Walk:
 
     def at(self, z: np.ndarray) -> list[np.ndarray]:
         """Closing residuals (n, 1), their Jacobian in z, A, and N with z' = N v."""
-        return self._parts(z * self.unit, self.time, self._scales)[:4]
-
-    @functools.cached_property
-    def _scales(self) -> list[_Scale]:
-        """What the rows of the parts are divided by, and their columns multiplied with."""
-        return [
-            (self._rows, np.ones(1)), (self._rows, self.unit), (self._velocity, self.rate), (self.unit, self.rate),
-            (self._rows, np.ones(1)),
-        ]  # fmt: skip
+        return self._parts.scaled(z * self.unit, self.time, 4)
 
     def meant(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is positive where the group is meant to be (k, 1), and its derivatives by z: joints' domains first."""
@@ -243,7 +238,7 @@ class Walk:
 
     def closing(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Closing residuals (n,) and their Jacobian, for `assemble`."""
-        c, J = self._parts(z * self.unit, self.time, self._scales[:2])
+        c, J = self._parts.scaled(z * self.unit, self.time, 2)
         return c[:, 0], J
 
     @functools.cached_property
@@ -327,33 +322,56 @@ class Walk:
         return None
 
 
-_Scale = tuple[np.ndarray, np.ndarray]
+@dataclass(frozen=True)
+class _Part:
+    """Of a column the entries `own`, at these `rows` and `columns` of a matrix."""
+
+    own: slice
+    rows: np.ndarray
+    columns: np.ndarray
+    shape: tuple[int, int]
+
+    def whole(self, entries: np.ndarray) -> np.ndarray:
+        """The matrix, column-major."""
+        found = np.zeros(self.shape[0] * self.shape[1])
+        found[self.rows + self.shape[0] * self.columns] = entries
+        return found.reshape(self.shape, order="F")
+
+    def scales(self, below: np.ndarray, above: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the entries, where columns are multiplied with what is `above` and rows divided by what is `below`."""
+        return above[self.columns], below[self.rows]
 
 
 class _Parts:
-    """Several matrices of q and t, functions of (q, t, p), in one call that gives their `entries`."""
+    """Several matrices of q and t, functions of (q, t, p), in one call that gives their `entries`; and without units once `scale` is known."""
 
     def __init__(self, function: ca.Function, patterns: list[ca.Sparsity], values: np.ndarray) -> None:
-        self._places = [places(pattern) for pattern in patterns]
-        self._shapes = [pattern.shape for pattern in patterns]
-        self._ends = np.cumsum([row.size for row, _ in self._places])
+        ends = np.cumsum([0, *(pattern.nnz() for pattern in patterns)]).tolist()
+        self._parts = [
+            _Part(slice(*own), *places(pattern), pattern.shape)
+            for own, pattern in zip(itertools.pairwise(ends), patterns, strict=True)
+        ]
+        self._scales: list[tuple[np.ndarray, np.ndarray]] = []
         self._q, self._t = np.empty(function.size1_in(0)), np.zeros(1)
         given = (self._q, self._t, np.array(values, dtype=float))
         self._bound = BoundFunction(function, given, np.empty(function.numel_out(0)))
 
-    def __call__(self, q: np.ndarray, t: float, scales: list[_Scale] | None = None) -> list[np.ndarray]:
-        """The first ones, rows divided and columns multiplied where `scales` are given."""
+    def scale(self, *sizes: tuple[np.ndarray, np.ndarray]) -> None:
+        """What rows are divided by and columns multiplied with, for the first of the matrices."""
+        self._scales = [part.scales(*own) for part, own in zip(self._parts, sizes, strict=False)]
+
+    def __call__(self, q: np.ndarray, t: float) -> list[np.ndarray]:
+        """All matrices as they are."""
         self._q[:], self._t[0] = q, t
-        parts = np.split(self._bound(), self._ends[:-1])
-        found: list[np.ndarray] = []
-        for k, (part, (row, column), shape) in enumerate(zip(parts, self._places, self._shapes, strict=True)):
-            if scales is not None:
-                if k == len(scales):
-                    break
-                below, above = scales[k]
-                part = part * (above if above.size == 1 else above[column]) / below[row]
-            found.append(placed(part, row, column, shape))
-        return found
+        column = self._bound()
+        return [part.whole(column[part.own]) for part in self._parts]
+
+    def scaled(self, q: np.ndarray, t: float, count: int) -> list[np.ndarray]:
+        """So many of the first, without units."""
+        self._q[:], self._t[0] = q, t
+        column = self._bound()
+        first = zip(self._parts[:count], self._scales, strict=False)
+        return [part.whole(column[part.own] * above / below) for part, (above, below) in first]
 
 
 def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.ndarray:

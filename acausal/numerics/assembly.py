@@ -93,14 +93,15 @@ def corrected(
     """A z next to one that nearly meets the constraints, by Newton's method with each Jacobian, of this `rank` if it is known, used twice;
     None where five of them are not `enough` (residuals and z).
     """
+    c, J = constraints(z)
     for _ in range(5):
-        c, J = constraints(z)
         if not (np.isfinite(J).all() and np.isfinite(c).all()):
             return None
         back = inverse(J, dependent, rank)
         z = z - back(c)
         z = z - back(constraints(z)[0])
-        if enough(constraints(z)[0], z):
+        c, J = constraints(z)
+        if enough(c, z):
             return z  # also without rows, where only velocities are constrained
     return None
 

@@ -556,8 +556,8 @@ static enum Code one_adaptive(Integrator *I) {
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
         double spent = T->spent;
-        if (++refused) T->doubts++;
-        if (T->doubts >= T->patience) {
+        if (++refused) T->doubts += CALM;
+        if (T->doubts >= CALM * T->patience) {
             const Kernel *disturbed = disturbed_kernel(I, 0);
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
             int explained = follows_others(I, first);

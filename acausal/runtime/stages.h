@@ -173,7 +173,7 @@ struct State {
     double start, knot;      /* times: of the first step, of the next knot of the inputs */
     int widened;             /* whether the scale counts what the step moves states by */
     double unit;             /* the scale of a state of size one, without atol */
-    long doubts, patience;   /* rejections, less steps without; how many until every operation's rounding is looked at */
+    long doubts, patience;   /* CALM times the rejections, less steps without; rejections until every operation's rounding is looked at */
     double reach;            /* size of steps that states are sized by */
     double trusted, planned; /* size of the last step without doubts; of the last one before steps began to be rejected */
     int missed;              /* whether tries of the last step were rejected */
@@ -354,7 +354,8 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 #define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
 #define LEFT 1e-3          /* what the iteration may leave of the error of a step */
 #define FEW 4.0            /* times the mean of a few samples: what rounding makes of rates at most */
-#define DOUBTS 8           /* rejections, less steps without, that make every operation's rounding looked at */
+#define DOUBTS 8           /* rejections that make every operation's rounding looked at */
+#define CALM 4             /* steps without any that make up for one */
 #define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
 #define UNHEARD 8          /* steps in which nothing was forgiven to rounding: then it is not looked at any more */
 
