@@ -438,7 +438,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     }
     double left = near * step_error_of(I, S, h);
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
-    if (T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
+    if (!(left <= 1) || T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I); /* where the step fails, its stages are no states of the motion */
     return left;
 }
 
