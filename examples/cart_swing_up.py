@@ -32,6 +32,7 @@ def main(folder: str = "out") -> float:
     """Find the motion of least effort; returns by how much it is off when its force is simulated, relative to what each state varies by."""
     scene = CartPole()
     model = ac.build(scene)
+    print(model)
     ocp = ac.OptimalControl(model, time=2.0)
     ocp.start({scene.rail.q: 0, scene.hinge.q: 0})
     ocp.end({scene.rail.q: 0, scene.hinge.q: np.pi, scene.rail.v: 0, scene.hinge.v: 0})

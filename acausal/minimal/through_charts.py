@@ -29,6 +29,8 @@ _STRAIN = 0.35**4
 _NEARLY = 1e-2
 """Singular value of constraints below which a failure is put down to them."""
 
+_SHOWN = 0.2
+"""Seconds between two reports of progress."""
 _FINEST = 1e-14
 _MOST_FAILURES = 4
 """One after the other, until a motion is given up."""
@@ -52,25 +54,42 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
     )  # fmt: skip
     pieces: list[Piece] = []
     after = minimal if here else minimal.at(at.t0, initial.x, at.p)
-    left, failures = options.accuracy.max_steps, 0
-    while True:
-        piece, leads_on = _run(after, problem, end, options, left, called)
-        pieces.append(piece)
-        left -= piece.solution.statistics.steps
-        failed = piece.solution.status.kind is not StatusKind.SUCCESS
-        failures = failures + 1 if failed else 0
-        found = _next(after, piece, leads_on and failures < _MOST_FAILURES)
-        if isinstance(found, str):
-            break
-        after = found
+    left, failures, shown = options.accuracy.max_steps, 0, called
+    found: MinimalModel | str = after
+    kind = StatusKind.NOT_CONVERGED
+    try:
+        while not isinstance(found, str):
+            piece, leads_on = _run(found, problem, end, _told_of_all(options, at.t0, found.chart.t, end), left, called)
+            pieces.append(piece)
+            left -= piece.solution.statistics.steps
+            failed = piece.solution.status.kind is not StatusKind.SUCCESS
+            failures = failures + 1 if failed else 0
+            found = _next(found, piece, leads_on and failures < _MOST_FAILURES)
+            if callable(options.progress) and time.perf_counter() - shown > _SHOWN and found:
+                shown = time.perf_counter()
+                options.progress((float(piece.solution.t[-1]) - at.t0) / (end - at.t0))
+    except KeyboardInterrupt:
+        if not pieces:
+            raise
+        found, kind = "Interrupted.", StatusKind.INTERRUPTED  # between two charts; within one its run says so
     if found:
         status = pieces[-1].solution.status
-        kind = StatusKind.NOT_CONVERGED if status.kind is StatusKind.SUCCESS else status.kind
-        status = Status(kind, float(pieces[-1].solution.t[-1]), found)
+        kind = kind if status.kind is StatusKind.SUCCESS else status.kind
+        status = Status(kind, float(pieces[-1].solution.t[-1]), str(found))
         pieces[-1] = replace(pieces[-1], solution=replace(pieces[-1].solution, status=status))
     reached = float(pieces[-1].solution.t[-1])
     times = problem.read if reached == end else options.times_until(at.t0, reached)
     return concluded(Trajectory(whole, problem, tuple(pieces), initial, times, options.events), end, options)
+
+
+def _told_of_all(options: Options, t0: float, here: float, end: float) -> Options:
+    """Progress from here on, as a part of the whole motion."""
+    told = options.progress
+    return (
+        replace(options, progress=lambda part: told((here + part * (end - here) - t0) / (end - t0)))
+        if callable(told)
+        else options
+    )
 
 
 def _next(minimal: MinimalModel, piece: Piece, leads_on: bool) -> MinimalModel | str:

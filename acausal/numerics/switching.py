@@ -60,6 +60,10 @@ def switching(function: ca.Function) -> Switching | None:
     )
 
 
+_LONGEST = 600
+"""Of words; compilers and readers are content with less than a page."""
+
+
 @dataclass(frozen=True)
 class _Switch:
     """Its true side, and what is looked at in words."""
@@ -158,7 +162,8 @@ class _Holder:
     def _new(self, value: ca.SX, true: ca.SX) -> ca.SX:
         side = ca.SX.sym(f"side{len(self.sides)}")
         self.sides.append(side)
-        self.switches.append(_Switch(true, str(value)))
+        words = str(value)
+        self.switches.append(_Switch(true, words if len(words) <= _LONGEST else f"{words[:_LONGEST]} ..."))
         return side
 
     def _row(self, row: ca.SX, factor: float, plus: float) -> None:

@@ -560,10 +560,9 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->doubts >= CALM * T->patience) {
             const Kernel *disturbed = disturbed_kernel(I, 0);
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int explained = follows_others(I, first);
-            if (!explained && disturbed) explained = rests_on_rounding(I, disturbed, first, is_continued(I, S));
-            if (explained < 0) return INPUT_FAILED;
-            if (explained) I->h = first;
+            int follows = follows_others(I, first), rests = disturbed && follows >= 0 ? rests_on_rounding(I, disturbed, first, is_continued(I, S)) : 0;
+            if (follows < 0 || rests < 0) return INPUT_FAILED;
+            if (follows || rests) I->h = first;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
