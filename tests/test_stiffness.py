@@ -11,6 +11,7 @@ import acausal as ac
 from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.integrators.integrate import integrate
 from acausal.runtime.pattern import jacobian_pattern
+from benchmarks.stiff import SCENES
 from components import (
     Prismatic,
     Revolute,
@@ -170,3 +171,12 @@ def test_a_start_at_rest_in_what_is_stiff_is_no_rounding(stiffness: float, dampi
         if damping:
             assert run[elbow.shoulder.q][-1] == pytest.approx(exact, abs=100 / stiffness + 100 * rtol)
         assert run.energy_error() < 1e3 * rtol
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau"])
+@pytest.mark.parametrize("rtol", [1e-13, 1e-10])
+def test_a_net_at_rest_in_its_plane_starts_at_any_tolerance(rtol: float, method: str) -> None:
+    """Its threads begin at rounding; a first try that is off by a hundred times its tolerance still tells what rounding is there."""
+    scene, start, _ = SCENES["stiff_net"]()
+    run = ac.build(scene).simulate(0.02, start, rtol=rtol, method=method, samples=2)
+    assert run.energy_error() < 1e-9

@@ -422,6 +422,8 @@ static int refresh_jacobian(Integrator *I) {
 #define SOON 0.1     /* of a step: a little later */
 #define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
 
+#define ASTRAY 0.01  /* of their sizes: stages that are off by more are no states of the motion, and their rounding explains nothing in the next try */
+
 /* The error of a step in units of its scale. Where it asks for shorter steps, what of it is rounding is looked at and forgiven, which no
    step size makes smaller; for as long as there is something to forgive. */
 static double step_error(Integrator *I, Stages *S, double h) {
@@ -438,7 +440,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     }
     double left = near * step_error_of(I, S, h);
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
-    if (!(left <= 1) || T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I); /* where the step fails, its stages are no states of the motion */
+    if (!(left * I->rtol <= ASTRAY) || T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
     return left;
 }
 
