@@ -1,5 +1,6 @@
 /* Kernels without a compiler: a program of a model's statements, carried out on lanes one after the other with the operations that
    generated C has, so that both give the same bits. See acausal/emit/program.py, which numbers the operations in the order of OPERATIONS.
+   The loop over statements stands in statements.h, once for all kinds of values.
 
    All values of a program stand in one frame: what depends on parameters only, numbers, then values that come and go. The frame is the
    array `c` of the kernel; a statement is five integers, its operation and places in bytes. */
@@ -22,44 +23,17 @@ enum { WIDTH = 5 };
     O(FMOD, v_fmod(A, B)) O(REMAINDER, v_remainder(A, B)) O(COPYSIGN, v_copysign(A, B)) O(ATAN2, v_atan2(A, B)) O(HYPOT, v_hypot(A, B)) \
     O(MUL_ADD, A * B + C) O(MUL_SUB, A * B - C) O(SUB_MUL, C - A * B) O(MUL_MUL, A * B * C)
 
-#define AT(base, k) (*(V *)((char *)(base) + s[k]))
-#define A AT(frame, 2)
-#define B AT(frame, 3)
-#define C AT(frame, 4)
-#define NEXT goto *labels[*(s += WIDTH)]
-
-static void interpret(const int *s, const V *in, V *frame, V *out) {
-#define LABEL(name, result) &&at_##name,
-    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, OPERATIONS(LABEL)};
-#undef LABEL
-    s -= WIDTH;
-    NEXT;
-at_load: AT(frame, 1) = AT(in, 2); NEXT;
-at_store: AT(out, 1) = A; NEXT;
-at_number: {
-    double number;
-    memcpy(&number, s + 2, sizeof number);
-    AT(frame, 1) = v_all(number);
-    NEXT;
-}
-at_sincos: {
-    V sine, cosine;
-    v_sincos(A, &sine, &cosine);
-    AT(frame, 1) = sine;
-    B = cosine;
-    NEXT;
-}
-#define CASE(name, result) at_##name: AT(frame, 1) = result; NEXT;
-    OPERATIONS(CASE)
-#undef CASE
-at_end:;
-}
-
-#undef A
-#undef B
-#undef C
-#undef AT
-#undef NEXT
+#define INTERPRETER interpret
+#define VALUE V
+#define OUTSIDE V
+#define PARTS 1
+#define OF_OUTSIDE(x) (x)
+#define TO_OUTSIDE(x) (x)
+#define OF_NUMBER(x) (x)
+#define ALONG
+#define SINCOS v_sincos
+#define TABLE OPERATIONS
+#include "statements.h"
 
 #include "twofold.h"
 

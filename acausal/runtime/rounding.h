@@ -38,43 +38,19 @@ INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b
     O(HYPOT, TWO(v_hypot)) O(MUL_ADD, pair_add(pair_mul(A, B, draw), C, draw)) O(MUL_SUB, pair_add(pair_mul(A, B, draw), d_neg(C), draw)) \
     O(SUB_MUL, pair_add(d_neg(pair_mul(A, B, draw)), C, draw)) O(MUL_MUL, pair_mul(pair_mul(A, B, draw), C, draw))
 
-#define AT(base, k) (*(Pair *)((char *)(base) + s[k]))
-#define A AT(frame, 2)
-#define B AT(frame, 3)
-#define C AT(frame, 4)
-#define NEXT goto *labels[*(s += WIDTH)]
-
-static void interpret_disturbed(const int *s, const Pair *in, Pair *frame, Pair *out, Words *draw) {
-#define LABEL(name, result) &&at_##name,
-    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, DISTURBED(LABEL)};
-#undef LABEL
-    s -= WIDTH;
-    NEXT;
-at_load: AT(frame, 1) = *(const Pair *)((const char *)in + s[2]); NEXT;
-at_store: AT(out, 1) = A; NEXT;
-at_number: {
-    double number;
-    memcpy(&number, s + 2, sizeof number);
-    AT(frame, 1) = same_pair(v_all(number));
-    NEXT;
-}
-at_sincos: {
-    Pair sine = ONE(v_sin), cosine = ONE(v_cos);
-    AT(frame, 1) = sine;
-    B = cosine;
-    NEXT;
-}
-#define CASE(name, result) at_##name: AT(frame, 1) = result; NEXT;
-    DISTURBED(CASE)
-#undef CASE
-at_end:;
-}
-
-#undef A
-#undef B
-#undef C
-#undef AT
-#undef NEXT
+#define DISTURBED_SINCOS(a, sine, cosine) (*(sine) = ONE(v_sin), *(cosine) = ONE(v_cos))
+#define INTERPRETER interpret_disturbed
+#define VALUE Pair
+#define OUTSIDE Pair
+#define PARTS 1
+#define OF_OUTSIDE(x) (x)
+#define TO_OUTSIDE(x) (x)
+#define OF_NUMBER same_pair
+#define ALONG , Words *draw
+#define SINCOS DISTURBED_SINCOS
+#define TABLE DISTURBED
+#include "statements.h"
+#undef DISTURBED_SINCOS
 #undef EXACTLY
 #undef EXACTLY_TWO
 #undef ONE
@@ -109,7 +85,7 @@ static const Kernel *disturbed_kernel(Integrator *I, int which) {
 /* Into `found` what rounding makes of the results of a program (t, x, u, p), x being known to rounding of `size`. 0 when the input function failed. */
 static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x, const double *size, double *found) {
     struct State *T = I->state;
-    Pair *in = (Pair *)(void *)T->pair_in, *out = (Pair *)(void *)T->pair_out, *frame = (Pair *)(void *)T->pair_frame;
+    Pair *in = (Pair *)(void *)T->pair_in, *out = (Pair *)(void *)T->pair_out;
     V *u = T->disturbed;
     if (!inputs_at(I, v_all(t), 1, u)) return 0;
     for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = same_pair(v_all(u[i][0]));
@@ -120,8 +96,8 @@ static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x
         for (long l = 0; l < LANES; l++) draw[l] = (unsigned long long)(first + l + 1) * 0x9e3779b97f4a7c15ULL;
         in[0] = rounded_pair(v_all(t), v_all(t), &draw);
         for (long i = 0; i < I->nx; i++) in[1 + i] = (Pair){v_all(x[i]), v_all(x[i]) + v_all(size[i]) * (chance(&draw) - v_all(1.0))};
-        interpret_disturbed(k->preparation, in, frame, out, &draw);
-        interpret_disturbed(k->program, in, frame, out, &draw);
+        interpret_disturbed(k->preparation, in, T->pair_frame, out, &draw);
+        interpret_disturbed(k->program, in, T->pair_frame, out, &draw);
         for (long i = 0; i < k->outputs; i++)
             for (long l = 0; l < LANES; l++) {
                 double change = fabs(out[i].lo[l] - out[i].hi[l]);

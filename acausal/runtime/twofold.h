@@ -135,44 +135,17 @@ INLINE Pair d_rest_of_circle(Pair x) { return d_sqrt(d_mul(d_sub(d_one(), x), d_
     O(ATAN2, d_atan2(A, B)) O(HYPOT, d_sqrt(d_add(d_mul(A, A), d_mul(B, B)))) \
     O(MUL_ADD, d_add(d_mul(A, B), C)) O(MUL_SUB, d_sub(d_mul(A, B), C)) O(SUB_MUL, d_sub(C, d_mul(A, B))) O(MUL_MUL, d_mul(d_mul(A, B), C))
 
-#define AT(k) (*(Pair *)((char *)frame + s[k]))
-#define A AT(2)
-#define B AT(3)
-#define C AT(4)
-#define NEXT goto *labels[*(s += WIDTH)]
-
 /* `in` and `out` are plain values in lanes, for which places are half as far from one another. */
-static void interpret_twofold(const int *s, const V *in, V *frame, V *out) {
-#define LABEL(name, result) &&at_##name,
-    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, TWOFOLD(LABEL)};
-#undef LABEL
-    s -= WIDTH;
-    NEXT;
-at_load: AT(1) = d_of(*(const V *)((const char *)in + s[2] / 2)); NEXT;
-at_store: *(V *)((char *)out + s[1] / 2) = A.hi; NEXT;
-at_number: {
-    double number;
-    memcpy(&number, s + 2, sizeof number);
-    AT(1) = d_of(v_all(number));
-    NEXT;
-}
-at_sincos: {
-    Pair sine, cosine;
-    d_sincos(A, &sine, &cosine);
-    AT(1) = sine;
-    B = cosine;
-    NEXT;
-}
-#define CASE(name, result) at_##name: AT(1) = result; NEXT;
-    TWOFOLD(CASE)
-#undef CASE
-at_end:;
-}
-
-#undef A
-#undef B
-#undef C
-#undef AT
-#undef NEXT
+#define INTERPRETER interpret_twofold
+#define VALUE Pair
+#define OUTSIDE V
+#define PARTS 2
+#define OF_OUTSIDE d_of
+#define TO_OUTSIDE(x) (x).hi
+#define OF_NUMBER d_of
+#define ALONG
+#define SINCOS d_sincos
+#define TABLE TWOFOLD
+#include "statements.h"
 #undef ALONE
 #undef FIRST_ORDER
