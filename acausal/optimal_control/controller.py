@@ -9,6 +9,7 @@ import numpy as np
 
 from acausal.errors import OptimalControlError, OptionError
 from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.mesh import through
 from acausal.optimal_control.optimum import Optimum, ipopt_options
 
 
@@ -52,8 +53,7 @@ class Controller:
         stage, mesh = transcribed.asked.stage, transcribed.mesh
         nu = stage.sizes[3]
         first = best.motion.values[1 : 1 + mesh.tableau.stages, stage.width - nu :]
-        at_start = np.vander([0.0], mesh.tableau.stages) @ np.linalg.solve(np.vander(mesh.tableau.c), first)
-        return at_start.ravel()
+        return through(mesh.tableau.c, first)[-1]  # its value at the beginning
 
     def _shifted(self, state: np.ndarray) -> Guess:
         """The plan before, later by the rate, and with its end held."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
-from acausal.numerics.folding import folded_function
 from acausal.optimal_control.stage import Stage
 
 _HELD = 1e-3
@@ -73,10 +71,6 @@ def _closed(
     if not rows.numel():
         return x
     nx = x.shape[1]
-    inside = stage.put(rows)
-    step = folded_function(
-        "invariants", [stage.unknowns, stage.data], [inside, ca.densify(ca.jacobian(inside, stage.unknowns)[:, :nx])]
-    )
     found = x.copy()
     nq = stage.functions.space.nq
     for k in range(len(found)):
@@ -84,7 +78,7 @@ def _closed(
             found[k, :nq] = found[k - 1, :nq] + x[k, :nq] - x[k - 1, :nq]
         before, gap, slope = found[k].copy(), np.zeros((0, 1)), np.zeros((0, nx))
         for _ in range(_CLOSINGS):
-            gap, slope = (np.array(part) for part in step(_arguments(stage, found[k], duration, free), [times[k], 0.0]))
+            gap, slope = (np.array(part) for part in stage.closing(_arguments(stage, found[k], duration, free), [times[k], 0.0]))
             change = np.zeros(nx)
             change[:nq] = easy[:nq] * np.linalg.lstsq(slope[:positions, :nq] * easy[:nq], -gap[:positions, 0], rcond=1e-10)[0]
             change[nq:] = np.linalg.lstsq(
@@ -101,15 +95,13 @@ def _closed(
 def _moving(stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float, *, steady: bool) -> np.ndarray:
     """With velocities (n, nx) that go with the positions; at both ends as they are, unless it is `steady`."""
     nq, nv = stage.functions.space.nq, stage.functions.space.velocities
-    rates = stage.put(stage.rates[:nq, :])
-    N = folded_function(
-        "rates", [stage.unknowns, stage.data], [rates, ca.densify(ca.jacobian(rates, stage.unknowns)[:, nq : nq + nv])]
-    )
     slope = np.gradient(x[:, :nq], t, axis=0) if t.size > 1 else np.zeros((1, nq))
     found = x.copy()
     for k in range(len(x)):
         found[k, nq : nq + nv] = 0.0
-        drift, matrix = (np.array(part) for part in N(_arguments(stage, found[k], duration, free), [t[k] / duration, 0.0]))
+        drift, matrix = (
+            np.array(part) for part in stage.moving(_arguments(stage, found[k], duration, free), [t[k] / duration, 0.0])
+        )
         found[k, nq : nq + nv] = np.linalg.lstsq(matrix, slope[k] - drift[:, 0], rcond=None)[0]
     if not steady:
         found[[0, -1], nq : nq + nv] = x[[0, -1], nq : nq + nv]
@@ -122,13 +114,9 @@ def _driven(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, fre
     nq = stage.functions.space.nq
     values = np.column_stack([x, np.zeros((len(x), stage.width - nx))])
     values[:, nx : nx + nv] = np.gradient(x[:, nq : nq + nv], times * duration, axis=0) if len(x) > 1 else 0.0
-    off = stage.put(stage.balance)
-    step = folded_function(
-        "balance", [stage.unknowns, stage.data], [off, ca.densify(ca.jacobian(off, stage.unknowns)[:, nx : stage.width])]
-    )
     size = units[nx:]
     for k in range(len(x)):
-        gap, slope = (np.array(part) for part in step(np.concatenate([values[k], [duration], free]), [times[k], 0.0]))
+        gap, slope = (np.array(part) for part in stage.driving(np.concatenate([values[k], [duration], free]), [times[k], 0.0]))
         if np.all(np.isfinite(slope)) and np.all(np.isfinite(gap)):
             values[k, nx:] -= size * np.linalg.lstsq(slope * size, gap[:, 0], rcond=1e-12)[0]
     return values

@@ -233,8 +233,7 @@ def _solved(
     transcribed: Transcribed, plugin: str, options: dict[str, Any], *, warm: bool
 ) -> tuple[np.ndarray, float, dict[str, Any]]:
     program = transcribed.program
-    own = ipopt_options(warm=warm) if plugin == "ipopt" else {"print_time": False}
-    solver = program.solver(plugin, {**own, **options, "error_on_fail": False})
+    solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
     (least, most), (lower, upper) = program.bounds, program.limits
     found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
     return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()

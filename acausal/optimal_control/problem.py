@@ -21,13 +21,14 @@ from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.transcription import Asked, Limits
 from acausal.outputs.functions import Functions
 from acausal.start.assembly_function import start_units
-from acausal.start.initial import InitialState, near
+from acausal.start.initial import InitialState, exactly, near
 from acausal.start.states import start_values
 
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
 
-_PLUGINS = ("ipopt", "fatrop", "sqpmethod")
+_PLUGINS = ("ipopt",)
+"""Solvers that take the derivatives of a program as they are."""
 
 
 class Simulated(Protocol):
@@ -159,7 +160,7 @@ class OptimalControl:
 
         `intervals`: of the first mesh; intervals whose replay is off by more than `tolerance`, relative to what each state varies by, are divided up to
         `refinements` times. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
-        CasADi's solver. Raises `OptimalControlError` with the last iterate where none is found.
+        CasADi's `ipopt`. Raises `OptimalControlError` with the last iterate where none is found.
         """
         if solver not in _PLUGINS:
             raise OptionError(f"solve: there is no solver {solver!r}. Use {', '.join(map(repr, _PLUGINS))}.")
@@ -196,75 +197,72 @@ class OptimalControl:
         return {"parameters": self._parameters, "t0": self._t0}
 
     def _asked(self, held: bool) -> tuple[Asked, list[tuple[float, np.ndarray]], np.ndarray]:
+        """The problem in unknowns of a stage; stops of a path as a guess; what is much for each unknown."""
         f, model = self._functions, self._model
-        system = f.outputs.system
         if f.space.elimination.constants.numel():
             raise OptionError(
                 "Optimal control of scenes with integrated velocity constraints (a wheel rolling along a line whose place is open) is not supported."
             )
         starts = {**(self._start or {}), **{k: v.guess for k, v in self._opened.items()}}
         begin = model.initial_state(starts, inputs=self._inputs, **self._given)
-        p = begin.p[: system.p_values.size]
-        stage = Stage(f, self._t0, p, tuple(self._geometry))
-        positions, rates = start_units(begin)
-        time = float(self._time.guess or 1.0)
-        units = self._units(begin, positions, rates / time, time)
-        first = begin.x
-        stops = [(0.0, first)]
-        here: list[tuple[float, Limits]] = []
-        for at, values in sorted(self._here, key=lambda pair: pair[0]):
-            limits = [self._limits(stage, key, value) for key, value in values.items()]
-            here += [(at, one) for one in limits]
-            middle = {
-                key: np.mean(np.asarray(_pair(value), dtype=float), axis=0) for key, value in values.items() if _finite(value)
-            }
-            before = stops[-1][1]
-            near_before = {
-                k: near(v, 1e-3)
-                for k, v in start_values(f, f.space.expanded(self._t0, before, begin.p)).items()
-                if k not in middle
-            }
-            found = model.initial_state({**near_before, **self._exact_states(middle)}, inputs=self._inputs, **self._given)
-            if at > 0:
-                stops.append((at, found.x))
-        start = None
-        if self._start is not None:
-            # what loops close with other lengths follows from what is given
-            following = self._opened or (self._geometry and f.invariants is not None)
-            start = None if following else first
-            if following:
-                here.insert(0, (0.0, self._open_start(stage, first)))
-        periodic = None
-        if self._turns is not None:
-            periodic = self._difference(self._turns, 0.0)
-            open_ends = np.isnan(self._difference(dict.fromkeys(self._drifting, np.nan), 0.0))
-            periodic[open_ends] = np.nan
-            stops.append((1.0, first + np.nan_to_num(periodic)))
-        if stops[-1][0] < 1.0:
-            stops.append((1.0, stops[-1][1]))
+        stage = Stage(f, self._t0, begin.p[: f.outputs.system.p_values.size], tuple(self._geometry))
+        here = [(at, self._limits(stage, key, value)) for at, values in self._here for key, value in values.items()]
+        # what loops close with other lengths follows from what is given
+        following = self._opened or (self._geometry and f.invariants is not None)
+        if self._start is not None and following:
+            here.insert(0, (0.0, self._open_start(stage, begin.x)))
         path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._path]
         path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
-        total = {
-            kind: sum((stage.opened(v) for v in getattr(self._cost, kind)), ca.SX(0))
-            for kind in ("integrals", "averages", "starts", "ends")
-        }
-        for kind, value in total.items():
-            if value.numel() != 1:
-                raise OptionError(
-                    f"minimise: among {kind} is one of {value.numel()} entries. Give a number: its square, its norm, or one entry."
-                )
-        geometry = np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2)
-        bounds = np.array([self._time.lower, self._time.upper])
+        integrals, averages, starts_cost, ends = (
+            self._total(stage, kind) for kind in ("integrals", "averages", "starts", "ends")
+        )
         asked = Asked(
-            stage, path, here, start, periodic, total["integrals"], total["averages"], total["starts"], total["ends"],
-            self._cost.duration, held, bounds, geometry,
+            stage, path, here, None if self._start is None or following else begin.x, self._more_at_the_end(),
+            integrals, averages, starts_cost, ends, self._cost.duration, held, np.array([self._time.lower, self._time.upper]),
+            np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
-        return asked, stops, units
+        return asked, self._stops(stage, begin), self._units(stage, begin)
+
+    def _stops(self, stage: Stage, begin: InitialState) -> list[tuple[float, np.ndarray]]:
+        """Parts of the duration, and states (nx,) nearest to those before that are as asked for then."""
+        f, stops = self._functions, [(0.0, begin.x)]
+        for at, values in sorted(self._here, key=lambda pair: pair[0]):
+            wanted = {
+                key: np.mean(np.asarray(_pair(value), dtype=float), axis=0) for key, value in values.items() if _finite(value)
+            }
+            before = start_values(f, f.space.expanded(self._t0, stops[-1][1], begin.p))
+            kept = {key: near(value, 1e-3) for key, value in before.items() if key not in wanted}
+            found = self._model.initial_state({**kept, **self._near_states(stage, wanted)}, inputs=self._inputs, **self._given)
+            if at > 0:
+                stops.append((at, found.x))
+        more = self._more_at_the_end()
+        if more is not None:
+            stops.append((1.0, begin.x + np.nan_to_num(more)))
+        if stops[-1][0] < 1.0:
+            stops.append((1.0, stops[-1][1]))
+        return stops
+
+    def _more_at_the_end(self) -> np.ndarray | None:
+        """By what states (nx,) are more than at the start where the motion is periodic, NaN what drifts."""
+        if self._turns is None:
+            return None
+        drifting = np.isnan(self._by_state(dict.fromkeys(self._drifting, np.nan)))
+        return np.where(drifting, np.nan, self._by_state(self._turns))
+
+    def _total(self, stage: Stage, kind: str) -> ca.SX:
+        """The sum of one kind of costs."""
+        total = sum((stage.opened(one) for one in getattr(self._cost, kind)), ca.SX(0))
+        if total.numel() != 1:
+            raise OptionError(
+                f"minimise: among {kind} is one of {total.numel()} entries. Give a number: its square, its norm, or one entry."
+            )
+        return total
 
     def _open_start(self, stage: Stage, first: np.ndarray) -> Limits:
         """What is free, between its bounds; then all states as they are at the guess, as far as they do not follow from what is free."""
         limits = [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
-        limits += [self._limits(stage, k, v) for k, v in (self._start or {}).items() if isinstance(v, float | int | np.ndarray)]
+        given = {k: v.value if isinstance(v, exactly) else v for k, v in (self._start or {}).items() if not isinstance(v, near)}
+        limits += [self._limits(stage, k, np.asarray(v, dtype=float)) for k, v in given.items()]
         limits.append(Limits(self._functions.space.x, first, first, "start values"))
         value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
         return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), "start values")
@@ -283,17 +281,16 @@ class OptimalControl:
             float(self._time.guess or 1.0),
             geometry,
             units,
-            turned=np.zeros(stage.sizes[0], dtype=bool) if self._turns is None else self._difference(self._turns, 0.0) != 0,
+            turned=self._by_state(self._turns or {}) != 0,
         )
 
-    def _units(self, begin: InitialState, positions: np.ndarray, rates: np.ndarray, time: float) -> np.ndarray:
+    def _units(self, stage: Stage, begin: InitialState) -> np.ndarray:
         """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds."""
-        f = self._functions
-        space, system = f.space, f.outputs.system
-        everything = np.concatenate([positions[: system.nq], rates])
-        states = everything[list(space.places)]
+        space, system, time = stage.functions.space, stage.functions.outputs.system, float(self._time.guess or 1.0)
+        positions, rates = start_units(begin)
+        states = np.concatenate([positions[: system.nq], rates / time])[list(space.places)]
         nq, nv = space.nq, space.velocities
-        _, _, loops, inputs = Stage(f, 0.0, begin.p, ()).sizes
+        _, _, loops, inputs = stage.sizes
         drive = np.ones(inputs)
         for expression, lower, upper in self._path:
             for k, entry in enumerate(system.flat.inputs):
@@ -313,10 +310,10 @@ class OptimalControl:
             raise OptionError(f"{self._name(key)} is to be between {low} and {high}: give numbers in order.")
         return Limits(column, lower, upper, self._name(key))
 
-    def _difference(self, values: Mapping[Expression, float], default: float) -> np.ndarray:
-        """(nx,): what is said of states, `default` of others."""
+    def _by_state(self, values: Mapping[Expression, float]) -> np.ndarray:
+        """(nx,): what is said of states, 0 of others."""
         space, outputs = self._functions.space, self._functions.outputs
-        found = np.full(space.x.numel(), default)
+        found = np.zeros(space.x.numel())
         numbers = {space.x[k].element_hash(): k for k in range(space.x.numel())}
         for key, value in values.items():
             column = ca.vec(outputs.opened(key))
@@ -329,16 +326,16 @@ class OptimalControl:
                 found[k] = value
         return found
 
-    def _exact_states(self, values: Mapping[Expression, Any]) -> dict[Expression, Any]:
+    def _near_states(self, stage: Stage, values: Mapping[Expression, Any]) -> dict[Expression, Any]:
         """Of these values those that a start can be given, as near as can be."""
-        stage = Stage(self._functions, self._t0, self._functions.space.p_values, ())
-        states = {self._functions.space.x[k].element_hash() for k in range(self._functions.space.x.numel())}
-        fixed = {s.element_hash() for s in ca.symvar(self._functions.space.p)} | {self._functions.outputs.system.t.element_hash()}
+        space, t = self._functions.space, self._functions.outputs.system.t
+        states, fixed = ({s.element_hash() for s in ca.symvar(part)} for part in (space.x, ca.vertcat(space.p, t)))
         found: dict[Expression, Any] = {}
         for key, value in values.items():
-            inside = {s.element_hash() for s in ca.symvar(stage.opened(key))}
+            column = stage.opened(key)
+            inside = {s.element_hash() for s in ca.symvar(column)}
             if inside & states and inside <= states | fixed:
-                found[key] = near(np.broadcast_to(value, (stage.opened(key).numel(),)), 1e3)
+                found[key] = near(np.broadcast_to(value, (column.numel(),)), 1e3)
         return found
 
     def _symbols(self, values: Any, what: str) -> dict[Any, Any]:

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.expression import Expression, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 
 
@@ -99,6 +100,27 @@ class Stage:
             return ca.SX(0, 1), 0
         rows = f.invariants(f.outputs.system.t, f.space.x, f.space.p)
         return rows, f.constraint_position.numel_out(0)
+
+    @functools.cached_property
+    def closing(self) -> ca.Function:
+        """(unknowns, data) -> invariants, and their slopes by the states (rows, nx)."""
+        return self._with_slopes(self.invariants[0], 0, self.sizes[0])
+
+    @functools.cached_property
+    def moving(self) -> ca.Function:
+        """(unknowns, data) -> rates of positions, and their slopes by the velocities (nq, velocities)."""
+        nq, nv = self.functions.space.nq, self.sizes[1]
+        return self._with_slopes(self.rates[:nq, :], nq, nq + nv)
+
+    @functools.cached_property
+    def driving(self) -> ca.Function:
+        """(unknowns, data) -> `balance`, and its slopes by accelerations, multipliers and inputs."""
+        return self._with_slopes(self.balance, self.sizes[0], self.width)
+
+    def _with_slopes(self, column: ca.SX, first: int, last: int) -> ca.Function:
+        inside = self.put(column)
+        slopes = ca.densify(ca.jacobian(inside, self.unknowns)[:, first:last])
+        return folded_function("with_slopes", [self.unknowns, self.data], [inside, slopes])
 
     def opened(self, wanted: Expression | float) -> ca.SX:
         """A user's expression (n, 1) in t, x, u, p and the other unknowns: reactions by accelerations and multipliers, not by solving for them."""

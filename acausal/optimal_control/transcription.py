@@ -8,7 +8,7 @@ asked twice.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -202,40 +202,19 @@ def _bounds(asked: Asked, layout: _Layout, w: np.ndarray) -> np.ndarray:
     return bounds
 
 
-@dataclass(frozen=True, eq=False)
-class _Invariants:
-    """Values and slopes of what a stage keeps: `rows` (t, z) -> gaps, Jacobian by the states."""
-
-    stage: Stage
-    positions: int
-    function: Callable[[np.ndarray, list[float]], tuple[np.ndarray, np.ndarray]]
-
-    def slope(self, z: np.ndarray, at: float) -> np.ndarray:
-        """(rows, nx)."""
-        return self.function(z, [at, 0.0])[1]
-
-
-def _invariants(stage: Stage) -> _Invariants:
-    rows, positions = stage.invariants
-    inside = stage.put(rows)
-    slope = ca.densify(ca.jacobian(inside, stage.unknowns)[:, : stage.sizes[0]])
-    f = folded_function("invariants", [stage.unknowns, stage.data], [inside, slope])
-
-    def values(z: np.ndarray, when: list[float]) -> tuple[np.ndarray, np.ndarray]:
-        gap, matrix = f(z, when)
-        return np.array(gap).ravel(), np.array(matrix).reshape(rows.numel(), stage.sizes[0])
-
-    return _Invariants(stage, positions, values)
+def _slopes(f: ca.Function, z: np.ndarray, at: float) -> np.ndarray:
+    """Of a stage's function at a part of the duration."""
+    return np.array(f(z, [at, 0.0])[1])
 
 
 def _independent(
-    invariants: _Invariants, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = ()
+    stage: Stage, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = ()
 ) -> tuple[list[int], list[int]]:
     """Which states (of all but those that follow) are collocated; and which invariants hold the others: rows that do not follow from others."""
-    stage, n = invariants.stage, invariants.positions
+    n = stage.invariants[1]
     nx, nv, _, _ = stage.sizes
     nq = stage.functions.space.nq
-    J = invariants.slope(z, at) * units[:nx]
+    J = _slopes(stage.closing, z, at) * units[:nx]
     kept = list(range(nx))
     used: list[int] = []
     for block, columns in (((0, n), range(nq)), ((n, len(J)), range(nq, nq + nv))):
@@ -256,8 +235,7 @@ def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: 
     stage, mesh = asked.stage, layout.mesh
     nx, nv, loops, _ = stage.sizes
     K, s = mesh.intervals, mesh.tableau.stages
-    invariants = _invariants(stage)
-    labels = _state_labels(stage)
+    labels = stage.functions.state_names
     path = [(limits, r) for limits in asked.path for r in range(limits.value.numel()) if not _is_unknown(stage, limits.value[r])]
     length = stage.data[1]
     values = ca.vertcat(
@@ -272,14 +250,10 @@ def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: 
     number = np.full((values.numel(), K * s), NOWHERE)
     weights = np.ones((values.numel(), K * s))
     extra = np.arange(layout.tail, layout.size)
-    of_loops = stage.put(stage.balance[nv:, :])
-    loop_slopes = ca.Function(
-        "A", [stage.unknowns, stage.data], [ca.densify(ca.jacobian(of_loops, stage.unknowns)[:, nx : nx + nv])]
-    )
     for k in range(K):
-        middle = w[np.append(layout.places[k, s // 2], extra)]
-        kept, used = _independent(invariants, middle, float(mesh.points[k, s // 2]), units)
-        loop_rows = _independent_rows(np.array(loop_slopes(middle, [mesh.points[k, s // 2], 0.0])) * units[nx : nx + nv])
+        middle, half = w[np.append(layout.places[k, s // 2], extra)], float(mesh.points[k, s // 2])
+        kept, used = _independent(stage, middle, half, units)
+        loop_rows = _independent_rows(_slopes(stage.driving, middle, half)[nv:, :nv] * units[nx : nx + nv])
         idle = [nx + nv + r for r in range(loops) if r not in loop_rows]
         bounds[:, layout.places[k][:, idle]] = 0.0  # multipliers that rigid bodies leave open
         begin = layout.node(k)[:nx]
@@ -309,10 +283,6 @@ def _is_unknown(stage: Stage, value: ca.SX) -> bool:
     return value.is_symbolic() and any(value.element_hash() == stage.unknowns[k].element_hash() for k in range(stage.width))
 
 
-def _state_labels(stage: Stage) -> tuple[str, ...]:
-    return stage.functions.state_names
-
-
 def _at(layout: _Layout, k: int, value: ca.SX, number: list[int], weights: float = 1.0) -> Term:
     """A column of values at the node k, of the unknowns that stand in it."""
     stage = layout.stage
@@ -337,13 +307,11 @@ def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> li
     stage, mesh = asked.stage, layout.mesh
     nx = stage.sizes[0]
     terms: list[Term] = []
-    invariants = _invariants(stage)
     extra = np.arange(layout.tail, layout.size)
     fixed = np.zeros(nx, dtype=bool) if asked.start is None else np.isfinite(asked.start)
     first = np.concatenate([w[:nx], np.zeros(stage.width - nx), w[extra]])
     if not fixed.all() and stage.invariants[0].numel():
-        J = invariants.slope(first, 0.0)
-        used = _independent_rows(J[:, ~fixed])
+        used = _independent_rows(_slopes(stage.closing, first, 0.0)[:, ~fixed])
         if used:
             number = [rows.add(0.0, 0.0, "closed loops", 0.0) for _ in used]
             terms.append(_at(layout, 0, stage.put(stage.invariants[0][list(used)]), number))
@@ -351,13 +319,13 @@ def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> li
         k = int(np.argmin(np.abs(mesh.nodes - at)))
         z = np.where(layout.node(k) >= 0, w[layout.node(k)], 0.0)
         value = stage.put(limits.value)
-        needed = _not_following(stage, invariants, value, z, at, fixed if k == 0 else np.zeros(nx, dtype=bool), limits)
+        needed = _not_following(stage, value, z, at, fixed if k == 0 else np.zeros(nx, dtype=bool), limits)
         if needed:
             number = [rows.add(limits.lower[r], limits.upper[r], limits.name, at) for r in needed]
             terms.append(_at(layout, k, value[needed], number))
     if asked.periodic is not None:
         turned = [int(i) for i in np.flatnonzero(np.nan_to_num(asked.periodic))]
-        kept, _ = _independent(invariants, first, 0.0, np.ones(stage.width), turned)
+        kept, _ = _independent(stage, first, 0.0, np.ones(stage.width), turned)
         end = layout.node(mesh.intervals)
         for i in kept:
             if np.isfinite(asked.periodic[i]):
@@ -366,14 +334,12 @@ def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> li
     return terms
 
 
-def _not_following(
-    stage: Stage, invariants: _Invariants, value: ca.SX, z: np.ndarray, at: float, fixed: np.ndarray, limits: Limits
-) -> list[int]:
+def _not_following(stage: Stage, value: ca.SX, z: np.ndarray, at: float, fixed: np.ndarray, limits: Limits) -> list[int]:
     """Rows of a condition that invariants and rows before them do not imply; bounds that leave room are all kept."""
     slope = ca.Function("slope", [stage.unknowns, stage.data], [ca.densify(ca.jacobian(value, stage.unknowns))])
     own = np.array(slope(z, [at, 0.0])).reshape(value.numel(), -1)
-    above = np.zeros((invariants.slope(z, at).shape[0], own.shape[1]))
-    above[:, : stage.sizes[0]] = invariants.slope(z, at)
+    of_states = _slopes(stage.closing, z, at)
+    above = np.pad(of_states, ((0, 0), (0, own.shape[1] - of_states.shape[1])))
     free = np.append(~fixed, np.ones(own.shape[1] - fixed.size, dtype=bool))
     basis = list(above[:, free])
     needed: list[int] = []
