@@ -152,9 +152,10 @@ class TorqueSource(Component):
 
 @final
 class AngleSource(Component):
-    """A given angle: phi = angle [rad], constant, parameter, or function of time, whose rates follow. Supplies -tau der(phi).
+    """A given angle: phi = angle [rad], constant, parameter, input, or function of time. Supplies -tau der(phi).
 
-    An input cannot be given where a rate of it is needed: give its speed instead (SpeedSource), or put a spring between.
+    What has inertia takes two rates of an input too: they follow from a number (held), an expression of `ac.time`, a smooth spline, or a function that
+    takes these; of any other function give them with the value, inputs={scene.angle: (function, function of its rate, function of its second rate)}.
 
     scene.crank = AngleSource(lambda t: 2 * np.sin(t))
     """

@@ -119,9 +119,10 @@ class ForceSource(Component):
 
 @final
 class PositionSource(Component):
-    """A given position: s = position [m], constant, parameter, or function of time, whose rates follow. Supplies -f der(s).
+    """A given position: s = position [m], constant, parameter, input, or function of time. Supplies -f der(s).
 
-    An input cannot be given where a rate of it is needed: give its velocity instead (VelocitySource), or put a spring between.
+    What has inertia takes two rates of an input too: they follow from a number (held), an expression of `ac.time`, a smooth spline, or a function that
+    takes these; of any other function give them with the value, inputs={scene.position: (function, function of its rate, function of its second rate)}.
 
     scene.shaker = PositionSource(lambda t: 0.01 * np.sin(50 * t))
     """

@@ -599,11 +599,22 @@ def two_grounds() -> ac.System:
     return scene
 
 
-def angle_by_an_input() -> ac.System:
+class Jerk(ac.Component):
+    """Third rate of an angle."""
+
+    flange = ac.Rotational.port()
+    j = ac.Variable("rad/s^3")
+
+    def equations(self):
+        yield ac.equal(self.flange.tau, 0.0)
+        yield ac.equal(self.j, ac.der(ac.der(ac.der(self.flange.phi))))
+
+
+def jerk_of_an_input() -> ac.System:
     scene = ac.System()
     scene.wish = ac.Input("rad")
-    scene.crank, scene.rotor = AngleSource(scene.wish), Inertia(1.0)
-    scene.connect(scene.crank.flange, scene.rotor.flange_a)
+    scene.crank, scene.rotor, scene.jerk = AngleSource(scene.wish), Inertia(1.0), Jerk()
+    scene.connect(scene.crank.flange, scene.rotor.flange_a, scene.jerk.flange)
     return scene
 
 
@@ -704,14 +715,6 @@ def diode_on_an_input() -> ac.System:
 
 
 def jerk_of_a_joint() -> ac.System:
-    class Jerk(ac.Component):
-        flange = ac.Rotational.port()
-        j = ac.Variable("rad/s^3")
-
-        def equations(self):
-            yield ac.equal(self.flange.tau, 0.0)
-            yield ac.equal(self.j, ac.der(ac.der(ac.der(self.flange.phi))))
-
     scene = Pendulum()
     scene.jerk = Jerk()
     scene.connect(scene.jerk.flange, scene.hinge.flange)
@@ -749,7 +752,7 @@ MESSAGES: list[tuple[str, Callable[[], ac.System], type[Exception], tuple[str, .
     ("two sources that agree", lambda: parallel_sources(1.0), errors.UnderdeterminedError, ("[A]", "spare", "parallel ideal sources")),
     ("currents in series", currents_in_series, errors.OverdeterminedError, ("0 = ", "given twice")),
     ("two grounds in a node", two_grounds, errors.UnderdeterminedError, ("ground.pin.i", "again.pin.i", "Say nothing new")),
-    ("angle by an input", angle_by_an_input, errors.OverdeterminedError, ("'wish'", "crank", "differentiated", "spring")),
+    ("jerk of an input", jerk_of_an_input, errors.OverdeterminedError, ("'wish'", "crank", "differentiated three times", "third rate", "spring")),
     ("two outputs", two_outputs, errors.OverdeterminedError, ("0 = ", "given twice", "equations")),
     ("loose input", loose_input, errors.UnconnectedError, ("integral.input", "Constant")),
     ("a law is missing", lambda: of_component(Forgetful()), errors.UnderdeterminedError, ("thing.y [N]", "thing.z [kg]", HERE, "law of its own", "1 equations, 3 unknowns")),

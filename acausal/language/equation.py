@@ -69,6 +69,12 @@ def input_rate(symbol: Input) -> InputRate:
     return found
 
 
+def input_rates(symbol: Input) -> tuple[InputRate, InputRate]:
+    """The symbols for the first and second rate of an input."""
+    first = input_rate(symbol)
+    return first, input_rate(first)
+
+
 def _symbol_rate(symbol: Symbol) -> Expression:
     if isinstance(symbol, Time):
         return Expression(ca.SX(1), frozenset())

@@ -12,6 +12,8 @@ from acausal.errors import ParameterError
 from acausal.language.origin import origin
 
 _KINDS = ("constant", "linear", "cubic")
+_JUMP = 1e-9
+"""Difference of the values before and after a knot, of the largest value at knots, above which it is a jump and no rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,19 @@ class PiecewisePolynomial:
         for column in self.coefficients.T[1:]:
             value = value * s + column[k]
         return value
+
+    def jump(self, t0: float, t1: float) -> float | None:
+        """The first time between t0 and t1 [s], but for these, at which the value jumps; None where it does not."""
+        at = self.begins[1:] if not self.period else np.append(self.begins[1:], self.first + self.period)
+        ends, last = self.coefficients[:, 0], np.append(self.begins[1:], self.first + self.period) - self.begins
+        for column in self.coefficients.T[1:]:
+            ends = ends * last + column
+        before, after = ends[: at.size], self(at)
+        jumping = at[np.abs(after - before) > _JUMP * np.max(np.abs(after), initial=np.max(np.abs(before), initial=0.0))]
+        if self.period:
+            first = jumping + self.period * (np.floor((t0 - jumping) / self.period) + 1)
+            return min((float(t) for t in first if t < t1), default=None)
+        return min((float(t) for t in jumping if t0 < t < t1), default=None)
 
     def derivative(self) -> PiecewisePolynomial:
         """Its rate; what it jumps by at knots is not in it."""
@@ -72,6 +87,7 @@ def samples(
         from scipy.interpolate import CubicSpline
 
         inner = np.asarray(CubicSpline(t, y).c).T
+    begins[-1] = np.nextafter(t[-1], np.inf)  # the last time itself still has the slope that leads there
     first, last = np.zeros((2, 1, inner.shape[1]))
     first[0, -1], last[0, -1] = y[0], y[-1]
     return PiecewisePolynomial(begins, np.vstack([first, inner, last]))

@@ -246,7 +246,9 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         rank = independent_rows(jacobians, walk.rank, walk.dependent)
         if rank.rank == len(group.names):
             break
-    timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t)
+    # what is driven by time or inputs moves though no joint does
+    at_rest = ca.substitute(group.velocity, group.v, ca.SX.zeros(group.v.numel()))
+    timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t) or not at_rest.is_zero()
     if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
         raise shaky(group.loops, group.v.numel(), rank.rank)
     scale = row_scale(jacobians)

@@ -230,10 +230,10 @@ class MinimalModel(AbstractModel):
 
     @functools.cached_property
     def _here(self) -> Start:
-        """Of the reference: what is independent as it is, the rest as near to it as other times and parameters allow."""
+        """Of the reference: what is independent as it is, the rest as near to it as other times, parameters and inputs allow."""
         whole, chart = self.atlas.functions, self.chart
         number = {whole.outputs.system.x[i].element_hash(): i for i in range(chart.x.size)}
-        free = set(self._equations.independent)
+        free = set() if self.atlas.functions.outputs.system.scalar.of_inputs else set(self._equations.independent)
 
         def stands(key: Expression) -> bool:
             value = whole.outputs.resolve(key)
@@ -243,7 +243,12 @@ class MinimalModel(AbstractModel):
 
     def stands_at(self, at: Situation) -> bool:
         """Whether a situation is that of the chart's reference."""
-        return at.start is self._here and at.t0 == self.chart.t and np.array_equal(at.p, self.chart.p)
+        return (
+            at.start is self._here
+            and not self.atlas.functions.outputs.system.scalar.of_inputs
+            and at.t0 == self.chart.t
+            and np.array_equal(at.p, self.chart.p)
+        )
 
     def _motion(self, here: AbstractDecided, at: Situation, end: float, options: Options) -> Trajectory:
         from acausal.minimal.through_charts import through_charts

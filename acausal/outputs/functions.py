@@ -336,7 +336,9 @@ class Functions:
         None where there is nothing of a kind.
         """
         scalar = self.outputs.system.scalar
-        return self._with_terms(scalar.given), self._with_terms(ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped)))
+        return self._with_terms(scalar.prescribed), self._with_terms(
+            ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped))
+        )
 
     def _with_terms(self, rows: ca.SX) -> ca.Function | None:
         if not rows.numel():

@@ -39,6 +39,10 @@ class AbstractJoint(AbstractConstraint, ABC):
         """What stays zero along every motion because of how q' is made: a quaternion's norm, a gap. (n, 1), empty by default."""
         return ca.SX(0, 1)
 
+    def followed(self, q: ca.SX) -> ca.SX:
+        """What stays zero in a motion because coordinates are the values and rates of inputs: q less these. (n, 1), empty by default."""
+        return ca.SX(0, 1)
+
     def domain(self, q: ca.SX) -> ca.SX:
         """Positive where q is meant to be, (n, 1): a wheel's lean within a right angle. Empty by default.
 

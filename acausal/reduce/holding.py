@@ -130,15 +130,16 @@ def closed_positions(system: Reduced) -> list[np.ndarray]:
     rng = np.random.default_rng(7)
     q = system.x[: system.nq, :]
     closing, none = system.closing, Drawn.exact(system.closing.numel())
-    rows = ca.Function("closing", [q, system.t, system.p], [ca.densify(closing), ca.densify(ca.jacobian(closing, q))])
-    terms = ca.Function("terms", [q, system.t, system.p], [ca.densify(rounded(closing))])
+    given = [q, system.t, system.u, system.p]
+    rows = ca.Function("closing", given, [ca.densify(closing), ca.densify(ca.jacobian(closing, q))])
+    terms = ca.Function("terms", given, [ca.densify(rounded(closing))])
 
     def residual(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c, J = rows(y, 0.0, system.p_values)
+        c, J = rows(y, 0.0, system.u_defaults, system.p_values)
         return np.array(c).ravel(), np.array(J).reshape(-1, y.size)
 
     def rounding(y: np.ndarray) -> np.ndarray:
-        return finite(np.array(terms(y, 0.0, system.p_values)).ravel())
+        return finite(np.array(terms(y, 0.0, system.u_defaults, system.p_values)).ravel())
 
     scalar, starts = system.scalar, system.samples
     turns = np.append(system.mechanics.tree.turning[0], [s.is_angle for s in scalar.states[: scalar.positions]]).astype(bool)

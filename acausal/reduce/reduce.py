@@ -18,7 +18,8 @@ from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError, OverdeterminedError
 from acausal.language.connector import Electrical
-from acausal.language.expression import Symbol, stacked, time
+from acausal.language.equation import input_rates
+from acausal.language.expression import InputRate, Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
@@ -27,7 +28,7 @@ from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
 from acausal.reduce.signals import with_signals
-from acausal.scalar.coupling import ScalarPart, add_scalar_domains
+from acausal.scalar.coupling import Held, ScalarPart, add_scalar_domains
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.wording import compact, counted, grouped
 
@@ -206,11 +207,11 @@ class ReducedSystem:
 
     @property
     def moves_as_given(self) -> bool:
-        """Whether there is something to compute though there is no state: motions that are prescribed, circuits without stores."""
+        """Whether there is something to compute though there is no state: motions that are prescribed, in time or by inputs, circuits without stores."""
         links = [link.motion.pose for link in self.mechanics.tree.links]
         values = [symbolic(part) for pose in links for part in (pose.position, pose.rotation)] + list(self.scalar.solved.values())
         circuits = any(isinstance(connector, Electrical) for connector in self.flat.connector_paths)
-        return circuits or any(ca.depends_on(value, self.t) for value in values)
+        return circuits or any(ca.depends_on(value, ca.vertcat(self.t, self.u)) for value in values)
 
     @functools.cached_property
     def holding(self) -> Holding:
@@ -245,6 +246,7 @@ def reduce_system(
     nq, nv = tree.q.numel(), tree.v.numel()
     closing = None if step is None else (_split(step, nq)[0] - tree.q, _split(step, nq)[1] - tree.v)
     scalar = add_scalar_domains(mechanics, tau, v_dot, values, closing, without)
+    scalar = dataclasses.replace(scalar, held=(*_followed(tree), *scalar.held))
     read: list[tuple[ca.SX, ca.SX]] = []
     geared = (
         None
@@ -262,8 +264,12 @@ def reduce_system(
     if mechanics.readings.implicit:
         mechanics, scalar, read = with_reactions(mechanics, constraints, _put(steps, v_dot), _put(steps, multipliers), scalar)
         steps.append(read)
-    rates = {rate: f"der({flat.names[rate.of]})" for rate in scalar.input_rates}
-    flat = dataclasses.replace(flat, names={**flat.names, **scalar.names, **rates})
+    names = {**flat.names, **scalar.names}
+    for rate in _input_rates(
+        flat, [v_dot, tree.rates, scalar.tau, scalar.rates, *scalar.solved.values(), *(h.residual for h in scalar.held)]
+    ):
+        names[rate] = f"der({names[rate.of]})"
+    flat = dataclasses.replace(flat, names=names)
     u = stacked([entry.sx for entry in flat.inputs])
     v_dot, multipliers = _put(steps, v_dot), _put(steps, multipliers)
     states = stacked([s.sx for s in scalar.states])
@@ -284,7 +290,7 @@ def reduce_system(
     system = ReducedSystem(
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
-        ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
+        ca.vertcat(constraints.joint_invariants, constraints.position, scalar.known_position),
         ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular or constraints.narrow else None, scalar, extra, exact,
     )  # fmt: skip
     again = looped(system, system.closed_positions) if system.holding.again and not without else []
@@ -293,6 +299,35 @@ def reduce_system(
     _check_free(system)
     _check_known(system)
     return system
+
+
+def _followed(tree: Tree) -> list[Held]:
+    """What joints say of coordinates that are values and rates of inputs."""
+    found: list[Held] = []
+    for item in tree.joints:
+        for row in ca.vertsplit(item.edge.joint.followed(item.edge.joint.q.sx)):
+            found.append(
+                Held(
+                    row,
+                    2,
+                    -2 - len(found),
+                    True,
+                    True,
+                    f"the course that '{item.edge.name}' follows ({item.edge.joint.created_at})",
+                )
+            )
+    return found
+
+
+def _input_rates(flat: FlatSystem, used: Sequence[ca.SX]) -> list[InputRate]:
+    """Rates of inputs that stand in what is `used`; who needs the second one has the first one too."""
+    symbols = {s.element_hash() for s in ca.symvar(ca.veccat(*used))}
+    found: list[InputRate] = []
+    for entry in flat.inputs:
+        first, second = input_rates(entry)
+        needed = [s.sx.element_hash() in symbols for s in (first, second)]
+        found += [first] * any(needed) + [second] * needed[1]
+    return found
 
 
 def _made_again(flat: FlatSystem, values: np.ndarray, near: np.ndarray | None, t: float) -> ReducedSystem:

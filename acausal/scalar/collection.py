@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -13,7 +14,7 @@ import numpy as np
 from acausal.dynamics.readings import Readings
 from acausal.errors import ModelError, UnknownVariableError
 from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotational, Translational
-from acausal.language.equation import Equation, der, input_rate
+from acausal.language.equation import Equation, der, input_rates
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time, Variable, declared, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.scalar.canonical import canonical_parts
@@ -288,15 +289,17 @@ class _Collector:
         unknowns = {s.sx.element_hash(): self._unknown(s) for s in self._all_scalars()}
         derivatives = [(s.sx, s.of.sx) for s in self._all_scalars() if isinstance(s, Derivative)]
         opaque = [symbol for f in flanges for symbol in (f.bias, *ca.vertsplit(f.flexibility.T))]
-        rates = [input_rate(s) for s in self.known if isinstance(s, Input)]
-        rated = [(s.sx, input_rate(s).sx if isinstance(s, Input) else rate) for s, rate in self.known.items()]
+        chains = [(s, *input_rates(s)) for s in self.known if isinstance(s, Input)]
+        rates = [rate for _, *both in chains for rate in both]
+        rated = [(s.sx, rate) for s, rate in self.known.items() if not isinstance(s, Input)]
+        rated += [(s.sx, rate.sx) for chain in chains for s, rate in itertools.pairwise(chain)]
         parameters = [s for s in self.known if isinstance(s, Parameter)]
         read, moving = self._read_of_mechanics()
         return EquationSet(
             tuple(equations), tuple(u for key, u in unknowns.items() if key not in outer), tuple(derivatives),
             (*(s.sx for s in self.known), *(s.sx for s in rates), *opaque, *(() if time in self.known else (time.sx,)), *read), (*rated, *moving),
             tuple((s.sx, self.values[s]) for s in parameters), self._limits(parameters),
-            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(s.of, s.of.name)) for s in rates)
+            tuple((s.sx, self.flat.names.get(s, s.name)) for s in self.known) + tuple((s.sx, self.flat.names.get(of, of.name)) for of, *both in chains for s in both)
             + tuple((s, read_name(self.flat, s)) for s in read),
             tuple(unknowns[f.position.element_hash()] for f in flanges), self._rate_symbol,
         )  # fmt: skip

@@ -11,8 +11,8 @@ import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.language.connector import Connector
-from acausal.language.equation import input_rate
-from acausal.language.expression import InputRate, Symbol, Variable, time
+from acausal.language.equation import input_rates
+from acausal.language.expression import Symbol, Variable, time
 from acausal.loops.loops import relative_pose
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.span import AbstractSpan
@@ -60,7 +60,7 @@ class ScalarPart:
 
     `states`: first the `positions` that equations tie to coordinates of joints or to one another, without velocities. `held`: the invariants, those
     of positions first; `residuals`: of nonlinear blocks. `correction`: (dq, dv, dstates), one Newton step towards them. `tau` (nv, 1): joint
-    forces. `blocks`: the linear blocks that were solved. `input_rates`: of the inputs whose rates are needed.
+    forces. `blocks`: the linear blocks that were solved.
     `redundant`: equations between positions that follow from others. `looped`: those that follow from closed loops of joints, where these are
     assembled as the equations say; what they would transmit is zero.
     """
@@ -74,7 +74,6 @@ class ScalarPart:
     residuals: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     correction: tuple[ca.SX, ca.SX, ca.SX] | None = None
     blocks: tuple[LinearBlock, ...] = ()
-    input_rates: tuple[InputRate, ...] = ()
     redundant: tuple[Held, ...] = ()
     looped: tuple[Held, ...] = ()
     names: dict[Symbol, str] = field(default_factory=dict)
@@ -98,8 +97,31 @@ class ScalarPart:
 
     @property
     def given(self) -> ca.SX:
-        """What inputs prescribe (n, 1), zero in a motion."""
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.of_inputs))
+        """Speeds that inputs prescribe (n, 1), zero in a motion."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1 and h.of_inputs))
+
+    @property
+    def given_position(self) -> ca.SX:
+        """Positions that inputs prescribe (n, 1), zero in a motion."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth > 1 and h.of_inputs))
+
+    @property
+    def prescribed(self) -> ca.SX:
+        """What inputs prescribe (n, 1): places and angles, and speeds that are no rates of these."""
+        places = [h for h in self.held if h.of_inputs and h.depth > 1]
+        numbers = {h.number for h in places}
+        speeds = [h for h in self.held if h.of_inputs and h.number not in numbers]
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in (*places, *speeds)))
+
+    @property
+    def of_inputs(self) -> bool:
+        """Whether inputs prescribe something."""
+        return any(h.of_inputs for h in self.held)
+
+    @property
+    def known_position(self) -> ca.SX:
+        """Invariants of positions in which no input stands (n, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth > 1 and not h.of_inputs))
 
     @property
     def start(self) -> list[float]:
@@ -168,7 +190,7 @@ class _Coupling:
         return ScalarPart(
             tuple(symbols[k] for k in order), len(tied), rated[order], self._solved(solved), tau,
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
-            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._input_rates([tau, rated, *solved.values()]), self._followers(self.redundant),
+            (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._followers(self.redundant),
             self._followers(self.looped), self.collection.names, self._led,
         )  # fmt: skip
 
@@ -257,11 +279,6 @@ class _Coupling:
             result.append(z_dot)
         return result
 
-    def _input_rates(self, used: Sequence[ca.SX]) -> tuple[InputRate, ...]:
-        symbols = {s.element_hash() for s in ca.symvar(ca.veccat(*used))}
-        rates = [input_rate(entry) for entry in self.mechanics.flat.inputs]
-        return tuple(rate for rate in rates if rate.sx.element_hash() in symbols)
-
     def _solved(self, values: dict[int, ca.SX]) -> dict[Symbol, ca.SX]:
         found: dict[Symbol, ca.SX] = {}
         for symbol, scalars in self.collection.elements.items():
@@ -290,7 +307,7 @@ class _Coupling:
         return tuple(Held(r, 2, -1, True, False, str(e)) for r, e in zip(found, equations, strict=True))
 
     def _held_as(self, i: Invariant, residual: ca.SX, number: int) -> Held:
-        inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}
+        inputs = {s.sx.element_hash() for entry in self.mechanics.flat.inputs for s in (entry, *input_rates(entry))}
         of_inputs = any(s.element_hash() in inputs for s in ca.symvar(residual))
         return Held(residual, i.depth, number, not i.states, of_inputs, str(i.source), self._places[id(i.source)])
 

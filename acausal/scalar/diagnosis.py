@@ -87,8 +87,11 @@ def _of_zeros(system: EquationSet, sources: Sequence[ScalarEquation]) -> str:
 
 def no_rate(system: EquationSet, symbol: ca.SX, source: ScalarEquation) -> ModelError:
     """A known symbol without a rate would have to be differentiated."""
-    rated = {rate.element_hash() for _, rate in system.known_rates}
-    twice, which = (" twice", "second ") if symbol.element_hash() in rated else ("", "")
+    of = {rate.element_hash(): known.element_hash() for known, rate in system.known_rates}
+    order, key = 0, symbol.element_hash()
+    while key in of and order < 2:
+        order, key = order + 1, of[key]
+    twice, which = (("", ""), (" twice", "second "), (" three times", "third "))[order]
     return OverdeterminedError(
         f"Equation {source} fixes a quantity whose rate is needed, so '{system.name(symbol)}' would have to be differentiated{twice}, and its {which}rate "
         "is not known. Put an element that stores (a small inertia, spring, capacitor) between, or give it as a function of time."

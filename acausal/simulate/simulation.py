@@ -35,7 +35,7 @@ from acausal.simulate.trouble import (
 )
 from acausal.simulate.watch import warn_if_inaccurate
 from acausal.start.decided import check_decided
-from acausal.start.inputs import knots
+from acausal.start.inputs import check_smooth, knots
 from acausal.start.situation import Situation
 from acausal.wording import callers_level
 
@@ -106,6 +106,7 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     called, t0, space = time.perf_counter(), at.t0, functions.space
     problem = _problem(functions, at, options.compiled)
     jumps = check_given_motions(functions.given_motions, t0, end, at.p)
+    check_smooth(functions, problem.inputs, t0, end)
     whole = at.initial(functions)
     check_decided(functions.outputs.system, t0, whole.x, at.p)
     initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))

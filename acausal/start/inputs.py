@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,12 @@ from acausal.errors import AcausalError, ParameterError
 from acausal.language.expression import Expression, Input, InputRate, number, sx, time
 from acausal.language.interpolant import is_spline, pieces_of
 from acausal.language.origin import origin
-from acausal.language.pieces import WithKnots
+from acausal.language.pieces import PiecewisePolynomial, WithKnots
 from acausal.outputs.clocks import clocks
 from acausal.outputs.functions import Functions
 
 INPUTS = "{scene.torque: lambda t: np.sin(t)}"
-InputValue = float | Callable[[float], float] | Expression | tuple[Any, Any]
+InputValue = float | Callable[[float], float] | Expression | tuple[Any, ...]
 """What an input is given as; see `input_signal`."""
 
 
@@ -29,19 +29,10 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> In
 
     A number; an expression of `ac.time`; `ac.samples` or a spline of scipy; a function, which is asked for one time at a time, and whose jumps are known
     when `ac.with_knots` says where. The rates of the first three follow; that of a function that takes `ac.time` is its derivative; otherwise
-    a pair is needed: value and rate. Raises `ParameterError` where there is none.
+    a tuple is needed: the value and as many rates as parts ask for. Raises `ParameterError` where there is none.
     """
     known = functions.outputs.system.flat.inputs
-    rated = {entry.of for entry in known if isinstance(entry, InputRate)}
-    courses: list[Course] = []
-    for entry in known:
-        name = functions.outputs.name(entry)
-        if isinstance(entry, InputRate):
-            courses.append(_rate(inputs.get(entry.of, entry.of.default), name, functions.outputs.name(entry.of)))
-        else:
-            courses.append(_course(inputs.get(entry, entry.default), name, entry in rated))
-
-    return Inputs(tuple(courses))
+    return Inputs(tuple(_of_order(entry, known, inputs, functions.outputs.name(entry)) for entry in known))
 
 
 def knots(inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> np.ndarray:
@@ -57,10 +48,47 @@ def knots(inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> n
     return np.unique(np.concatenate(found))
 
 
-def _course(value: Any, name: str, rated: bool) -> Course:
-    """The value of an input."""
-    if isinstance(value, tuple) and rated and len(value) == 2:  # pyright: ignore[reportUnknownArgumentType]
-        value = value[0]
+def check_smooth(functions: Functions, inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> None:
+    """Raises `ParameterError` where samples that prescribe a place or an angle jump or bend between t0 and t1: nothing with inertia follows that."""
+    known = functions.outputs.system.flat.inputs
+    if not isinstance(inputs, Inputs):
+        return
+    twice = [entry.of.of for entry in known if isinstance(entry, InputRate) and isinstance(entry.of, InputRate)]
+    for entry, course in zip(known, inputs.courses, strict=True):
+        if entry not in twice or not isinstance(course, PiecewisePolynomial):
+            continue
+        for found, what in ((course, "jump"), (course.derivative(), "bend")):
+            at = found.jump(t0, t1)
+            if at is not None:
+                raise ParameterError(
+                    f"The input {functions.outputs.name(entry)} prescribes {_PRESCRIBED[2]}, and its samples {what} at t = {at:.6g} s ({origin()}): nothing with "
+                    'inertia can follow. Give a smooth course, ac.samples(times, values, "cubic") or a CubicSpline of scipy over the whole time, or put a '
+                    "spring between."
+                )
+
+
+def _of_order(entry: Input, known: Sequence[Input], inputs: Mapping[Input, InputValue], name: str) -> Course:
+    """The course of an input, or of a rate of one."""
+    own, order = _own(entry)
+    value = inputs.get(own, own.default)
+    wanted = max(_own(one)[1] for one in known if _own(one)[0] is own)
+    if isinstance(value, tuple) and len(value) == wanted + 1 > 1:
+        return _course(value[order], name)
+    if order == 0:
+        return _course(value, name, wanted)
+    return _rate(value, name, order, f"the function of time of {own.name} ({origin()})", wanted)
+
+
+def _own(entry: Input) -> tuple[Input, int]:
+    """The user's input, and which rate of it this is."""
+    if not isinstance(entry, InputRate):
+        return entry, 0
+    own, order = _own(entry.of)
+    return own, order + 1
+
+
+def _course(value: Any, name: str, rates: int = 0) -> Course:
+    """The value of an input, of which so many rates follow."""
     if isinstance(value, Expression | ca.SX):
         return _formula(sx(value), name)
     if is_spline(value):
@@ -70,30 +98,39 @@ def _course(value: Any, name: str, rated: bool) -> Course:
     elif callable(value):
         return _Watched(value, name)
     if not np.isscalar(value):
+        given = f" With rates, which are needed here: ({', '.join(['function', *_RATES[:rates]])})." if rates else ""
         raise ParameterError(
             f"The input {name} is given as {shown(value)} ({origin()}). Give a number, samples: ac.samples(times, values), an expression of "
-            "ac.time, or a function of time that gives numbers: lambda t: np.sin(t)."
+            f"ac.time, or a function of time that gives numbers: lambda t: np.sin(t).{given}"
         )
     return number(value, name)
 
 
-def _rate(value: Any, name: str, of: str) -> Course:
-    """The rate of an input that is given as `value`."""
-    if isinstance(value, tuple):
-        return _course(value[1], name, False)
+_RATES = ("function of its rate", "function of its second rate")
+_PRESCRIBED = ("", "a speed", "a place or an angle")
+
+
+def _rate(value: Any, name: str, order: int, what: str, wanted: int) -> Course:
+    """The rate of this order, of so many that are wanted, of an input that is given as `value`, called `what`."""
     if is_spline(value):
         (pieces,) = pieces_of(value)
-        return pieces.derivative()
+        for _ in range(order):
+            pieces = pieces.derivative()
+        return pieces
     if callable(value) and not isinstance(value, Expression):
         try:
             value = value(time)
         except (AcausalError, TypeError, ValueError, NotImplementedError, RuntimeError) as error:
             raise ParameterError(
-                f"The rate of the input {of} is needed, since it prescribes a speed, and its function of time ({origin()}) cannot be differentiated: "
-                f"{str(error).rstrip('.')}. Write it with functions of numpy or CasADi, or give a pair: (function, function of its rate)."
+                f"The rate {name} is needed, since its input prescribes {_PRESCRIBED[wanted]}, and {what} cannot be differentiated: "
+                f"{str(error).rstrip('.')}. Write it with functions of numpy or CasADi, or give its rates with it: "
+                f"(function, {', '.join(_RATES[:wanted])})."
             ) from error
     if isinstance(value, Expression | ca.SX):
-        return _formula(ca.jtimes(sx(value), time.sx, ca.SX(1)), name)
+        found = sx(value)
+        for _ in range(order):
+            found = ca.jtimes(found, time.sx, ca.SX(1))
+        return _formula(found, name)
     return 0.0
 
 

@@ -200,6 +200,12 @@ def parts_in_a_dictionary() -> None:
     ac.build(scene)
 
 
+def led(course: object) -> None:
+    """A pendulum whose angle is an input of this course."""
+    angle = ac.Input("rad")
+    ac.build(pendulum_with(AngleSource(angle))).simulate(1.0, inputs={angle: course})
+
+
 def class_for_a_part() -> None:
     scene = Pendulum()
     scene.moon = RigidBody
@@ -223,7 +229,10 @@ CASES = [
     Wrong("pinion on a slider", rack_turned_round, errors.IncompatibleError, ("flange of Prismatic", "pinion of RackAndPinion", HERE)),
     Wrong("gear on one joint", gear_between_a_joint_and_itself, errors.LockedError, ("hinge.flange and gear.flange_a",)),
     Wrong("two sources on one joint", lambda: ac.build(pendulum_with(AngleSource(0.1), AngleSource(0.2))), errors.OverdeterminedError, ("extra[0].flange and extra[1].flange", "remove a source")),
-    Wrong("angle from an input", lambda: ac.build(pendulum_with(AngleSource(ac.Input("rad")))), errors.OverdeterminedError, ("extra[0]", HERE, "rate is not known", "function of time")),
+    Wrong("angle from samples that bend", lambda: led(ac.samples([0, 0.5, 1], [0, 1, 3])), errors.ParameterError, ("extra[0].angle", "bend at t = 0.5 s", HERE, '"cubic"')),
+    Wrong("angle from samples that jump", lambda: led(ac.samples([0, 0.5, 1], [0, 1, 3], "constant")), errors.ParameterError, ("jump at t = 0.5 s", "spring between")),
+    Wrong("angle from a function of numbers", lambda: led(float), errors.ParameterError, ("der(extra[0].angle)", "a place or an angle", HERE, "function of its rate, function of its second rate")),
+    Wrong("angle from too few rates", lambda: led((float, float)), errors.ParameterError, ("(<class 'float'>, <class 'float'>)", "function of its second rate")),
     Wrong("Python's if in a function of time", lambda: AngleSource(lambda t: 0.0 if t < 0.5 else 1.0), errors.ParameterError, ("function of time", HERE, "ca.if_else")),
     Wrong("math.sin in a function of time", lambda: AngleSource(float), errors.ParameterError, ("np.sin", "symbol ac.time")),
     Wrong("sensor connected at one end", lambda: ac.build(pendulum_with(TorqueSensor())), errors.UnconnectedError, ("extra[0].flange_b", "both ends")),
@@ -243,7 +252,7 @@ CASES = [
     Wrong("second hinge across the first", lambda: second_hinge("x"), errors.LockedError, ("closing 'hinge'", "Remove a joint")),
     Wrong("carried to two places", lambda: carried_on((1, 0, 0), (0, 0, 1)), errors.AssemblyError, ("tables[1]", "gap reached is 1")),
     Wrong("nothing but a given motion", lambda: carried_on((1, 0, 0)), errors.LockedError, ("Nothing", "Add a joint")),
-    Wrong("given position from an input", lambda: PrescribedMotion((ac.Input("m"), 0, 0)), errors.ParameterError, ("position", "input", HERE, "source")),
+    Wrong("given position from a variable", lambda: PrescribedMotion((Pendulum().hinge.q, 0, 0)), errors.ParameterError, ("position", "variable", HERE, "source")),
     Wrong("given position with two entries", lambda: PrescribedMotion(lambda t: (0, t)), errors.ParameterError, ("three components", "(2, 1)")),
     Wrong("two signals into one", two_signals_into_one, errors.OverdeterminedError, ("one.output and two.output", "twice")),
     Wrong("potential that needs numbers", lambda: NonlinearSpring(lambda s: s.norm()), errors.ParameterError, ("(length)", HERE)),

@@ -1,0 +1,214 @@
+"""Places, angles and angular velocities that inputs prescribe: the same motion as by functions of time, whatever the course is given as."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import acausal as ac
+from acausal.errors import ParameterError
+from components import (
+    AngleSource,
+    Inertia,
+    PositionSource,
+    PrescribedAngularVelocity,
+    PrescribedMotion,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    Spherical,
+    World,
+)
+
+SIZES = [1e-3, 1.0, 1e3]
+UP = (0.0, 0.0, -9.81)
+
+
+def led(kind: Any, given: Any) -> tuple[Any, ac.Model]:
+    """A rod on a hinge or a slide whose coordinate is given."""
+    scene: Any = ac.System()
+    scene.course = given
+    scene.world, scene.joint, scene.rod = (
+        World(UP),
+        Revolute("y") if kind is AngleSource else Prismatic("z"),
+        RigidBody.rod(2.0, (0, 0, -1)),
+    )
+    scene.source = kind(given)
+    scene.connect(scene.world.frame, scene.joint.frame_a)
+    scene.connect(scene.joint.frame_b, scene.rod.frame)
+    scene.connect(scene.joint.flange, scene.source.flange)
+    return scene, ac.build(scene)
+
+
+TIMES = np.linspace(0.0, 3.0, 301)
+COURSES: dict[str, Any] = {
+    "expression": 0.3 * np.sin(2 * ac.time) + 0.1,
+    "function": lambda t: 0.3 * np.sin(2 * t) + 0.1,
+    "with rates": (lambda t: 0.3 * np.sin(2 * float(t)) + 0.1, lambda t: 0.6 * np.cos(2 * float(t)), lambda t: -1.2 * np.sin(2 * float(t))),
+    "spline": CubicSpline(TIMES, 0.3 * np.sin(2 * TIMES) + 0.1),
+    "samples": ac.samples(TIMES, 0.3 * np.sin(2 * TIMES) + 0.1, "cubic"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [AngleSource, PositionSource])
+@pytest.mark.parametrize("form", list(COURSES))
+def test_a_course_moves_a_joint_alike_in_each_form(kind: Any, form: str) -> None:
+    given = ac.Input("rad" if kind is AngleSource else "m")
+    scene, model = led(kind, given)
+    run = model.simulate(3.0, inputs={given: COURSES[form]}, rtol=1e-11)
+    angle = 0.3 * np.sin(2 * run.t) + 0.1
+    rate, second = 0.6 * np.cos(2 * run.t), -1.2 * np.sin(2 * run.t)
+    effort = 2.0 / 3 * second + 9.81 * np.sin(angle) if kind is AngleSource else 2.0 * (second + 9.81)
+    exact = form in ("expression", "function", "with rates")
+    for found, wanted, spline in (
+        (run[scene.joint.q], angle, 1e-9),
+        (run[scene.joint.v], rate, 1e-6),
+        (-run[scene.source.flange.tau if kind is AngleSource else scene.source.flange.f], effort, 1e-3),
+    ):
+        assert np.max(np.abs(found - wanted)) < (1e-11 if exact else spline)
+    assert run.energy_error() < 1e-11
+
+
+def test_a_held_input_rests_and_a_shaft_without_joints_follows() -> None:
+    held = ac.Input("rad")
+    scene, model = led(AngleSource, held)
+    for angle in (0.7, 0.0, -3.0):
+        run = model.simulate(100.0, inputs={held: angle})
+        assert np.max(np.abs(run[scene.joint.q] - angle)) < 1e-11
+    shaft: Any = ac.System()
+    shaft.angle = ac.Input("rad")
+    shaft.source, shaft.rotor = AngleSource(shaft.angle), Inertia(0.5)
+    shaft.connect(shaft.source.flange, shaft.rotor.flange_a)
+    run = ac.build(shaft).simulate(2.0, inputs={shaft.angle: lambda t: np.sin(3 * t)})
+    assert np.max(np.abs(run[shaft.source.flange.tau] - 4.5 * np.sin(3 * run.t))) < 1e-14
+
+
+def four_bar(drive: Any, size: float) -> Any:
+    scene: Any = ac.System()
+    scene.drive = drive
+    ends = [size * np.array(p) for p in ((0.3, 0, 0), (0.8, 0, 0.9), (0.1, 0, -0.9))]
+    at = [np.zeros(3), ends[0], ends[0] + ends[1], ends[0] + ends[1] + ends[2]]
+    scene.world = World(UP)
+    scene.bars = [RigidBody.rod(1.0, tuple(end), position=tuple(p)) for end, p in zip(ends, at, strict=False)]
+    parts = [scene.world, *scene.bars, scene.world]
+    scene.hinges = [Revolute.between(a, b, at=tuple(p), axis="y") for a, b, p in zip(parts, parts[1:], at, strict=False)]
+    scene.source = AngleSource(drive)
+    scene.connect(scene.source.flange, scene.hinges[0].flange)
+    return scene
+
+
+def turn(t: Any) -> Any:
+    return 2 * t + 0.3 * np.sin(3 * t)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_crank_of_a_loop_turns_by_an_input_as_by_a_function_of_time(size: float) -> None:
+    one, other = four_bar(ac.Input("rad"), size), four_bar(turn, size)
+    runs = ac.build(one).simulate(5.0, inputs={one.drive: turn}, rtol=1e-11), ac.build(other).simulate(5.0, rtol=1e-11)
+    for k in range(3):
+        assert abs(runs[0][one.hinges[k].q][-1] - runs[1][other.hinges[k].q][-1]) < 1e-10
+    a, b = (run[scene.source.flange.tau] for run, scene in zip(runs, (one, other), strict=True))
+    assert np.max(np.abs(a - b)) < 1e-8 * np.max(np.abs(b))
+    assert runs[0].energy_error() < 1e-10
+
+
+def test_independent_coordinates_follow_an_input_too() -> None:
+    scene = four_bar(ac.Input("rad"), 1.0)
+    model = ac.build(scene)
+    run = model.minimal().simulate(3.0, inputs={scene.drive: lambda t: 1 + turn(t)}, rtol=1e-10)
+    assert np.max(np.abs(run[scene.hinges[0].q] - 1 - turn(run.t))) < 1e-9
+
+
+Motion = Callable[[Any], tuple[Any, ...]]
+
+
+def hand(part: Callable[..., Any], size: float, course: Motion | None) -> tuple[Any, ac.Trajectory]:
+    """A body on a ball joint that a frame carries, which moves by inputs where there is a course."""
+    scene: Any = ac.System()
+    scene.x, scene.y, scene.turn = given = ac.Input(""), ac.Input(""), ac.Input("")
+    scene.world, scene.hand = World((0, 0, -9.81 * size)), part(*given)
+    scene.ball, scene.rod = (
+        Spherical(),
+        RigidBody(2.0, np.diag([0.02, 0.03, 0.01]) * size**2, (0.1 * size, 0.2 * size, -0.5 * size)),
+    )
+    scene.connect(scene.world.frame, scene.hand.frame_a)
+    scene.connect(scene.hand.frame_b, scene.ball.frame_a)
+    scene.connect(scene.ball.frame_b, scene.rod.frame)
+    inputs = {u: (lambda t, k=k: course(t)[k]) for k, u in enumerate(given)} if course else {}
+    return scene, ac.build(scene).simulate(3.0, {scene.ball.v: (1, 2, 3)}, inputs=inputs, rtol=1e-11)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_frame_moves_in_space_by_inputs_as_by_functions_of_time(size: float) -> None:
+    def course(t: Any) -> tuple[Any, ...]:
+        return 0.3 * size * np.sin(2 * t), 0.1 * size * t**2, 0.5 * np.sin(t)
+
+    def function(*_: Any) -> PrescribedMotion:
+        return PrescribedMotion(lambda t: (*course(t)[:2], 0.2 * size), lambda t: course(t)[2], (1, 1, 0))
+
+    one, by_inputs = hand(lambda x, y, turn: PrescribedMotion((x, y, 0.2 * size), turn, (1, 1, 0)), size, course)
+    other, by_time = hand(function, size, None)
+    assert np.max(np.abs(by_inputs[one.rod.frame.rotation] - by_time[other.rod.frame.rotation])) < 1e-9
+    assert np.max(np.abs(by_inputs[one.rod.frame.velocity] - by_time[other.rod.frame.velocity])) < 1e-9 * size
+    forces = [run[scene.hand.frame_b.force] for run, scene in ((by_inputs, one), (by_time, other))]
+    assert np.max(np.abs(forces[0] - forces[1])) < 1e-8 * np.max(np.abs(forces[1]))
+    assert by_inputs.energy_error() < 1e-10
+
+
+def test_orientations_and_angular_velocities_by_inputs_agree() -> None:
+    """Turned about one axis, an angle and its rate say the same."""
+    one, by_angle = hand(
+        lambda x, y, turn: PrescribedMotion(rotation=("rotation vector", (x, 0.0, 0.0))), 1.0, lambda t: (np.sin(t), 0 * t, 0 * t)
+    )
+    other, by_rate = hand(
+        lambda x, y, turn: PrescribedAngularVelocity((turn, 0.0, 0.0)), 1.0, lambda t: (0 * t, 0 * t, np.cos(t))
+    )
+    assert np.max(np.abs(by_angle[one.rod.frame.rotation] - by_rate[other.rod.frame.rotation])) < 1e-9
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("turned_round", [False, True])
+def test_a_carried_end_of_a_loop_meets_its_closed_form(size: float, turned_round: bool) -> None:
+    scene: Any = ac.System()
+    scene.x = ac.Input("m")
+    scene.world, scene.carried, scene.hinges = World(UP), PrescribedMotion((scene.x, 0, 0)), [Revolute("y") for _ in range(3)]
+    scene.rods = [RigidBody.rod(1.0, (size, 0, 0)), RigidBody.rod(2.0, (0.5 * size, 0, 0))]
+    a, b, c = scene.hinges
+    chain = [
+        scene.world.frame,
+        a.frame_a,
+        a.frame_b,
+        scene.rods[0].frame,
+        scene.rods[0].tip,
+        b.frame_a,
+        b.frame_b,
+        scene.rods[1].frame,
+    ]
+    chain += [scene.rods[1].tip, c.frame_a, c.frame_b, scene.carried.frame_b, scene.carried.frame_a, scene.world.frame]
+    pairs = list(zip(chain[::2], chain[1::2], strict=True))
+    for one, other in reversed(pairs) if turned_round else pairs:
+        scene.connect(one, other)
+    run = ac.build(scene).simulate(
+        2.0, {a.q: ac.near(-0.7)}, inputs={scene.x: lambda t: size * (1.2 + 0.2 * np.sin(3 * t))}, rtol=1e-11
+    )
+    s = 1.2 + 0.2 * np.sin(3 * run.t)
+    assert np.max(np.abs(np.abs(run[a.q]) - np.arccos((s**2 + 1.0 - 0.5**2) / (2 * s)))) < 1e-10
+    assert run.energy_error() < 1e-10
+
+
+def test_samples_may_end_where_the_run_does_and_not_bend_within() -> None:
+    given = ac.Input("rad")
+    _, model = led(AngleSource, given)
+    model.simulate(3.0, inputs={given: COURSES["samples"]})
+    with pytest.raises(ParameterError, match="bend at t = 3 s"):
+        model.simulate(4.0, inputs={given: COURSES["samples"]})
+    wave = CubicSpline([0, 1, 2, 3], [0, 1, 0.2, 0], bc_type="periodic", extrapolate="periodic")
+    run = model.simulate(10.0, inputs={given: wave}, rtol=1e-11)
+    assert np.max(np.abs(run[model.system.flat.named("joint.q")] - wave(run.t))) < 1e-10
+    saw = CubicSpline([0, 1, 2, 3], [0, 1, 0.2, 0], extrapolate="periodic")
+    with pytest.raises(ParameterError, match="bend at t = 3 s"):
+        model.simulate(10.0, t0=1.5, inputs={given: saw})
