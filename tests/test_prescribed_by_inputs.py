@@ -119,6 +119,7 @@ def test_a_crank_of_a_loop_turns_by_an_input_as_by_a_function_of_time(size: floa
 def test_independent_coordinates_follow_an_input_too() -> None:
     scene = four_bar(ac.Input("rad"), 1.0)
     model = ac.build(scene)
+    assert "rheonomic" in str(model.constraints())
     run = model.minimal().simulate(3.0, inputs={scene.drive: lambda t: 1 + turn(t)}, rtol=1e-10)
     assert np.max(np.abs(run[scene.hinges[0].q] - 1 - turn(run.t))) < 1e-9
 
@@ -212,3 +213,16 @@ def test_samples_may_end_where_the_run_does_and_not_bend_within() -> None:
     saw = CubicSpline([0, 1, 2, 3], [0, 1, 0.2, 0], extrapolate="periodic")
     with pytest.raises(ParameterError, match="bend at t = 3 s"):
         model.simulate(10.0, t0=1.5, inputs={given: saw})
+
+
+@pytest.mark.parametrize("part", [lambda u: PrescribedMotion((u, 0, 0)), lambda u: PrescribedAngularVelocity((u, 0, 0))])
+def test_what_inputs_prescribe_stands_among_the_constraints(part: Callable[[Any], Any]) -> None:
+    scene: Any = ac.System()
+    scene.course = ac.Input("")
+    scene.world, scene.hand, scene.hinge, scene.rod = World(UP), part(scene.course), Revolute("y"), RigidBody.rod(1.0, (0, 0, -1))
+    chain = [scene.world.frame, scene.hand.frame_a, scene.hand.frame_b, scene.hinge.frame_a, scene.hinge.frame_b, scene.rod.frame]
+    for a, b in zip(chain[::2], chain[1::2], strict=True):
+        scene.connect(a, b)
+    table = ac.build(scene).constraints()
+    assert [entry.kind for entry in table.entries if "follows" in entry.name][:1] == ["rheonomic"]
+    assert table.velocity_freedom == 1

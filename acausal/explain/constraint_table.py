@@ -194,7 +194,7 @@ def _scalar(system: ReducedSystem, judge: _Judge) -> Iterator[ConstraintEntry]:
     for held in system.scalar.held:
         if held.depth > 1 and held.number not in told:
             told.add(held.number)
-            kind = "rheonomic" if ca.depends_on(held.residual, system.t) else "holonomic"
+            kind = "rheonomic" if held.of_inputs or ca.depends_on(held.residual, system.t) else "holonomic"
             yield ConstraintEntry(held.name, f"other positions of {_whose(held)}", kind, True, "given in positions")
     for held in system.scalar.redundant:
         yield ConstraintEntry(

@@ -63,7 +63,7 @@ def _slip(joint: AbstractConstraint, X: Pose, q: ca.SX, q_dot: ca.SX, t: ca.SX, 
 def _slip_in_tree(item: JointSymbols, q: ca.SX, q_dot: ca.SX, t: ca.SX, t_dot: ca.SX) -> ca.SX:
     joint = item.edge.joint
     missing = q.numel() - joint.invariants(q, t).numel() - joint.v.size
-    if missing <= 0:
+    if missing <= 0 or joint.followed(q).numel():  # what inputs prescribe is no law of rates
         return ca.SX(0, 1)
     mounting = Pose(joint.mounting(), np.zeros(3))
     rows = _slip(joint, mounting.inverse() @ joint.pose(q, t) @ mounting, q, q_dot, t, t_dot)
@@ -134,7 +134,7 @@ def velocity_system(system: ReducedSystem, values: np.ndarray | None = None) -> 
     """
     rows = (*contact_rows(system.mechanics, system.constraints.loops), *scalar_rows(system))
     position = [loop.position for loop in system.constraints.loops]
-    coupled = [h.residual for h in system.scalar.held if h.depth > 1 and h.of_joints]
+    coupled = [h.residual for h in system.scalar.held if h.depth > 1 and h.of_joints and not h.of_inputs]
     holonomic = ca.vertcat(system.constraints.joint_invariants, *position, *coupled)
     values = system.p_values if values is None else values
     return scene_forms(system.mechanics, rows, holonomic, system.p, values, system.constraints.q_start)
