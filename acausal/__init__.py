@@ -1,7 +1,9 @@
 """Acausal 3-D mechanics: compose a mechanism from parts, get reduced equations, simulations and CasADi functions."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from acausal import errors
-from acausal.export.c_source import LoadedModel, load_c
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
@@ -10,12 +12,15 @@ from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
-from acausal.optimal_control.estimation import Recording, estimate
-from acausal.optimal_control.language import at_end, at_start, average, free, integral
-from acausal.optimal_control.problem import OptimalControl
 from acausal.parts import curvilinear, rotations
 from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
+
+if TYPE_CHECKING:
+    from acausal.export.c_source import LoadedModel, load_c
+    from acausal.optimal_control.estimation import Recording, estimate
+    from acausal.optimal_control.language import at_end, at_start, average, free, integral
+    from acausal.optimal_control.problem import OptimalControl
 
 __all__ = [
     "Component",
@@ -59,5 +64,25 @@ __all__ = [
     "when",
     "with_knots",
 ]  # fmt: skip
+
+_LATER = {
+    **dict.fromkeys(("LoadedModel", "load_c"), "acausal.export.c_source"),
+    **dict.fromkeys(("Recording", "estimate"), "acausal.optimal_control.estimation"),
+    **dict.fromkeys(("at_end", "at_start", "average", "free", "integral"), "acausal.optimal_control.language"),
+    "OptimalControl": "acausal.optimal_control.problem",
+}
+"""Where names live that a first result does not need: imported when they are asked for."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module 'acausal' has no attribute '{name}'")
+    found = globals()[name] = getattr(importlib.import_module(_LATER[name]), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})
+
 
 answer_to_old_names()

@@ -17,6 +17,7 @@ from acausal.errors import LockedError, ModelError
 from acausal.language.component import System
 from acausal.language.expression import Expression, Variable, time
 from acausal.language.flatten import flatten
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.parts.part_check import check_parts
 from acausal.reduce.reduce import ReducedSystem, reduce_system
@@ -208,6 +209,7 @@ class Model(AbstractModel):
         )
 
 
+@on_one_thread
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
     if not isinstance(scene, System):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import importlib.abc
 import importlib.machinery
 import importlib.util
 import sys
 import warnings
 from collections.abc import Sequence
 from types import ModuleType
-from typing import final
+from typing import Any, cast, final
 
 _PARTS = (
     "constraint",
@@ -43,15 +42,15 @@ _RENAMED = {
 
 
 @final
-class _OldNames(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds modules by names that they had in the last version."""
+class _OldNames:
+    """Finds modules by names that they had in the last version. A finder and loader by its methods: `importlib.abc` takes long to import."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
         if fullname not in _RENAMED:
             return None
-        return importlib.util.spec_from_loader(fullname, self, is_package=fullname in _PACKAGES)
+        return importlib.util.spec_from_loader(fullname, cast(Any, self), is_package=fullname in _PACKAGES)
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
         new = _RENAMED[spec.name]

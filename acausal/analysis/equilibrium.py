@@ -16,6 +16,7 @@ from acausal.analysis.point import Differentiable, OperatingPoint, operating_poi
 from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
@@ -141,6 +142,7 @@ def _all(at: OperatingPoint) -> np.ndarray:
     return np.concatenate([at.x, at.u, at.p])
 
 
+@on_one_thread
 def equilibrium(
     own: Functions, functions: Functions, at: Situation, free: Sequence[Input | Parameter], steady: Steady
 ) -> Equilibrium:

@@ -18,6 +18,7 @@ from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input
 from acausal.numerics.folding import folded_function
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
@@ -114,6 +115,7 @@ class InverseDynamics:
         return "\n".join(rows)
 
 
+@on_one_thread
 def inverse_dynamics(
     own: Functions,
     functions: Functions,

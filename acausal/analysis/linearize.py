@@ -17,6 +17,7 @@ from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, before_and_after, 
 from acausal.arguments import expressions
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 
@@ -120,6 +121,7 @@ class Linearization:
         return f"not an equilibrium ({', '.join(moving)}): eigenvalues are those of the system frozen at this instant"
 
 
+@on_one_thread
 def linearize(
     functions: Functions,
     whole: Functions,

@@ -11,7 +11,6 @@ import atexit
 import contextlib
 import functools
 import hashlib
-import importlib.metadata
 import os
 import platform
 import shutil
@@ -248,6 +247,8 @@ def _machine(command: tuple[str, ...]) -> str:
     path = Path(shutil.which(command[0]) or command[0]).resolve()
     facts = [str(path), str(path.stat().st_mtime_ns), platform.platform(), platform.machine(), platform.processor()]
     if "ziglang" in command:
+        import importlib.metadata  # takes longer than all of this module
+
         facts.append(importlib.metadata.version("ziglang"))
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()

@@ -12,6 +12,7 @@ from acausal.errors import AcausalError
 from acausal.explain.row_meaning import row_meanings
 from acausal.language.expression import Expression
 from acausal.loops.examined import Examined
+from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.thresholds import SINGULAR
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
@@ -84,6 +85,7 @@ class DecisionTable:
         return "\n".join([f"{head}, at {at}", *shortened([f"  {entry}" for entry in self.entries], _MOST_LINES)])
 
 
+@on_one_thread
 def decision_table(functions: Functions) -> DecisionTable:
     """Of a model. Costs a count of branches for each mechanism with loops."""
     s = functions.outputs.system

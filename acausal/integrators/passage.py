@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.collocation.problem import Problem
+from acausal.numerics.bound import BoundFunction
 
 _CROSSING = 5e-5
 _AHEAD = 0.016
@@ -76,7 +77,10 @@ class Passage:
 
     def is_crossing(self, t: float, x: np.ndarray) -> bool:
         """Whether a state is next to a singular position, where closing loops only adds rounding errors."""
-        return bool(self.clearances(np.array([t]), x[None, :])[0] < _CROSSING)
+        clearance = self.problem.clearance
+        assert clearance is not None
+        at = (np.array([t]), np.ascontiguousarray(x), np.ascontiguousarray(self.problem.parameters))
+        return bool(BoundFunction(clearance, at, np.empty(clearance.numel_out(0)))()[0] < _CROSSING)
 
     def _ahead(self, t: float, x: np.ndarray) -> np.ndarray:
         """Rates of t and x (1 + nx,), those of velocities left out."""

@@ -19,6 +19,7 @@ from acausal.charts.manifold import Manifold, manifold
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Variable
 from acausal.numerics.folding import folded_function
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.anew import AbstractDecided
@@ -276,6 +277,7 @@ class MinimalModel(AbstractModel):
         return f"{flat.name}: {len(self.state_names)} states; {self.chart}"
 
 
+@on_one_thread
 def minimal_model(functions: Functions, at: Situation, prefer: Sequence[Variable], steps: int) -> MinimalModel:
     """Independent coordinates around a start. Raises `StartValueError`, `UnknownVariableError`, `OptionError`."""
     steps = whole_number(steps, "minimal: steps", _FEWEST_STEPS, _MOST_STEPS)

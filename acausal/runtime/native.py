@@ -47,11 +47,13 @@ from acausal.runtime.binding import (
     method_table,
 )
 from acausal.runtime.integrand import Integrand
-from acausal.runtime.kernels import How, Kernels, Paired, Wanted, paired
+from acausal.runtime.kernels import How, Kernel, Kernels, Paired, Wanted, paired
 from acausal.runtime.load import Runtime, runtime
 
 _Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 _SLICE = 0.05
+_NEAR = 0.05
+"""Clearance from singular positions below which states are corrected in twice as many digits: `EXACT` of passage.h."""
 BUDGET = 64 * 2**20
 """Bytes of a run's polynomials, and of ends of steps, that are kept whether they are read or not."""
 _SLIDES = "The motion slides along a switch of the rates, {0}: from both sides it is led back there, so that no side lasts."
@@ -166,11 +168,34 @@ class NativeProblem:
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
         exact = self.integrand.exact_projection
-        kernel = ctypes.byref(self.kernels.current[1] if exact is None else self.paired(exact).kernel)
-        self.library.project_states(
-            kernel, self.nx, self.integrand.numbers["np"], _address(parameters), times.size, _address(times), _address(rows)
-        )
+        if exact is None:
+            self._project(self.kernels.current[1], times, rows, parameters)
+            return rows.T
+        near = self._near(times, rows, parameters)
+        for some, kernel in ((~near, self.kernels.current[1]), (near, self.paired(exact).kernel if near.any() else None)):
+            if kernel is not None and some.any():
+                there = rows[some]
+                self._project(kernel, times[some], there, parameters)
+                rows[some] = there
         return rows.T
+
+    def _project(self, kernel: Kernel, times: np.ndarray, rows: np.ndarray, p: np.ndarray) -> None:
+        """States `rows` (n, nx) brought onto the invariants where they are."""
+        self.library.project_states(
+            ctypes.byref(kernel), self.nx, self.integrand.numbers["np"], _address(p), times.size, _address(times), _address(rows)
+        )
+
+    def _near(self, times: np.ndarray, rows: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """(n,): which states (n, nx) are so near to singular positions that corrections take twice as many digits; all where that is not known."""
+        clearance = self.integrand.clearance
+        if clearance is None:
+            return np.ones(times.size, dtype=bool)
+        found, x = np.empty((clearance.numel_out(0), times.size)), np.ascontiguousarray(rows.T)
+        at = [part.ctypes.data for part in (p, times, x, found)]
+        kernel = self.kernels.current[[wanted.name for wanted in self.integrand.wanted].index("clearance")]
+        if self.library.columns(ctypes.byref(kernel), self.nx, 0, p.size, at[0], times.size, at[1], at[2], None, at[3]):
+            raise MemoryError(f"clearance at {times.size} points: not enough memory.")
+        return ~(found[0] > _NEAR)
 
     def integrate(
         self,

@@ -12,10 +12,12 @@ import casadi as ca
 import numpy as np
 
 from acausal.arguments import ascending, listed, truth, whole_number
+from acausal.collocation.inputs import Inputs
 from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Solution, StatusKind
 from acausal.errors import OptionError, SimulationError, SingularWarning
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
@@ -35,9 +37,12 @@ from acausal.simulate.trouble import (
 )
 from acausal.simulate.watch import warn_if_inaccurate
 from acausal.start.decided import check_decided
+from acausal.start.initial import InitialState
 from acausal.start.inputs import check_smooth, knots
 from acausal.start.situation import Situation
 from acausal.wording import callers_level
+
+_NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -104,15 +109,15 @@ def samples_asked(value: Any) -> int | np.ndarray:
 def simulate(functions: Functions, at: Situation, end: float, options: Options) -> Trajectory:
     """A motion from t0 to the end [s]. Raises `StartValueError`, and `SimulationError` with the partial motion."""
     called, t0, space = time.perf_counter(), at.t0, functions.space
-    problem = _problem(functions, at, options.compiled)
+    signal = at.signal(functions)
     jumps = check_given_motions(functions.given_motions, t0, end, at.p)
-    check_smooth(functions, problem.inputs, t0, end)
-    whole = at.initial(functions)
+    check_smooth(functions, signal, t0, end)
+    whole = at.initial(functions, signal(np.array([t0]))[:, 0])
     check_decided(functions.outputs.system, t0, whole.x, at.p)
-    initial = replace(whole, x=space.restricted(whole.x), p=space.extended(t0, whole.x, at.p))
-    problem = replace(problem, parameters=initial.p, read=options.times(t0, end))
+    initial = InitialState(space.restricted(whole.x), space.extended(t0, whole.x, at.p), whole.met, whole.account)
+    read, guards = options.times(t0, end), guards_of(functions, options.events)
+    problem = _problem(functions, signal, initial.p, knots(signal, t0, end), options.compiled, guards, read)
     check_branch(functions, problem, t0, end, initial.x)
-    problem = replace(problem, knots=knots(problem.inputs, t0, end), guards=guards_of(functions, options.events))
     solution = integrated(problem, initial.x, t0, end, options, called)
     reached = float(solution.t[-1])
     times = problem.read if reached == end else options.times_until(t0, reached)
@@ -129,6 +134,7 @@ def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False
     return run
 
 
+@on_one_thread
 def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
     """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
     lost = [jumps, warn_if_singular(functions, run), warn_if_outside(functions, run)]
@@ -147,9 +153,10 @@ def integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: 
     finally:
         if isinstance(progress, Line):
             progress.close()
-    if native is None:
+    compiling = solution.statistics.compiling if native is None else native.compiling(called, time.perf_counter())
+    if compiling == solution.statistics.compiling:
         return solution
-    return replace(solution, statistics=replace(solution.statistics, compiling=native.compiling(called, time.perf_counter())))
+    return replace(solution, statistics=replace(solution.statistics, compiling=compiling))
 
 
 def sensitivity_run(
@@ -159,8 +166,8 @@ def sensitivity_run(
     for entry in wrt:
         if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
-    problem = _problem(functions, at, compiled)
-    problem = replace(problem, knots=knots(problem.inputs, at.t0, float(times[-1])))
+    signal = at.signal(functions)
+    problem = _problem(functions, signal, at.p, knots(signal, at.t0, float(times[-1])), compiled)
     found = sensitivities(functions, problem, at, times, wrt, accuracy)
     status = found.found.status
     raise_if_interrupted(status, None)
@@ -175,11 +182,19 @@ def sensitivity_run(
     return found
 
 
-def _problem(functions: Functions, at: Situation, compiled: bool) -> Problem:
-    signal, native = at.signal(functions), functions.native(How.AUTO if compiled else How.CASADI)
+def _problem(
+    functions: Functions,
+    signal: Inputs,
+    p: np.ndarray,
+    knots: np.ndarray,
+    compiled: bool,
+    guards: Guards | None = None,
+    read: np.ndarray = _NOTHING,
+) -> Problem:
+    native = functions.native(How.AUTO if compiled else How.CASADI)
     return Problem(
-        functions.explicit_dynamics, functions.invariants, functions.projection, signal, at.p, signal.constant, native,
-        clearance=functions.clearance, positions=functions.space.nq, exact=functions.exact,
+        functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, signal.constant, native, guards, None,
+        functions.clearance, functions.space.nq, read, knots, functions.exact,
     )  # fmt: skip
 
 

@@ -63,13 +63,15 @@ def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol:
         met[functions.quaternion_states] = 1.0
     sizes = Sizes(met, part * met + forgiven * atol, part)
     some = _looks(run.steps.t)
-    as_found, disturbed = _values(functions, run, some, sizes)
-    found, spread = np.maximum.reduce(np.abs(as_found), axis=0), np.maximum.reduce(np.abs(disturbed - as_found), axis=0)
+    values = _values(functions, run, some, sizes)
+    as_found = values[:, :_LOOKS]
+    changes = np.abs(values[:, _LOOKS:] - as_found)
+    spread = np.maximum.reduce(changes, axis=1)
     if not math.isfinite(np.add.reduce(spread)):
         return
-    if not (np.any(found[2:] > _LOOSE * spread[2:]) and _leaves_constraints(functions, run, sizes)) and functions.energy_told:
-        told = np.abs(disturbed - as_found)[:, :2].sum(axis=1)
-        _look_at_energy(functions, run, sizes, some, as_found[:, :2], told)
+    doubtful = spread.size > 2 and (np.maximum.reduce(np.abs(as_found[2:]), axis=1) > _LOOSE * spread[2:]).any()
+    if not (doubtful and _leaves_constraints(functions, run, sizes)) and functions.energy_told:
+        _look_at_energy(functions, run, sizes, some, as_found[0], as_found[1], changes[0] + changes[1])
 
 
 def _looks(t: np.ndarray) -> np.ndarray:
@@ -81,16 +83,15 @@ def _looks(t: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate((_FOURTHS * (n - 1) // (_LOOKS // 2 - 1), np.minimum(by_time, n - 1))))
 
 
-def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
-    """Energies and invariants (8, rows) at eight steps, as they are and with the states disturbed."""
+def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> np.ndarray:
+    """Energies and invariants (rows, 16) at eight steps, as they are and then with the states disturbed."""
     times, n = run.steps.t[some], sizes.met.size
     x = np.empty((n, 2 * _LOOKS))
     x[:, :_LOOKS] = x[:, _LOOKS:] = run.steps.x[:, some]
     signs = _SIGNS if n * _LOOKS <= _SIGNS.size else np.resize(_SIGNS, n * _LOOKS)
     x[:, _LOOKS:] += sizes.forgiven[:, None] * signs[: n * _LOOKS].reshape(_LOOKS, n).T
     u, p = run.problem.inputs(times), run.problem.parameters
-    found = functions.series(functions.watched).glance(np.concatenate((times, times)), x, np.concatenate((u, u), axis=1), p)
-    return found[:, :_LOOKS].T, found[:, _LOOKS:].T
+    return functions.series(functions.watched).glance(np.concatenate((times, times)), x, np.concatenate((u, u), axis=1), p)
 
 
 def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> bool:
@@ -153,10 +154,9 @@ def _rounding_of_turns(functions: Functions, run: Trajectory, k: int) -> np.ndar
 
 
 def _look_at_energy(
-    functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, energies: np.ndarray, spreads: np.ndarray
+    functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, T: np.ndarray, V: np.ndarray, spreads: np.ndarray
 ) -> None:
     """Warn if the energy balance is off by more than what is forgiven, and by more than rounding makes of it."""
-    T, V = energies.T
     balance = T + V - T[0] - V[0]
     scale = max(float(T.max()), float(V.max() - V.min()))
     if functions.outputs.power_loss.is_zero():

@@ -12,6 +12,7 @@ import numpy as np
 
 from acausal.errors import AssemblyError, LockedError, MasslessError, ModelError
 from acausal.loops.constraints import Constraints, analyse_constraints
+from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.reduce.reduce import ReducedSystem, reduce_system
@@ -95,6 +96,20 @@ class Decided(AbstractDecided):
         for each unknown, where a value is many times another one. Raises `LockedError` where nothing can move with them, `ParameterError`
         where deciding anew does not help.
         """
+        key = p.tobytes()
+        found = self._last.get(key)
+        if found is None:
+            found = self._at(p)
+            self._last.clear()
+            self._last[key] = found
+        return found
+
+    @functools.cached_property
+    def _last(self) -> dict[bytes, Decided]:
+        """Of the values that were asked for last, what holds for them."""
+        return {}
+
+    def _at(self, p: np.ndarray) -> Decided:
         here = self._with_loops_at(p)
         decisions = here.functions.decisions
         if decisions.near(p) and decisions.hold(p):
@@ -132,6 +147,7 @@ class Decided(AbstractDecided):
         values[places] = p[places]
         return self._once("loops", values, self._examined)
 
+    @on_one_thread
     def _once(self, what: str, values: np.ndarray, make: Callable[[np.ndarray], Decided]) -> Decided:
         key = what, values.tobytes()
         if key not in self._others:

@@ -13,6 +13,7 @@ from acausal.arguments import expressions, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
 from acausal.numerics.assembly import Residual, assemble, freedom
+from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import RANK
 from acausal.outputs.functions import Functions
@@ -39,6 +40,7 @@ _SKETCH = 1e-3
 """Weight of nearness to the sketch against near values."""
 
 
+@on_one_thread
 def branches(functions: Functions, at: Situation, by: Expression | Sequence[Expression], searches: int, seed: int) -> Branches:
     """Many searches from anywhere, then clusters; see `Model.branches`."""
     searches, seed = whole_number(searches, "branches: searches", 1), whole_number(seed, "branches: seed", 0)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from acausal.collocation.problem import Directions
+from acausal.numerics.one_thread import on_one_thread
 from acausal.start.start_problem import StartProblem, start_problem
 from acausal.start.start_search import Search
 from acausal.start.start_values import Start, near, start_numbers, start_weight
@@ -67,6 +68,7 @@ class InitialState:
         return start_report(self)
 
 
+@on_one_thread
 def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> InitialState:
     """Positions first, then velocities. Of several ways to close loops the one nearest to the sketch, over all joints; unspecified velocities are
     zero where the constraints allow, else least over all joints.

@@ -45,7 +45,7 @@ def knots(inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> n
             found.append(np.zeros(0) if switching is None else switching.times(t0, t1))
         elif isinstance(course, _Watched) and isinstance(course.function, WithKnots):
             found.append(course.function.knots(t0, t1))
-    return np.unique(np.concatenate(found))
+    return np.unique(np.concatenate(found)) if len(found) > 1 else found[0]
 
 
 def check_smooth(functions: Functions, inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> None:

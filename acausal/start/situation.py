@@ -46,9 +46,9 @@ class Situation:
         """Inputs (nu,) at t0."""
         return self.signal(functions)(np.array([self.t0]))[:, 0]
 
-    def initial(self, functions: Functions) -> InitialState:
-        """Consistent states, in all coordinates of the tree. Errors as for `initial_state`."""
-        return initial_state(functions.outputs, self.start, self.t0, self.p, self.u(functions))
+    def initial(self, functions: Functions, u: np.ndarray | None = None) -> InitialState:
+        """Consistent states, in all coordinates of the tree; `u`: inputs at t0 where they are known. Errors as for `initial_state`."""
+        return initial_state(functions.outputs, self.start, self.t0, self.p, self.u(functions) if u is None else u)
 
 
 def situation(
