@@ -7,7 +7,8 @@ from acausal import errors
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
-from acausal.language.expression import Expression, Input, Parameter, Variable, time
+from acausal.language.expression import Expression, Input, Parameter, Reaction, Variable, time
+from acausal.language.mode_laws import DryFriction, OneSided
 from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Component",
+    "DryFriction",
     "Electrical",
     "Equation",
     "Event",
@@ -32,9 +34,11 @@ __all__ = [
     "Input",
     "LoadedModel",
     "Model",
+    "OneSided",
     "OptimalControl",
     "Parameter",
     "Point",
+    "Reaction",
     "Recording",
     "Rotational",
     "Signal",

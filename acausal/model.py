@@ -20,6 +20,7 @@ from acausal.language.flatten import flatten
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.parts.part_check import check_parts
+from acausal.reduce.modes import refuse_modes
 from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.start.anew import AbstractDecided, Decided
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
@@ -142,6 +143,7 @@ class Model(AbstractModel):
         """
         from acausal.minimal.model import minimal_model
 
+        refuse_modes(self.system.mechanics.modes, "minimal")
         at = self._situation(start, t0, inputs, parameters)
         return self._decided.answer(at.p, lambda here: minimal_model(here.whole, at, self._named(prefer), steps))
 

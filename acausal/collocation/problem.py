@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.arguments import finite, whole_number
+from acausal.collocation.modes import ModesMet, WithModes
 from acausal.errors import OptionError, RoundingWarning
 from acausal.wording import callers_level
 
@@ -81,6 +82,10 @@ class Problem:
     knots: np.ndarray = field(default_factory=lambda: np.zeros(0))
     exact: Exact | None = None
 
+    def with_modes(self, met: ModesMet | None) -> Problem:
+        """With inputs as a motion had them, its masks included."""
+        return self if met is None else replace(self, inputs=WithModes(self.inputs, met))
+
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: without the kernels, which belong to this process."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -147,6 +152,9 @@ class StatusKind(enum.Enum):
     INTERRUPTED = "interrupted by the user"
     MAX_STEPS = "the largest number of steps was reached"
     SLIDES = "the rates switch back and forth without end"
+    OVERLAPS = "bodies overlap at the start"
+    NO_MODE = "nothing that may happen where bodies touch obeys all laws"
+    CHATTERS = "contacts change without end in one instant"
     BUILTIN_FAILED = "CasADi's integrator gave up"
 
 
@@ -213,6 +221,8 @@ class Solution:
     stopped: bool = False
     located: bool = False
     kept: Kept | None = None
+    modes: ModesMet | None = None
+    """Of problems with modes."""
 
     @property
     def known(self) -> np.ndarray:

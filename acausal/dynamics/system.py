@@ -12,6 +12,7 @@ from acausal.dynamics import formulas
 from acausal.dynamics.energy import gravity_potential, kinetic_energy
 from acausal.dynamics.forward_dynamics import Wrench, zero_wrenches
 from acausal.dynamics.kinematics import Kinematics
+from acausal.dynamics.mode_rows import ModeRow, mode_rows
 from acausal.dynamics.placement import TreePlacement
 from acausal.dynamics.readings import ReadingPlacement, Readings
 from acausal.dynamics.tree import Tree, build_tree
@@ -39,6 +40,8 @@ class MechanicalSystem:
     wrenches: tuple[Wrench, ...]
     readings: Readings
     laws: tuple[ca.SX, ca.SX]
+    modes: tuple[ModeRow, ...] = ()
+    """Of reactions that hold as long as they can."""
 
     @property
     def flat(self) -> FlatSystem:
@@ -102,7 +105,8 @@ class MechanicalSystem:
 
         actions = tuple(tuple(Action(a.connector, *put(a.force, a.torque)) for a in own) for own in self.actions)
         wrenches = tuple((pair[0], pair[1]) for pair in (put(*wrench) for wrench in self.wrenches))
-        return replace(self, actions=actions, wrenches=wrenches, laws=(self.laws[0], put(self.laws[1])[0]))
+        modes = tuple(row.put(symbols, new) for row in self.modes)
+        return replace(self, actions=actions, wrenches=wrenches, laws=(self.laws[0], put(self.laws[1])[0]), modes=modes)
 
 
 def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
@@ -119,7 +123,8 @@ def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
             if link >= 0:
                 moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), action.torque, action.force)
                 wrenches[link] = (wrenches[link][0] + moved[0], wrenches[link][1] + moved[1])
-    return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings, laws)
+    modes = mode_rows(mechanism.flat, readings) if mechanism.flat.reactions else ()
+    return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings, laws, modes)
 
 
 def _without_laws(

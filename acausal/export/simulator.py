@@ -24,6 +24,7 @@ from acausal.outputs.clocks import clocks
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
+from acausal.reduce.modes import refuse_modes
 from acausal.simulate.events import when
 from acausal.start.initial import InitialState
 
@@ -75,6 +76,7 @@ def export_simulator(
     of time. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
+    refuse_modes(model.outputs.system.mechanics.modes, "export_simulator")
     target, named_by = Path(folder), model.outputs.system.flat.symbols
     outputs = {key: named_by(value) for key, value in (outputs or {}).items()}
     events = [replace(event, expression=named_by(event.expression)) for event in events]

@@ -12,6 +12,7 @@ from acausal.language.connector import FLOWS, Connector, Electrical, Point
 from acausal.language.construction import check_arguments, check_makers
 from acausal.language.equation import Equation, der
 from acausal.language.expression import Expression, Parameter, Variable, leaves
+from acausal.language.mode_laws import ModeLaw
 from acausal.language.origin import origin
 
 
@@ -76,6 +77,10 @@ class Component:
 
     def given_motions(self) -> tuple[Expression, ...]:
         """Positions and angles that the part prescribes as functions of time: they need two derivatives. None by default."""
+        return ()
+
+    def laws(self) -> Iterable[ModeLaw]:
+        """How its reactions (`ac.Reaction`) hold: `ac.OneSided`, `ac.DryFriction`; none by default."""
         return ()
 
     def connections(self) -> tuple[Connection, ...]:

@@ -371,6 +371,24 @@ class InputRate(Input):
         self.of = of
 
 
+class Reaction(Input):
+    """How hard a part pushes that holds only as hard as it must, and no harder than it can: `ac.Reaction("N")`. Its `laws()` say how."""
+
+    kind = "reaction"
+
+    def __init__(self, unit: str = "", description: str = "") -> None:
+        super().__init__(unit, description)
+        self.name = "reaction"
+
+
+class Mode(Input):
+    """An input that nobody gives: which of its ways of behaving a part is in, see `acausal.modes`."""
+
+    def __init__(self, name: str, description: str) -> None:
+        super().__init__("", description)
+        self.name = name
+
+
 class Time(Symbol):
     """Time in seconds."""
 

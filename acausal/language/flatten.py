@@ -17,7 +17,7 @@ from acausal.graphs import Graph
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions
 from acausal.language.connector import Connector
-from acausal.language.expression import Expression, Input, Parameter, Symbol, Variable, leaves
+from acausal.language.expression import Expression, Input, Mode, Parameter, Reaction, Symbol, Variable, leaves
 from acausal.wording import compact, grouped, nearest, shortened
 
 _ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
@@ -46,9 +46,11 @@ class FlatSystem:
     connector_paths: dict[Connector, str]
     connection_sets: tuple[tuple[Connector, ...], ...]
     """Leaf connectors only; a connector that touches nothing is a set of its own."""
+    modes: tuple[Mode, ...] = ()
+    """Which way parts behave that hold as long as they can: known as soon as their reactions are solved, and then the last inputs in their place."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return FlatSystem, (self.name, self.parts, self.names, self.connector_paths, self.connection_sets)
+        return FlatSystem, (self.name, self.parts, self.names, self.connector_paths, self.connection_sets, self.modes)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -62,8 +64,14 @@ class FlatSystem:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """All inputs, in the order in which they are met."""
-        return tuple(symbol for symbol in self.names if isinstance(symbol, Input))
+        """All inputs, in the order in which they are met; reactions among them as long as they are not solved."""
+        found = tuple(symbol for symbol in self.names if isinstance(symbol, Input) and not isinstance(symbol, Mode))
+        return tuple(i for i in found if not isinstance(i, Reaction)) + self.modes if self.modes else found
+
+    @property
+    def reactions(self) -> tuple[Reaction, ...]:
+        """Of parts that hold as long as they can, in the order in which they are met."""
+        return tuple(symbol for symbol in self.names if isinstance(symbol, Reaction))
 
     def named(self, name: str) -> Expression:
         """The variable, parameter, input or quantity of a connector that a name stands for, or an entry of it: `arm.elbow.q`, `ball.q[2]`,
@@ -182,12 +190,13 @@ def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> No
 
 
 def _name_symbols(component: Component, prefix: str, names: dict[Symbol, str]) -> None:
+    list(component.laws())  # what stands only there is made when it is asked for
     for variable in component.variables():
         names.setdefault(variable, prefix + variable.name)
     for name, value in component.__dict__.items():
         if isinstance(value, Parameter | Input):
             names.setdefault(value, prefix + name)
-            if value.name in ("parameter", "input"):
+            if value.name in ("parameter", "input", "reaction"):
                 value.name = prefix + name
     for connector in component.connectors():
         for name, value in connector.__dict__.items():

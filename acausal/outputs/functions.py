@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.modes import ModeFunctions
 from acausal.collocation.problem import Exact
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.dynamics.tree import JointSymbols
@@ -21,6 +22,7 @@ from acausal.language.flatten import Part
 from acausal.numerics.folding import folded_function
 from acausal.numerics.switching import switching
 from acausal.outputs.given_motion import GivenMotion, given_motions
+from acausal.outputs.mode_functions import mode_functions
 from acausal.outputs.outputs import Outputs
 from acausal.parts.contact import AbstractContact
 from acausal.parts.unit_quaternions import unit_quaternions
@@ -293,8 +295,14 @@ class Functions:
         """Dynamics, what keeps them on their invariants, and their switches, for the runtime."""
         return Integrand(
             self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact, self.space.nq,
-            switching(self.explicit_dynamics),
+            switching(self.explicit_dynamics), self.modes,
         )  # fmt: skip
+
+    @functools.cached_property
+    def modes(self) -> ModeFunctions | None:
+        """What decides which reactions hold; None where all of them hold at all times."""
+        m = self.outputs.system.modes
+        return None if m is None else mode_functions(m, self.outputs.system, self.space, self.invariants, self.projection)
 
     @functools.cached_property
     def _native(self) -> SharedProblems:

@@ -13,7 +13,7 @@ import casadi as ca
 from acausal.errors import UnknownVariableError
 from acausal.language.component import inflow, law_changes
 from acausal.language.connector import Point, Quantity
-from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time
+from acausal.language.expression import Derivative, Expression, Input, Parameter, Reaction, Symbol, Time
 from acausal.loops.loops import relative_twist
 from acausal.loops.reactions import Reactions
 from acausal.parts.joint import AbstractJoint
@@ -168,6 +168,8 @@ class Outputs:
 
     def symbol(self, symbol: Symbol) -> ca.SX:
         """One declared symbol in t, x, u, p, and what the dynamics give."""
+        if isinstance(symbol, Reaction) and symbol in self.system.solved:
+            return self.system.solved[symbol]
         if isinstance(symbol, Time | Parameter | Input):
             self._check_known(symbol)
             return symbol.sx

@@ -27,6 +27,7 @@ from acausal.parts.pose import symbolic
 from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
+from acausal.reduce.modes import Modes, check_compliance, masks_of, modes_of
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import Held, ScalarPart, add_scalar_domains
 from acausal.topology.build_mechanism import build_mechanism
@@ -67,6 +68,8 @@ class ReducedSystem:
     scalar: ScalarPart
     extra: ca.SX | None = None
     """More joint forces, by which an analysis has extended the scene."""
+    modes: Modes | None = None
+    """Which reactions hold, by masks that are the last inputs."""
     exact: tuple[ca.SX, ca.SX] | None = None
     """`x_dot` and `projection` once more for arithmetic with twice as many digits, where loops come close to singular positions."""
 
@@ -291,14 +294,44 @@ def reduce_system(
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.known_position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular or constraints.narrow else None, scalar, extra, exact,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular or constraints.narrow else None, scalar, extra, exact=exact,
     )  # fmt: skip
     again = looped(system, system.closed_positions) if system.holding.again and not without else []
     if again:
         return reduce_system(unread, extra, at, constraints, again)
     _check_free(system)
     _check_known(system)
-    return system
+    return _with_modes(system) if mechanics.modes else system
+
+
+def _with_modes(system: ReducedSystem) -> ReducedSystem:
+    """With the reactions of parts that hold as long as they can as masks make them. Raises `ModelError`."""
+    rows = system.mechanics.modes
+    masks = masks_of(rows, {**system.flat.names})
+    modes = modes_of(rows, masks, system.t, system.x, system.x_dot, system.nq)
+    r, found = modes.reactions, modes.found
+    flat = dataclasses.replace(system.flat, names={**system.flat.names, **{mask: mask.name for mask in masks}}, modes=masks)
+    known = np.array([entry.default for entry in flat.inputs])
+    own = stacked([entry.sx for entry in flat.inputs])
+
+    def put(value: ca.SX) -> ca.SX:
+        return ca.substitute(value, r, found) if value.numel() and ca.depends_on(value, r) else value
+
+    solved = {symbol: put(value) for symbol, value in system.scalar.solved.items()}
+    scalar = dataclasses.replace(
+        system.scalar, rates=put(system.scalar.rates), tau=put(system.scalar.tau), led=None,
+        solved=solved | {row.reaction: found[k] for k, row in enumerate(rows)},
+    )  # fmt: skip
+    x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel())) + modes.response @ found
+    exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
+    closed = dataclasses.replace(
+        system, flat=flat, u=own, u_defaults=known, x_dot=x_dot, v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
+        scalar=scalar, modes=modes, exact=exact,
+    )  # fmt: skip
+    at = [0.0, np.concatenate([system.q_start, system.rate_start]), known, system.p_values]
+    function = ca.Function("compliance", [system.t, system.x, own, system.p], [ca.densify(ca.diag(modes.compliance))])
+    check_compliance(modes, np.array(function(*at)).ravel())
+    return closed
 
 
 def _followed(tree: Tree) -> list[Held]:

@@ -56,11 +56,12 @@ static int make_parts(Integrator *I) {
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
     if (!arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->point_in);
-    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n)) return 0;
+    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n + I->masks)) return 0;
     if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I) || !make_exact(I))) return 0;
     if (I->formulas && !make_formulas(I)) return 0;
     if (I->guards && !make_guards(I)) return 0;
     if (I->held && !make_switches(I)) return 0;
+    if (I->masks && !make_modes(I)) return 0;
     if (!make_vectors(I, most) || (I->directions && !make_sensitivity(I))) return 0;
     return !(I->block || I->counted) || make_rest(I, most);
 }
@@ -75,6 +76,7 @@ int begin(Integrator *I) {
     if (!T || !make_parts(I)) return 0;
     T->patience = present(&I->clearance) ? DOUBTS : DOUBTS + I->nx / 4; /* looking costs a rate for each state */
     T->newton_now = I->newton == ALWAYS;
+    T->pending = -1;
     return 1;
 }
 
@@ -136,6 +138,10 @@ static enum Code run_steps(Integrator *I) {
         T->knot = next_knot(I, I->t - aside(I, I->t));
         if (!keep(I, 0)) return OUT_OF_MEMORY;
         if (I->held && !begin_sides(I)) return INPUT_FAILED;
+        if (I->masks) {
+            enum Code code = begin_modes(I);
+            if (code != REACHED_END) return code;
+        }
         if (I->end > I->t && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
         T->begun = 1;
     }
@@ -149,7 +155,11 @@ static enum Code run_steps(Integrator *I) {
         enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
         I->end = end;
         if (code == REACHED_END && I->guards) code = watch(I);
-        if (code == REACHED_END && stop < end && I->t >= stop && !cross_knot(I)) return INPUT_FAILED;
+        if (code == REACHED_END && stop < end && I->t >= stop) {
+            if (!cross_knot(I)) return INPUT_FAILED;
+            if (I->masks) T->pending = -1, code = decide_modes(I, -1, I->h);
+        }
+        if (code == REACHED_END && I->masks && T->pending >= 0) code = decide_modes(I, T->pending, T->pending_planned);
         if (code != REACHED_END) return code;
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }
@@ -166,9 +176,9 @@ int advance(Integrator *I) {
 /* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */
 int exchange(Integrator *I, long which, const Kernel *k) {
     struct State *T = I->state;
-    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change};
-    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in};
-    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c};
+    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change, &I->decision};
+    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in, T->decision_in};
+    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c, &T->decision_c};
     if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
     *kernels[which] = *k;
     return 1;

@@ -33,6 +33,9 @@ class Code(enum.IntEnum):
     OUT_OF_MEMORY = 9
     NOT_KEPT = 10
     SLIDES = 11
+    OVERLAPS = 12
+    NO_MODE = 13
+    CHATTERS = 14
 
 
 class Method(ctypes.Structure):
@@ -102,6 +105,7 @@ KERNELS = (
     "rows",
     "sides",
     "row_change",
+    "decision",
     "exact_rhs",
     "exact_projection",
     "disturbed_rhs",
@@ -122,6 +126,7 @@ class Integrator(ctypes.Structure):
         ("row_switch", _Long),
         ("row_factor", _Double),
         ("row_plus", _Double),
+        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "frictions")),
         ("usual", ctypes.c_void_p),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
@@ -170,7 +175,10 @@ class Integrator(ctypes.Structure):
         ("block", ctypes.c_void_p),
         ("room", ctypes.c_size_t),
         ("used", ctypes.c_size_t),
-        *((name, ctypes.c_long) for name in ("counted", "first", "event_room", "promised")),
+        *((name, ctypes.c_long) for name in ("counted", "first", "event_room", "promised", "transitions")),
+        ("transition_steps", _Long),
+        ("transition_rows", _Long),
+        ("impulses", _Double),
     ]  # fmt: skip
 
 

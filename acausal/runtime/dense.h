@@ -154,8 +154,9 @@ int state_at(Integrator *I, double t, double *x) {
     if (!I->ng) return REACHED_END;
     in[0] = v_all(t);
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+    give_masks(I);
     for (int pass = 0; pass < PASSES; pass++) {
-        if (has_exact(I)) run_exact(I, 1, in, out);
+        if (has_exact(I) && !I->masks) run_exact(I, 1, in, out);
         else run_kernel(&I->projection, in, T->projection_c, out, T->work);
         memcpy(in + 1, out, sizeof(V) * (size_t)I->nx);
     }

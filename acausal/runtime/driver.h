@@ -524,6 +524,7 @@ struct Landing {
 };
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
 static enum Code go_over(Integrator *I, const struct Landing *L);
+static enum Code decide_modes(Integrator *I, long row, double planned);
 static int agree(Integrator *I, double t, const double *x, int all);
 
 /* After a step, at the end of which a switch may go over. */
@@ -542,7 +543,7 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
     if (*part > 0) return REACHED_END;
     enum Code code = go_over(I, L);
     L->row = -1;
-    return code;
+    return code == REACHED_END && I->state->pending >= 0 ? decide_modes(I, I->state->pending, I->state->pending_planned) : code;
 }
 
 static enum Code one_adaptive(Integrator *I) {

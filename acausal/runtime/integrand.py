@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.modes import ModeFunctions
 from acausal.collocation.problem import Exact
 from acausal.numerics.bound import copied_states
+from acausal.numerics.folding import folded_function
 from acausal.numerics.switching import Switching
 from acausal.runtime.kernels import Wanted
 from acausal.runtime.pattern import Pattern, jacobian_pattern
@@ -19,7 +21,8 @@ from acausal.runtime.pattern import Pattern, jacobian_pattern
 class Integrand:
     """x' = function(t, x, u, p), and what `Problem` has besides; `switching`: of `function`, whose switches then end steps.
 
-    With switches the runtime has one more input for each, its side: that is meant by `nu`, and by functions of held inputs.
+    With switches the runtime has one more input for each, its side: that is meant by `nu`, and by functions of held inputs. `modes`: masks are the last
+    inputs of `function`, and held, too.
     """
 
     function: ca.Function
@@ -29,6 +32,7 @@ class Integrand:
     unheld_exact: Exact | None = None
     positions: int = 0
     switching: Switching | None = None
+    modes: ModeFunctions | None = None
 
     @property
     def rates(self) -> ca.Function:
@@ -37,13 +41,51 @@ class Integrand:
 
     @property
     def held(self) -> int:
+        """Number of masks and switches."""
+        return self.masks + self.sides
+
+    @property
+    def masks(self) -> int:
+        """Number of masks."""
+        return 0 if self.modes is None else self.modes.masks
+
+    @property
+    def sides(self) -> int:
         """Number of switches."""
         return 0 if self.switching is None else len(self.switching.words)
 
     @property
+    def mode_rows(self) -> int:
+        """Guards of masks, which come before those of switches."""
+        return 0 if self.modes is None else self.modes.guards.size1_out(0)
+
+    @functools.cached_property
+    def row_switch(self) -> np.ndarray:
+        """Of which held input each row is."""
+        found = [] if self.switching is None else [self.masks + self.switching.switch]
+        if self.modes is not None:
+            n, m = self.modes.one_sided, self.modes.frictions
+            found.insert(0, np.concatenate([np.arange(n), n + 2 * np.repeat(np.arange(m), 2)]))
+        return np.concatenate([np.zeros(0), *found]).astype(int)
+
+    @property
+    def row_steps(self) -> tuple[np.ndarray, np.ndarray]:
+        """What a switch goes over to where a row becomes negative: factor and summand; of masks it is decided otherwise."""
+        none = np.zeros(self.mode_rows)
+        own = (np.zeros(0), np.zeros(0)) if self.switching is None else (self.switching.factor, self.switching.plus)
+        return np.concatenate([none, own[0]]), np.concatenate([none, own[1]])
+
+    @property
     def projects(self) -> bool:
         """Whether there are invariants that states are brought back to."""
-        return self.invariants is not None and self.project is not None
+        return self.invariants_and_projection is not None
+
+    @property
+    def invariants_and_projection(self) -> tuple[ca.Function, ca.Function] | None:
+        """Functions of t, x, masks if there are any, and p."""
+        if self.modes is not None:
+            return self.modes.invariants, self.modes.projection
+        return None if self.invariants is None or self.project is None else (self.invariants, self.project)
 
     @functools.cached_property
     def copies(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -57,25 +99,45 @@ class Integrand:
         nx, nu, np = (self.rates.size1_in(i) for i in (1, 2, 3))
         return {
             "nx": nx, "nu": nu, "np": np,
-            "ng": self.invariants.size1_out(0) if self.invariants is not None and self.projects else 0,
+            "ng": self.invariants_and_projection[0].size1_out(0) if self.invariants_and_projection is not None else 0,
             "copies": len(self.copies[0]), "positions": self.positions,
             "operations": self.function.n_instructions(),
             "promised": int(self.unheld_exact is not None),
             "through": int(self.unheld_exact is not None and self.unheld_exact.through),
-            "held": self.held, "row_count": 0 if self.switching is None else self.switching.switch.size,
+            "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
+            "one_sided": 0 if self.modes is None else self.modes.one_sided, "frictions": 0 if self.modes is None else self.modes.frictions,
         }  # fmt: skip
 
     @functools.cached_property
     def wanted(self) -> tuple[Wanted, ...]:
         """Kernels that every integration has."""
         found = [Wanted("rhs", self.rates, (3,))]
-        if self.invariants is not None and self.project is not None:
-            found.append(Wanted("projection", _projection_with_invariants(self.invariants, self.project), (2,)))
+        if self.invariants_and_projection is not None:
+            together = _projection_with_invariants(*self.invariants_and_projection)
+            found.append(Wanted("projection", together, (together.n_in() - 1,)))
         if self.clearance is not None:
             found.append(Wanted("clearance", self.clearance, (2,)))
+        if self.held:
+            found.append(Wanted("rows", self.rows, (3,)))
         if self.switching is not None:
-            found += [Wanted("rows", self.switching.rows, (3,)), Wanted("sides", self.switching.sides, (3,))]
+            found.append(Wanted("sides", self.switching.sides, (3,)))
+        if self.modes is not None:
+            found.append(Wanted("decision", self.modes.decision, (3,)))
         return tuple(found)
+
+    @functools.cached_property
+    def rows(self) -> ca.Function:
+        """(t, x, u, p) -> values that are positive as long as masks, and then sides, are the true ones."""
+        if self.modes is None:
+            assert self.switching is not None
+            return self.switching.rows
+        guards = self.with_sides(self.modes.guards)
+        if self.switching is None:
+            return guards
+        symbols = [ca.SX.sym(name, guards.size1_in(i)) for i, name in enumerate("txup")]
+        return folded_function(
+            "rows", symbols, [ca.densify(ca.vertcat(guards.call(symbols)[0], self.switching.rows.call(symbols)[0]))]
+        )
 
     @functools.cached_property
     def jvp(self) -> Wanted:
@@ -86,10 +148,12 @@ class Integrand:
     def variation(self) -> tuple[Wanted, ...]:
         """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, and that of rows of switches."""
         found = [Wanted("variation", _directional_derivative(self.rates, (1, 2, 3)), (3,))]
-        if self.projects and self.project is not None:
-            found.append(Wanted("projected", _directional_derivative(self.project, (1, 2)), (2,)))
-        if self.switching is not None:
-            found.append(Wanted("row_change", _directional_derivative(self.switching.rows, (1, 2, 3)), (3,)))
+        if self.invariants_and_projection is not None:
+            project = self.invariants_and_projection[1]
+            last = project.n_in() - 1
+            found.append(Wanted("projected", _directional_derivative(project, (1, last)), (last,)))
+        if self.held:
+            found.append(Wanted("row_change", _directional_derivative(self.rows, (1, 2, 3)), (3,)))
         return tuple(found)
 
     @functools.cached_property
@@ -125,11 +189,11 @@ class Integrand:
 
     def with_sides(self, function: ca.Function) -> ca.Function:
         """A function (t, x, u, p) as one that is given the sides of switches too."""
-        if not self.held:
+        if not self.sides:
             return function
         nx, nu, np = (self.rates.size1_in(i) for i in (1, 2, 3))
         t, x, u, p = (ca.SX.sym(name, n) for name, n in zip("txup", (1, nx, nu, np), strict=True))
-        return ca.Function(function.name(), [t, x, u, p], [function.call([t, x, u[: nu - self.held], p])[0]])
+        return ca.Function(function.name(), [t, x, u, p], [function.call([t, x, u[: nu - self.sides], p])[0]])
 
 
 def _directional_derivative(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
@@ -142,7 +206,7 @@ def _directional_derivative(function: ca.Function, arguments: tuple[int, ...]) -
 
 
 def _projection_with_invariants(invariants: ca.Function, project: ca.Function) -> ca.Function:
-    """(t, x, p) -> x nearer to the invariants, and the invariants at the given x."""
-    symbols = [ca.SX.sym(n, invariants.size1_in(i)) for i, n in enumerate("txp")]
+    """(t, x, p) -> x nearer to the invariants, and the invariants at the given x; with masks before p where there are any."""
+    symbols = [ca.SX.sym(f"a{i}", invariants.size1_in(i)) for i in range(invariants.n_in())]
     results = [ca.densify(f.call(symbols)[0]) for f in (project, invariants)]
     return ca.Function("projection", symbols, results, {"cse": True})

@@ -91,7 +91,7 @@ def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
         library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = [pointer]
         library.exchange.argtypes = [pointer, number, pointer]
         library.dense.argtypes = [pointer, number, pointer, pointer]
-        library.project_states.argtypes = [pointer, number, number, pointer, number, pointer, pointer]
+        library.project_states.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer]
         library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
         library.lanes.restype = library.widest.restype = library.integrator_size.restype = number
         library.finish.restype = None

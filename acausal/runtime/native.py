@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.inputs import Inputs
+from acausal.collocation.modes import Change, ModesMet
 from acausal.collocation.problem import (
     Accuracy,
     Crossing,
@@ -66,6 +67,22 @@ _STATUS = {
     Code.TOO_MANY_STEPS: (StatusKind.MAX_STEPS, "{0} steps were not enough."),
 }
 
+_OF_MODES = {
+    Code.OVERLAPS: (
+        StatusKind.OVERLAPS,
+        "The gap of {0} is negative at the start. Move what it keeps apart, or turn its normal round.",
+    ),
+    Code.NO_MODE: (
+        StatusKind.NO_MODE,
+        "Whether {0} and what touches with it hold, slide or open: nothing obeys the laws of all of them. With friction that is large, or acts on a slender body, "
+        "there may be no such motion (Painleve's paradox): lower its coefficient, or let bodies yield there.",
+    ),
+    Code.CHATTERS: (
+        StatusKind.CHATTERS,
+        "{0} changes its mode again and again in one instant: no mode lasts. Other laws at it, or a start that differs a little, may.",
+    ),
+}
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -99,10 +116,12 @@ class NativeProblem:
             name: np.ascontiguousarray(values, dtype=np.int_)
             for name, values in zip(("copy_to", "copy_from"), integrand.copies, strict=True)
         }
-        if integrand.switching is not None:
-            found = integrand.switching
-            self._arrays["row_switch"] = np.ascontiguousarray(found.switch, dtype=np.int_)
-            self._arrays |= {f"row_{n}": np.ascontiguousarray(getattr(found, n), dtype=float) for n in ("factor", "plus")}
+        if integrand.held:
+            self._arrays["row_switch"] = np.ascontiguousarray(integrand.row_switch, dtype=np.int_)
+            self._arrays |= {
+                f"row_{n}": np.ascontiguousarray(a, dtype=float)
+                for n, a in zip(("factor", "plus"), integrand.row_steps, strict=True)
+            }
 
     def _kernels(self, *wanted: Wanted) -> Kernels:
         found = Kernels(wanted, self.runtime, self.how)
@@ -161,15 +180,15 @@ class NativeProblem:
             return core, (table, fine)
         return core, (table,)
 
-    def projected(self, t: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """States (nx, n) at times (n,), brought onto the invariants where that is possible."""
+    def projected(self, t: np.ndarray, x: np.ndarray, p: np.ndarray, masks: np.ndarray | None = None) -> np.ndarray:
+        """States (nx, n) at times (n,), brought onto the invariants where that is possible, in modes with these masks (masks, n)."""
         if not self.integrand.projects or not t.size:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
-        exact = self.integrand.exact_projection
+        exact = None if self.integrand.masks else self.integrand.exact_projection
         if exact is None:
-            self._project(self.kernels.current[1], times, rows, parameters)
+            self._project(self.kernels.current[1], times, rows, parameters, masks)
             return rows.T
         near = self._near(times, rows, parameters)
         for some, kernel in ((~near, self.kernels.current[1]), (near, self.paired(exact).kernel if near.any() else None)):
@@ -179,11 +198,15 @@ class NativeProblem:
                 rows[some] = there
         return rows.T
 
-    def _project(self, kernel: Kernel, times: np.ndarray, rows: np.ndarray, p: np.ndarray) -> None:
+    def _project(
+        self, kernel: Kernel, times: np.ndarray, rows: np.ndarray, p: np.ndarray, masks: np.ndarray | None = None
+    ) -> None:
         """States `rows` (n, nx) brought onto the invariants where they are."""
+        given = np.zeros((times.size, 0)) if masks is None else np.ascontiguousarray(masks.T)
         self.library.project_states(
-            ctypes.byref(kernel), self.nx, self.integrand.numbers["np"], _address(p), times.size, _address(times), _address(rows)
-        )
+            ctypes.byref(kernel), self.nx, self.integrand.masks, self.integrand.numbers["np"], _address(p), times.size, _address(times), _address(given),
+            _address(rows),
+        )  # fmt: skip
 
     def _near(self, times: np.ndarray, rows: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(n,): which states (n, nx) are so near to singular positions that corrections take twice as many digits; all where that is not known."""
@@ -254,7 +277,7 @@ class Run:
         own = native.nu - native.held
         if own:
             if problem.constant_inputs is not None:
-                self._u[:own] = problem.constant_inputs
+                self._u[:own] = problem.constant_inputs[:own]
             else:
                 self._give(problem.inputs if isinstance(problem.inputs, Inputs) else None)
         self._use(native.kernels, *(wanted.name for wanted in native.integrand.wanted))
@@ -336,7 +359,8 @@ class Run:
     def _input(self, _: int | None, t: float, u: Any) -> int:
         try:
             if self._functions is None:
-                u[: self.native.nu - self.native.held] = self._inputs(np.array([t]))[:, 0].tolist()
+                own = self.native.nu - self.native.held
+                u[:own] = self._inputs(np.array([t]))[:own, 0].tolist()
             else:
                 for i, function in self._functions:
                     u[i] = function(t)
@@ -411,6 +435,9 @@ class Run:
             return Outcome(Status(StatusKind.SUCCESS, core.t), stopped=True)
         if code == Code.SLIDES and self.native.integrand.switching is not None:
             return Outcome(Status(StatusKind.SLIDES, core.t, _SLIDES.format(self.native.integrand.switching.words[core.worst])))
+        if code in _OF_MODES and self.native.integrand.modes is not None:
+            kind, message = _OF_MODES[code]
+            return Outcome(Status(kind, core.t, message.format(self.native.integrand.modes.words[core.worst])))
         kind, message = _STATUS[code]
         failed = kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0
         return Outcome(Status(kind, core.t, message.format(core.max_steps), core.worst if failed else None))
@@ -435,7 +462,30 @@ class Run:
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]
         crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
-        return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept())
+        return Solution(
+            t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept(), modes=self._modes()
+        )
+
+    def _modes(self) -> ModesMet | None:
+        """Masks of all steps, and where they changed."""
+        core, integrand = self.core, self.native.integrand
+        modes = integrand.modes
+        if modes is None:
+            return None
+        t, n, rows = self._times().copy(), self._ends - 1, modes.one_sided + modes.frictions
+        sides = np.ctypeslib.as_array(core.step_sides, (n, integrand.held)) if n else np.zeros((0, integrand.held))
+        masks = sides[:, : integrand.masks].T.copy()
+        count = core.transitions
+        if not count:
+            return ModesMet(t[: max(n, 1)], masks if n else np.zeros((integrand.masks, 1)), ())
+        steps, which = (np.ctypeslib.as_array(part, (count,)).tolist() for part in (core.transition_steps, core.transition_rows))
+        impulses = np.ctypeslib.as_array(core.impulses, (count, rows)).copy()
+        changes: list[Change] = []
+        for step, row, impulse in zip(steps, which, impulses, strict=True):
+            k = step - core.first
+            if 0 <= k <= n:
+                changes.append(Change(k, float(t[k]), row, impulse, bool(impulse.any())))
+        return ModesMet(t[: max(n, 1)], masks if n else np.zeros((integrand.masks, 1)), tuple(changes))
 
     @property
     def _ends(self) -> int:

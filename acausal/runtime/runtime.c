@@ -19,6 +19,7 @@
 #include "dense.h"
 #include "guards.h"
 #include "switches.h"
+#include "modes.h"
 #include "advance.h"
 #include "columns.h"
 

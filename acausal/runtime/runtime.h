@@ -62,7 +62,10 @@ enum Code {
     INPUT_FAILED,
     OUT_OF_MEMORY,
     NOT_KEPT,        /* a step that is read is not among those that are kept */
-    SLIDES           /* along a switch, number `worst`: both sides lead back to it */
+    SLIDES,          /* along a switch, number `worst`: both sides lead back to it */
+    OVERLAPS,        /* one-sided row `worst` is violated where the motion begins */
+    NO_MODE,         /* no masks fit: row `worst` is where it shows */
+    CHATTERS         /* modes change and change again in one instant: row `worst` */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
@@ -72,7 +75,7 @@ typedef struct Integrator {
     long through; /* whether motions may lead straight through singular positions, where exact kernels are given */
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
-    Kernel projection;  /* t, x, p -> x nearer to the invariants, invariants (ng) at the given x */
+    Kernel projection;  /* t, x, masks, p -> x nearer to the invariants, invariants (ng) at the given x */
     Kernel guard;       /* t, x, u, p -> values whose zeros are wanted */
     Kernel variation;   /* t, x, u, p, dx, du, dp -> dx' */
     Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
@@ -81,6 +84,7 @@ typedef struct Integrator {
     Kernel rows;        /* t, x, u, p -> values that are positive as long as switches are at their true sides */
     Kernel sides;       /* t, x, u without sides, p -> the true sides */
     Kernel row_change;  /* t, x, u, p, dx, du, dp -> changes of the rows */
+    Kernel decision;    /* t, x, u, p -> what masks are decided by, see modes.h */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
     Kernel disturbed_rhs, disturbed_guard; /* the same as programs for rounding.h */
     /* Makes one of these where it is none: disturbed rates (0), guards (1), exact rates (2), projection (3). Null: it stays unknown what rounding does */
@@ -90,6 +94,8 @@ typedef struct Integrator {
     long held, row_count;
     const long *row_switch;
     const double *row_factor, *row_plus;
+    /* The first `masks` of these say which rows of reactions hold: one for each one-sided row, two for each friction; the first `mode_rows` rows are theirs */
+    long masks, mode_rows, one_sided, frictions;
     const double *usual; /* 1 / how much a velocity is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;
@@ -138,6 +144,10 @@ typedef struct Integrator {
     size_t room, used;
     long counted, first, event_room; /* whether bytes are only counted; number of steps that are not kept; events of one step at most */
     long promised;                   /* whether exact kernels are to be had where they are needed */
+    /* Changes of mode so far: after how many steps each, the row of masks that led to it (-1: the start, or a jump of inputs), and impulses (one_sided +
+       frictions), which are in steps of no length */
+    long transitions, *transition_steps, *transition_rows;
+    double *impulses;
 } Integrator;
 
 EXPORT int begin(Integrator *I);
@@ -153,7 +163,7 @@ EXPORT double table_value(const Table *T, double t);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS
 EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);
-EXPORT int project_states(const Kernel *projection, long nx, long np, const double *p, long n, const double *t, double *x);
+EXPORT int project_states(const Kernel *projection, long nx, long masks, long np, const double *p, long n, const double *t, const double *m, double *x);
 EXPORT long widest(void);
 EXPORT long integrator_size(void);
 #endif

@@ -11,7 +11,7 @@ static int make_sensitivity(Integrator *I) {
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
     if (!arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed)) return 0;
     for (long i = 0; i < I->nu - I->held && !I->counted; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
-    if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n)) return 0;
+    if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n + I->masks)) return 0;
     T->D = reserve_lanes(I, B * n);
     T->D_size = reserve_lanes(I, B * n);
     T->D_rates = reserve_lanes(I, B * most * n);
@@ -156,11 +156,13 @@ static void project_directions(Integrator *I) {
     struct State *T = I->state;
     long n = I->nx;
     V *in = T->projected_in;
+    long rest = 1 + n + I->masks + I->np;
     in[0] = v_all(I->t);
     for (long i = 0; i < n; i++) in[1 + i] = v_all(I->x[i]);
+    for (long k = 0; k < I->masks; k++) in[1 + n + k] = v_all(T->side[k]);
     for (long b = 0; b < direction_blocks(I); b++) {
-        memcpy(in + 1 + n + I->np, T->D + b * n, sizeof(V) * (size_t)n);
-        set_directions(I, in + 1 + n + I->np + n, b, 0);
+        memcpy(in + rest, T->D + b * n, sizeof(V) * (size_t)n);
+        set_directions(I, in + rest + n, b, 0);
         run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->work);
         memcpy(T->D + b * n, T->projected_out, sizeof(V) * (size_t)n);
     }

@@ -137,7 +137,11 @@ struct State {
     V *jvp_in, *jvp_out, *projection_in, *projection_out, *guard_in, *guard_out;
     V *formula_in, *formula_out, *formula_c;
     V *rows_in, *rows_out, *rows_c, *sides_in, *sides_out, *sides_c, *row_change_in, *row_change_out, *row_change_c;
-    double *side;                   /* of switches */
+    V *decision_in, *decision_out, *decision_c;
+    double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
+    double *lemke, *impulse, *push, *guess_x; /* work of decisions, see modes.h */
+    long *basis, *status;
+    double *side;                   /* of masks, then of switches */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
     double *row_values, *row_noise, *one_row;
     char *far;                      /* whether a row has been far from zero since its switch went over */
@@ -198,6 +202,9 @@ struct State {
     long capacity, coefficient_capacity, coefficient_count;
     int thinned;             /* whether only steps that are read are kept */
     long stride;             /* of the ends of other steps one in so many is kept; 0: all */
+    long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
+    double changed_at, pending_planned;
+    long pending; /* row of masks at which the last step ended; -1: none */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };
 

@@ -18,7 +18,7 @@ static int make_switches(Integrator *I) {
     struct State *T = I->state;
     long fixed = 1 + I->nx + I->nu;
     if (!arranged(I, &I->rows, &T->rows_in, &T->rows_out, &T->rows_c, fixed)) return 0;
-    if (!arranged(I, &I->sides, &T->sides_in, &T->sides_out, &T->sides_c, fixed - I->held)) return 0;
+    if (present(&I->sides) && !arranged(I, &I->sides, &T->sides_in, &T->sides_out, &T->sides_c, fixed - I->held + I->masks)) return 0;
     if (I->directions && !arranged(I, &I->row_change, &T->row_change_in, &T->row_change_out, &T->row_change_c, fixed)) return 0;
     T->side = reserve_doubles(I, I->held);
     T->overs = reserve(I, sizeof(long) * (size_t)I->held);
@@ -70,6 +70,7 @@ static void go_to_other_side(Integrator *I, long row) {
    that jump. Returns 0 when the input function failed. */
 static int agree(Integrator *I, double t, const double *x, int all) {
     struct State *T = I->state;
+    if (I->held == I->masks) return 1;
     for (int again = 0; again < 8; again++) {
         if (all && again == 0) {
             V *in = T->sides_in;
@@ -77,14 +78,15 @@ static int agree(Integrator *I, double t, const double *x, int all) {
             for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
             for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
             if (!own_inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
+            for (long k = 0; k < I->masks; k++) in[1 + I->nx + I->nu - I->held + k] = v_all(T->side[k]);
             run_kernel(&I->sides, in, T->sides_c, T->sides_out, T->work);
         }
         if (!rows_at(I, t, x)) return 0;
         int wrong = 0;
-        for (long r = 0; r < I->row_count; r++) {
+        for (long r = I->mode_rows; r < I->row_count; r++) {
             if (!(T->one_row[r] < -T->row_noise[r])) continue;
             wrong = 1;
-            if (all && again == 0) T->side[I->row_switch[r]] = T->sides_out[I->row_switch[r]][0];
+            if (all && again == 0) T->side[I->row_switch[r]] = T->sides_out[I->row_switch[r] - I->masks][0];
             else go_to_other_side(I, r);
         }
         if (!wrong) break;
@@ -95,8 +97,9 @@ static int agree(Integrator *I, double t, const double *x, int all) {
 /* The sides at the start. */
 static int begin_sides(Integrator *I) {
     struct State *T = I->state;
+    if (I->held == I->masks) return 1;
     if (!agree(I, I->t, I->x, 1)) return 0;
-    for (long k = 0; k < I->held; k++) T->side[k] = T->sides_out[k][0];
+    for (long k = I->masks; k < I->held; k++) T->side[k] = T->sides_out[k - I->masks][0];
     return agree(I, I->t, I->x, 0);
 }
 
@@ -173,6 +176,11 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
     long k = I->row_switch[L->row];
     if (!meet_row(I, L)) return INPUT_FAILED;
+    if (L->row < I->mode_rows) { /* decided when events of the step have been looked for */
+        T->pending = L->row;
+        T->pending_planned = L->planned;
+        return REACHED_END;
+    }
     double *remembered = &T->step_by_side[2 * k], *before = T->most, *after = T->aside, jump = 0, last = T->last_h;
     if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
     double old = T->side[k], new;
@@ -259,6 +267,7 @@ static double first_switch(Path *p, struct Landing *L) {
         if (T->overs[I->row_switch[r]] > ENDLESS) continue;
         p->guard = r;
         p->noise = T->row_noise[r];
+        if (r < I->mode_rows && p->t == T->changed_at) p->noise = fmax(p->noise, -2 * v[0]); /* it has just been decided that it holds */
         p->searches = 0;
         double here = first_below(p, 0, 1, T->row_values, 0);
         if (here < 0) return -1;

@@ -30,8 +30,10 @@ class Piece:
 
     def states(self, times: np.ndarray, seen: Functions) -> np.ndarray:
         """States (nx, n) of `seen` at times (n,), projected so that invariants hold."""
-        x, project = self.solution.dense(times), self.functions.projection
-        if project is not None and self.problem.native is not None:
+        x, project, modes = self.solution.dense(times), self.functions.projection, self.solution.modes
+        if modes is not None and self.problem.native is not None:
+            x = self.problem.native.projected(times, x, self.problem.parameters, modes.at(times))
+        elif project is not None and self.problem.native is not None:
             x = self.problem.native.projected(times, x, self.problem.parameters)
         elif project is not None:
             p, projected = np.repeat(self.problem.parameters[:, None], times.size, axis=1), x

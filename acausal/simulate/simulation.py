@@ -20,6 +20,7 @@ from acausal.language.expression import Expression, Input
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
+from acausal.reduce.modes import refuse_modes
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
@@ -119,6 +120,9 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     problem = _problem(functions, signal, initial.p, knots(signal, t0, end), options.compiled, guards, read)
     check_branch(functions, problem, t0, end, initial.x)
     solution = integrated(problem, initial.x, t0, end, options, called)
+    if solution.modes is None:
+        refuse_modes(functions.outputs.system.mechanics.modes, f"The method {solution.statistics.method}")
+    problem = problem.with_modes(solution.modes)
     reached = float(solution.t[-1])
     times = problem.read if reached == end else options.times_until(t0, reached)
     run = Trajectory(functions, problem, (Piece(functions, problem, solution),), initial, times, options.events)
@@ -163,6 +167,7 @@ def sensitivity_run(
     functions: Functions, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
 ) -> Sensitivities:
     """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
+    refuse_modes(functions.outputs.system.mechanics.modes, "sensitivities")
     for entry in wrt:
         if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")

@@ -16,6 +16,7 @@ import numpy as np
 
 from acausal.charts.chart import Chart
 from acausal.collocation.inputs import Inputs
+from acausal.collocation.modes import WithModes
 from acausal.collocation.problem import Interpolant, Problem, Solution, Statistics, Status, together
 from acausal.errors import OptionError
 from acausal.language.component import System
@@ -64,7 +65,7 @@ class Trajectory:
 
         def copied(problem: Problem) -> Problem:
             inputs = problem.inputs
-            return replace(problem, inputs=inputs.copied(through)) if isinstance(inputs, Inputs) else problem
+            return replace(problem, inputs=inputs.copied(through)) if isinstance(inputs, Inputs | WithModes) else problem
 
         pieces = tuple(replace(piece, problem=copied(piece.problem)) for piece in self.pieces)
         return _read, (self.functions, copied(self.problem), pieces, self.initial, self.t, self.watched, self.x, self.u)

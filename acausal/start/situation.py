@@ -13,7 +13,7 @@ from acausal.arguments import dictionary, finite
 from acausal.collocation.inputs import Inputs
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.component import Component
-from acausal.language.expression import Expression, Input, InputRate, Parameter, Symbol, leaves, number
+from acausal.language.expression import Expression, Input, InputRate, Mode, Parameter, Symbol, leaves, number
 from acausal.language.flatten import FlatSystem
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -68,7 +68,7 @@ def situation(
     if given:
         flat.conditions.check(values[: len(known)])
     driven = dictionary({} if inputs is None else inputs, "inputs", INPUTS)
-    own = [k for k in flat.inputs if not isinstance(k, InputRate)]
+    own = [k for k in flat.inputs if not isinstance(k, InputRate | Mode)]
     return Situation(named_start(flat, start), finite(t0, f"The {clock} [s]"), _by_symbol(flat, driven, "input", own), values)
 
 

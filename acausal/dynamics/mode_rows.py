@@ -1,0 +1,65 @@
+"""Laws of reactions as rows: what they hold, by the mechanism's own symbols."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.dynamics.readings import Readings
+from acausal.errors import ModelError
+from acausal.language.expression import Expression, Reaction, Scalar, sx
+from acausal.language.flatten import FlatSystem, Part
+from acausal.language.mode_laws import DryFriction, OneSided
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """A law of `reaction`: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` is the slip
+    [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m].
+    """
+
+    part: Part
+    reaction: Reaction
+    moved: ca.SX
+    restitution: ca.SX | None = None
+    sliding: ca.SX | None = None
+    holding: ca.SX | None = None
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it may open."""
+        return self.restitution is not None
+
+    def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> ModeRow:
+        """With values in place of symbols."""
+        columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
+        found = ca.substitute(columns, list(old), list(new))
+        rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
+        return ModeRow(self.part, self.reaction, found[0], *rest)
+
+
+def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
+    """Of all parts, one-sided ones first. Raises `ModelError` for a reaction without a law, or with two, and what `Readings.resolved` raises."""
+    found: list[ModeRow] = []
+    for part in flat.parts:
+        for law in part.component.laws():
+
+            def read(value: Scalar, part: Part = part) -> ca.SX:
+                return readings.resolved(sx(value), part) if isinstance(value, Expression) else ca.SX(value)
+
+            if isinstance(law, OneSided):
+                found.append(ModeRow(part, law.reaction, read(law.gap), read(law.restitution)))
+            elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
+                found.append(ModeRow(part, law.reaction, read(law.slip), sliding=read(law.sliding), holding=read(law.holding)))
+            else:
+                raise ModelError(f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...) and ac.DryFriction(...).")
+    ruled = [row.reaction for row in found]
+    for reaction in flat.reactions:
+        if ruled.count(reaction) != 1:
+            how = "no law" if reaction not in ruled else "more than one law"
+            raise ModelError(
+                f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...) or ac.DryFriction(...)."
+            )
+    return tuple(sorted(found, key=lambda row: not row.one_sided))

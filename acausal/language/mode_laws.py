@@ -1,0 +1,63 @@
+"""Laws of reactions that hold as long as they can: one-sided contact, dry friction, and what is like them (stops, ropes, clutches, freewheels)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import final
+
+from acausal.errors import ModelError, ParameterError
+from acausal.language.expression import Expression, Reaction, Scalar, scalar
+from acausal.language.origin import origin
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class OneSided:
+    """`reaction` >= 0 and `gap` >= 0, and one of them is zero.
+
+    `gap`: an expression of positions and time, whose rate does work with the reaction: the reaction pushes towards a larger gap ([m] with [N], [rad] with
+    [N*m]). Where it closes with speed, it opens with `restitution` (0 ... 1) times that speed.
+    """
+
+    reaction: Reaction
+    gap: Expression
+    restitution: Scalar = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.reaction, self.gap, "OneSided", "gap")
+        checked = scalar(self.restitution, "A restitution", non_negative=True)
+        if not isinstance(checked, Expression) and checked > 1:
+            raise ParameterError(f"A restitution is {checked:g} ({origin()}). Give a number from 0 (no bounce) to 1 (no loss).")
+        object.__setattr__(self, "restitution", checked)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class DryFriction:
+    """`reaction` is what keeps `slip` at zero, as far as it is at most `holding`; where it slips, `sliding` against the slip.
+
+    `slip`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m). `holding` and `sliding` [N or N*m]: expressions
+    in which also reactions of one-sided laws may stand, as factors. `holding` >= `sliding` >= 0; `sliding` unless given.
+    """
+
+    reaction: Reaction
+    slip: Expression
+    sliding: Scalar
+    holding: Scalar = field(default=None)  # pyright: ignore[reportAssignmentType]  # as much as `sliding`
+
+    def __post_init__(self) -> None:
+        _check(self.reaction, self.slip, "DryFriction", "slip")
+        if self.holding is None:  # pyright: ignore[reportUnnecessaryComparison]
+            object.__setattr__(self, "holding", self.sliding)
+
+
+ModeLaw = OneSided | DryFriction
+
+
+def _check(reaction: object, moved: object, law: str, name: str) -> None:
+    if not isinstance(reaction, Reaction):
+        raise ModelError(
+            f"{law}'s reaction is {reaction!r} ({origin()}). Keep one as an attribute of the part: self.push = ac.Reaction('N')."
+        )
+    if not isinstance(moved, Expression) or not moved.sx.is_scalar():
+        raise ModelError(f"{law}'s {name} is {moved!r} ({origin()}). Give a scalar expression of the scene's variables.")

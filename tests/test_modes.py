@@ -1,0 +1,163 @@
+"""Reactions that hold as long as they can, against closed forms: one-sided stops, dry friction, impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.collocation.problem import StatusKind
+from acausal.language.mode_laws import ModeLaw
+from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+
+
+class Floor(ac.Component):
+    """Keeps s >= 0."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self, restitution: float) -> None:
+        self.push, self.restitution = ac.Reaction("N"), restitution
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -self.push)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.OneSided(self.push, self.flange.s, self.restitution)
+
+
+class Rub(ac.Component):
+    """Dry friction on a belt."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self, sliding: float, holding: float, belt: float = 0.0) -> None:
+        self.drag, self.sliding, self.holding, self.belt = ac.Reaction("N"), sliding, holding, belt
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -self.drag)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.DryFriction(self.drag, ac.der(self.flange.s) - self.belt, self.sliding, self.holding)
+
+    def dissipated_power(self) -> ac.Expression:
+        return -self.drag * ac.der(self.flange.s)
+
+
+def bouncing(restitution: float, mass: float = 2.0, gravity: float = 9.81) -> ac.System:
+    scene = ac.System()
+    scene.mass, scene.floor, scene.weight = SlidingMass(mass), Floor(restitution), ForceSource(-mass * gravity)
+    scene.connect(scene.mass.flange_a, scene.floor.flange)
+    scene.connect(scene.mass.flange_b, scene.weight.flange)
+    return scene
+
+
+def rubbing(
+    mass: float, sliding: float, holding: float, belt: float = 0.0, force: float = 0.0, stiffness: float = 0.0
+) -> ac.System:
+    scene = ac.System()
+    scene.mass, scene.rub, scene.push = SlidingMass(mass), Rub(sliding, holding, belt), ForceSource(force)
+    scene.connect(scene.mass.flange_a, scene.rub.flange, scene.push.flange)
+    if stiffness:
+        scene.wall, scene.spring = TranslationalGround(), TranslationalSpring(stiffness, 0.0)
+        scene.connect(scene.wall.flange, scene.spring.flange_a)
+        scene.connect(scene.spring.flange_b, scene.mass.flange_b)
+    return scene
+
+
+def changes(run: object) -> list[float]:
+    """Times of changes of mode after the start."""
+    met = run.solution.modes  # pyright: ignore[reportAttributeAccessIssue]
+    return [change.time for change in met.changes if change.row >= 0]
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.9, 0.5, 0.1])
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_ball_bounces_as_parabolas_do(restitution: float, size: float) -> None:
+    scene = bouncing(restitution, mass=3e-4, gravity=9.81 * size)
+    fall = np.sqrt(2 / 9.81)
+    end = fall * (1 + 2 * restitution + 2 * restitution**2) - 1e-3
+    run = ac.build(scene).simulate(end, {scene.mass.s: size, scene.mass.v: 0.0}, rtol=1e-12)
+    met = [fall, fall * (1 + 2 * restitution)]
+    assert changes(run) == pytest.approx(met, rel=1e-13)
+    left = end - met[1]
+    speed = 9.81 * fall * restitution**2
+    assert run[scene.mass.v][-1] == pytest.approx(size * (speed - 9.81 * left), rel=1e-11, abs=1e-12 * size)
+    assert run[scene.mass.s][-1] == pytest.approx(size * (speed * left - 9.81 / 2 * left**2), abs=1e-12 * size)
+    assert run.solution.modes is not None
+    assert run.solution.modes.changes[1].impulses == pytest.approx([3e-4 * size * 9.81 * fall * (1 + restitution)], rel=1e-12)
+
+
+@pytest.mark.parametrize("force", [-1.5, -2.5, -1.999])
+def test_pushed_block_stops_and_stays_where_friction_holds_it_and_turns_back_where_not(force: float) -> None:
+    scene = rubbing(1.0, 2.0, 2.0, force=force)
+    run = ac.build(scene).simulate(3.0, {scene.mass.s: 0.0, scene.mass.v: 3.0}, rtol=1e-12)
+    stop = 3.0 / (2.0 - force)
+    back = max(-force - 2.0, 0.0)
+    assert changes(run) == pytest.approx([stop], rel=1e-13)
+    assert run[scene.mass.s][-1] == pytest.approx(1.5 * stop - back / 2 * (3.0 - stop) ** 2, abs=1e-13)
+    assert run[scene.rub.drag][-1] == pytest.approx(min(-force, 2.0), rel=1e-12)
+
+
+def test_block_on_a_belt_sticks_and_slips_with_its_period() -> None:
+    scene = rubbing(1.0, 2.0, 3.0, belt=0.5, stiffness=4.0)
+    run = ac.build(scene).simulate(60.0, {scene.mass.s: 0.0, scene.mass.v: 0.0}, rtol=1e-12)
+    # slips from s = 3/4 around 1/2 with 2 rad/s: v returns to 1/2 after (2 pi - 2 atan 1) / 2
+    slip = np.pi - np.pi / 4
+    period = slip + 1.0
+    slipping = changes(run)[1::2]
+    assert len(slipping) > 15
+    assert np.diff(slipping) == pytest.approx(period, rel=1e-12)
+    assert run.energy_error() < 1e-10
+
+
+def test_stuck_block_creeps_by_nothing() -> None:
+    scene = rubbing(1.0, 2.0, 2.0, force=1.7)
+    run = ac.build(scene).simulate(1e4, {scene.mass.s: 0.0, scene.mass.v: 0.0}, rtol=1e-6)
+    assert np.all(run[scene.mass.s] == 0)
+    assert run[scene.rub.drag] == pytest.approx(-1.7)
+
+
+def test_start_below_the_floor_is_refused_with_its_name() -> None:
+    scene = bouncing(0.5)
+    with pytest.raises(ac.errors.SimulationError, match="The gap of floor is negative at the start") as refused:
+        ac.build(scene).simulate(1.0, {scene.mass.s: -0.1, scene.mass.v: 0.0})
+    run = refused.value.trajectory
+    assert run is not None and run.status.kind is StatusKind.OVERLAPS
+
+
+def test_gap_of_velocities_is_refused() -> None:
+    class Wrong(Floor):
+        """A floor for speeds."""
+
+        def laws(self) -> Iterable[ModeLaw]:
+            yield ac.OneSided(self.push, ac.der(self.flange.s), 0.0)
+
+    scene = ac.System()
+    scene.mass, scene.wrong = SlidingMass(1.0), Wrong(0.0)
+    scene.connect(scene.mass.flange_a, scene.wrong.flange)
+    with pytest.raises(ac.errors.ModelError, match=r"The gap of wrong .* is no expression of positions"):
+        ac.build(scene)
+
+
+def test_reaction_without_a_law_is_refused() -> None:
+    class Lawless(Floor):
+        """A push that nothing rules."""
+
+        def laws(self) -> Iterable[ModeLaw]:
+            return ()
+
+    scene = ac.System()
+    scene.mass, scene.lawless = SlidingMass(1.0), Lawless(0.0)
+    scene.connect(scene.mass.flange_a, scene.lawless.flange)
+    with pytest.raises(ac.errors.ModelError, match=r"lawless\.push has no law"):
+        ac.build(scene)
+
+
+def test_restitution_that_gains_energy_is_refused() -> None:
+    push = ac.Reaction("N")
+    with pytest.raises(ac.errors.ParameterError, match=r"restitution is 1\.2"):
+        ac.OneSided(push, ac.Expression(ca.SX(1), frozenset()), 1.2)
