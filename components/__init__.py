@@ -2,7 +2,7 @@
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
 CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
-Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
+Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; along lines: SlidingMass, TranslationalSpring,
@@ -48,6 +48,7 @@ from components.forces.bushing import Bushing
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from components.geometry.curves import Circle, Helix, Line, ParametricCurve, SplineCurve
+from components.geometry.implicit import ImplicitSurface
 from components.geometry.shapes import ConvexShape, Disk, Ellipsoid
 from components.geometry.surfaces import (
     Cone,
@@ -162,6 +163,7 @@ __all__ = [
     "HeightField",
     "Helix",
     "HuntCrossley",
+    "ImplicitSurface",
     "Inductor",
     "Inertia",
     "Integrator",

@@ -41,5 +41,8 @@ class PointOnSurface(AbstractJoint):
     def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
         return self.surface.invariants(q)
 
+    def turns(self) -> tuple[bool, ...]:
+        return self.surface.turns
+
     def domain(self, q: ca.SX) -> ca.SX:
         return self.surface.inside(q)
