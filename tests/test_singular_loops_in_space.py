@@ -104,3 +104,23 @@ def test_isolated_singular_positions_are_found_wherever_the_sketch_is():
     for _ in range(6):
         angle, azimuth = rng.uniform(0.05, 1.5), rng.uniform(0, 6)
         assert ac.build(Plate(angle, azimuth)).system.constraints.singular, (angle, azimuth)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_tolerance_speed_and_end_leads_straight_through(seed: int):
+    """The plate's turns are nothing but rounding: no steps are made for these, and they do not lead it past its flat positions."""
+    rng = np.random.default_rng(seed)
+    angle, azimuth = rng.uniform(0.2, 1.3), rng.uniform(0, 6)
+    scene = Plate(angle, azimuth)
+    model = ac.build(scene)
+    for _ in range(6):
+        rate, turned, rtol = rng.choice([-1, 1]) * rng.uniform(1, 8), rng.uniform(2, 30), 10 ** rng.uniform(-12, -4)
+        v = rate * (np.cos(angle) * scene.side + np.array([0, 0, np.sin(angle)]))
+        start = {scene.plate.frame.velocity[k]: float(v[k]) for k in range(3)}
+        run = model.simulate(turned / abs(rate), start, rtol=rtol, samples=21)
+        assert np.max(np.abs(run[scene.plate.frame.position] - scene.place(angle + rate * run.t))) < 10 * max(rtol, 1e-13), (
+            rate,
+            turned,
+            rtol,
+        )
+        assert run.statistics.steps < 80, (rate, turned, rtol)

@@ -51,7 +51,7 @@ class Exact:
     project: Callable[[], ca.Function]
     through: bool
     usual: np.ndarray
-    """(nx,): 1 / how much a velocity is, beside others; 0 for other states."""
+    """(nx,): 1 / how much a position or velocity of loops is, beside others; 0 for other states."""
 
 
 @dataclass(frozen=True)

@@ -259,6 +259,9 @@ class Functions:
             return None
         usual = np.zeros(s.x.numel())
         usual[s.nq : s.nq + s.tree_velocities] = 1 / s.constraints.rates
+        for part in s.constraints.examined:
+            assert part.walk is not None
+            usual[list(part.group.q_places)] = 1 / part.walk.unit
         return Exact(self.exact_dynamics, self.exact_projection, s.constraints.singular, self.space.restricted(usual))
 
     def exact_dynamics(self) -> ca.Function:

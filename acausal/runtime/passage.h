@@ -10,8 +10,8 @@
 #define CLEARER 4 /* times as clear as a stage and as the next to singular positions, the end of a step by which the stage is settled */
 #define BESIDE 0.01 /* clearance that steps end with if they can */
 #define AVOIDED 4 /* times that a step is made shorter for this */
-#define EXACT 0.05 /* clearance at which rates need twofold precision at the tightest tolerance */
-#define ROUNDED 1e-12 /* the same times the tolerance */
+#define EXACT 0.05 /* clearance below which rates are found in twofold precision: else what is nothing beside the motion is moved by their rounding,
+                      at any tolerance, and leads past the position where that is not stable */
 #define SEEN 0.05 /* part of the stages' least clearance that a step's polynomial may come closer */
 #define AWAY 0.9 /* clearance of stages between others beyond which nothing is near */
 #define ROUNDS 4
@@ -79,19 +79,15 @@ static int make_exact(Integrator *I) {
     return I->counted || (T->farther && T->nearer && T->exact_out);
 }
 
-/* The clearance below which rounding of rates, which grows as its power -3/2, would be seen beside the tolerance. */
-static double exact_limit(const Integrator *I) { return I->step > 0 ? EXACT : fmin(EXACT, ROUNDED / I->rtol); }
-
-static int is_near(Integrator *I, const V *in) { return has_exact(I) && clearances(I, in)[0] < exact_limit(I); }
+static int is_near(Integrator *I, const V *in) { return has_exact(I) && clearances(I, in)[0] < EXACT; }
 
 static void look_around(Integrator *I, Stages *S) {
-    double limit = exact_limit(I);
     S->looked++;
     for (long b = 0; b < S->blocks; b++) {
         V clear = clearances(I, S->in[b]);
         memcpy(S->clear + b * LANES, &clear, sizeof clear);
         memcpy(S->clear_of_all + b * LANES, &I->state->clearance_out[1], sizeof clear);
-        if (has_exact(I)) S->exact |= i_any(clear < v_all(limit));
+        if (has_exact(I)) S->exact |= i_any(clear < v_all(EXACT));
     }
 }
 

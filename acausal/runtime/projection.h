@@ -10,7 +10,7 @@ static void give_masks(Integrator *I) {
 static int project(Integrator *I, double t, double *x) {
     if (!I->ng || is_crossing(I, t, x)) return 0;
     struct State *T = I->state;
-    int exact = has_exact(I) && !I->masks && clearance_at(I, t, x) < exact_limit(I);
+    int exact = has_exact(I) && !I->masks && clearance_at(I, t, x) < EXACT;
     V *in = T->projection_in, *out = T->projection_out;
     double last = INFINITY;
     int changed = 0;

@@ -96,7 +96,7 @@ typedef struct Integrator {
     const double *row_factor, *row_plus;
     /* The first `masks` of these say which rows of reactions hold: one for each one-sided row, two for each friction; the first `mode_rows` rows are theirs */
     long masks, mode_rows, one_sided, frictions;
-    const double *usual; /* 1 / how much a velocity is, beside others; 0 for other states; with exact kernels */
+    const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;
     int (*input)(void *user, double t, double *u); /* null: `u` does not change, but for what is in tables and formulas */

@@ -198,6 +198,7 @@ struct State {
     long factored_method, padded;
     int jacobian_fresh;
     double part;             /* part of the usual distance that rates were continued from; 0: they were not */
+    double speed;            /* the largest velocity that was met, beside what is much for it [1/s] */
     int straight;            /* whether the last step led through a singular position, not past it */
     long capacity, coefficient_capacity, coefficient_count;
     int thinned;             /* whether only steps that are read are kept */
@@ -358,6 +359,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 }
 
 #define NOTHING 1e-290     /* the scale of what is exactly zero */
+#define KNOWN 2e-13        /* of what is much for it: what rounding leaves unknown of a state, as far as the iteration may leave */
 #define PART 0.125         /* of what a step moves a state: counts as its size, as long as it has met nothing larger */
 #define LEFT 1e-3          /* what the iteration may leave of the error of a step */
 #define FEW 4.0            /* times the mean of a few samples: what rounding makes of rates at most */
@@ -379,16 +381,25 @@ static double least_scale(const Integrator *I, long i, double h) {
     return noise > size ? noise : noise > 0 ? noise * (noise / size) : 0;
 }
 
+/* The least scale of state i where motions pass singular positions: what it is beside others is known to so many digits only. */
+static double known_to(const Integrator *I, long i) {
+    double whole = i < I->positions ? 1.0 : I->state->speed;
+    return I->usual && I->usual[i] > 0 ? KNOWN * whole / I->usual[i] : 0;
+}
+
 /* The scale of state i in a step of size h: atol + rtol times a magnitude. */
 static void set_scale_of(Integrator *I, long i, double h, double size) {
     struct State *T = I->state;
-    T->scale[i] = fmax(T->unit / I->rtol * I->atol + T->unit * size, fmax(least_scale(I, i, h), NOTHING));
+    double least = fmax(least_scale(I, i, h), known_to(I, i));
+    T->scale[i] = fmax(T->unit / I->rtol * I->atol + T->unit * size, fmax(least, NOTHING));
 }
 
 /* For steps of size h, where without rejections steps of size `reach` would be. */
 static void set_scale(Integrator *I, double h, double reach) {
     struct State *T = I->state;
     T->unit = I->step > 0 ? 1.0 : I->rtol;
+    T->speed = 0;
+    for (long i = I->positions; I->usual && i < I->nx; i++) T->speed = fmax(T->speed, T->size[i] * I->usual[i]);
     for (long i = 0; i < I->nx; i++) {
         set_scale_of(I, i, h, T->size[i]);
         T->limit[i] = T->size[i] / (PART * reach);
