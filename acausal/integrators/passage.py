@@ -17,6 +17,8 @@ _AHEAD = 0.016
 _NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _WEIGHTS = np.array([-1 / 70, 4 / 35, -2 / 5, 4 / 5, 4 / 5, -2 / 5, 4 / 35, -1 / 70])
 """Of a polynomial's values at the nodes, for its value at 0."""
+_SLOPES = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+"""The same for its derivative there."""
 _CORRECTIONS = 4
 _SEARCH = 30
 
@@ -64,7 +66,11 @@ class Passage:
     def between(self, t: float, x: np.ndarray, h: float) -> np.ndarray | None:
         """The state between the points to either side of one at a singular position, on a branch; None where none are found."""
         tau = self.crossing(t, x, h)
-        return None if tau is None else _WEIGHTS @ self.points(t, x, tau)[1]
+        return None if tau is None else self.middle(self.points(t, x, tau)[1], tau)[0]
+
+    def middle(self, values: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
+        """Of values (8, n) at the points: what lies between them, and its rate."""
+        return _WEIGHTS @ values, _SLOPES @ values / tau
 
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n, nx)."""

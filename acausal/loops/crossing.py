@@ -21,6 +21,8 @@ _TOGETHER = 1e-3
 _STEPS = 15
 _EXACT = 1e-10
 """Slopes that are left: their square is what they make of gaps."""
+_BENT = 1e-8
+"""Squares of bends, as parts of the largest, below which there is another such place beside one."""
 _ROUNDED = 8 * float(np.finfo(float).eps)
 """What the lengths of a loop that are meant to fit are off by, of the sizes of the terms: each is the result of some operations."""
 
@@ -28,13 +30,16 @@ _ROUNDED = 8 * float(np.finfo(float).eps)
 @dataclass(frozen=True, eq=False)
 class Crossing:
     """A place z, the `weights` (k, n) of the closing residuals in sums without slope there, and these sums, the `gaps` (k,), without unit;
-    `sizes` (k,) of their terms. `least`: smallest singular value of motions that pass by.
+    `sizes` (k,) of their terms; `along` (nz, f), the directions in which the others let go, and `bends` (k, f, f) of the sums in these. `least`:
+    smallest singular value of motions that pass by.
     """
 
     z: np.ndarray
     weights: np.ndarray
     gaps: np.ndarray
     sizes: np.ndarray
+    along: np.ndarray
+    bends: np.ndarray
     least: float
 
     @property
@@ -51,6 +56,20 @@ class Crossing:
     def misses(self) -> bool:
         """Whether some pass each other."""
         return bool(np.any(np.abs(self.gaps) > self.rounding))
+
+    def missed(self, z: np.ndarray, ahead: np.ndarray) -> tuple[float, float]:
+        """How far a motion from next to the place, straight `ahead` (nz,), misses it and all others like it around, or would by what lengths are
+        off by; and what of `ahead` leads through.
+        """
+        levels, axes = np.linalg.eigh(np.sum(self.bends @ self.bends, axis=0))
+        bent = levels > _BENT * levels[-1]
+        across = (levels[bent] / levels[-1])[:, None] ** 0.25 * (axes[:, bent].T @ np.linalg.pinv(self.along))
+        here, on = across @ (z - self.z), across @ ahead
+        aside = here - (here @ on) / max(float(on @ on), np.finfo(float).tiny) * on
+        off = float(np.linalg.norm(aside)) if len(across) > 2 else 0.0  # two branches that cross are two lines there
+        steepest = np.max(np.abs(np.linalg.eigvalsh(self.bends)), axis=1)
+        apart = np.where(np.abs(self.gaps) > self.rounding, np.sqrt(2 * np.abs(self.gaps) / steepest), 0.0)
+        return max(off, float(np.max(apart))), float(np.linalg.norm(on))
 
 
 @dataclass(frozen=True)
@@ -81,7 +100,8 @@ def crossing_near(walk: Walk, z: np.ndarray, scale: np.ndarray, kept: tuple[int,
     stay independent, or rolling is in the sum.
     """
     rows, at = list(kept), closing_rows(walk)
-    rank, first = rank_of(walk.closing(z)[1], walk.rank), z
+    usual = walk.symbolic.group.invariants.numel() + int(np.sum(at[rows] >= 0))
+    rank, first = max(usual, rank_of(walk.closing(z)[1], walk.rank)), z  # where it is less already, z is next to the place
     for _ in range(_STEPS):
         _, _, A, N = walk.at(z)
         U, s, Vt = np.linalg.svd(A[rows] / scale[rows, None])
@@ -92,7 +112,7 @@ def crossing_near(walk: Walk, z: np.ndarray, scale: np.ndarray, kept: tuple[int,
         changes = np.array([along @ walk.bent(z, w / scale) @ (N @ along.T) for w in weights])
         if slopes[0] < _EXACT:
             others = np.linalg.svd(A / scale[:, None], compute_uv=False)[len(rows) - 1] > _TOGETHER
-            return None if others else _found(walk, z, weights / scale, changes, at)
+            return None if others else _found(walk, z, weights / scale, N @ along.T, changes, at)
         wanted = np.zeros(changes.shape[:2])
         wanted[range(k), range(k)] = -slopes
         if not np.isfinite(changes).all():
@@ -120,12 +140,15 @@ def closing_rows(walk: Walk) -> np.ndarray:
     return np.array(found, dtype=int)
 
 
-def _found(walk: Walk, z: np.ndarray, weights: np.ndarray, changes: np.ndarray, at: np.ndarray) -> Crossing | None:
-    """`weights` (k, m) of the rows in the velocities; `changes` of their sums' slopes along the directions that are let go."""
+def _found(
+    walk: Walk, z: np.ndarray, weights: np.ndarray, along: np.ndarray, changes: np.ndarray, at: np.ndarray
+) -> Crossing | None:
+    """`weights` (k, m) of the rows in the velocities; `changes` of their sums' slopes `along` (nz, f) the directions that are let go."""
     if np.any(np.abs(weights[:, at < 0]) > 1e-6):
         return None
     sums = np.zeros((len(weights), walk.symbolic.group.closing.numel()))
     sums[:, at[at >= 0]] = (weights / walk.sizes_of_velocities[1])[:, at >= 0]
     gaps, sizes = sums @ walk.gaps(z), np.abs(sums) @ walk.terms(z)
-    bends = np.min(np.abs(np.linalg.eigvalsh((changes + changes.transpose(0, 2, 1)) / 2)), axis=1)
-    return Crossing(z, sums, gaps, sizes, float(np.min(np.sqrt(2 * np.abs(gaps) * bends))))
+    bends = (changes + changes.transpose(0, 2, 1)) / 2
+    least = np.min(np.abs(np.linalg.eigvalsh(bends)), axis=1)
+    return Crossing(z, sums, gaps, sizes, along, bends, float(np.min(np.sqrt(2 * np.abs(gaps) * least))))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from acausal.loops.crossing import Crossing
+from acausal.loops.crossing import Crossing, crossing_near
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
 from acausal.loops.walk import Walk
@@ -28,6 +28,8 @@ _NARROW = 0.2
 """Singular values on a walk, which may step over still smaller ones, from which on digits are lost between its places."""
 _SHRUNK = 0.5
 """What may be lost of a margin before an examination is made again."""
+_NEXT = 0.1
+"""How far a singular position may be from a state that is said to be next to it: rad, or sizes of the loop."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,22 @@ class Examined:
         if self.singular and self.group.v.numel() - self.rank.rank == 1:
             return any(crossing.misses for crossing in self.crossings)
         return self.least < _NARROW
+
+    @property
+    def may_miss(self) -> bool:
+        """Whether motions through singular positions have others beside them that miss these."""
+        return self.singular and (self.group.v.numel() - self.rank.rank > 1 or self.narrow)
+
+    def missed(self, q: np.ndarray, ahead: np.ndarray, time: float, values: np.ndarray) -> tuple[float, float]:
+        """How far a motion of the group's coordinates q (nq,) next to a singular position, straight `ahead` [1/s], misses it, and its speed there
+        [1/s]: as parts of the size of the loops. Zero where no such position is found.
+        """
+        with self.lock:
+            walk = self._walk(values)
+            before, walk.time = walk.time, time
+            near = crossing_near(walk, q / walk.unit, self.scale, self.rank.kept, _NEXT)
+            walk.time = before
+        return (0.0, 0.0) if near is None else near.missed(q / walk.unit, ahead / walk.unit)
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""

@@ -13,7 +13,7 @@
 #define EXACT 0.05 /* clearance below which rates are found in twofold precision: else what is nothing beside the motion is moved by their rounding,
                       at any tolerance, and leads past the position where that is not stable */
 #define SEEN 0.05 /* part of the stages' least clearance that a step's polynomial may come closer */
-#define AWAY 0.9 /* clearance of stages between others beyond which nothing is near */
+#define AWAY 0.9 /* clearance of stages, or places between them, beyond which nothing is near */
 #define ROUNDS 4
 #define SHORTEST 1e-9 /* part of the size of a mechanism that it moves by in a step next to a singular position */
 #define BRANCHES 0.01 /* part of the distance from a singular position that an error may be: another branch is as close */
@@ -400,6 +400,7 @@ static int skips(Integrator *I, const Stages *S, double from, double to, double 
         for (long k = 0; k < COUNTED; k++)
             if (all[k] < best) best = all[k], at = fractions[k];
         closest = fmin(closest, best);
+        if (closest > AWAY) return 0;
         for (long k = 0; k < COUNTED; k++)
             if (clear[k] < CROSSING && clear[k] > seen && closest < SEEN * least) {
                 long first = k / LANES * LANES;
@@ -425,15 +426,25 @@ static int is_lost(const Integrator *I, const Stages *S, double h) {
     return h * sqrt(speed) < SHORTEST;
 }
 
-/* Whether a step goes from one branch to another that comes close to it, between two stages that see nothing of this. */
-static int leaves_branch(Integrator *I, const Stages *S) {
-    if (!has_exact(I) || S->around) return 0;
-    long s = S->s;
-    for (long j = 0; j < s; j++) {
-        int first = j == 0, last = j == s - 1;
-        if ((!first && S->clear_of_all[j - 1] < S->clear_of_all[j]) || (!last && S->clear_of_all[j + 1] <= S->clear_of_all[j])) continue;
-        if (!(S->clear_of_all[j] < (first || last ? NEARBY : AWAY))) continue;
+/* Whether the polynomial of a step comes much closer to a singular position than the stages around do; not beside stage `straight`. */
+static int leaps(Integrator *I, const Stages *S, long straight) {
+    for (long j = 0; j < S->s; j++) {
+        int first = j == 0, last = j == S->s - 1;
+        if (j == straight || (!first && S->clear_of_all[j - 1] < S->clear_of_all[j]) || (!last && S->clear_of_all[j + 1] <= S->clear_of_all[j])) continue;
         if (skips(I, S, first ? 0 : S->method->c[j - 1], last ? 1 : S->method->c[j + 1], S->clear_of_all[j])) return 1;
     }
     return 0;
+}
+
+/* Whether a step goes from one branch to another that comes close to it, between two stages that see nothing of this. */
+static int leaves_branch(Integrator *I, Stages *S) {
+    if (!has_exact(I)) return 0;
+    if (!S->around) return leaps(I, S, -1);
+    long straight = 0; /* it may leave its branch elsewhere */
+    for (long j = 1; j < S->s; j++)
+        if (S->clear[j] < S->clear[straight]) straight = j;
+    legendre_coefficients(I, S, S->K);
+    int found = leaps(I, S, straight);
+    legendre_coefficients(I, S, S->G);
+    return found;
 }

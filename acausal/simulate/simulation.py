@@ -24,6 +24,7 @@ from acausal.reduce.modes import refuse_modes
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import when
+from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
@@ -141,7 +142,7 @@ def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False
 @on_one_thread
 def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
     """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
-    lost = [jumps, warn_if_singular(functions, run), warn_if_outside(functions, run)]
+    lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run), warn_if_outside(functions, run)]
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
