@@ -45,16 +45,43 @@ class Change:
     jumped: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModesMet:
-    """Masks (masks, n) from each of the times `begins` (n,) on, and changes in order of time."""
+    """Changes of mode in order of time, the start's decision first: `masks` (masks, m) from each of the times `begins` (m,) on, and what `Change` has
+    of each, `steps` (m,), `rows` (m,) and `impulses` (m, n).
+    """
 
     begins: np.ndarray
     masks: np.ndarray
-    changes: tuple[Change, ...]
+    steps: np.ndarray
+    rows: np.ndarray
+    impulses: np.ndarray
+
+    @staticmethod
+    def none(begin: float, masks: int, rows: int) -> ModesMet:
+        """Of a motion that did not begin."""
+        nothing = np.zeros(1, dtype=int)
+        return ModesMet(np.array([begin]), np.zeros((masks, 1)), nothing, nothing - 1, np.zeros((1, rows)))
+
+    @property
+    def jumped(self) -> np.ndarray:
+        """(m,): whether the state jumped."""
+        return np.asarray(self.impulses.any(axis=1))
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """One by one."""
+        columns = (self.steps.tolist(), self.begins.tolist(), self.rows.tolist(), self.impulses, self.jumped.tolist())
+        return tuple(Change(*entry) for entry in zip(*columns, strict=True))
+
+    def at_ends(self, count: int) -> np.ndarray:
+        """Masks (masks, n) at so many ends of steps: those before and after an impact are two of them, at the same time."""
+        ends = self.steps.copy()
+        ends[np.isin(self.steps, self.steps[self.jumped])] += 1
+        return self.masks[:, np.maximum(np.searchsorted(ends, np.arange(count), side="right") - 1, 0)]
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """Masks (masks, m) at times (m,)."""
+        """Masks (masks, n) at times (n,), after what happens there."""
         return self.masks[:, np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, self.begins.size - 1)]
 
 

@@ -256,7 +256,10 @@ class Interpolant:
         """Of a solution, as accurate as its dense output."""
         if isinstance(solution.dense, Interpolant):
             return solution.dense
-        return Interpolant.through(solution.dense, solution.t, solution.known)
+        found = Interpolant.through(solution.dense, solution.t, solution.known)
+        if solution.t.size > 1:  # dense output at the end of a step may be that after an impact
+            found.values[:, -1] = solution.x.T[1:][solution.known]
+        return found
 
     @staticmethod
     def through(function: Callable[[np.ndarray], np.ndarray], t: np.ndarray, known: np.ndarray) -> Interpolant:
@@ -282,7 +285,8 @@ class Interpolant:
                 f"The motion at t = {times[lost[0]]:.6g} s is not in this copy: of a long run, copies have the steps with samples and events only. Ask for "
                 "it where the run was made, or for more `samples`."
             )
-        away = ((times - self.t[step]) / np.diff(self.t)[step])[:, None] - _NODES
+        length = np.diff(self.t)[step]
+        away = np.where(length > 0, (times - self.t[step]) / np.where(length > 0, length, 1.0), 1.0)[:, None] - _NODES
         hit = away == 0
         weights = np.where(hit.any(axis=1)[:, None], hit, _WEIGHTS / np.where(hit, 1.0, away))
         return np.einsum("mk,mki->im", weights / weights.sum(axis=1, keepdims=True), self.values[self.number[step]])

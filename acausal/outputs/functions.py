@@ -178,6 +178,16 @@ class Functions:
         return self._function("power_loss", [self.outputs.power_loss], ["P"])
 
     @functools.cached_property
+    def impacts(self) -> ca.Function | None:
+        """(t, x, u, p) -> rates that reactions which hold as long as they can work along, then what is lost by each; None without such reactions."""
+        m = self.outputs.system.modes
+        return (
+            None
+            if m is None
+            else self._function("impacts", [ca.vertcat(m.rate, self.outputs.loss_by_reactions)], ["rates_and_losses"])
+        )
+
+    @functools.cached_property
     def watched(self) -> ca.Function:
         """(t, x, u, p) -> kinetic energy, potential energy [J], all invariants, and loop rows that follow from these."""
         space = self.space

@@ -55,9 +55,11 @@ class Outputs:
 
     @functools.cached_property
     def given_by_dynamics(self) -> tuple[ca.SX, ca.SX]:
-        """Symbols (n, 1) that may stand in what `opened` gives, for rates of the states and multipliers of loops; and what they stand for."""
-        s = self.system
-        return ca.vertcat(self._rates, self._multipliers), ca.densify(ca.vertcat(s.x_dot, s.multipliers))
+        """Symbols (n, 1) that may stand in what `opened` gives, for rates of the states, multipliers of loops, and reactions that hold as long as they can; and
+        what they stand for."""
+        s, nothing = self.system, ca.SX(0, 1)
+        reactions, found = (nothing, nothing) if s.modes is None else (s.modes.reactions, s.modes.found)
+        return ca.vertcat(self._rates, self._multipliers, reactions), ca.densify(ca.vertcat(s.x_dot, s.multipliers, found))
 
     def closed(self, expression: ca.SX) -> ca.SX:
         """An opened expression in t, x, u and p."""
@@ -122,12 +124,25 @@ class Outputs:
     @functools.cached_property
     def power_flows(self) -> ca.SX:
         """What the mechanism loses, and what each scalar part dissipates and supplies [W], in a column."""
-        return ca.vertcat(self.system.mechanics.power_loss(), *(power for _, *powers in self._balances for power in powers))
+        return ca.vertcat(self._lost_by_forces, *(power for _, *powers in self._balances for power in powers))
 
     @functools.cached_property
     def power_loss(self) -> ca.SX:
         """Dissipated less supplied power [W]."""
-        return sum((lost - supplied for _, lost, supplied in self._balances), self.system.mechanics.power_loss())
+        return sum((lost - supplied for _, lost, supplied in self._balances), self._lost_by_forces)
+
+    @functools.cached_property
+    def _lost_by_forces(self) -> ca.SX:
+        return self.closed(self.system.mechanics.power_loss())
+
+    @functools.cached_property
+    def loss_by_reactions(self) -> ca.SX:
+        """(n, 1): what `power_loss` grows by with each reaction that holds as long as it can [W/N or W/(N*m)]: in an impact, what is lost by its impulse."""
+        modes, unmasked = self.system.modes, self.system.unmasked
+        if modes is None or unmasked is None:
+            return ca.SX(0, 1)
+        r = modes.reactions
+        return ca.substitute(ca.jacobian(Outputs(unmasked).power_loss, r).T, r, ca.SX.zeros(r.numel()))
 
     def _said(self, value: Expression | float) -> ca.SX:
         return self.resolve(value) if isinstance(value, Expression) else ca.SX(value)

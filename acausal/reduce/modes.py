@@ -172,4 +172,4 @@ def _solved(A: ca.SX, B: ca.SX) -> ca.SX:
             B[i, :] -= factor * B[k, :]
     for k in reversed(range(n)):
         B[k, :] = (B[k, :] - A[k, k + 1 :] @ B[k + 1 :, :]) / A[k, k]
-    return B
+    return ca.densify(B)

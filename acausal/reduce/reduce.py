@@ -70,6 +70,8 @@ class ReducedSystem:
     """More joint forces, by which an analysis has extended the scene."""
     modes: Modes | None = None
     """Which reactions hold, by masks that are the last inputs."""
+    unmasked: ReducedSystem | None = None
+    """With modes, the same where reactions are inputs still."""
     exact: tuple[ca.SX, ca.SX] | None = None
     """`x_dot` and `projection` once more for arithmetic with twice as many digits, where loops come close to singular positions."""
 
@@ -326,7 +328,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
     closed = dataclasses.replace(
         system, flat=flat, u=own, u_defaults=known, x_dot=x_dot, v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
-        scalar=scalar, modes=modes, exact=exact,
+        scalar=scalar, modes=modes, exact=exact, unmasked=system,
     )  # fmt: skip
     at = [0.0, np.concatenate([system.q_start, system.rate_start]), known, system.p_values]
     function = ca.Function("compliance", [system.t, system.x, own, system.p], [ca.densify(ca.diag(modes.compliance))])

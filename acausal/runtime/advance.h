@@ -130,6 +130,15 @@ static int next_stop(Integrator *I, double *stop) {
     return 1;
 }
 
+/* So little time before a stop that no step is possible is passed over: where modes change just before it. Returns whether there was no more. */
+static int arrives(Integrator *I, double stop) {
+    double little = 16 * EPS * fmax(fabs(I->t), fabs(stop) * 1e-3), t = I->t;
+    if (!I->masks || I->steps == 0 || !(stop - t <= little)) return 0;
+    I->t = stop;
+    for (long k = I->steps - I->first; k > 0 && I->times[k] == t; k--) I->times[k] = stop;
+    return 1;
+}
+
 static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = I->slice > 0 ? now() + I->slice : 0;
@@ -152,9 +161,10 @@ static enum Code run_steps(Integrator *I) {
         if (!next_stop(I, &stop)) return INPUT_FAILED;
         if (I->t >= end) break;
         I->end = stop;
-        enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
+        int there = arrives(I, stop);
+        enum Code code = there ? REACHED_END : I->step > 0 ? one_fixed(I) : one_adaptive(I);
         I->end = end;
-        if (code == REACHED_END && I->guards) code = watch(I);
+        if (code == REACHED_END && I->guards && !there) code = watch(I);
         if (code == REACHED_END && stop < end && I->t >= stop) {
             if (!cross_knot(I)) return INPUT_FAILED;
             if (I->masks) T->pending = -1, code = decide_modes(I, -1, I->h);

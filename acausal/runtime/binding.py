@@ -179,6 +179,7 @@ class Integrator(ctypes.Structure):
         ("transition_steps", _Long),
         ("transition_rows", _Long),
         ("impulses", _Double),
+        ("transition_masks", _Double),
     ]  # fmt: skip
 
 

@@ -49,21 +49,23 @@ static void move_row(Integrator *I, long from, long to) {
     if (held) memmove(I->step_sides + to * I->held, I->step_sides + from * I->held, held);
 }
 
-/* Of `rows` ends of steps, keep both of each step that is read, those of the last step, and of the rest one in so many, `stride`; how many these
-   are. Several steps from one row to the next have minus their number for their stages. */
+/* Of `rows` ends of steps, keep both of each step that is read, those of the last step, both sides of jumps, those where modes change, and of the rest one in
+   so many, `stride`; how many these are. Several steps from one row to the next have minus their number for their stages. */
 static long thin_rows(Integrator *I, long rows) {
     struct State *T = I->state;
-    long end = 1, number = 0, last = 0;
+    long end = 1, number = 0, last = 0, change = 0;
+    while (change < I->transitions && I->transition_steps[change] == 0) change++;
     int before = I->offset[0] >= 0;
     for (long r = 1; r < rows; r++) {
         number += I->stage_count[r - 1] < 0 ? -I->stage_count[r - 1] : 1; /* rows move down, behind what is still looked at */
-        int after = r < rows - 1 && I->offset[r] >= 0;
-        if (before || after || r >= rows - 2 || number % T->stride == 0) {
+        int after = r < rows - 1 && I->offset[r] >= 0, changes = change < I->transitions && I->transition_steps[change] == r;
+        if (before || after || changes || I->times[r] == I->times[r - 1] || r >= rows - 2 || number % T->stride == 0) {
             if (number > last + 1) {
                 I->stage_count[end - 1] = last - number;
                 I->offset[end - 1] = -1;
             }
             if (end < r) move_row(I, r, end);
+            while (change < I->transitions && I->transition_steps[change] == r) I->transition_steps[change++] = end;
             last = number;
             end++;
         }
@@ -103,7 +105,7 @@ static int make_room(Integrator *I) {
 /* Whether something is read of the step between two times; asked for one step after the other. */
 static int is_read(Integrator *I, double from, double to) {
     struct State *T = I->state;
-    while (T->read_at < I->read_count && I->read[T->read_at] <= from) T->read_at++;
+    while (T->read_at < I->read_count && I->read[T->read_at] < from) T->read_at++;
     while (T->event_at < I->events && I->event_times[T->event_at] <= from) T->event_at++;
     return (T->read_at < I->read_count && I->read[T->read_at] < to) || (T->event_at < I->events && I->event_times[T->event_at] < to);
 }

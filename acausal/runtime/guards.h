@@ -11,6 +11,7 @@
 #define POINTS 16
 #define AT_START 1e-12 /* of the largest value in the first step: as good as zero there */
 #define ROUNDINGS 16.0 /* sizes of rounding below which values have no sign */
+#define MET 8.0        /* times as much is it where modes change */
 #define SEARCHES 4000  /* intervals looked at for a guard in a step */
 
 typedef struct {
@@ -270,6 +271,7 @@ static int search(Path *p, const double *values) {
     double most = T->guard_noise[p->guard];
     if (!guard_rounding(p, where)) return 0;
     p->noise = isfinite(T->guard_noise[p->guard]) ? ROUNDINGS * T->guard_noise[p->guard] : 0;
+    if (T->pending >= 0 || p->t == T->changed_at) p->noise *= MET; /* what modes change by comes to zero here and is no further beyond */
     if (isfinite(most) && largest <= ROUNDINGS * most) p->noise = fmax(p->noise, ROUNDINGS * most);
     if (p->first) p->noise = fmax(p->noise, fabs(values[0]) <= AT_START * largest ? AT_START * largest : 0);
     if (p->first && fabs(values[0]) <= p->noise) G->at_start = 1;
@@ -285,7 +287,7 @@ static enum Code watch(Integrator *I) {
     struct State *T = I->state;
     long k = I->steps - 1 - I->first, n = I->guards;
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
-              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->steps == 1, 0, 1, 0};
+              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->times[k] == T->start, 0, 1, 0};
     double theta[POINTS], values[POINTS], c[POINTS];
     T->events_before = I->events;
     for (int j = 0; j < POINTS; j++) theta[j] = chebyshev_point(j);

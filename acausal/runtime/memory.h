@@ -55,10 +55,10 @@ void finish(Integrator *I) {
         free(m);
     }
     if (!I->block) {
-        void *kept[] = {I->times, I->states, I->coefficients, I->step_sides, I->stage_count, I->offset, I->kinds, I->event_times, I->event_guards, I->event_directions, I->transition_steps, I->transition_rows, I->impulses};
+        void *kept[] = {I->times, I->states, I->coefficients, I->step_sides, I->stage_count, I->offset, I->kinds, I->event_times, I->event_guards, I->event_directions, I->transition_steps, I->transition_rows, I->impulses, I->transition_masks};
         for (size_t k = 0; k < sizeof kept / sizeof *kept; k++) free(kept[k]);
     }
-    I->times = I->states = I->coefficients = I->step_sides = I->event_times = I->impulses = 0;
+    I->times = I->states = I->coefficients = I->step_sides = I->event_times = I->impulses = I->transition_masks = 0;
     I->stage_count = I->offset = I->kinds = I->event_guards = I->event_directions = I->transition_steps = I->transition_rows = 0;
     I->state = 0;
 }

@@ -234,14 +234,15 @@ static int note_transition(Integrator *I, long row) {
     if (!I->block && k >= T->transition_room) {
         long c = T->transition_room = 2 * k + 16;
         if (!grow(&I->transition_steps, sizeof(long) * (size_t)c) || !grow(&I->transition_rows, sizeof(long) * (size_t)c) ||
-            !grow(&I->impulses, sizeof(double) * (size_t)(c * n)))
+            !grow(&I->impulses, sizeof(double) * (size_t)(c * n)) || !grow(&I->transition_masks, sizeof(double) * (size_t)(c * I->masks)))
             return 0;
     }
     I->transitions++;
     if (I->block) return 1;
-    I->transition_steps[k] = I->steps;
+    I->transition_steps[k] = I->steps - I->first;
     I->transition_rows[k] = row;
     memcpy(I->impulses + k * n, T->impulse, sizeof(double) * (size_t)n);
+    memcpy(I->transition_masks + k * I->masks, T->side, sizeof(double) * (size_t)I->masks);
     return 1;
 }
 

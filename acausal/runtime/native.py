@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.inputs import Inputs
-from acausal.collocation.modes import Change, ModesMet
+from acausal.collocation.modes import ModesMet
 from acausal.collocation.problem import (
     Accuracy,
     Crossing,
@@ -455,16 +455,16 @@ class Run:
             sum(spent(kernels, self.started, now) for kernels, _, _ in self._in_use)
             for spent in (Kernels.made_between, Kernels.compiled_between)
         )
+        modes = self._modes()
+        jumps = 0 if modes is None else int(modes.jumped.sum())
         statistics = Statistics(
-            self._ran(), tableau.order, core.steps, core.rejected, core.evaluations, core.iterations,
+            self._ran(), tableau.order, core.steps - jumps, core.rejected, core.evaluations, core.iterations,
             now - self.started - waited, core.factorisations, self.kinds, waited + worked,
         )  # fmt: skip
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]
         crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
-        return Solution(
-            t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept(), modes=self._modes()
-        )
+        return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept(), modes=modes)
 
     def _modes(self) -> ModesMet | None:
         """Masks of all steps, and where they changed."""
@@ -472,20 +472,15 @@ class Run:
         modes = integrand.modes
         if modes is None:
             return None
-        t, n, rows = self._times().copy(), self._ends - 1, modes.one_sided + modes.frictions
-        sides = np.ctypeslib.as_array(core.step_sides, (n, integrand.held)) if n else np.zeros((0, integrand.held))
-        masks = sides[:, : integrand.masks].T.copy()
-        count = core.transitions
-        if not count:
-            return ModesMet(t[: max(n, 1)], masks if n else np.zeros((integrand.masks, 1)), ())
-        steps, which = (np.ctypeslib.as_array(part, (count,)).tolist() for part in (core.transition_steps, core.transition_rows))
-        impulses = np.ctypeslib.as_array(core.impulses, (count, rows)).copy()
-        changes: list[Change] = []
-        for step, row, impulse in zip(steps, which, impulses, strict=True):
-            k = step - core.first
-            if 0 <= k <= n:
-                changes.append(Change(k, float(t[k]), row, impulse, bool(impulse.any())))
-        return ModesMet(t[: max(n, 1)], masks if n else np.zeros((integrand.masks, 1)), tuple(changes))
+        t, rows, count = self._times(), modes.one_sided + modes.frictions, core.transitions
+        if not count:  # it did not begin
+            return ModesMet.none(float(t[0]), integrand.masks, rows)
+        steps, which = (np.ctypeslib.as_array(part, (count,)).copy() for part in (core.transition_steps, core.transition_rows))
+        impulses, masks = (
+            np.ctypeslib.as_array(part, (count, n)).copy()
+            for part, n in ((core.impulses, rows), (core.transition_masks, integrand.masks))
+        )
+        return ModesMet(t[steps], masks.T, steps, which, impulses)
 
     @property
     def _ends(self) -> int:
@@ -547,6 +542,7 @@ class Run:
         parts = np.flatnonzero(np.diff(number // max(1, BUDGET // size), prepend=-1))
         for first, last in zip(parts, [*parts[1:], wanted.size], strict=True):
             here, end = np.ascontiguousarray(wanted[first:last]), int(row[last - 1]) + 1
+            end += end + 1 < t.size and t[end + 1] == t[end]  # a jump that follows belongs to the step
             accuracy = replace(accuracy, max_steps=int(steps[:end].sum()))
             run = Run(self.native, replace(problem, read=here), x0, t0, t1, accuracy, self.choice)
             run.core.budget = 1

@@ -144,10 +144,10 @@ typedef struct Integrator {
     size_t room, used;
     long counted, first, event_room; /* whether bytes are only counted; number of steps that are not kept; events of one step at most */
     long promised;                   /* whether exact kernels are to be had where they are needed */
-    /* Changes of mode so far: after how many steps each, the row of masks that led to it (-1: the start, or a jump of inputs), and impulses (one_sided +
+    /* Changes of mode so far: after how many of the steps that are kept each, the row of masks that led to it (-1: the start, or a jump of inputs), and impulses (one_sided +
        frictions), which are in steps of no length */
     long transitions, *transition_steps, *transition_rows;
-    double *impulses;
+    double *impulses, *transition_masks; /* masks from then on */
 } Integrator;
 
 EXPORT int begin(Integrator *I);

@@ -125,7 +125,7 @@ static int meet_row(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
     long k = I->steps - I->first;
     double h = k > 0 ? I->times[k] - I->times[k - 1] : L->planned, farthest = L->over ? HOP * h : INSTANT * L->planned;
-    for (int again = 0; again < 3 && L->slope < 0; again++) {
+    for (int again = 0; again < 3 && L->slope < 0 && h > 0; again++) { /* a jump keeps its instant */
         if (!rows_at(I, I->t, I->x)) return 0;
         double value = T->one_row[L->row], noise = T->row_noise[L->row], time = -(value + noise) / L->slope;
         if ((value <= 0 && value >= -2 * noise) || !(fabs(time) <= farthest)) break;

@@ -17,7 +17,18 @@ def at_steps(functions: Functions, run: Trajectory, function: ca.Function, some:
     t, x = run.steps.t, run.steps.x
     if some is not None:
         t, x = t[some], x[:, some]
-    return functions.series(function).glance(t, x, run.problem.inputs(t), run.problem.parameters)
+    return functions.series(function).glance(t, x, inputs_at_steps(run, some), run.problem.parameters)
+
+
+def inputs_at_steps(run: Trajectory, some: np.ndarray | None = None) -> np.ndarray:
+    """(nu, n): inputs at the ends of `some` steps, or of all; before an impact with the modes before it."""
+    t, met = run.steps.t, run.solution.modes
+    some = np.arange(t.size) if some is None else some
+    u = run.problem.inputs(t[some])
+    if met is not None:
+        masks = met.at_ends(t.size)[:, some]
+        u[u.shape[0] - masks.shape[0] :] = masks
+    return u
 
 
 def matrices_at_steps(functions: Functions, run: Trajectory, function: ca.Function, some: np.ndarray) -> np.ndarray:

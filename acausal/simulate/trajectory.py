@@ -19,8 +19,8 @@ from acausal.collocation.inputs import Inputs
 from acausal.collocation.modes import WithModes
 from acausal.collocation.problem import Interpolant, Problem, Solution, Statistics, Status, together
 from acausal.errors import OptionError
-from acausal.language.component import System
-from acausal.language.expression import Expression
+from acausal.language.component import Component, System
+from acausal.language.expression import Expression, Reaction
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -28,6 +28,7 @@ from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
 from acausal.simulate.events import Event, when
 from acausal.simulate.piece import Piece
+from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, transitions_of
 from acausal.start.initial import InitialState
 
 
@@ -119,6 +120,19 @@ class Trajectory:
         return tuple(events)
 
     @functools.cached_property
+    def transitions(self) -> Transitions:
+        """Instants at which parts open, close, stick, slide or strike, in order of time: a table that prints itself; see `Transitions`."""
+        return transitions_of(self)
+
+    def modes(self, of: Component | Reaction | str) -> ModesOfPart:
+        """What a part, or one law of it by its reaction, was doing and from when on. Raises `OptionError` for what has no laws."""
+        return modes_of_part(self, of)
+
+    def given(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Trajectory:
+        """Read at times (n,) in states (nx, n) and with inputs (nu, n) that are known."""
+        return _read(self.functions, self.problem, self.pieces, self.initial, t, self.watched, x, u)
+
+    @functools.cached_property
     def x(self) -> np.ndarray:
         """States at `t`, (nx, n): the integrator's interpolant, projected so that invariants hold between steps too."""
         if len(self.pieces) == 1:
@@ -202,7 +216,19 @@ class Trajectory:
 
     @functools.cached_property
     def energy_loss(self) -> np.ndarray:
-        """Energy dissipated less energy supplied since the start, (n,) [J]; Gauss quadrature of the power on the interpolant."""
+        """Energy dissipated less energy supplied since the start, (n,) [J]; Gauss quadrature of the power on the interpolant, and what impacts lose."""
+        return self.lost_by_power + self._lost_in_impacts
+
+    @property
+    def _lost_in_impacts(self) -> np.ndarray:
+        """(n,) [J]: until these times, what happens there included."""
+        met = self.transitions
+        so_far = np.concatenate([[0.0], np.cumsum(met.lost_in_balance)])
+        return so_far[np.searchsorted(met.times, self.t, side="right")]
+
+    @property
+    def lost_by_power(self) -> np.ndarray:
+        """(n,) [J]: without what impacts lose."""
         if self.outputs.power_loss.is_zero():
             return np.zeros(self.t.size)
         ends = np.concatenate([_step_ends(piece.solution) for piece in self.pieces])
@@ -217,8 +243,7 @@ class Trajectory:
 
     def energy_error(self) -> float:
         """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way."""
-        begin = self.pieces[0].solution.t[:1]
-        start = self if self.t[0] == begin[0] else self.at(begin)
+        start = self._beginning
         balance = self.energy + self.energy_loss - start.energy[0]
         steps = self.steps.t  # what moves in between counts where few samples were asked for
         between = self.at(steps[:: max(1, steps.size // 64)])
@@ -230,13 +255,22 @@ class Trajectory:
         worst = float(np.max(np.abs(balance)))
         return worst / scale if scale > 0 else worst
 
+    @property
+    def _beginning(self) -> Trajectory:
+        """The start, before anything strikes there."""
+        t, met = self.pieces[0].solution.t[:1], self.transitions
+        if len(met) and met.times[0] == t[0]:
+            return met[0].before.run
+        return self if self.t[0] == t[0] else self.at(t)
+
     def constraint_error(self) -> float:
-        """Largest residual of any invariant (loops [m or sine of angle], their rates, quaternion norms); 0 without any."""
-        invariants = self.functions.invariants
-        if invariants is None:
-            return 0.0
+        """Largest residual of any invariant (loops [m or sine of angle], their rates, quaternion norms, gaps that are closed, slips that stick); 0 without any."""
+        invariants, modes = self.functions.invariants, self.functions.modes
         p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
-        return float(np.max(np.abs(np.array(invariants(self.t[None, :], self.x, p)))))
+        if modes is not None:
+            held = modes.invariants(self.t[None, :], self.x, self.u[self.u.shape[0] - modes.masks :], p)
+            return float(np.max(np.abs(np.array(held)), initial=0.0))
+        return 0.0 if invariants is None else float(np.max(np.abs(np.array(invariants(self.t[None, :], self.x, p)))))
 
     def plot(self, *expressions: Expression | str, path: str | Path | None = None) -> Any:
         """Plot series over time with matplotlib; returns the figure, and writes it to `path` if given."""

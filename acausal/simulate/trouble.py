@@ -79,6 +79,7 @@ def _suspicious(functions: Functions, run: Trajectory) -> np.ndarray:
         some = np.flatnonzero(kinetic <= _SINGULAR * np.max(kinetic))
         return some[spread(some.size)]
     h = np.diff(t)
+    h[h == 0] = h.max(initial=0.0)  # over these the state jumps
     if h.size < 2:
         return np.arange(h.size)
     h[0] = max(h[:2])

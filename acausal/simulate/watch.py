@@ -17,7 +17,7 @@ from acausal.numerics.rounding import Rounding
 from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import Functions
 from acausal.simulate.blame import condition, energy_cause
-from acausal.simulate.looks import at_steps
+from acausal.simulate.looks import at_steps, inputs_at_steps
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.coordinates import turning_states
 from acausal.wording import callers_level
@@ -35,6 +35,8 @@ _LOOSE, _START = 10.0, 1e-5
 """Invariants are forgiven more, and as much as starts may be off."""
 _NOISE = 1e3
 """Times what rounding makes of an energy."""
+_FEW = 4
+"""Steps that tell how a power goes on."""
 _CHEAP, _SHARE = 1e4, 1 / 40
 """Operations for the power at all steps that never matter, and their share in those of the motion; these run as C, many times faster."""
 _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng(1).choice([-1.0, 1.0], 509)
@@ -90,7 +92,7 @@ def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Size
     x[:, :_LOOKS] = x[:, _LOOKS:] = run.steps.x[:, some]
     signs = _SIGNS if n * _LOOKS <= _SIGNS.size else np.resize(_SIGNS, n * _LOOKS)
     x[:, _LOOKS:] += sizes.forgiven[:, None] * signs[: n * _LOOKS].reshape(_LOOKS, n).T
-    u, p = run.problem.inputs(times), run.problem.parameters
+    u, p = inputs_at_steps(run, some), run.problem.parameters
     return functions.series(functions.watched).glance(np.concatenate((times, times)), x, np.concatenate((u, u), axis=1), p)
 
 
@@ -137,7 +139,7 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np
     their sum is nothing.
     """
     t, x, p = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters
-    u = run.problem.inputs(np.array([t]))[:, 0]
+    u = inputs_at_steps(run, np.array([k]))[:, 0]
     rates, h, spread = Rounding(functions.explicit_dynamics), float(np.diff(run.steps.t).max()), _EPS * sizes.met
     for _ in range(2):  # of velocities, then of positions
         spread = np.maximum(spread, h * np.nan_to_num(rates(t, x, u, p, spread=spread)))
@@ -149,7 +151,7 @@ def _rounding_of_turns(functions: Functions, run: Trajectory, k: int) -> np.ndar
     t, x, p, space = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters, functions.space
     turns, rates = turning_states(space.system)
     spread = _EPS * np.append(turns, np.zeros(rates.size))[list(space.places)]
-    u = run.problem.inputs(np.array([t]))[:, 0]
+    u = inputs_at_steps(run, np.array([k]))[:, 0]
     return ROUNDING / _EPS * np.nan_to_num(Rounding(functions.watched)(t, x, u, p, spread=spread))
 
 
@@ -157,7 +159,7 @@ def _look_at_energy(
     functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, T: np.ndarray, V: np.ndarray, spreads: np.ndarray
 ) -> None:
     """Warn if the energy balance is off by more than what is forgiven, and by more than rounding makes of it."""
-    balance = T + V - T[0] - V[0]
+    balance = T + V - T[0] - V[0] + run.transitions.lost_at_ends(run.steps.t.size)[some]
     scale = max(float(T.max()), float(V.max() - V.min()))
     if functions.outputs.power_loss.is_zero():
         doubtful = bool((np.abs(balance) > np.maximum(sizes.part * scale, spreads)).any())
@@ -193,17 +195,41 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     power takes much arithmetic against the motion itself.
     """
     steps, (of_power, of_rates) = run.steps.t.size, functions.operations_of_power_and_rates
-    if steps < 4 or of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
+    if steps < _FEW or of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
         return False
-    h, power = np.diff(run.steps.t), at_steps(functions, run, functions.power_loss)[0]
-    secant = (power[1:] - power[:-1]) / h
+    begin, end = _power_at_ends(functions, run)
+    h = np.diff(run.steps.t)
+    moves = h > 0
+    number, h, begin, end = (
+        np.insert(np.cumsum(moves), 0, 0),
+        h[moves],
+        begin[moves],
+        end[moves],
+    )  # steps without length are jumps
+    if h.size < _FEW:
+        return False
+    secant = (end - begin) / h
     inside = (secant[:-1] * h[1:] + secant[1:] * h[:-1]) / (h[1:] + h[:-1])
     slope = np.concatenate((secant[:1], inside, secant[-1:]))
     bend = h * h * (slope[:-1] - slope[1:]) / 12
-    lost, unsure = np.zeros(power.size), np.zeros(power.size)
-    np.cumsum(h * (power[1:] + power[:-1]) / 2 + bend, out=lost[1:])
+    lost, unsure = np.zeros(h.size + 1), np.zeros(h.size + 1)
+    np.cumsum(h * (begin + end) / 2 + bend, out=lost[1:])
     np.cumsum(np.abs(bend), out=unsure[1:])
-    return bool((np.abs(balance + lost[some]) > allowed + unsure[some]).any())
+    looked = number[some]
+    return bool((np.abs(balance + lost[looked]) > allowed + unsure[looked]).any())
+
+
+def _power_at_ends(functions: Functions, run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """Power that is lost at the start and at the end of each step, (steps,) each, in the mode that the step is in."""
+    power, met = at_steps(functions, run, functions.power_loss)[0], run.solution.modes
+    if met is None:
+        return power[:-1], power[1:]
+    t, x = run.steps.t, run.steps.x
+    u = inputs_at_steps(run)
+    masks = met.at_ends(t.size)
+    u[u.shape[0] - masks.shape[0] :, 1:] = masks[:, :-1]  # a mode lasts until the end of the step
+    ends = functions.series(functions.power_loss).glance(t[1:], x[:, 1:], u[:, 1:], run.problem.parameters)[0]
+    return power[:-1], ends
 
 
 def _passed(functions: Functions, run: Trajectory) -> float:
@@ -223,7 +249,8 @@ class Balance:
 def _balance(functions: Functions, run: Trajectory) -> Balance:
     """With what is lost by Gauss quadrature."""
     T, V = at_steps(functions, run, functions.watched)[:2]
-    lost = run.at(run.steps.t).energy_loss
+    t = run.steps.t
+    lost = run.at(t).lost_by_power + run.transitions.lost_at_ends(t.size)
     gap = T + V - T[0] - V[0] + lost
     passed = 0.0 if functions.outputs.power_loss.is_zero() else _passed(functions, run)
     return Balance(gap, max(float(np.max(T)), float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost))), passed))

@@ -1,0 +1,349 @@
+"""Transitions: instants of a motion at which parts open, close, begin to slide, stick or strike, read from the run."""
+
+from __future__ import annotations
+
+import functools
+import html
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, overload
+
+import casadi as ca
+import numpy as np
+
+from acausal.dynamics.mode_rows import ModeRow
+from acausal.errors import OptionError
+from acausal.language.component import Component, System
+from acausal.language.expression import Expression, Reaction
+from acausal.wording import compact, shortened
+
+if TYPE_CHECKING:
+    from acausal.simulate.trajectory import Trajectory
+
+_SHOWN = 40
+_NOTHING = 1e-13
+"""Of the largest impulse in an instant: what is no blow but rounding."""
+_OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
+_FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
+_ONE_SIDED = ("open", "closed")
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """One law of a part in a run: which of the `reactions` and of the masks belong to it; `name`: of its part, or of its reaction where the part has several."""
+
+    row: ModeRow
+    name: str
+    reactions: slice
+    masks: slice
+    needs: tuple[int, ...] = ()
+    """Masks of one-sided laws, one of which must be closed for there to be any friction; none where it has a limit of its own."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What it may be doing, by number."""
+        return _ONE_SIDED if self.row.one_sided else _FRICTION
+
+    def numbers(self, masks: np.ndarray) -> np.ndarray:
+        """Which of the words (n,) are true, by all masks (masks, n)."""
+        own = masks[self.masks]
+        if self.row.one_sided:
+            return (own[0] == 1).astype(int)
+        plane = self.row.moved.numel() > 1
+        slides = np.any(own[1:3] != 0, axis=0) if plane else own[1]
+        sign = (
+            np.where(slides != 0, _SLIDES, _OFF)
+            if plane
+            else np.choose((slides + 1).astype(int), (_SLIDES_DOWN, _OFF, _SLIDES_UP))
+        )
+        found = np.where(own[0] == 1, _STICKS, sign)
+        return np.where(masks[list(self.needs)].any(axis=0), found, _OFF) if self.needs else found
+
+
+def laws_of(run: Trajectory) -> tuple[Law, ...]:
+    """All of the run's scene, in the order of its reactions and masks; none where every part always holds."""
+    modes = run.outputs.system.modes
+    if modes is None:
+        return ()
+    paths = [row.part.path for row in modes.rows]
+    found: list[Law] = []
+    reaction = mask = 0
+    for row in modes.rows:
+        size = row.moved.numel()
+        width = 1 if row.one_sided else 2 if size == 1 else 6
+        name = row.part.path if paths.count(row.part.path) == 1 else run.outputs.name(row.reaction).removesuffix("[0]")
+        found.append(
+            Law(
+                row,
+                name,
+                slice(reaction, reaction + size),
+                slice(mask, mask + width),
+                _needed(modes.rows, modes.reactions, row.sliding),
+            )
+        )
+        reaction, mask = reaction + size, mask + width
+    return tuple(found)
+
+
+def _needed(rows: Sequence[ModeRow], reactions: ca.SX, limit: ca.SX | None) -> tuple[int, ...]:
+    """Numbers of one-sided laws without whose reactions a limit is zero."""
+    if limit is None or not ca.substitute(limit, reactions, ca.SX.zeros(reactions.numel())).is_zero():
+        return ()
+    return tuple(k for k, row in enumerate(rows) if row.one_sided and ca.depends_on(limit, row.reaction.sx))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Values just before or after an instant: `moment[expression]`, a number, or an array for what is a vector or a matrix."""
+
+    run: Trajectory
+
+    def __getitem__(self, wanted: Expression | ca.SX | str) -> float | np.ndarray:
+        value = self.run[wanted][0]
+        return value if isinstance(value, np.ndarray) else float(value)
+
+    @property
+    def x(self) -> np.ndarray:
+        """All states (nx,)."""
+        return self.run.x[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What one part did: from `old` to `new` ("open", "closed", "sticks", "slides +" along its slip, "slides -", "off"), struck by `impulse` (one number, or
+    two) [`unit`], in which `energy_lost` became heat [J]."""
+
+    part: str
+    old: str
+    new: str
+    impulse: float | np.ndarray
+    unit: str
+    energy_lost: float
+
+    def __str__(self) -> str:
+        struck = "" if not np.any(self.impulse) else f"{np.linalg.norm(self.impulse):.4g} {self.unit}"
+        lost = f"{self.energy_lost:.4g} J" if struck else ""
+        return f"{self.part:<24} {self.old + ' -> ' + self.new:<22} {struck:<18} {lost}".rstrip()
+
+
+@dataclass(frozen=True, eq=False)
+class Transition:
+    """All that changes in one instant `time` [s]: `changes` of parts, and values just `before` and `after`: `transition.before[expression]`."""
+
+    time: float
+    changes: tuple[Change, ...]
+    before: Moment
+    after: Moment
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Whose mode changes, or which are struck."""
+        return tuple(change.part for change in self.changes)
+
+    @property
+    def energy_lost(self) -> float:
+        """In impacts of all parts [J]."""
+        return sum(change.energy_lost for change in self.changes)
+
+    def __str__(self) -> str:
+        return "\n".join(f"{f'{self.time:.9g}' if k == 0 else '':<14} {change}" for k, change in enumerate(self.changes))
+
+    def __repr__(self) -> str:
+        return f"<Transition {self}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Transitions(Sequence[Transition]):
+    """Of a run, in order of time: a table that prints itself, of `Transition`s that are made when they are asked for.
+
+    `times` (n,) [s]; `rows` (n,): ends of steps before each; `jumped` (n,): whether the state jumps, over a step of no length. `old`, `new` (laws, n): numbers of words;
+    `impulses` (n, reactions), and what each of them `lost` (n, reactions) as heat, and `lost_in_balance` (n,): less what drives brought in [J]. Where nothing
+    changes but to which law a force is due there is no transition; the start's decision is none, unless something strikes there.
+    """
+
+    run: Trajectory
+    laws: tuple[Law, ...]
+    times: np.ndarray
+    rows: np.ndarray
+    jumped: np.ndarray
+    masks: tuple[np.ndarray, np.ndarray]
+    old: np.ndarray
+    new: np.ndarray
+    impulses: np.ndarray
+
+    @functools.cached_property
+    def _losses(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, reactions), (n,): half the rate before and after, times the impulse (Thomson and Tait): of what the laws hold, and of what the energy balance sees."""
+        lost, n = np.zeros(self.impulses.shape), self.impulses.shape[1]
+        in_balance = np.zeros(self.times.size)
+        function, some = self.run.functions.impacts, np.flatnonzero(self.jumped)
+        if function is None or not some.size:
+            return lost, in_balance
+        t, x = self.times[some], self.run.solution.x
+        states = np.hstack([x[:, self.rows[some]], x[:, self.rows[some] + 1]])
+        u = np.hstack([self._inputs(k, some) for k in range(2)])
+        series = self.run.functions.series(function)
+        before, after = np.split(series.glance(np.concatenate([t, t]), states, u, self.run.problem.parameters), 2, axis=1)
+        work = self.impulses[some] * ((before[:n] + after[:n]) / 2).T
+        lost[some] = -work
+        in_balance[some] = (self.impulses[some] * ((before[n:] + after[n:]) / 2).T).sum(axis=1)
+        return lost, in_balance
+
+    @property
+    def energy_lost(self) -> np.ndarray:
+        """As heat in each (n,) [J]."""
+        return self._losses[0].sum(axis=1)
+
+    @property
+    def lost_in_balance(self) -> np.ndarray:
+        """The same less what moving surfaces, belts and drives brought in (n,) [J]."""
+        return self._losses[1]
+
+    def lost_at_ends(self, count: int) -> np.ndarray:
+        """The sum of these so far (n,) [J], at so many ends of steps: not yet at the end before an impact."""
+        lost = np.zeros(count)
+        np.add.at(lost, (self.rows + 1)[self.jumped], self.lost_in_balance[self.jumped])
+        return np.cumsum(lost)
+
+    def _inputs(self, after: int, some: np.ndarray) -> np.ndarray:
+        """(nu, n): before or after these transitions."""
+        times = self.times[some]
+        inputs = self.run.problem.inputs
+        u = inputs(times if after else np.nextafter(times, -np.inf))  # inputs may jump there, too
+        masks = self.masks[after][:, some]
+        u[u.shape[0] - masks.shape[0] :] = masks
+        return u
+
+    def _moment(self, k: int, after: int) -> Moment:
+        x = self.run.solution.x[:, [self.rows[k] + (after if self.jumped[k] else 0)]]
+        return Moment(self.run.given(self.times[[k]], x, self._inputs(after, np.array([k]))))
+
+    def _one(self, k: int) -> Transition:
+        changes: list[Change] = []
+        sizes = {law.row.reaction.unit: 0.0 for law in self.laws}
+        for law in self.laws:
+            sizes[law.row.reaction.unit] = max(sizes[law.row.reaction.unit], float(np.abs(self.impulses[k, law.reactions]).max()))
+        for i, law in enumerate(self.laws):
+            old, new, impulse = self.old[i, k], self.new[i, k], self.impulses[k, law.reactions]
+            if old == new and not np.abs(impulse).max() > _NOTHING * sizes[law.row.reaction.unit]:
+                continue
+            unit = {"N": "N*s", "N*m": "N*m*s"}.get(law.row.reaction.unit, f"{law.row.reaction.unit}*s")
+            lost = float(self._losses[0][k, law.reactions].sum())
+            struck = float(impulse[0]) if impulse.size == 1 else impulse.copy()
+            changes.append(Change(law.name, law.words[old], law.words[new], struck, unit, lost))
+        return Transition(float(self.times[k]), tuple(changes), self._moment(k, 0), self._moment(k, 1))
+
+    @overload
+    def __getitem__(self, index: int) -> Transition: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Transition, ...]: ...
+    def __getitem__(self, index: int | slice) -> Transition | tuple[Transition, ...]:
+        found = range(len(self))[index]
+        return tuple(self._one(k) for k in found) if isinstance(found, range) else self._one(found)
+
+    def __len__(self) -> int:
+        return self.times.size
+
+    def __iter__(self) -> Iterator[Transition]:
+        return (self._one(k) for k in range(len(self)))
+
+    def __str__(self) -> str:
+        if not len(self):
+            return "No transitions."
+        head = f"{'time [s]':<14} {'part':<24} {'from -> to':<22} {'impulse':<18} energy lost"
+        first, last = self[: _SHOWN // 2], self[max(_SHOWN // 2, len(self) - _SHOWN // 2) :]
+        between = len(self) - len(first) - len(last)
+        return "\n".join([head, *map(str, first), *([f"... {between} more ..."] if between else []), *map(str, last)])
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} transitions>\n{self}"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def transitions_of(run: Trajectory) -> Transitions:
+    """Of a run; none where its parts always hold."""
+    laws, met = laws_of(run), run.solution.modes
+    if met is None:
+        none, words = np.zeros(0), np.zeros((0, 0), dtype=int)
+        at = none.astype(int)
+        return Transitions(run, laws, none, at, none.astype(bool), (words, words), words, words, np.zeros((0, 0)))
+    last = np.append(np.diff(met.steps) > 0, True)  # of those at the same end of a step
+    first = np.insert(last[:-1], 0, True)
+    begin, end = np.flatnonzero(first), np.flatnonzero(last)
+    impulses = np.add.reduceat(met.impulses, begin, axis=0)
+    after = met.masks[:, end]
+    before = np.hstack([after[:, :1] if not impulses[0].any() else np.zeros((after.shape[0], 1)), after[:, :-1]])
+    old, new = (np.array([law.numbers(masks) for law in laws]) for masks in (before, after))
+    jumped = impulses.any(axis=1)
+    some = np.flatnonzero(jumped | (old != new).any(axis=0))
+    return Transitions(
+        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some]
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ModesOfPart:
+    """What a part, or one law of it, was doing: `words` (n,) from each of the `times` (n,) [s] on, until `end`. It prints itself, and gives pairs (time, word)."""
+
+    name: str
+    times: np.ndarray
+    words: tuple[str, ...]
+    end: float
+
+    def at(self, time: float) -> str:
+        """At a time [s]; where it changes, after that. Raises `OptionError` outside of the run."""
+        if not self.times[0] <= time <= self.end:
+            raise OptionError(
+                f"run.modes({self.name}).at({time:g}): the motion is known from {self.times[0]:g} s to {self.end:g} s."
+            )
+        return self.words[int(np.searchsorted(self.times, time, side="right")) - 1]
+
+    def __iter__(self) -> Iterator[tuple[float, str]]:
+        return zip(self.times.tolist(), self.words, strict=True)
+
+    def __len__(self) -> int:
+        return self.times.size
+
+    def __str__(self) -> str:
+        lines = [f"from {time:.9g} s {word}" for time, word in self]
+        return "\n".join([f"{self.name}, until {self.end:g} s:", *shortened(lines, _SHOWN)])
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def modes_of_part(run: Trajectory, of: Component | Reaction | str) -> ModesOfPart:
+    """Of a part, all of its laws together, or of one reaction. Raises `OptionError` for what has no laws."""
+    laws = laws_of(run)
+    some = [law for law in laws if _belongs(run, law, of)]
+    met = run.solution.modes
+    if not some or met is None:
+        known = compact(dict.fromkeys(law.name for law in laws)) if laws else "no part of this scene does"
+        raise OptionError(f"run.modes({of!r}): that has no laws by which it opens, sticks or slides; these have: {known}.")
+    last = np.append(np.diff(met.begins) > 0, True)  # of those in one instant the last one counts
+    times, numbers = met.begins[last], np.array([law.numbers(met.masks[:, last]) for law in some])
+    kept = np.insert(np.any(numbers[:, 1:] != numbers[:, :-1], axis=0), 0, True).nonzero()[0]
+    words = tuple(", ".join(law.words[n] for law, n in zip(some, numbers[:, k], strict=True)) for k in kept)
+    name = of if isinstance(of, str) else some[0].row.part.path if isinstance(of, Component) else run.outputs.name(of)
+    return ModesOfPart(name, times[kept], words, float(run.solution.t[-1]))
+
+
+def _belongs(run: Trajectory, law: Law, of: Component | Reaction | str) -> bool:
+    part = law.row.part
+    if isinstance(of, str):
+        return of in (part.path, law.name, run.outputs.name(law.row.reaction)) or part.path.startswith(f"{of}.")
+    if isinstance(of, Reaction):
+        return of is law.row.reaction
+    return part.component is of or (isinstance(of, System) and any(part.component is inner for inner in _inside(of)))
+
+
+def _inside(system: System) -> Iterator[Component]:
+    for _, part in system.parts():
+        yield part
+        if isinstance(part, System):
+            yield from _inside(part)
