@@ -276,7 +276,7 @@ def transitions_of(run: Trajectory) -> Transitions:
     after = met.masks[:, end]
     before = np.hstack([after[:, :1] if not impulses[0].any() else np.zeros((after.shape[0], 1)), after[:, :-1]])
     old, new = (np.array([law.numbers(masks) for law in laws]) for masks in (before, after))
-    jumped = impulses.any(axis=1)
+    jumped = np.asarray(impulses.any(axis=1))
     some = np.flatnonzero(jumped | (old != new).any(axis=0))
     return Transitions(
         run, laws, met.begins[end][some], met.steps[end][some], jumped[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some]
