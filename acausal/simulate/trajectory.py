@@ -260,7 +260,7 @@ class Trajectory:
         """The start, before anything strikes there."""
         t, met = self.pieces[0].solution.t[:1], self.transitions
         if len(met) and met.times[0] == t[0]:
-            return met[0].before.run
+            return self.given(t, met[0].before.x[:, None], self.problem.inputs(t))
         return self if self.t[0] == t[0] else self.at(t)
 
     def constraint_error(self) -> float:

@@ -6,19 +6,19 @@ import functools
 import html
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import Protocol, overload
 
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.problem import Problem, Solution
 from acausal.dynamics.mode_rows import ModeRow
 from acausal.errors import OptionError
 from acausal.language.component import Component, System
 from acausal.language.expression import Expression, Reaction
+from acausal.outputs.functions import Functions
+from acausal.outputs.outputs import Outputs
 from acausal.wording import compact, shortened
-
-if TYPE_CHECKING:
-    from acausal.simulate.trajectory import Trajectory
 
 _SHOWN = 40
 _NOTHING = 1e-13
@@ -26,6 +26,21 @@ _NOTHING = 1e-13
 _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
 _FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
 _ONE_SIDED = ("open", "closed")
+
+
+class Run(Protocol):
+    """What is needed of a `Trajectory`."""
+
+    @property
+    def functions(self) -> Functions: ...
+    @property
+    def outputs(self) -> Outputs: ...
+    @property
+    def problem(self) -> Problem: ...
+    @property
+    def solution(self) -> Solution: ...
+    def given(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Run: ...
+    def __getitem__(self, wanted: Expression | ca.SX | str) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +75,7 @@ class Law:
         return np.where(masks[list(self.needs)].any(axis=0), found, _OFF) if self.needs else found
 
 
-def laws_of(run: Trajectory) -> tuple[Law, ...]:
+def laws_of(run: Run) -> tuple[Law, ...]:
     """All of the run's scene, in the order of its reactions and masks; none where every part always holds."""
     modes = run.outputs.system.modes
     if modes is None:
@@ -94,18 +109,14 @@ def _needed(rows: Sequence[ModeRow], reactions: ca.SX, limit: ca.SX | None) -> t
 
 @dataclass(frozen=True)
 class Moment:
-    """Values just before or after an instant: `moment[expression]`, a number, or an array for what is a vector or a matrix."""
+    """Values just before or after an instant: `moment[expression]`, a number, or an array for what is a vector or a matrix. `x` (nx,): all states."""
 
-    run: Trajectory
+    run: Run
+    x: np.ndarray
 
     def __getitem__(self, wanted: Expression | ca.SX | str) -> float | np.ndarray:
         value = self.run[wanted][0]
         return value if isinstance(value, np.ndarray) else float(value)
-
-    @property
-    def x(self) -> np.ndarray:
-        """All states (nx,)."""
-        return self.run.x[:, 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +172,7 @@ class Transitions(Sequence[Transition]):
     changes but to which law a force is due there is no transition; the start's decision is none, unless something strikes there.
     """
 
-    run: Trajectory
+    run: Run
     laws: tuple[Law, ...]
     times: np.ndarray
     rows: np.ndarray
@@ -216,7 +227,7 @@ class Transitions(Sequence[Transition]):
 
     def _moment(self, k: int, after: int) -> Moment:
         x = self.run.solution.x[:, [self.rows[k] + (after if self.jumped[k] else 0)]]
-        return Moment(self.run.given(self.times[[k]], x, self._inputs(after, np.array([k]))))
+        return Moment(self.run.given(self.times[[k]], x, self._inputs(after, np.array([k]))), x[:, 0])
 
     def _one(self, k: int) -> Transition:
         changes: list[Change] = []
@@ -262,7 +273,7 @@ class Transitions(Sequence[Transition]):
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-def transitions_of(run: Trajectory) -> Transitions:
+def transitions_of(run: Run) -> Transitions:
     """Of a run; none where its parts always hold."""
     laws, met = laws_of(run), run.solution.modes
     if met is None:
@@ -317,7 +328,7 @@ class ModesOfPart:
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-def modes_of_part(run: Trajectory, of: Component | Reaction | str) -> ModesOfPart:
+def modes_of_part(run: Run, of: Component | Reaction | str) -> ModesOfPart:
     """Of a part, all of its laws together, or of one reaction. Raises `OptionError` for what has no laws."""
     laws = laws_of(run)
     some = [law for law in laws if _belongs(run, law, of)]
@@ -333,7 +344,7 @@ def modes_of_part(run: Trajectory, of: Component | Reaction | str) -> ModesOfPar
     return ModesOfPart(name, times[kept], words, float(run.solution.t[-1]))
 
 
-def _belongs(run: Trajectory, law: Law, of: Component | Reaction | str) -> bool:
+def _belongs(run: Run, law: Law, of: Component | Reaction | str) -> bool:
     part = law.row.part
     if isinstance(of, str):
         return of in (part.path, law.name, run.outputs.name(law.row.reaction)) or part.path.startswith(f"{of}.")
