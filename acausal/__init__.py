@@ -8,7 +8,7 @@ from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Input, Parameter, Reaction, Variable, time
-from acausal.language.mode_laws import DryFriction, OneSided
+from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
 from acausal.model import Model, build
@@ -35,6 +35,7 @@ __all__ = [
     "LoadedModel",
     "Model",
     "OneSided",
+    "OneWay",
     "OptimalControl",
     "Parameter",
     "Point",

@@ -5,8 +5,8 @@ CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (ma
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; along lines: SlidingMass, TranslationalSpring,
-TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode,
+RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel; along lines: SlidingMass, TranslationalSpring,
+TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
 RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
@@ -16,6 +16,7 @@ from components.amplifier import OperationalAmplifier
 from components.bodies import Fixed, Particle, RigidBody
 from components.cable import Cable, ConstantSum, LineOfAction
 from components.cam import CamFollower
+from components.clutches import Brake, Clutch, Freewheel
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.contact import Contact
 from components.contacts.contact_force import ContactForce
@@ -78,6 +79,7 @@ from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
 from components.motor import DCMotor
+from components.rectifiers import IdealDiode
 from components.rotational import (
     AngleSource,
     AngularAccelerationSource,
@@ -103,6 +105,7 @@ from components.signals import (
     TimeFunction,
     TranslationSensor,
 )
+from components.stops import Backlash, EndStop
 from components.translational import (
     AccelerationSource,
     ForceSource,
@@ -123,6 +126,8 @@ __all__ = [
     "AngleSource",
     "AngularAccelerationSource",
     "Apart",
+    "Backlash",
+    "Brake",
     "Bushing",
     "Cable",
     "CamFollower",
@@ -130,6 +135,7 @@ __all__ = [
     "CartesianTranslation",
     "CentralField",
     "Circle",
+    "Clutch",
     "Cone",
     "Constant",
     "ConstantSum",
@@ -149,6 +155,7 @@ __all__ = [
     "ElasticGear",
     "ElectromotiveForce",
     "Ellipsoid",
+    "EndStop",
     "Fixed",
     "FlexibleBeam",
     "FlexibleBody",
@@ -156,6 +163,7 @@ __all__ = [
     "ForceSensor",
     "ForceSource",
     "Free",
+    "Freewheel",
     "Gain",
     "Gear",
     "Ground",
@@ -163,6 +171,7 @@ __all__ = [
     "HeightField",
     "Helix",
     "HuntCrossley",
+    "IdealDiode",
     "ImplicitSurface",
     "Inductor",
     "Inertia",
@@ -247,4 +256,4 @@ __all__ = [
     "VoltageSource",
     "Whereabouts",
     "World",
-]  # fmt: skip
+]

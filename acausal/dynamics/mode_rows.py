@@ -11,13 +11,13 @@ from acausal.dynamics.readings import Readings
 from acausal.errors import ModelError
 from acausal.language.expression import Expression, Reaction, Scalar, sx
 from acausal.language.flatten import FlatSystem, Part
-from acausal.language.mode_laws import DryFriction, OneSided
+from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 
 
 @dataclass(frozen=True)
 class ModeRow:
     """A law of `reaction`: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` is the slip
-    [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m].
+    [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed.
     """
 
     part: Part
@@ -26,6 +26,12 @@ class ModeRow:
     restitution: ca.SX | None = None
     sliding: ca.SX | None = None
     holding: ca.SX | None = None
+    one_way: bool = False
+
+    @property
+    def gap(self) -> ca.SX:
+        """Of a one-sided row; nothing is between what goes one way only."""
+        return ca.SX(0) if self.one_way else self.moved
 
     @property
     def one_sided(self) -> bool:
@@ -37,7 +43,7 @@ class ModeRow:
         columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
         found = ca.substitute(columns, list(old), list(new))
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
-        return ModeRow(self.part, self.reaction, found[0], *rest)
+        return ModeRow(self.part, self.reaction, found[0], *rest, self.one_way)
 
 
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
@@ -51,15 +57,19 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
 
             if isinstance(law, OneSided):
                 found.append(ModeRow(part, law.reaction, read(law.gap), read(law.restitution)))
+            elif isinstance(law, OneWay):
+                found.append(ModeRow(part, law.reaction, read(law.speed), ca.SX(0), one_way=True))
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
                 found.append(ModeRow(part, law.reaction, read(law.slip), sliding=read(law.sliding), holding=read(law.holding)))
             else:
-                raise ModelError(f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...) and ac.DryFriction(...).")
+                raise ModelError(
+                    f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...) and ac.DryFriction(...)."
+                )
     ruled = [row.reaction for row in found]
     for reaction in flat.reactions:
         if ruled.count(reaction) != 1:
             how = "no law" if reaction not in ruled else "more than one law"
             raise ModelError(
-                f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...) or ac.DryFriction(...)."
+                f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...), ac.OneWay(...) or ac.DryFriction(...)."
             )
     return tuple(sorted(found, key=lambda row: not row.one_sided))

@@ -80,7 +80,7 @@ class Component:
         return ()
 
     def laws(self) -> Iterable[ModeLaw]:
-        """How its reactions (`ac.Reaction`) hold: `ac.OneSided`, `ac.DryFriction`; none by default."""
+        """How its reactions (`ac.Reaction`) hold: `ac.OneSided`, `ac.OneWay`, `ac.DryFriction`; none by default."""
         return ()
 
     def connections(self) -> tuple[Connection, ...]:

@@ -51,7 +51,24 @@ class DryFriction:
             object.__setattr__(self, "holding", self.sliding)
 
 
-ModeLaw = OneSided | DryFriction
+@final
+@dataclass(frozen=True, eq=False)
+class OneWay:
+    """`reaction` >= 0 and `speed` >= 0, and one of them is zero: what goes one way only.
+
+    `speed`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m), which the reaction makes larger: of freewheels,
+    whose engaging at speed zero is no impact. Or a voltage that falls where the reaction, a current, flows: of ideal diodes; also one that depends
+    on the current itself.
+    """
+
+    reaction: Reaction
+    speed: Expression
+
+    def __post_init__(self) -> None:
+        _check(self.reaction, self.speed, "OneWay", "speed")
+
+
+ModeLaw = OneSided | DryFriction | OneWay
 
 
 def _check(reaction: object, moved: object, law: str, name: str) -> None:

@@ -22,7 +22,7 @@ class Switching:
 
     `rates`: (t, x, (u, sides), p) -> x', smooth in t, x and u. `rows`: (t, x, (u, sides), p) -> values that are positive where the sides are
     the true ones; `sides`: (t, x, u, p) -> the true ones. Where row k becomes negative, side `switch`[k] becomes `factor`[k] side + `plus`[k].
-    `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ...
+    `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ... `guards`: like `rates`, what else is smooth then.
     """
 
     rates: ca.Function
@@ -32,12 +32,17 @@ class Switching:
     factor: np.ndarray
     plus: np.ndarray
     words: tuple[str, ...]
+    guards: ca.Function
 
 
-def switching(function: ca.Function) -> Switching | None:
-    """That of an SX function (t, x, u, p) -> x'; None without any switch."""
+def switching(function: ca.Function, guards: ca.Function | None = None) -> Switching | None:
+    """That of an SX function (t, x, u, p) -> x', and of others that hold the same switches; None without any switch."""
     if not function.is_a("SXFunction"):
         return None
+    n = function.size1_out(0)
+    if guards is not None:
+        symbols = [ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate("txup")]
+        function = ca.Function("both", symbols, [ca.densify(ca.vertcat(function(*symbols), guards(*symbols)))])
     codes = {function.instruction_id(k) for k in range(function.n_instructions())}
     if not codes & _SWITCHES:
         return None
@@ -50,13 +55,14 @@ def switching(function: ca.Function) -> Switching | None:
     inputs = ca.vertcat(u, *found.sides)
     true = ca.Function("true", arguments, [ca.vertcat(*(row.true for row in found.switches))])
     return Switching(
-        folded_function("rates", [t, x, inputs, p], [ca.densify(held)]),
+        folded_function("rates", [t, x, inputs, p], [ca.densify(held[:n, :])]),
         folded_function("rows", [t, x, inputs, p], [ca.densify(ca.vertcat(*found.rows))]),
         folded_function("sides", arguments, [ca.densify(true(*arguments))]),
         np.array(found.switch),
         np.array(found.factor, dtype=float),
         np.array(found.plus, dtype=float),
         tuple(switch.words for switch in found.switches),
+        folded_function("guards", [t, x, inputs, p], [ca.densify(held[n:, :])]),
     )
 
 

@@ -308,7 +308,7 @@ class Functions:
         """Dynamics, what keeps them on their invariants, and their switches, for the runtime."""
         return Integrand(
             self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact, self.space.nq,
-            switching(self.explicit_dynamics), self.modes,
+            switching(self.explicit_dynamics, None if self.modes is None else self.modes.guards), self.modes,
         )  # fmt: skip
 
     @functools.cached_property

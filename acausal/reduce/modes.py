@@ -16,7 +16,8 @@ import numpy as np
 
 from acausal.dynamics.mode_rows import ModeRow
 from acausal.errors import ModelError, OptionError
-from acausal.language.expression import Mode
+from acausal.language.equation import input_rate
+from acausal.language.expression import Input, Mode, Reaction, declared
 from acausal.wording import compact
 
 
@@ -55,7 +56,7 @@ class Modes:
     @property
     def moved(self) -> ca.SX:
         """Gaps and slips."""
-        return ca.vertcat(*(row.moved for row in self.rows))
+        return ca.vertcat(*(row.gap for row in self.rows))
 
 
 def refuse_modes(rows: Sequence[ModeRow], what: str) -> None:
@@ -81,14 +82,21 @@ def masks_of(rows: Sequence[ModeRow], names: dict[object, str]) -> tuple[Mode, .
 
 
 def modes_of(rows: Sequence[ModeRow], masks: Sequence[Mode], t: ca.SX, x: ca.SX, x_dot: ca.SX, nq: int) -> Modes:
-    """Of a system with rates x_dot, by reactions that are inputs; its first nq states are positions. Raises `ModelError` for a gap that is
-    not one of positions, and reactions that the rates do not depend on as they should.
+    """Of a system with rates x_dot, by reactions that are inputs; its first nq states are positions. Where rows depend on inputs these have rates, and
+    what holds is followed by these, and not among the invariants. Raises `ModelError` for a gap that is not one of positions, and reactions that the
+    rates do not depend on as they should.
     """
     reactions = ca.vertcat(*(row.reaction.sx for row in rows))
     n, n1 = len(rows), sum(row.one_sided for row in rows)
     rates: list[ca.SX] = []
-    for row in rows:
-        rate = _rate(row.moved, t, x, x_dot) if row.one_sided else row.moved
+    at_once = [row.one_way and bool(ca.depends_on(row.moved, reactions)) for row in rows]
+    for row, algebraic in zip(rows, at_once, strict=True):
+        rate = ca.SX(0) if algebraic else row.moved if row.one_way or not row.one_sided else _rate(row.moved, t, x, x_dot)
+        if not algebraic and ca.depends_on(row.moved, reactions):
+            what = "gap" if row.one_sided else "slip"
+            raise ModelError(
+                f"The {what} of {row.part.where} follows from forces: nothing with inertia moves with it. Put a mass or an inertia where it acts."
+            )
         if ca.depends_on(rate, reactions):
             raise ModelError(
                 f"The gap of {row.part.where} is no expression of positions and time alone: its rate follows from forces."
@@ -96,10 +104,11 @@ def modes_of(rows: Sequence[ModeRow], masks: Sequence[Mode], t: ca.SX, x: ca.SX,
         rates.append(rate)
     rate = ca.densify(ca.vertcat(*rates))
     none = ca.SX.zeros(n)
-    acceleration = ca.densify(_rate(rate, t, x, x_dot))
+    accelerations = ca.vertsplit(_rate(rate, t, x, x_dot))
+    acceleration = ca.densify(ca.vertcat(*(rows[i].moved if at_once[i] else accelerations[i] for i in range(n))))
     W, J = ca.densify(ca.jacobian(acceleration, reactions)), ca.densify(ca.jacobian(x_dot, reactions))
     if ca.depends_on(ca.veccat(W, J), reactions):
-        k = next(k for k in range(n) if ca.depends_on(ca.veccat(ca.jacobian(x_dot, reactions[k])), reactions))
+        k = next(k for k in range(n) if ca.depends_on(ca.veccat(W[:, k], J[:, k]), reactions))
         raise ModelError(f"Rates are not linear in the reaction of {rows[k].part.where}. Let forces be proportional to it.")
     free = ca.substitute(acceleration, reactions, none)
     closed = [mask.sx for mask in masks[:n1]]
@@ -118,22 +127,26 @@ def modes_of(rows: Sequence[ModeRow], masks: Sequence[Mode], t: ca.SX, x: ca.SX,
             right[i] -= share * limit
     found = _solved(M, right)
     limits = [ca.substitute(row.holding, reactions, found) for row in rows[n1:] if row.holding is not None]
-    guards = [(1 - closed[i]) * rows[i].moved + closed[i] * found[i] for i in range(n1)]
+    apart = [ca.substitute(row.moved, reactions, found) if row.one_way else row.moved for row in rows[:n1]]
+    guards = [(1 - closed[i]) * apart[i] + closed[i] * found[i] for i in range(n1)]
     for k in range(n - n1):
-        force, away = found[n1 + k], slides[k] * rate[n1 + k] + (1 - slides[k] ** 2)
+        force, away = found[n1 + k], slides[k] * rate[n1 + k] - (1 - slides[k] ** 2) * limits[k]
         guards.append(sticks[k] * (limits[k] - force) + (1 - sticks[k]) * away)
-        guards.append(sticks[k] * (limits[k] + force) + (1 - sticks[k]))
+        guards.append(sticks[k] * (limits[k] + force) + (1 - sticks[k]) * (slides[k] ** 2 * (limits[k] - 1) + 1))
     K = ca.SX.zeros(n, n)
     for i in range(n):
         for j in range(n):
-            K[i, j] = holds[i] * holds[j] * W[i, j] + ((1 - holds[i]) * W[i, i] if i == j else 0)
-    gaps = ca.vertcat(*(closed[i] * rows[i].moved for i in range(n1)), ca.SX.zeros(n - n1))
-    speeds = ca.vertcat(*(holds[i] * rate[i] for i in range(n)))
+            both = 0 if i != j and (at_once[i] or at_once[j]) else holds[i] * holds[j]
+            K[i, j] = both * W[i, j] + ((1 - holds[i]) * W[i, i] if i == j else 0)
+    steady = [not _inputs_in(ca.vertcat(row.gap, rate[i])) for i, row in enumerate(rows)]
+    gaps = ca.vertcat(*(steady[i] * closed[i] * rows[i].gap for i in range(n1)), ca.SX.zeros(n - n1))
+    speeds = ca.vertcat(*(steady[i] * holds[i] * rate[i] for i in range(n)))
     pushes = _solved(K, ca.horzcat(-gaps, -speeds))
     along = ca.jacobian(x_dot, x) @ J
-    places = _positions(ca.vertcat(*(row.moved for row in rows[:n1])), J, x, nq)
+    places = _positions(ca.vertcat(*(row.gap for row in rows[:n1])), J, x, nq)
     moved = ca.SX.zeros(x.numel())
-    moved[places] = (along @ pushes[:, 0])[places]
+    if places:
+        moved[places] = (along @ pushes[:, 0])[places]
     return Modes(
         tuple(rows), tuple(masks), reactions, rate, ca.densify(free), W, J, found, ca.vertcat(*guards), ca.vertcat(gaps[:n1, :], speeds), moved + J @ pushes[:, 1],
     )  # fmt: skip
@@ -156,7 +169,14 @@ def check_compliance(modes: Modes, values: np.ndarray) -> None:
 
 
 def _rate(value: ca.SX, t: ca.SX, x: ca.SX, x_dot: ca.SX) -> ca.SX:
-    return ca.jtimes(value, t, ca.SX(1)) + ca.jtimes(value, x, x_dot)
+    own = (ca.jtimes(value, entry.sx, input_rate(entry).sx) for entry in _inputs_in(value))
+    return sum(own, ca.jtimes(value, t, ca.SX(1)) + ca.jtimes(value, x, x_dot))
+
+
+def _inputs_in(value: ca.SX) -> list[Input]:
+    """What is given from outside, whose rates are then given too."""
+    found = dict.fromkeys(declared(symbol) for symbol in ca.symvar(value))
+    return [entry for entry in found if isinstance(entry, Input) and not isinstance(entry, Mode | Reaction)]
 
 
 def _solved(A: ca.SX, B: ca.SX) -> ca.SX:

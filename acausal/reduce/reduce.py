@@ -16,10 +16,10 @@ import numpy as np
 from acausal.dynamics.forward_dynamics import articulated_inertias, forward_dynamics
 from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols, Tree
-from acausal.errors import AssemblyError, LockedError, OverdeterminedError
+from acausal.errors import AssemblyError, LockedError, ModelError, OverdeterminedError
 from acausal.language.connector import Electrical
 from acausal.language.equation import input_rates
-from acausal.language.expression import InputRate, Symbol, stacked, time
+from acausal.language.expression import InputRate, Reaction, Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
@@ -273,6 +273,8 @@ def reduce_system(
     for rate in _input_rates(
         flat, [v_dot, tree.rates, scalar.tau, scalar.rates, *scalar.solved.values(), *(h.residual for h in scalar.held)]
     ):
+        if isinstance(rate.of, Reaction):
+            raise ModelError(_rate_acts(mechanics, rate.of))
         names[rate] = f"der({names[rate.of]})"
     flat = dataclasses.replace(flat, names=names)
     u = stacked([entry.sx for entry in flat.inputs])
@@ -309,10 +311,19 @@ def reduce_system(
 def _with_modes(system: ReducedSystem) -> ReducedSystem:
     """With the reactions of parts that hold as long as they can as masks make them. Raises `ModelError`."""
     rows = system.mechanics.modes
+    if not system.x.numel():
+        raise ModelError(
+            f"{rows[0].part.where} changes its mode as the motion goes on, but nothing in the scene has a state. Add what stores energy: an inertia, a mass, a capacitor."
+        )
     masks = masks_of(rows, {**system.flat.names})
     modes = modes_of(rows, masks, system.t, system.x, system.x_dot, system.nq)
     r, found = modes.reactions, modes.found
-    flat = dataclasses.replace(system.flat, names={**system.flat.names, **{mask: mask.name for mask in masks}}, modes=masks)
+    given = {
+        rate: f"der({system.flat.names.get(rate.of, rate.of.name)})"
+        for rate in _input_rates(system.flat, [modes.rate, modes.free])
+    }
+    names = {**system.flat.names, **given, **{mask: mask.name for mask in masks}}
+    flat = dataclasses.replace(system.flat, names=names, modes=masks)
     known = np.array([entry.default for entry in flat.inputs])
     own = stacked([entry.sx for entry in flat.inputs])
 
@@ -352,6 +363,14 @@ def _followed(tree: Tree) -> list[Held]:
                 )
             )
     return found
+
+
+def _rate_acts(mechanics: MechanicalSystem, reaction: Reaction) -> str:
+    row = next(row for row in mechanics.modes if row.reaction is reaction)
+    return (
+        f"{mechanics.flat.names[reaction]} of {row.part.where} is decided by other states too, so that its rate would act: a clutch or a stop on a spring alone, a diode in "
+        "series with an inductor. Put a mass or an inertia where a force acts, a resistance or a leakage where a current flows."
+    )
 
 
 def _input_rates(flat: FlatSystem, used: Sequence[ca.SX]) -> list[InputRate]:

@@ -122,7 +122,7 @@ class Integrand:
         if self.switching is not None:
             found.append(Wanted("sides", self.switching.sides, (3,)))
         if self.modes is not None:
-            found.append(Wanted("decision", self.modes.decision, (3,)))
+            found.append(Wanted("decision", self.with_sides(self.modes.decision), (3,)))
         return tuple(found)
 
     @functools.cached_property
@@ -131,9 +131,9 @@ class Integrand:
         if self.modes is None:
             assert self.switching is not None
             return self.switching.rows
-        guards = self.with_sides(self.modes.guards)
         if self.switching is None:
-            return guards
+            return self.modes.guards
+        guards = self.switching.guards
         symbols = [ca.SX.sym(name, guards.size1_in(i)) for i, name in enumerate("txup")]
         return folded_function(
             "rows", symbols, [ca.densify(ca.vertcat(guards.call(symbols)[0], self.switching.rows.call(symbols)[0]))]

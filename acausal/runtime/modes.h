@@ -310,6 +310,14 @@ static void set_masks(Integrator *I, const Decision *D, const long *row, const d
     }
 }
 
+/* Whether friction has no limit above zero, whatever other reactions are: a clutch that is open. */
+static int never_holds(const Decision *D, long row) {
+    long f = row - D->gaps;
+    for (long k = 0; k < D->n; k++)
+        if (D->hold_by[f * D->n + k] != 0) return 0;
+    return D->hold[f] <= 0;
+}
+
 /* Accelerations decide which of the rows that touch hold on, and which way friction acts. */
 static enum Code decide_accelerations(Integrator *I, const long *touching, double planned) {
     struct State *T = I->state;
@@ -324,10 +332,14 @@ static enum Code decide_accelerations(Integrator *I, const long *touching, doubl
         if (i >= D.gaps && touching[i] != 1) row[i] = touching[i] == 2 ? SLIDING_UP : SLIDING_DOWN;
     }
     if (!rate_at(I, I->t, I->x, T->rate)) return INPUT_FAILED;
+    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
+    if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return INPUT_FAILED; /* what is at its threshold by its rate too passes it by the next */
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * T->rate[i];
     int moved = 1;
     for (long i = 0; i < I->nx; i++) moved &= isfinite(x[i]) != 0;
     if (!decision_at(I, I->t + (moved ? later : 0), moved ? x : I->x, &D)) return INPUT_FAILED;
+    for (long i = D.gaps; i < n; i++)
+        if (never_holds(&D, i)) row[i] = OFF;
     for (long again = 0; again <= 2 * D.frictions; again++) {
         long *trial = T->status + 2 * n;
         memcpy(trial, row, sizeof(long) * (size_t)n);

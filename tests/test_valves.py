@@ -1,0 +1,119 @@
+"""Ideal diodes, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, VoltageSource
+
+
+def changes(run: Any) -> list[float]:
+    """Times of changes of mode after the start."""
+    return [change.time for change in run.solution.modes.changes if change.row >= 0]
+
+
+def rectifier(bulk: Resistor | Inductor, load: float, capacity: float | None, leakage: float = 0.0) -> Any:
+    scene = ac.System()
+    scene.mains, scene.bulk = VoltageSource(lambda t: 10 * np.sin(100 * t)), bulk
+    scene.diode, scene.load, scene.ground = IdealDiode(leakage), Resistor(load), Ground()
+    scene.connect(scene.mains.pin_a, scene.bulk.pin_a)
+    scene.connect(scene.bulk.pin_b, scene.diode.pin_a)
+    scene.connect(scene.diode.pin_b, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.mains.pin_b, scene.ground.pin)
+    if capacity is not None:
+        scene.store = Capacitor(capacity)
+        scene.connect(scene.store.pin_a, scene.diode.pin_b)
+        scene.connect(scene.store.pin_b, scene.ground.pin)
+    return scene
+
+
+def test_half_wave_rectifier_conducts_while_the_source_is_above_the_store() -> None:
+    """Both parts are linear circuits of one state: v' = (s - v) / (R C) - v / (Q C), and v' = -v / (Q C)."""
+    R, Q, C, w = 1.0, 50.0, 2e-4, 100.0
+    scene = rectifier(Resistor(R), Q, C)
+    run = ac.build(scene).simulate(0.09, {scene.store.v: 0.0}, rtol=1e-12)
+    k, a = 1 / (R * C) + 1 / (Q * C), 10 / (R * C)
+
+    def charged(t: float, t0: float, v0: float) -> float:
+        def part(t: float) -> float:
+            return a * (k * math.sin(w * t) - w * math.cos(w * t)) / (k * k + w * w)
+
+        return (v0 - part(t0)) * math.exp(-k * (t - t0)) + part(t)
+
+    times, values = [0.0, *changes(run)], [0.0]
+    assert len(times) == 4
+    for n, (begin, end) in enumerate(zip(times[:-1], times[1:], strict=True)):
+        before = values[-1]
+        values.append(charged(end, begin, before) if n % 2 == 0 else before * math.exp(-(end - begin) / (Q * C)))
+        assert values[-1] == pytest.approx(10 * math.sin(w * end), rel=1e-10)
+    assert run[scene.store.v][-1] == pytest.approx(values[-1] * math.exp(-(0.09 - times[-1]) / (Q * C)), rel=1e-10)
+    assert np.min(run[scene.diode.i]) > -1e-12
+    assert np.max(run[scene.diode.v]) < 1e-12
+
+
+def test_diode_right_at_a_store_follows_the_source_without_resistance() -> None:
+    """Its current is then that of the capacitor, and it blocks where that vanishes: C w cos = -sin / Q."""
+    Q, C, w = 50.0, 2e-4, 100.0
+    scene = rectifier(Resistor(0.0), Q, C)
+    run = ac.build(scene).simulate(0.03, {scene.store.v: 0.0}, rtol=1e-12)
+    blocks = (math.pi - math.atan(Q * C * w)) / w
+    assert changes(run)[0] == pytest.approx(blocks, rel=1e-11)
+    assert run[scene.store.v][-1] == pytest.approx(10 * math.sin(w * blocks) * math.exp(-(0.03 - blocks) / (Q * C)), rel=1e-11)
+
+
+def test_diode_behind_an_inductor_needs_a_leakage_and_says_so() -> None:
+    with pytest.raises(ac.errors.ModelError, match=r"diode\.current of diode .* leakage"):
+        ac.build(rectifier(Inductor(0.01), 100.0, None))
+
+
+def test_diode_behind_an_inductor_with_leakage_carries_its_current_on() -> None:
+    """It conducts from 0 until the current of L i' + R i = 10 sin has returned to zero, up to the share of the leakage."""
+    L, R, w, leak = 0.5, 20.0, 100.0, 1e-9
+    scene = rectifier(Inductor(L), R, None, leak)
+    run = ac.build(scene).simulate(0.06, {scene.bulk.i: 0.0}, rtol=1e-10)
+
+    def current(t: float) -> float:
+        return 10 / (R * R + (w * L) ** 2) * (R * math.sin(w * t) - w * L * math.cos(w * t) + w * L * math.exp(-R / L * t))
+
+    low, high = 0.035, 0.06
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if current(middle) > 0 else (low, middle)
+    assert changes(run)[-1] == pytest.approx(low, rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 1, 0, 2)])
+def test_bridge_of_four_diodes_gives_the_modulus(order: tuple[int, ...]) -> None:
+    scene = ac.System()
+    scene.diodes = [IdealDiode(1e-6) for _ in range(4)]
+    a, b, c, d = (scene.diodes[k] for k in order)
+    scene.mains, scene.bulk, scene.load, scene.ground = (
+        VoltageSource(lambda t: 10 * np.sin(100 * t)),
+        Resistor(1.0),
+        Resistor(9.0),
+        Ground(),
+    )
+    scene.beside, scene.slow = Capacitor(1e-3), Resistor(2.0)
+    scene.connect(scene.mains.pin_a, scene.bulk.pin_a)
+    scene.connect(scene.bulk.pin_b, a.pin_a, d.pin_b)
+    scene.connect(scene.beside.pin_a, scene.mains.pin_a)
+    scene.connect(scene.beside.pin_b, scene.slow.pin_a)
+    scene.connect(scene.slow.pin_b, scene.mains.pin_b)
+    scene.connect(scene.mains.pin_b, b.pin_a, c.pin_b)
+    scene.connect(a.pin_b, b.pin_b, scene.load.pin_a)
+    scene.connect(c.pin_a, d.pin_a, scene.load.pin_b, scene.ground.pin)
+    run = ac.build(scene).simulate(0.1, {scene.beside.v: 0.0}, rtol=1e-10)
+    t = run.t
+    share = 1 / (1 + 1.0 * (1 / 9 + 2e-6))  # the pair that blocks lies beside the load
+    assert run[scene.load.v] == pytest.approx(share * np.abs(10 * np.sin(100 * t)), abs=1e-9)
+
+
+def test_diodes_without_any_state_are_refused() -> None:
+    """Nothing is integrated then that could tell when they open."""
+    with pytest.raises(ac.errors.ModelError, match="nothing in the scene has a state"):
+        ac.build(rectifier(Resistor(1.0), 100.0, None))
