@@ -11,15 +11,12 @@ import pytest
 
 import acausal as ac
 from components import (
-    AngleSource,
     Backlash,
     Brake,
     Clutch,
     EndStop,
-    ForceSource,
     Freewheel,
     Inertia,
-    Prismatic,
     Revolute,
     RigidBody,
     SlidingMass,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -47,7 +48,7 @@ def test_half_wave_rectifier_conducts_while_the_source_is_above_the_store() -> N
 
     times, values = [0.0, *changes(run)], [0.0]
     assert len(times) == 4
-    for n, (begin, end) in enumerate(zip(times[:-1], times[1:], strict=True)):
+    for n, (begin, end) in enumerate(itertools.pairwise(times)):
         before = values[-1]
         values.append(charged(end, begin, before) if n % 2 == 0 else before * math.exp(-(end - begin) / (Q * C)))
         assert values[-1] == pytest.approx(10 * math.sin(w * end), rel=1e-10)
