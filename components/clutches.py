@@ -19,7 +19,7 @@ from components.flanges import AbstractOnFlanges, Flange, asked
 Capacity = Scalar | Callable[[Any], Any]
 
 
-class _AbstractGrip(AbstractOnFlanges, ABC):
+class AbstractGrip(AbstractOnFlanges, ABC):
     """Dry friction against `speed`, as hard as it has to be, and at most so hard as it can.
 
     `grip` [N or N*m]: what it drives the flange forward with, flange_b where there are two.
@@ -49,7 +49,7 @@ class _AbstractGrip(AbstractOnFlanges, ABC):
 
 
 @final
-class Clutch(_AbstractGrip):
+class Clutch(AbstractGrip):
     """Two flanges that rub on each other: held together by at most `holding`, slipping with `capacity` against the slip [N or N*m].
 
     `capacity` >= 0: constant, parameter, input (which may jump), function of time, or an expression of the scene; zero, or less by an input, is open.
@@ -66,7 +66,7 @@ class Clutch(_AbstractGrip):
 
 
 @final
-class Brake(_AbstractGrip):
+class Brake(AbstractGrip):
     """Dry friction at one flange, against what carries it: a joint's other part, or the ground. It holds with at most `holding`, and
     brakes with `capacity` [N or N*m], both as of a `Clutch`. `grip` drives the flange forward: against its speed.
 

@@ -39,8 +39,9 @@ class AbstractOnFlanges(Component, ABC):
         for flange in list(given.values())[1:]:
             check_compatible(first, flange)
         for own, flange in given.items():
-            self.__dict__[own] = type(flange)(self, own)
-            add_connection(self, flange, self.__dict__[own])
+            mine = type(flange)(self, own)
+            setattr(self, own, mine)
+            add_connection(self, flange, mine)
         self.rotates = isinstance(first, Rotational)
 
     @property

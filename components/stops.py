@@ -13,7 +13,7 @@ from acausal.language.origin import origin
 from components.flanges import AbstractOnFlanges, Flange, asked
 
 
-class _AbstractLimits(AbstractOnFlanges):
+class AbstractLimits(AbstractOnFlanges):
     """Keeps lower <= moved <= upper, where either may be None.
 
     `at_lower`, `at_upper` [N or N*m] >= 0: how hard it pushes there, forward and back. `effort`: the first less the second.
@@ -51,7 +51,7 @@ class _AbstractLimits(AbstractOnFlanges):
 
 
 @final
-class EndStop(_AbstractLimits):
+class EndStop(AbstractLimits):
     """Hard ends for a flange: lower <= s <= upper (phi on shafts), either may be left out. [m], [rad].
 
     Where it strikes one with a speed it leaves with `restitution` (0 ... 1) times that speed; with 0 it rests there until something drives it away. `at_lower`
@@ -65,14 +65,14 @@ class EndStop(_AbstractLimits):
     ) -> None:
         self._take(flange=flange)
         if lower is None and upper is None:
-            raise ParameterError(f"EndStop has no ends ({origin()}). Give lower=..., upper=..., or both.")
+            raise ParameterError(f"EndStop has neither 'lower' nor 'upper' ({origin()}). Give one of its ends, or both.")
         self._limit(lower, upper, restitution)
         if self._lower is not None and self._upper is not None:
             _above(self._upper, self._lower)
 
 
 @final
-class Backlash(_AbstractLimits):
+class Backlash(AbstractLimits):
     """Play between two flanges: free within, hard at both ends: |s_b - s_a| <= width / 2 (phi on shafts). `width` [m or rad] > 0.
 
     Teeth strike with `restitution` (0 ... 1): they part with so much of the speed with which they meet. `at_lower` drives flange_b forward where it is

@@ -25,6 +25,7 @@ from components import (
     RigidBody,
     Section,
     ShapeIntegrals,
+    SlidingMass,
     Spring,
     Sum,
     World,
@@ -39,10 +40,11 @@ USUAL: dict[str, Any] = {
     "potential": lambda s: s**2, "points": (0.0, 1.0), "values": (0.0, 1.0),
     "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
     "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "PotentialField.potential": lambda p, t: p[2],
+    "flange": SlidingMass(1.0).flange_a, "flange_a": SlidingMass(1.0).flange_a, "flange_b": SlidingMass(1.0).flange_a, "EndStop": {"lower": -0.1},
     "ConstantSum.number": 2, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
-            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "linear", "quadratic"}  # fmt: skip
+            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "width", "capacity", "holding", "leakage", "restitution", "linear", "quadratic"}  # fmt: skip
 SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
 PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",
@@ -62,7 +64,7 @@ def arguments(cls: type[ac.Component]) -> dict[str, Any]:
         p.name: USUAL.get(f"{cls.__name__}.{p.name}", USUAL.get(p.name, 1.0))
         for p in taken
         if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
-    }
+    } | USUAL.get(cls.__name__, {})
 
 
 def names(cls: type[ac.Component]) -> list[str]:
