@@ -18,6 +18,9 @@ _MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL = range(5 + len(_CODES), 9 + len(_CODES))
 _WIDTH = 5
 _NOTHING = (0,) * _WIDTH
 _PRODUCTS = (ca.OP_MUL, ca.OP_SQ)
+_TURNS = (ca.OP_SIN, ca.OP_COS)
+_SUMS = {ca.OP_ADD: (_MUL_ADD, _MUL_ADD), ca.OP_MUL: (_MUL_MUL, _MUL_MUL), ca.OP_SUB: (_MUL_SUB, _SUB_MUL)}
+"""operation -> what it is of a product and another value, of another value and a product"""
 
 _Row = tuple[int, ...]
 """A statement: `_WIDTH` integers."""
@@ -86,36 +89,38 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
     made = set(lasting)
 
     def stores(v: int) -> None:
-        steps.extend(_Step(_STORE, (), (v,), place) for place in outputs.get(v, ()))
+        steps.extend(_Step(_STORE, (), (v,), place) for place in outputs[v])
 
     def bring(v: int) -> None:
-        if v not in made:
-            made.add(v)
-            steps.append(_Step(_LOAD, (v,), (), values[v].place))
+        made.add(v)
+        steps.append(_Step(_LOAD, (v,), (), values[v].place))
+        if v in outputs:
             stores(v)
 
     for v in lasting:
-        stores(v)
+        if v in outputs:
+            stores(v)
     for v in outputs:
-        if values[v].code == ca.OP_INPUT:
+        if values[v].code == ca.OP_INPUT and v not in made:
             bring(v)
     for i in inside:
         if i in absorbed or (i in made and i not in lasting):
             continue
         value = values[i]
-        code, of = _CODES[value.code], value.args
-        to = (i,)
+        code, of, to = _CODES[value.code], value.args, (i,)
         if i in into:
             product, (code, rest) = into[i]
             of = (*_factors(values[product]), rest)
-        elif value.code in (ca.OP_SIN, ca.OP_COS) and value.args[0] in pairs:
+        elif value.code in _TURNS and value.args[0] in pairs:
             code, to = _SINCOS, pairs[value.args[0]]
         for a in of:
-            bring(a)
+            if a not in made:
+                bring(a)
         steps.append(_Step(code, to, of))
         made.update(to)
         for v in to:
-            stores(v)
+            if v in outputs:
+                stores(v)
     return steps
 
 
@@ -129,7 +134,6 @@ def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -
     for i in inside:
         for a in values[i].args:
             uses[a] = uses.get(a, 0) + 1
-    here = set(inside)
     single = {i for i in inside if values[i].code in _PRODUCTS and uses.get(i) == 1 and i not in asked}
     found: dict[int, tuple[int, tuple[int, int]]] = {}
     taken: set[int] = set()
@@ -137,15 +141,15 @@ def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -
         if i in taken:
             continue
         code, args = values[i].code, values[i].args
-        if code not in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL) or len(args) != 2:
+        if code not in _SUMS:
             continue
-        first, second = (a in single and a in here and a not in found for a in args)
-        if not first and not second:
-            continue
-        product, rest = args if first else (args[1], args[0])
-        operation = {ca.OP_ADD: _MUL_ADD, ca.OP_MUL: _MUL_MUL, ca.OP_SUB: _MUL_SUB if first else _SUB_MUL}[code]
-        found[i] = product, (operation, rest)
-        taken.add(product)
+        one, other = args
+        if one in single and one not in found:
+            found[i] = one, (_SUMS[code][0], other)
+            taken.add(one)
+        elif other in single and other not in found:
+            found[i] = other, (_SUMS[code][1], one)
+            taken.add(other)
     return found
 
 
@@ -159,25 +163,27 @@ def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[_Row], in
     free: list[int] = []
     size = len(lasting)
     rows: list[_Row] = []
-    for k, step in enumerate(steps):
-        operands = [place[v] for v in step.of]
-        free += [place[v] for v in {*step.of} if v not in lasting and last[v] == k]
-        for v in step.to:
+    for k, (code, to, of, where) in enumerate(steps):
+        operands = [place[v] for v in of]
+        for v in {*of}:
+            if last[v] == k and v not in lasting:
+                free.append(place[v])
+        for v in to:
             if v not in place:
                 if not free:
                     free.append(size)
                     size += 1
                 place[v] = free.pop()
-        results = [place[v] for v in step.to]
-        free += [place[v] for v in step.to if v not in lasting and last[v] == k]
-        if step.code == _LOAD:
-            rows.append(_row(_LOAD, results[0], step.place))
-        elif step.code == _STORE:
-            rows.append(_row(_STORE, step.place, operands[0]))
-        elif step.code == _SINCOS:
+        results = [place[v] for v in to]
+        free += [place[v] for v in to if last[v] == k and v not in lasting]
+        if code == _LOAD:
+            rows.append(_row(_LOAD, results[0], where))
+        elif code == _STORE:
+            rows.append(_row(_STORE, where, operands[0]))
+        elif code == _SINCOS:
             rows.append(_row(_SINCOS, results[0], operands[0], results[1]))
         else:
-            rows.append(_row(step.code, results[0], *operands))
+            rows.append(_row(code, results[0], *operands))
     return rows, size
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -94,18 +94,19 @@ class _Collected:
         self._known: dict[tuple[int, tuple[int, ...] | int | str], int] = {}
 
     def add(self, code: int, *args: int) -> int:
-        return self._once((code, args), Value(code, args))
+        return self._once((code, args), code, args)
 
     def number(self, number: float) -> int:
-        return self._once((ca.OP_CONST, number.hex()), Value(ca.OP_CONST, number=number))  # 0 and -0 are equal, but not the same
+        return self._once((ca.OP_CONST, number.hex()), ca.OP_CONST, (), number)  # 0 and -0 are equal, but not the same
 
     def input(self, place: int) -> int:
-        return self._once((ca.OP_INPUT, place), Value(ca.OP_INPUT, place=place))
+        return self._once((ca.OP_INPUT, place), ca.OP_INPUT, (), 0.0, place)
 
-    def _once(self, key: tuple[int, tuple[int, ...] | int | str], value: Value) -> int:
-        at = self._known.setdefault(key, len(self.values))
-        if at == len(self.values):
-            self.values.append(value)
+    def _once(self, key: tuple[int, tuple[int, ...] | int | str], *value: Any) -> int:
+        at = self._known.get(key)
+        if at is None:
+            at = self._known[key] = len(self.values)
+            self.values.append(Value(*value))
         return at
 
     def power(self, base: int, exponent: int) -> int:
@@ -128,11 +129,13 @@ def _read(function: ca.Function, name: str, first: list[int], found: _Collected)
     places_out = [sum(function.nnz_out(k) for k in range(i)) for i in range(function.n_out())]
     results: list[tuple[int, int]] = []
     now: dict[int, int] = {}  # work vector position -> value
-    known = {*UNARY, *BINARY}
+    known, add = {*UNARY, *BINARY}, found.add
     code_of, input_of, output_of = function.instruction_id, function.instruction_input, function.instruction_output
     for k in range(function.n_instructions()):
         code, of, to = code_of(k), input_of(k), output_of(k)
-        if code == ca.OP_OUTPUT:
+        if code in known:
+            now[to[0]] = add(code, *[now[i] for i in of])
+        elif code == ca.OP_OUTPUT:
             results.append((places_out[to[0]] + to[1], now[of[0]]))
         elif code == ca.OP_INPUT:
             now[to[0]] = found.input(first[of[0]] + of[1])
@@ -142,8 +145,6 @@ def _read(function: ca.Function, name: str, first: list[int], found: _Collected)
             now[to[0]] = now[of[0]]
         elif code == ca.OP_CONSTPOW:
             now[to[0]] = found.power(now[of[0]], now[of[1]])
-        elif code in known:
-            now[to[0]] = found.add(code, *[now[i] for i in of])
         else:
             raise ExportError(f"'{name}' cannot be written as C: {_name(code)} has no C here.")
     return results
