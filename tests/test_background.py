@@ -53,7 +53,7 @@ def _run(script: str, *arguments: str, **environment: str) -> subprocess.Complet
     root = Path(ac.__file__).parents[1]
     variables = os.environ | {"PYTHONPATH": str(root)} | environment
     return subprocess.run(
-        [sys.executable, "-c", script, *arguments],
+        [sys.executable, "-W", "error", "-c", script, *arguments],
         capture_output=True,
         text=True,
         env=variables,

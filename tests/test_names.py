@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import pydoc
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,8 +12,11 @@ import numpy as np
 import pytest
 
 import acausal as ac
+import components
 from acausal.errors import UnknownVariableError
-from components import Spherical, TorqueSource
+from acausal.language.connector import Connector
+from acausal.parts.joint import AbstractJoint
+from components import RigidBody, Spherical, TorqueSource
 from tests.scenes import FourBar, Pendulum, chain
 
 
@@ -132,3 +136,20 @@ def test_joints_are_unknowns_by_their_paths():
         model.inverse_dynamics(times, motion, ["hinge"]).force("hinge"),
         model.inverse_dynamics(times, motion, [scene.hinge]).force(scene.hinge),
     )
+
+
+@pytest.mark.parametrize(
+    "part", [part for part in vars(components).values() if inspect.isclass(part) and issubclass(part, ac.Component)]
+)
+def test_what_a_part_lists_is_what_its_users_read(part: type[ac.Component]) -> None:
+    """Connectors, variables, what follows from them, and ways to make one: not what it owes to the library, which would fill screens of `help`."""
+    listed, of_all = set(dir(part)), {name for base in part.__mro__ for name in vars(base)}
+    declared = {name for name in of_all if isinstance(getattr(part, name), ac.Variable | Connector | property)}
+    assert declared <= listed
+    assert not listed & {"equations", "stored_energy", "pose", "closure", "motions", "inertia", "actions", "__reduce__"}
+    assert len(pydoc.render_doc(part).splitlines()) <= 100
+
+
+def test_parts_list_what_is_made_from_them_and_abstract_ones_what_authors_give() -> None:
+    assert {"at", "rod", "frame", "tip"} <= set(dir(RigidBody)) and "between" in dir(components.Revolute)
+    assert {"pose", "rates", "domain"} <= set(dir(AbstractJoint)) and "equations" in dir(ac.Component)

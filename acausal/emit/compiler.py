@@ -20,7 +20,7 @@ import tempfile
 import threading
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 
 from acausal.emit.library import FLAGS, compiler_at_hand, sources, suffix
@@ -87,18 +87,28 @@ def cached_library(
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _sweep(target.parent)
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=_BUILD) as scratch:
+        with _scratch(target.parent) as scratch:
             try:
-                made = _build(parts, Path(scratch), command, options, patience)
+                made = _build(parts, scratch, command, options, patience)
             except ExportError:
-                if options != (NATIVE,) or _knows_processor(Path(scratch), command, patience):
+                if options != (NATIVE,) or _knows_processor(scratch, command, patience):
                     raise
-                made = _build(parts, Path(scratch), command, (), patience)
+                made = _build(parts, scratch, command, (), patience)
             _seal(made)
             os.replace(made, target)
     except OSError as error:
         raise CacheError(_unkept(f"'{target.parent}'", error)) from error
     return target
+
+
+@contextlib.contextmanager
+def _scratch(folder: Path) -> Generator[Path]:
+    """A folder within for the time being. Python's own would be removed at exit before the compiler in it is ended, with a warning."""
+    made = Path(tempfile.mkdtemp(dir=folder, prefix=_BUILD))
+    try:
+        yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
 
 
 def _unkept(place: str, error: Exception) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import inspect
+from abc import ABCMeta
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -25,7 +27,27 @@ class Connection:
     origin: str
 
 
-class Component:
+class PartClass(ABCMeta):
+    """The class of classes of parts: `help` and `dir` of one that can be used leave out what it owes to `Component` and to abstract parts."""
+
+    for_users: tuple[str, ...] = ()
+    """Methods of an abstract part that are not for authors only."""
+
+    def __dir__(cls) -> Iterable[str]:
+        names = super().__dir__()
+        if inspect.isabstract(cls) or cls is Component:
+            return names
+        bases = [base for base in cls.__mro__[1:] if base is Component or inspect.isabstract(base)]
+        owed = {name for base in bases for name in vars(base)} - {*cls.for_users}
+        return [n for n in names if not n.startswith("__") and (n not in owed or _is_read(getattr(cls, n)))]
+
+
+def _is_read(member: object) -> bool:
+    """What is declared or follows, and class methods, which make a part."""
+    return isinstance(member, Variable | Connector | property) or inspect.ismethod(member)
+
+
+class Component(metaclass=PartClass):
     """A part: connectors and variables declared in the class, and equations between them.
 
     A subclass declares `flange_a = Rotational.port()`, `w = Variable("rad/s")`, takes its numbers in `__init__`, and
@@ -49,7 +71,7 @@ class Component:
             )
         check_arguments(cls, args, kwargs)
         self = super().__new__(cls)
-        self.__dict__["created_at"] = origin()
+        vars(self)["created_at"] = origin()
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -214,7 +236,7 @@ class System(Component):
 
 def add_connection(part: Component, a: Connector, b: Connector) -> None:
     """Note in `part` that two connectors touch."""
-    part.__dict__.setdefault("_connections", []).append(Connection(a, b, origin()))
+    vars(part).setdefault("_connections", []).append(Connection(a, b, origin()))
 
 
 def check_compatible(a: object, b: object) -> None:

@@ -31,6 +31,8 @@ class AbstractRigidPart(Component, ABC):
     Must provide `attachments()` and `inertia()`. Shapes for drawing are given by `shapes()`.
     """
 
+    for_users = ("at",)
+
     @abstractmethod
     def attachments(self) -> tuple[Attachment, ...]:
         """All its connectors, with their poses in the part's own frame."""
