@@ -283,3 +283,11 @@ def test_a_bicycle_without_hands_goes_round_in_a_circle():
         assert np.ptp(run[variable]) < 1e-9
     states = [lean, scene.steering.q, contact.v[0], scene.steering.v, contact.v[1]]
     assert found.linearize(states=states).steady
+
+
+def test_speeds_of_the_start_that_are_none_of_rest_are_named():
+    scene = DoublePendulum()
+    model = ac.build(scene)
+    said = str(model.equilibrium({scene.shoulder.q: 0.2, scene.elbow.v: 8.0}))
+    assert "speeds of the start are not kept: elbow.v; for a steady motion" in said
+    assert "steady=" not in str(model.equilibrium({scene.shoulder.q: 0.2}))

@@ -492,7 +492,7 @@ def test_singular_start_names_the_loop_and_a_motion_into_one_is_kept():
         minimal.rechart(flat)
     assert "'" in str(caught.value) and ".v" in str(caught.value)
     with pytest.raises(SimulationError, match="singular") as stopped:
-        model.minimal({scene.a.v: 12.0}).simulate(2.0, compiled=False)
+        model.minimal({scene.a.v: 12.0}).simulate(2.0)
     assert stopped.value.trajectory is not None
     assert abs(stopped.value.trajectory[scene.a.q][-1]) == pytest.approx(np.pi / 2, abs=0.05)
 

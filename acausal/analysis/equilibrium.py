@@ -22,6 +22,7 @@ from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
 from acausal.start.start_values import softened
 from acausal.start.states import start_values
+from acausal.wording import compact
 
 if TYPE_CHECKING:
     from acausal.analysis.linearize import Linearization
@@ -133,6 +134,13 @@ class Equilibrium:
             words += f" in all its states, {self.steady_stability} in what is steady"
         rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {words}"]
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
+        nq = self.whole.outputs.system.nq
+        speeds = {*self.whole.state_names[nq:]} & {name for name, began, _ in self.moved if began}
+        if speeds and not self.steady.numel():
+            lost = compact(name for name in self.whole.state_names if name in speeds)
+            rows.append(
+                f"  at rest, so speeds of the start are not kept: {lost}; for a steady motion name what stays as it is: steady=[...]"
+            )
         if self.dimension:
             rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")
         return "\n".join(rows)
