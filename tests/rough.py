@@ -12,7 +12,7 @@ from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import RigidBody, World
+from components import Prismatic, RigidBody, World
 from components.translational import ForceSource, PositionSource, SlidingMass, TranslationalGround, TranslationalSpring
 
 
@@ -121,6 +121,18 @@ def juggled(restitution: float, mass: float = 2.0, gravity: float = 9.81, swing:
     scene.connect(scene.hand.flange, scene.racket.flange_a)
     scene.connect(scene.mass.flange_a, scene.racket.flange_b)
     scene.connect(scene.mass.flange_b, scene.weight.flange)
+    return scene
+
+
+def dragged(mu: float = 0.3) -> ac.System:
+    """A block on the ground: it is held by a slide, pushed along it, and rests on one point."""
+    scene = ac.System()
+    scene.world, scene.x, scene.z = World(gravity=(0, 0, -9.81)), Prismatic("x"), Prismatic("z")
+    scene.block, scene.ground = RigidBody.box(1.5, (0.3, 0.2, 0.1)), Ground(0.0, mu)
+    scene.connect(scene.world.frame, scene.x.frame_a)
+    scene.connect(scene.x.frame_b, scene.z.frame_a)
+    scene.connect(scene.z.frame_b, scene.block.frame)
+    scene.connect(scene.block.at((0, 0, -0.05)), scene.ground.point)
     return scene
 
 

@@ -28,8 +28,12 @@ from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
 from acausal.simulate.events import Event, when
 from acausal.simulate.piece import Piece
-from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, transitions_of
+from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, strips_of, transitions_of
 from acausal.start.initial import InitialState
+
+
+_MOST_SIDES = 10_000
+"""Transitions that are drawn as jumps."""
 
 
 @dataclass(frozen=True)
@@ -274,11 +278,26 @@ class Trajectory:
 
     def plot(self, *expressions: Expression | str, path: str | Path | None = None) -> Any:
         """Plot series over time with matplotlib; returns the figure, and writes it to `path` if given."""
-        from acausal.visual.plot import plot_series
+        from acausal.visual.plot import Strip, plot_series
 
-        series = [(self.label(e), self[e]) for e in expressions]
+        seen = self._with_both_sides
+        series = [(self.label(e), seen[e]) for e in expressions]
         name = self.outputs.system.flat.name
-        return plot_series(self.t, series, path=path, title=None if name == System.__name__ else name)
+        strips = [Strip(*told) for told in strips_of(self, self.t[0], self.t[-1])]
+        return plot_series(seen.t, series, path=path, title=None if name == System.__name__ else name, strips=strips)
+
+    @property
+    def _with_both_sides(self) -> Trajectory:
+        """With values just before and after each transition besides those at `t`."""
+        met = self.transitions
+        some = np.flatnonzero((met.times >= self.t[0]) & (met.times <= self.t[-1]))
+        if not 0 < some.size <= _MOST_SIDES:
+            return self
+        sides = [met.beside(some, after) for after in range(2)]
+        t = np.concatenate([met.times[some], met.times[some], self.t])
+        x, u = (np.hstack([*(side[k] for side in sides), own]) for k, own in enumerate((self.x, self.u)))
+        order = np.argsort(t, kind="stable")
+        return self.given(t[order], x[:, order], u[:, order])
 
     def label(self, expression: Expression | str) -> str:
         """Name and unit for axes and tables."""

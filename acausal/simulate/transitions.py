@@ -225,9 +225,14 @@ class Transitions(Sequence[Transition]):
         u[u.shape[0] - masks.shape[0] :] = masks
         return u
 
+    def beside(self, some: np.ndarray, after: int) -> tuple[np.ndarray, np.ndarray]:
+        """States (nx, n) and inputs (nu, n) before or after these transitions."""
+        x = self.run.solution.x[:, self.rows[some] + after * self.jumped[some]]
+        return x, self._inputs(after, some)
+
     def _moment(self, k: int, after: int) -> Moment:
-        x = self.run.solution.x[:, [self.rows[k] + (after if self.jumped[k] else 0)]]
-        return Moment(self.run.given(self.times[[k]], x, self._inputs(after, np.array([k]))), x[:, 0])
+        x, u = self.beside(np.array([k]), after)
+        return Moment(self.run.given(self.times[[k]], x, u), x[:, 0])
 
     def _one(self, k: int) -> Transition:
         changes: list[Change] = []
@@ -342,6 +347,20 @@ def modes_of_part(run: Run, of: Component | Reaction | str) -> ModesOfPart:
     words = tuple(", ".join(law.words[n] for law, n in zip(some, numbers[:, k], strict=True)) for k in kept)
     name = of if isinstance(of, str) else some[0].row.part.path if isinstance(of, Component) else run.outputs.name(of)
     return ModesOfPart(name, times[kept], words, float(run.solution.t[-1]))
+
+
+def strips_of(run: Run, begin: float, end: float) -> list[tuple[str, np.ndarray, tuple[str, ...], np.ndarray]]:
+    """What each law of a run was doing between two times [s], to be drawn: its name, words from each of some times on, and when it was struck."""
+    met, laws = run.solution.modes, laws_of(run)
+    if met is None:
+        return []
+    found: list[tuple[str, np.ndarray, tuple[str, ...], np.ndarray]] = []
+    times = np.clip(met.begins, begin, end)
+    for law in laws:
+        words = tuple(law.words[n] for n in law.numbers(met.masks))
+        struck = met.begins[np.any(met.impulses[:, law.reactions] != 0, axis=1)]
+        found.append((law.name, times, words, struck[(struck >= begin) & (struck <= end)]))
+    return found
 
 
 def _belongs(run: Run, law: Law, of: Component | Reaction | str) -> bool:

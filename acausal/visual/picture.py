@@ -215,6 +215,8 @@ def _inner_lines(shape: Shape, towards: np.ndarray) -> list[np.ndarray]:
 def _draw_link(canvas: _Canvas, link: MovingLink, frame: int, strength: float, height: float) -> None:
     ends = canvas.flat(np.stack([link.starts[frame], link.ends[frame]]))
     colour = _LINK_COLOURS[link.kind]
+    if link.kind == "force" and np.array_equal(ends[0], ends[1]):
+        return
     if link.kind == "force":
         canvas.axes.annotate("", ends[1], ends[0], arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "alpha": strength, "shrinkA": 0, "shrinkB": 0}, zorder=height)  # fmt: skip
         return

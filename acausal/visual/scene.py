@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import casadi as ca
@@ -11,6 +12,7 @@ from acausal.language.component import System
 from acausal.language.expression import Expression
 from acausal.numerics.thresholds import EDGE
 from acausal.outputs.outputs import Outputs
+from acausal.parts.contact import AbstractTouch
 from acausal.parts.force import AbstractLineForce
 from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose, symbolic
@@ -21,6 +23,8 @@ from acausal.visual.shapes import Polygon, Rod, Shape
 from acausal.wording import compact
 
 _MOST_FRAMES = 3000
+_ARROW = 0.25
+"""Of the scene's size: the longest arrow of a force."""
 
 
 class Motion(Protocol):
@@ -71,7 +75,8 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     # a scene that was written as a script has no name of its own
     name = run.outputs.system.flat.name
     title = name if name != System.__name__ or not bodies else compact([body.name for body in bodies], 3)
-    return Animation(title, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
+    shown = Animation(title, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
+    return replace(shown, links=(*links, *_pushes(moving, _ARROW * shown.size())))
 
 
 def _poses(run: Motion, poses: list[Pose]) -> tuple[np.ndarray, np.ndarray]:
@@ -161,6 +166,29 @@ def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:
 def _link(run: Motion, name: str, force: AbstractLineForce) -> MovingLink:
     kind = "damper" if force.potential(ca.SX.sym("length")).is_zero() else "spring"
     return MovingLink(name, kind, run[force.point_a.position], run[force.point_b.position])
+
+
+def _pushes(run: Motion, longest: float) -> tuple[MovingLink, ...]:
+    """Arrows, the largest of them so long [m], where parts push that open or slide: as long as they push."""
+    system = run.outputs.system
+    if system.modes is None:
+        return ()
+    acting = {row.part.path for row in system.modes.rows}
+    mechanics, found = system.mechanics, list[tuple[str, np.ndarray, np.ndarray]]()
+    for part, actions in zip(mechanics.mechanism.forces, mechanics.actions, strict=True):
+        if part.path not in acting:
+            continue
+        if isinstance(part.component, AbstractTouch):
+            found.append((part.path, run[part.component.point_b], run[part.component.force]))
+            continue
+        for action in actions:
+            X = mechanics.placement.pose(action.connector)
+            if mechanics.placement.place(action.connector)[0] >= 0:  # the ground does not need to be told
+                force = run[symbolic(X.rotation) @ action.force]
+                found.append((part.path, run[symbolic(X.position)], force))
+    largest = max((float(np.max(np.linalg.norm(force, axis=1))) for _, _, force in found), default=0.0)
+    per_force = longest / largest if largest > 0 else 0.0
+    return tuple(MovingLink(name, "force", point, point + per_force * force) for name, point, force in found)
 
 
 def _joints(run: Motion) -> tuple[JointMarker, ...]:
