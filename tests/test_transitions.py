@@ -13,9 +13,10 @@ import pytest
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptionError
 from acausal.runtime import native
+from acausal.visual.scene import animation_of
 from components import Revolute, RigidBody, World
 from components.translational import ForceSource, SlidingMass
-from tests.rough import Apart, Floor, Ground, bouncing, juggled, rubbing, thrown
+from tests.rough import Apart, Floor, Ground, bouncing, dragged, juggled, rubbing, thrown
 
 FALL = float(np.sqrt(2 / 9.81))
 
@@ -248,3 +249,24 @@ class _Told(Floor):
 
     def dissipated_power(self) -> float:
         return 0.0
+
+
+def test_plots_show_jumps_as_jumps_and_what_parts_do_below() -> None:
+    scene = dragged()
+    run = ac.build(scene).simulate(1.2, {scene.x.v: 2.0, scene.z.q: 0.35}, rtol=1e-11, samples=7)
+    above, below = run.plot(scene.z.v, scene.ground.push).axes
+    times, speed = above.lines[0].get_data()
+    there = times == run.transitions[0].time
+    assert speed[there].tolist() == [run.transitions[0].before[scene.z.v], run.transitions[0].after[scene.z.v]]
+    assert [label.get_text() for label in below.get_yticklabels()] == ["ground.push", "ground.drag"]
+    assert {text.get_text() for text in below.get_legend().get_texts()} == {"open", "closed", "off", "slides +", "sticks"}
+    assert run.energy_error() < 1e-12
+
+
+def test_forces_are_drawn_while_contacts_push() -> None:
+    scene = dragged()
+    run = ac.build(scene).simulate(1.2, {scene.x.v: 2.0, scene.z.q: 0.35})
+    (arrow,) = animation_of(run).links
+    length = np.linalg.norm(arrow.ends - arrow.starts, axis=1)
+    closed = np.linspace(0, 1.2, length.size) >= run.transitions[0].time
+    assert np.all((length > 0) == closed)

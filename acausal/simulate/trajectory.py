@@ -31,7 +31,6 @@ from acausal.simulate.piece import Piece
 from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, strips_of, transitions_of
 from acausal.start.initial import InitialState
 
-
 _MOST_SIDES = 10_000
 """Transitions that are drawn as jumps."""
 

@@ -89,5 +89,7 @@ def _draw_strips(figure: Any, axes: Any, strips: Sequence[Strip], end: float) ->
     below.set_ylim(len(strips) - 0.5, -0.5)
     below.tick_params(axis="y", length=0)
     below.spines[["top", "right", "left"]].set_visible(False)
-    below.legend(shown.values(), shown.keys(), frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.0)
+    below.legend(
+        shown.values(), shown.keys(), frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.0
+    )
     return below
