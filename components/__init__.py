@@ -1,7 +1,7 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
+CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
@@ -79,6 +79,7 @@ from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
 from components.motor import DCMotor
+from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 from components.rectifiers import IdealDiode
 from components.rotational import (
     AngleSource,
@@ -136,6 +137,7 @@ __all__ = [
     "CentralField",
     "Circle",
     "Clutch",
+    "CommonTangent",
     "Cone",
     "Constant",
     "ConstantSum",
@@ -200,6 +202,7 @@ __all__ = [
     "PrescribedAngularVelocity",
     "PrescribedMotion",
     "Prismatic",
+    "Pulley",
     "RackAndPinion",
     "RelativeRotationSensor",
     "Resistor",
@@ -216,6 +219,7 @@ __all__ = [
     "RollingEllipsoid",
     "RollingTorus",
     "RollingWithoutPivoting",
+    "RopeOverWheels",
     "RotatingEarth",
     "RotationSensor",
     "RotationalDamper",
@@ -239,6 +243,7 @@ __all__ = [
     "SteeredAxle",
     "Sum",
     "Table",
+    "Tangent",
     "TimeFunction",
     "Torque",
     "TorqueSensor",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any, final
 
@@ -16,6 +17,8 @@ from acausal.language.expression import Scalar, Variable, scalar
 from acausal.language.origin import origin
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.span import AbstractSpan
+from components.joints.revolute import Revolute
+from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 
 _LOOSE = "A cable is held at both ends: connect both."
 
@@ -35,6 +38,9 @@ class LineOfAction(AbstractSpan):
 
     def coordinate(self, X_ab: Pose) -> ca.SX:
         return ca.norm_2(symbolic(X_ab.position))
+
+    def line(self, X_ab: Pose) -> tuple[ca.SX, ca.SX]:
+        return ca.SX.zeros(3), symbolic(X_ab.position)
 
 
 @final
@@ -65,33 +71,56 @@ class ConstantSum(Component):
 
 @final
 class Cable(System):
-    """A taut cable without mass of constant `length` [m] > 0 from frame_a over eyelets to frame_b: the sum of its straight pieces stays. Takes one freedom.
+    """A taut cable without mass of constant `length` [m] > 0 from frame_a to frame_b: the sum of its pieces stays. Takes one freedom.
 
-    `over`: points or frames of other parts that it runs through in turn, smoothly, fixed or on bodies that move: small pulleys. Its pull is the same in every
-    piece and acts on every eyelet along both; `tension` [N] > 0 pulls. It holds on both sides: where tension is negative a real cable hangs loose.
+    `over`: what it runs over in turn: points or frames of other parts, through which it slides smoothly, and pulleys with a radius (`Pulley`), around
+    which its arcs count. Its pull is the same in every piece and acts on all that it runs over; `tension` [N] > 0 pulls. Where a pulley has a wheel,
+    it does not slip: the `hinges` of the wheels, in turn, drive it or are driven, and `tension` is that of each section from wheel to wheel.
+    It holds on both sides: where tension is negative a real cable hangs loose.
 
-        scene.rope = Cable(length=2.0, over=(scene.world.at((0, 0, 1)), scene.block.at((0.1, 0, 0))))
+        scene.rope = Cable(length=2.0, over=(scene.world.at((0, 0, 1)), Pulley(scene.block.at((0.1, 0, 0)), radius=0.05)))
     """
 
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 
-    def __init__(self, length: Scalar, over: Sequence[Point] = ()) -> None:
+    def __init__(self, length: Scalar, over: Sequence[Point | Pulley] = ()) -> None:
         total = scalar(length, "Cable's length", positive=True, unit="m")
-        eyelets: Any = over
-        if not isinstance(eyelets, list | tuple) or not all(isinstance(eyelet, Point) for eyelet in eyelets):
+        given: Any = over
+        if not isinstance(given, list | tuple) or not all(isinstance(place, Point | Pulley) for place in given):
             raise ParameterError(
-                f"Cable's over is {shown(over)} ({origin()}). Give a list of points or frames of parts, over=(world.at((0, 0, 1)), pulley.frame)."
+                f"Cable's over is {shown(over)} ({origin()}). Give a list of points or frames of parts and pulleys, over=(world.at((0, 0, 1)), "
+                "Pulley(block.frame, 0.1))."
             )
-        self.pieces = [LineOfAction() for _ in range(len(eyelets) + 1)]
-        self.tie = ConstantSum(total, len(self.pieces))
-        ends = [self.frame_a, *eyelets, self.frame_b]
-        for piece, flange, a, b in zip(self.pieces, self.tie.flanges, ends, ends[1:], strict=False):
-            self.connect(a, piece.frame_a)
-            self.connect(piece.frame_b, b)
+        places: list[Point | Pulley] = [self.frame_a, *given, self.frame_b]
+        self.pieces = [self._piece(a, b) for a, b in itertools.pairwise(places)]
+        wheels = [(k, place.wheel, place) for k, place in enumerate(places) if isinstance(place, Pulley) and place.wheel]
+        borders = [0, *(k for k, _, _ in wheels), len(self.pieces)]
+        sections = [b - a for a, b in itertools.pairwise(borders)]
+        rope = RopeOverWheels(total, sections, [pulley.radius for *_, pulley in wheels]) if wheels else None
+        self.tie = rope or ConstantSum(total, len(self.pieces))
+        for piece, flange in zip(self.pieces, self.tie.flanges, strict=True):
             self.connect(piece.flange, flange)
+        self.hinges = [Revolute(pulley.axis) for *_, pulley in wheels]
+        for hinge, (_, wheel, pulley), shaft in zip(self.hinges, wheels, rope.shafts if rope else (), strict=True):
+            self.connect(pulley.frame, hinge.frame_a)
+            self.connect(hinge.frame_b, wheel.frame)
+            self.connect(hinge.flange, shaft)
 
     @property
     def tension(self) -> Variable:
-        """Pull [N], positive where it is taut."""
+        """Pull [N], positive where it is taut; of each section where there are wheels."""
         return self.tie.tension
+
+    def _piece(self, a: Point | Pulley, b: Point | Pulley) -> LineOfAction | Tangent | CommonTangent:
+        """From one place to the next, connected to both."""
+        ends = [place.frame if isinstance(place, Pulley) else place for place in (a, b)]
+        if isinstance(a, Pulley) and isinstance(b, Pulley):
+            piece = CommonTangent(a, b)
+        elif isinstance(b, Pulley):  # seen from the pulley, the rope runs back
+            piece, ends = Tangent(b.turned_round), ends[::-1]
+        else:
+            piece = Tangent(a) if isinstance(a, Pulley) else LineOfAction()
+        for end, own in zip(ends, (piece.frame_a, piece.frame_b), strict=True):
+            self.connect(end, own)
+        return piece

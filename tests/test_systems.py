@@ -637,7 +637,7 @@ def test_a_frame_is_turned_as_told_by_angles_samples_and_angular_velocities():
             lambda: PrescribedMotion(rotation=lambda t: (1 + t) * rotations.euler("intrinsic zyx", (t, 0, 0))),
             "orthogonal matrix at t = ",
         ),
-        (lambda: PrescribedAngularVelocity((ac.Input(), 0, 0)), "rate is not known"),
+        (lambda: PrescribedAngularVelocity((Revolute("x").q, 0, 0)), "rate is not known"),
         (lambda: CamFollower(lambda phi: 0.1), "depends on the angle"),
         (lambda: DCMotor(0.05, 1.0, inductance=-1.0), "inductance"),
         (lambda: SteeredAxle((1, 2)), "steer"),

@@ -24,6 +24,10 @@ class AbstractSpan(AbstractConstraint, ABC):
     def coordinate(self, X_ab: Pose) -> ca.SX:
         """Angle [rad] or position [m] of the flange, scalar, for the pose X_ab of frame_b in frame_a."""
 
+    def line(self, X_ab: Pose) -> tuple[ca.SX, ca.SX] | None:
+        """What to draw: a string between two places (3, 1) [m] in the axes of frame_a; None: nothing."""
+        return None
+
     @final
     def wrench_on_b(self, X_ab: Pose) -> ca.SX:
         """Torque and force (6, 1) on frame_b, in its axes, of a unit effort."""

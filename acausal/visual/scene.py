@@ -17,6 +17,7 @@ from acausal.parts.force import AbstractLineForce
 from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
+from acausal.parts.span import AbstractSpan
 from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
 from acausal.visual.shapes import Polygon, Rod, Shape
@@ -58,11 +59,8 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
     moving = run.at(np.linspace(begin, end, frames))
     bodies = (*_bodies(moving), *_massless_rods(moving))
-    links = tuple(
-        _link(moving, part.path, part.component)
-        for part in run.outputs.system.mechanics.mechanism.forces
-        if isinstance(part.component, AbstractLineForce)
-    )
+    forces = [part for part in run.outputs.system.mechanics.mechanism.forces if isinstance(part.component, AbstractLineForce)]
+    links = (*(_link(moving, part.path, part.component) for part in forces), *_strings(moving))
     gravity = (
         np.array(
             ca.DM(ca.evalf(symbolic(run.outputs.system.mechanics.tree.world) @ run.outputs.system.mechanics.tree.gravity))
@@ -132,7 +130,7 @@ def _bodies(run: Motion) -> tuple[MovingBody, ...]:
 def _massless_rods(run: Motion) -> tuple[MovingBody, ...]:
     """Constraints between two points, as bars from one to the other."""
     mechanics = run.outputs.system.mechanics
-    edges = [edge for edge in mechanics.mechanism.cuts if edge.joint.between_points]
+    edges = [edge for edge in mechanics.mechanism.cuts if edge.joint.between_points and not isinstance(edge.joint, AbstractSpan)]
     ends = [mechanics.kinematics.pose(link) @ place for edge in edges for link, place in mechanics.placement.ends(edge)]
     places, _ = _poses(run, ends)
     return tuple(_bar(edge.name, places[2 * k], places[2 * k + 1]) for k, edge in enumerate(edges))
@@ -189,6 +187,22 @@ def _pushes(run: Motion, longest: float) -> tuple[MovingLink, ...]:
     largest = max((float(np.max(np.linalg.norm(force, axis=1))) for _, _, force in found), default=0.0)
     per_force = longest / largest if largest > 0 else 0.0
     return tuple(MovingLink(name, "force", point, point + per_force * force) for name, point, force in found)
+
+
+def _strings(run: Motion) -> tuple[MovingLink, ...]:
+    """Lengths between two places that scalar parts act along: ropes, lines of action."""
+    mechanics = run.outputs.system.mechanics
+    names: list[str] = []
+    ends: list[Pose] = []
+    for edge in mechanics.mechanism.cuts:
+        if not isinstance(edge.joint, AbstractSpan):
+            continue
+        a, b = (mechanics.kinematics.pose(link) @ place for link, place in mechanics.placement.ends(edge))
+        if found := edge.joint.line(a.inverse() @ b):
+            names.append(edge.name)
+            ends += [a @ Pose(np.eye(3), place) for place in found]
+    places, _ = _poses(run, ends)
+    return tuple(MovingLink(name, "string", places[2 * k], places[2 * k + 1]) for k, name in enumerate(names))
 
 
 def _joints(run: Motion) -> tuple[JointMarker, ...]:

@@ -11,10 +11,11 @@ from acausal.loops.loops import loop_rows
 from acausal.parts import weld
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
-from components import Force, Revolute, RigidBody, World
+from components import Force, Pulley, Revolute, RigidBody, World
 from tests.conformance.catalogue import kinds, made
 
-ARGUMENTS = {"length": 0.7}
+PULLEY = Pulley(World().frame, 0.05)
+ARGUMENTS = {"length": 0.7, "pulley": PULLEY, "pulley_a": PULLEY, "pulley_b": PULLEY}
 assert weld  # found among the subclasses
 
 
