@@ -59,8 +59,12 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
     moving = run.at(np.linspace(begin, end, frames))
     bodies = (*_bodies(moving), *_massless_rods(moving))
-    forces = [part for part in run.outputs.system.mechanics.mechanism.forces if isinstance(part.component, AbstractLineForce)]
-    links = (*(_link(moving, part.path, part.component) for part in forces), *_strings(moving))
+    springs = (
+        _link(moving, part.path, part.component)
+        for part in run.outputs.system.mechanics.mechanism.forces
+        if isinstance(part.component, AbstractLineForce)
+    )
+    links = (*springs, *_strings(moving))
     gravity = (
         np.array(
             ca.DM(ca.evalf(symbolic(run.outputs.system.mechanics.tree.world) @ run.outputs.system.mechanics.tree.gravity))
