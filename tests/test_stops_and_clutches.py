@@ -14,8 +14,12 @@ from components import (
     Backlash,
     Brake,
     Clutch,
+    DCMotor,
+    ElasticGear,
     EndStop,
+    ForceSource,
     Freewheel,
+    Ground,
     Inertia,
     Revolute,
     RigidBody,
@@ -24,6 +28,7 @@ from components import (
     TranslationalGround,
     TranslationalSpring,
     VelocitySource,
+    VoltageSource,
     World,
 )
 
@@ -262,6 +267,110 @@ def test_what_sticks_to_a_belt_follows_its_speed(course: str) -> None:
     # sticks while 2 * 0.6 t < 1.5, then 0.75 a second
     assert changes(run) == pytest.approx([1.25], rel=1e-11)
     assert run[scene.mass.v][-1] == pytest.approx(0.3 * 1.25**2 + 0.75 * 0.75, rel=1e-11)
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.5, 1 / 3])
+def test_belt_whose_speed_jumps_drags_what_stuck_to_it(jump: float) -> None:
+    """Holding is stronger than sliding: a jump ends it all the same."""
+    scene = ac.System()
+    scene.mass, scene.belt = SlidingMass(1.0), VelocitySource(ac.Input("m/s"))
+    scene.rub = Clutch(scene.belt.flange, scene.mass.flange_a, capacity=0.5, holding=0.8)
+    course = ac.samples([0, jump], [0, 1], kind="constant") if jump else 1.0
+    start = {scene.mass.s: 0.0, scene.mass.v: 0.0, scene.belt.flange.s: 0.0}
+    run = ac.build(scene).simulate(4.0, start, inputs={scene.belt.velocity: course}, rtol=1e-12)
+    assert changes(run) == pytest.approx([jump + 2.0], rel=1e-11)
+    assert run[scene.mass.v][-1] == pytest.approx(1.0, rel=1e-12)
+    assert run[scene.mass.s][-1] == pytest.approx(1.0 + 4.0 - jump - 2.0, rel=1e-11)
+
+
+def test_load_between_sliding_and_holding_is_held_where_inputs_jump() -> None:
+    """What sticks to a belt by an input is known to the tolerance only, which is no slip."""
+    scene = ac.System()
+    scene.mass, scene.belt, scene.load = SlidingMass(1.0), VelocitySource(ac.Input("m/s")), ForceSource(ac.Input("N"))
+    scene.rub = Clutch(scene.belt.flange, scene.mass.flange_a, capacity=0.5, holding=0.8)
+    scene.connect(scene.load.flange, scene.mass.flange_b)
+    inputs = {
+        scene.belt.velocity: 0.05 * ac.time**2,
+        scene.load.force: ac.samples([0, 1, 2, 3], [0, 0.7, 0, 0.1], kind="constant"),
+    }
+    start = {scene.mass.s: 0.0, scene.mass.v: 0.0, scene.belt.flange.s: 0.0}
+    run = ac.build(scene).simulate(5.0, start, inputs=inputs, rtol=1e-6)
+    assert not changes(run)
+    assert run[scene.mass.v][-1] == pytest.approx(1.25, rel=1e-6)
+
+
+@pytest.mark.parametrize("torque", [1.4, 1.6])
+def test_elastic_gear_holds_its_load_up_to_the_friction_that_holds(torque: float) -> None:
+    """Twisted by the torque; above, the load begins to turn."""
+    scene = ac.System()
+    scene.motor, scene.rotor, scene.load = TorqueSource(0.1 * torque), Inertia(0.01), Inertia(2.0)
+    scene.gear, scene.rub = ElasticGear(10.0, 50.0, 2.0), Brake(scene.load.flange_b, capacity=1.0, holding=1.5)
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    scene.connect(scene.rotor.flange_b, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.load.flange_a)
+    start = {scene.rotor.w: 0.0, scene.load.w: 0.0, scene.rotor.phi: 0.1 * torque / 50.0, scene.load.phi: 0.0}
+    run = ac.build(scene).simulate(20.0, start, rtol=1e-10)
+    if torque < 1.5:
+        assert np.max(np.abs(run[scene.load.w])) == 0
+        assert run[scene.rub.grip][-1] == pytest.approx(-torque, rel=1e-8)
+    else:
+        assert run[scene.load.w][-1] == pytest.approx((torque - 1.0) / 3.0 * 20.0, rel=1e-2)
+    assert run.energy_error() < 1e-8
+
+
+def test_motor_against_a_brake_by_an_input_takes_the_current_of_what_it_holds() -> None:
+    """Held, its speed is zero, and so its current voltage / resistance; free, it runs up to voltage / constant."""
+    scene = ac.System()
+    scene.motor, scene.mains, scene.ground, scene.rotor = DCMotor(0.5, 2.0, 1e-3), VoltageSource(6.0), Ground(), Inertia(0.05)
+    scene.brake = Brake(scene.rotor.flange_b, ac.Input("N*m"))
+    scene.connect(scene.mains.pin_a, scene.motor.pin_a)
+    scene.connect(scene.mains.pin_b, scene.motor.pin_b, scene.ground.pin)
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    course = ac.samples([0, 4], [0, 4.0], kind="constant")
+    run = ac.build(scene).simulate(
+        8.0, {scene.rotor.w: 0.0, scene.rotor.phi: 0.0}, inputs={scene.brake.capacity: course}, rtol=1e-10
+    )
+    assert np.max(run[scene.rotor.w]) == pytest.approx(12.0, rel=1e-4)
+    assert run[scene.rotor.w][-1] == 0
+    assert run[scene.brake.grip][-1] == pytest.approx(-0.5 * 6.0 / 2.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_freewheel_takes_part_in_an_impact_that_it_can_hold(swapped: bool) -> None:
+    """The load bounces off a stop and would run slower than the drive: both turn back together, by Poisson's law."""
+    scene = ac.System()
+    for name, inertia in (("load", 2.0), ("drive", 1.0)) if swapped else (("drive", 1.0), ("load", 2.0)):
+        setattr(scene, name, Inertia(inertia))
+    scene.hub = Freewheel(scene.drive.flange_b, scene.load.flange_a)
+    scene.stop = EndStop(scene.load.flange_b, upper=1.0, restitution=0.5)
+    start = {scene.drive.w: 1.0, scene.load.w: 1.0, scene.drive.phi: 0.0, scene.load.phi: 0.0}
+    run = quiet(ac.build(scene), 3.0, start, rtol=1e-12)
+    assert jumps(run) == pytest.approx([1.0], rel=1e-12)
+    assert run[scene.drive.w][-1] == pytest.approx(-0.5, rel=1e-12)
+    assert run[scene.load.w][-1] == pytest.approx(-0.5, rel=1e-12)
+
+
+def test_values_of_parameters_count_after_the_build() -> None:
+    scene = ac.System()
+    scene.lower, scene.bounce, scene.ball = ac.Parameter(-0.1, "m"), ac.Parameter(0.5, "1"), SlidingMass(1.0)
+    scene.drag, scene.start = ac.Parameter(0.0, "N"), ac.Parameter(0.0, "N")
+    scene.stop = EndStop(scene.ball.flange_a, lower=scene.lower, upper=0.2, restitution=scene.bounce)
+    scene.rub = Brake(scene.ball.flange_b, scene.drag, holding=scene.start)
+    model = ac.build(scene)
+    for lower, bounce, drag in ((-0.1, 0.5, 0.0), (-0.3, 1.0, 0.0), (-0.2, 0.25, 0.5)):
+        values = {scene.lower: lower, scene.bounce: bounce, scene.drag: drag, scene.start: 2 * drag}
+        run = quiet(model, 0.4, {scene.ball.s: 0.0, scene.ball.v: -1.0}, parameters=values, rtol=1e-12)
+        met = -lower if drag == 0 else (1 - math.sqrt(1 + 2 * drag * lower)) / drag
+        speed = bounce * (1 - drag * met)
+        assert jumps(run)[0] == pytest.approx(met, rel=1e-11)
+        assert run[scene.ball.v][-1] == pytest.approx(max(speed - drag * (0.4 - met), 0.0), rel=1e-10)
+    for wrong, words in (
+        ({scene.bounce: 1.2}, r"restitution is 1\.2"),
+        ({scene.lower: 0.3}, "upper is 0.1 below its lower"),
+        ({scene.drag: 3.0}, "holding is 3 below its capacity"),
+    ):
+        with pytest.raises(ac.errors.ParameterError, match=words):
+            model.simulate(1.0, {scene.ball.s: 0.0, scene.ball.v: -1.0}, parameters=wrong)
 
 
 def test_stop_that_an_input_moves_strikes_as_hard_as_it_moves() -> None:

@@ -183,3 +183,14 @@ def test_motion_is_alike_in_any_units() -> None:
     runs = [moved(lambda q, v, t, s=s: -s * ca.sign(q), 0.5 * s, 0.0, 10.0)[0] / s for s in (1.0, 2.0**-40, 2.0**40)]
     assert np.array_equal(runs[0], runs[1])
     assert np.array_equal(runs[0], runs[2])
+
+
+@pytest.mark.parametrize("constant", [True, False])
+def test_switch_that_an_input_moves_goes_over_where_it_is(constant: bool) -> None:
+    """Held at one value an input counts as one that is a function of time."""
+    scene: Any = ac.System()
+    scene.place = ac.Input("m")
+    scene, model = bead(lambda q, v, t: ca.if_else(q > scene.place.sx, -1, 0), place=scene.place)
+    place = 0.3 if constant else ac.samples([0.0, 1.0], [0.3, 0.3])
+    run = model.simulate(1.0, {scene.rail.q: 0.0, scene.rail.v: 1.0}, inputs={scene.place: place})
+    assert abs(run[scene.rail.v][-1] - 0.3) < 1e-12

@@ -1,8 +1,3 @@
-/* Values of the inputs where a kernel has its arguments. */
-static void give_inputs(const Integrator *I, V *in) {
-    for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
-}
-
 static int make_guards(Integrator *I) {
     struct State *T = I->state;
     if (!arranged(I, &I->guard, &T->guard_in, &T->guard_out, &T->guard_c, 1 + I->nx + I->nu)) return 0;
@@ -109,6 +104,7 @@ void moved_integration(Integrator *I, const char *block) {
 /* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */
 static int cross_knot(Integrator *I) {
     struct State *T = I->state;
+    if (I->masks && I->steps > 0 && !look_before_knot(I, T->knot - aside(I, T->knot))) return 0;
     I->t = fmin(I->end, T->knot + aside(I, T->knot));
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
@@ -160,6 +156,10 @@ static enum Code run_steps(Integrator *I) {
         double end = I->end, stop;
         if (!next_stop(I, &stop)) return INPUT_FAILED;
         if (I->t >= end) break;
+        if (T->crossed) { /* where modes changed at a knot */
+            enum Code code = decide_modes(I, -1, I->h);
+            if (code != REACHED_END) return code;
+        }
         I->end = stop;
         int there = arrives(I, stop);
         enum Code code = there ? REACHED_END : I->step > 0 ? one_fixed(I) : one_adaptive(I);
@@ -167,8 +167,8 @@ static enum Code run_steps(Integrator *I) {
         if (code == REACHED_END && I->guards && !there) code = watch(I);
         if (code == REACHED_END && stop < end && I->t >= stop) {
             if (!cross_knot(I)) return INPUT_FAILED;
-            if (I->masks) T->pending = -1, code = decide_modes(I, -1, I->h);
         }
+        if (code == REACHED_END && T->crossed) T->pending = -1, code = decide_modes(I, -1, I->h);
         if (code == REACHED_END && I->masks && T->pending >= 0) code = decide_modes(I, T->pending, T->pending_planned);
         if (code != REACHED_END) return code;
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;

@@ -76,6 +76,11 @@ static double next_knot(const Integrator *I, double t) {
     return found;
 }
 
+/* Values of the inputs where a kernel has its arguments. */
+static void give_inputs(const Integrator *I, V *in) {
+    for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
+}
+
 /* Inputs other than sides at the times t, of whose lanes the first `count` are wanted. Returns 0 when the input function failed. */
 static int own_inputs_at(Integrator *I, V t, long count, V *u) {
     struct State *T = I->state;

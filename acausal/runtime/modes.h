@@ -19,15 +19,17 @@ static int make_modes(Integrator *I) {
     struct State *T = I->state;
     long n = I->one_sided + I->frictions, most = I->one_sided + 2 * I->frictions, width = 2 * most + 2;
     if (!arranged(I, &I->decision, &T->decision_in, &T->decision_out, &T->decision_c, 1 + I->nx + I->nu)) return 0;
+    if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
     T->impulse = reserve_doubles(I, n);
     T->push = reserve_doubles(I, 6 * n + most);
     T->guess_x = reserve_doubles(I, I->nx + 1);
+    T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(4 * n + 1));
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->guess_x && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->guess_x && T->near_knot && T->basis && T->status);
 }
 
 /* What is decided by, at one place. */
@@ -71,6 +73,21 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     D->slide_by = D->slide + m;
     D->bounce = D->slide_by + m * n;
     return 1;
+}
+
+/* What rows are just before inputs jump, at time t: what holds is known to the tolerance only, but how far it jumps to rounding. */
+static int look_before_knot(Integrator *I, double t) {
+    struct State *T = I->state;
+    Decision D;
+    if (!decision_at(I, t, I->x, &D)) return 0;
+    memcpy(T->near_knot, D.gap, sizeof(double) * (size_t)(D.gaps + D.n));
+    T->crossed = 1;
+    return 1;
+}
+
+/* Whether gap or rate `k` has jumped at the knot that has just been crossed. */
+static int has_jumped(Integrator *I, const Decision *D, long k) {
+    return I->state->crossed && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
 }
 
 /* A linear complementarity problem w = M z + q, w, z >= 0, one of each pair zero, by Lemke's method with the lexicographic rule. `table` (n, 2 n + 2): columns of w
@@ -373,7 +390,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
         touching[i] = D.gap[i] <= D.gap_noise[i] || T->side[i] == 1 || i == row;
-        if (!T->begun && D.gap[i] < -D.gap_noise[i]) {
+        if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -D.gap_noise[i]) {
             I->worst = i;
             return OVERLAPS;
         }
@@ -381,9 +398,10 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     }
     for (long i = gaps; i < n; i++) {
         long first = gaps + 2 * (i - gaps);
-        int stuck = T->side[first] == 1, stops = row == first && T->side[first] == 0;
+        int stuck = T->side[first] == 1 && !has_jumped(I, &D, gaps + i), stops = row == first && T->side[first] == 0;
         touching[i] = stuck || stops || fabs(D.rate[i]) <= D.rate_noise[i] ? 1 : D.rate[i] > 0 ? 2 : 3;
     }
+    T->crossed = 0;
     memset(T->impulse, 0, sizeof(double) * (size_t)n);
     if (impacts) {
         if (!impact(I, &D, touching, &worst)) {

@@ -205,6 +205,8 @@ struct State {
     long stride;             /* of the ends of other steps one in so many is kept; 0: all */
     long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
     double changed_at, pending_planned;
+    double *near_knot;       /* gaps and rates of rows just before the last knot */
+    int crossed;             /* whether a knot has been crossed since modes were decided */
     long pending; /* row of masks at which the last step ended; -1: none */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };

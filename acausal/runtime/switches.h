@@ -18,8 +18,10 @@ static int make_switches(Integrator *I) {
     struct State *T = I->state;
     long fixed = 1 + I->nx + I->nu;
     if (!arranged(I, &I->rows, &T->rows_in, &T->rows_out, &T->rows_c, fixed)) return 0;
+    if (!I->counted) give_inputs(I, T->rows_in);
     if (present(&I->sides) && !arranged(I, &I->sides, &T->sides_in, &T->sides_out, &T->sides_c, fixed - I->held + I->masks)) return 0;
     if (I->directions && !arranged(I, &I->row_change, &T->row_change_in, &T->row_change_out, &T->row_change_c, fixed)) return 0;
+    if (I->directions && !I->counted) give_inputs(I, T->row_change_in);
     T->side = reserve_doubles(I, I->held);
     T->overs = reserve(I, sizeof(long) * (size_t)I->held);
     T->step_by_side = reserve_doubles(I, 2 * I->held);
