@@ -105,8 +105,8 @@ def _not_below(holding: float | Expression, sliding: float | Expression, name: s
 class Freewheel(AbstractOnFlanges):
     """flange_a drives flange_b forward and lets it run ahead: speed_b >= speed_a, and no torque while it is greater.
 
-    `grip` >= 0 [N or N*m] drives flange_b forward and flange_a back. To engage at equal speeds is no impact; where others strike, it takes part in the impact, without
-    bouncing, and so it does at the start where flange_b is slower. It loses no energy, except in impacts.
+    `grip` >= 0 [N or N*m] drives flange_b forward and flange_a back. To engage at equal speeds is no impact. Where others strike, it takes part in the impact
+    without bouncing, and so it does at the start where flange_b is slower. It loses no energy, except in impacts.
 
         scene.hub = Freewheel(scene.sprocket.flange_b, scene.wheel.flange_a)
     """

@@ -15,8 +15,8 @@ from components.electrical import AbstractTwoPin
 class IdealDiode(AbstractTwoPin):
     """Conducts from pin_a to pin_b without any voltage, and blocks the other way: 0 <= current, v <= 0, one of them zero.
 
-    i = current + leakage v. `leakage` [A/V] >= 0: conducts while it blocks; a circuit needs one in which something else decides the current through the diode, such
-    as an inductor in series, or the potential between several diodes that block.
+    i = current + leakage v. `leakage` [A/V] >= 0: conducts while it blocks; a circuit needs one in which something else decides the current, such as an
+    inductor in series, or nothing the potential between several diodes that block.
 
         scene.rectifier = IdealDiode()
     """
