@@ -227,11 +227,12 @@ class AbstractModel(ABC):
         """The linear system A, B, C, D of small deviations, with eigenvalues, frequencies, modes and stability.
 
         `start`: of the point, found as by `simulate`, or all states (nx,) in the order of `state_names`. The linear system has independent states only; the
-        small turn of a quaternion is `...rotation`. `states`: other ones, expressions with one entry for each freedom, or fewer where the rest is
+        small turn of a quaternion is `...rotation`. Parts that open, stick or slide stay in the mode that the point is in, which is printed. `states`: other ones, expressions with one entry for each freedom, or fewer where the rest is
         ignorable (a wheel's place and heading). `outputs`: expressions; the states by default. Derivatives are exact.
         Raises `OptionError` (states that are dependent or too few, singular loops), `StartValueError`, `UnknownVariableError`.
         """
         from acausal.analysis.linearize import linearize
+        from acausal.analysis.mode_at import in_its_mode
         from acausal.analysis.point import operating_point
 
         given = None if start is None or isinstance(start, Mapping) else finite_states(self.state_names, start)
@@ -239,7 +240,7 @@ class AbstractModel(ABC):
 
         def answer(here: AbstractDecided) -> Linearization:
             x = None if given is None else here.functions.space.expanded(at.t0, given, self._with_constants(here, at))
-            point = operating_point(here.whole, at, x)
+            point = in_its_mode(here.whole, operating_point(here.whole, at, x), "linearize")
             check_decided(here.system, point.t, point.x, point.p)
             return linearize(here.functions, here.whole, point, self._named(states), self._named(outputs))
 

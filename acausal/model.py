@@ -205,9 +205,11 @@ class Model(AbstractModel):
             constraints += f", {len(s.constraints.redundant)} of them redundant when assembled"
             dropped = len(s.constraints.vanishing)
         constraints += f" ({counted(dropped, 'redundant row')} dropped)" if dropped else ""
+        changing = len({row.part.path for row in s.mechanics.modes})
+        modes = f", {counted(changing, 'part')} with modes" if changing else ""
         return (
             f"{s.flat.name}: {counted(self.degrees_of_freedom, 'degree')} of freedom, {counted(len(self.state_names), 'state')}, {constraints}, "
-            f"{self.operations} operations, {counted(s.u.numel(), 'input')}, {counted(s.p.numel(), 'parameter')}"
+            f"{self.operations} operations, {counted(s.u.numel() - len(s.flat.modes), 'input')}, {counted(s.p.numel(), 'parameter')}{modes}"
         )
 
 

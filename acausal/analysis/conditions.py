@@ -94,7 +94,8 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
     """
     keys = expressions(steady, "equilibrium: `steady`", "steady=[scene.hinge.q], or a dictionary of rates")
     s = functions.outputs.system
-    closing = ca.vertcat(s.closing, s.velocity_closing)
+    touching = ca.SX(0, 1) if s.modes is None else s.modes.invariants
+    closing = ca.vertcat(s.closing, s.velocity_closing, touching)
     balance, moving, about = _steady_rows(functions, steady) if keys else _static_rows(functions)
     held, wished, names = [], [], []
     for key, value in start.items():
@@ -105,7 +106,8 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
             names += labels(functions.outputs, key)
     none = ca.SX(0, 1)
     hard = ca.vertcat(none, closing, *held, balance)
-    about = (*("a loop" for _ in range(closing.numel())), *names, *about)
+    loops = closing.numel() - touching.numel()
+    about = (*("a loop" for _ in range(loops)), *("a contact" for _ in range(touching.numel())), *names, *about)
     constant = ca.vertcat(none, *_constant(functions, steady))
     return Conditions(hard, about, balance, ca.vertcat(none, *wished), ca.vertcat(none, closing, *held, moving), constant)
 

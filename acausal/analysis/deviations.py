@@ -91,15 +91,27 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     units = tuple(sorted(unit_quaternions(s.position_invariants, s.x[: s.nq, :]).values()))
     coordinates = ChartCoordinates(s.x.numel(), units)
     names = coordinates.names(functions.state_names, "rotation")
-    invariants = Differentiable(s, ca.vertcat(s.position_invariants, s.velocity_invariants))
+    places, speeds = held_by(s)
+    invariants = Differentiable(s, ca.vertcat(places, speeds))
     x_dot = Differentiable(s, s.x_dot)
     sizes = sizes_at(s, x_dot, at)
     G, size = invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places)
-    rows, nq = s.position_invariants.numel(), s.nq - len(units)
+    rows, nq = places.numel(), s.nq - len(units)
     positions = independent_entries(_scaled(G[:rows, :nq], size[:nq])).free
-    rates = independent_entries(_scaled(G[rows:, nq:], size[nq:]), preferred=_matching(s, coordinates, positions)).free
+    scalar = [
+        k for k in range(s.position_invariants.numel(), rows) if not G[k, :nq].any()
+    ]  # gaps of scalar parts, whose positions come later
+    later = [*scalar, *range(rows, G.shape[0])]
+    rates = independent_entries(_scaled(G[later, nq:], size[nq:]), preferred=_matching(s, coordinates, positions)).free
     free = (*positions, *(nq + i for i in rates))
     return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free))
+
+
+def held_by(s: ReducedSystem) -> tuple[ca.SX, ca.SX]:
+    """Columns of positions and of velocities that stay zero: of loops, and of what is closed or sticks in the mode that the masks are of."""
+    if s.modes is None:
+        return s.position_invariants, s.velocity_invariants
+    return ca.vertcat(s.position_invariants, s.modes.held_places), ca.vertcat(s.velocity_invariants, s.modes.held_speeds)
 
 
 def _turns(coordinates: ChartCoordinates, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

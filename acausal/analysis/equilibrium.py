@@ -11,8 +11,10 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.conditions import Steady, Unknowns, conditions, unknowns
+from acausal.analysis.mode_at import mode_words
 from acausal.analysis.nearest import NearestRoot, Root, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint, operating_point
+from acausal.analysis.resting import resting
 from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
@@ -134,6 +136,8 @@ class Equilibrium:
             words += f" in all its states, {self.steady_stability} in what is steady"
         rows = [f"{self.functions.outputs.system.flat.name}: {kind}; largest rate left {self.residual:.2g}; stability: {words}"]
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
+        mode = mode_words(self.functions.outputs.system, self.point.u)
+        rows += [f"  {mode}"] if mode else []
         nq = self.whole.outputs.system.nq
         speeds = {*self.whole.state_names[nq:]} & {name for name, began, _ in self.moved if began}
         if speeds and not self.steady.numel():
@@ -157,6 +161,20 @@ def equilibrium(
     """Of a model's `own` states, by `functions` of all coordinates of the tree; see `Model.equilibrium`."""
     # only what is held must be met where the search begins
     began = operating_point(functions, replace(at, start=softened(at.start)))
+
+    def search(here: OperatingPoint) -> tuple[OperatingPoint, np.ndarray]:
+        found = _found(own, functions, at, free, steady, here)
+        return found.point, found.sizes[: here.x.size]
+
+    if functions.outputs.system.modes is not None:
+        began = resting(functions, began, search, bool(steady))
+    return _found(own, functions, at, free, steady, began)
+
+
+def _found(
+    own: Functions, functions: Functions, at: Situation, free: Sequence[Input | Parameter], steady: Steady, began: OperatingPoint
+) -> Equilibrium:
+    """From where the search begins, in the mode that its masks are of."""
     given = unknowns(functions, began, free)
     wanted = conditions(functions, at.start, steady)
     s = functions.outputs.system

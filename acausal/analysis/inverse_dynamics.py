@@ -21,6 +21,7 @@ from acausal.numerics.folding import folded_function
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
+from acausal.reduce.modes import refuse_modes
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.decided import check_decided
 from acausal.start.inputs import InputValue
@@ -125,6 +126,7 @@ def inverse_dynamics(
     unknowns: Sequence[Unknown],
 ) -> InverseDynamics:
     """At times t (m,), with a model's `own` states, by functions of all coordinates of the tree; see `Model.inverse_dynamics`."""
+    refuse_modes(functions.outputs.system.mechanics.modes, "inverse_dynamics")
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
     wanted = courses(functions, motions, t, at.p)
@@ -153,6 +155,7 @@ def inverse_dynamics_function(
     own: Functions, functions: Functions, variables: Sequence[Expression], unknowns: Sequence[Unknown]
 ) -> ca.Function:
     """Of the states of `own` functions, by those of all coordinates of the tree; see `Model.inverse_dynamics_function`."""
+    refuse_modes(functions.outputs.system.mechanics.modes, "inverse_dynamics_function")
     inputs = functions.outputs.system.flat.inputs
     actuation = actuated(functions, unknowns)
     outputs = actuation.functions.outputs

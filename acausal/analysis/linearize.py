@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.deviations import Deviations, Tangent, deviations_at
+from acausal.analysis.mode_at import mode_words
 from acausal.analysis.modes import Mode, Modes, modes_of
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, before_and_after, power_of_two
@@ -51,6 +52,7 @@ class Linearization:
     steady: bool
     constant: bool
     scene: str
+    mode: str = ""
 
     @property
     def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -110,6 +112,8 @@ class Linearization:
         head = f"{self.scene}, linear in {', '.join(self.states) or 'no state'}"
         if self.inputs:
             head += f"; inputs {', '.join(self.inputs)}"
+        if self.mode:
+            head += f"; as long as this mode lasts: {self.mode}"
         return "\n".join([head, f"{self._about()}; {self.stability}", str(self.modes())])
 
     def _about(self) -> str:
@@ -187,10 +191,12 @@ def _linearization(functions: Functions, point: OperatingPoint, states: _Column 
     found = linear.at(point, check=True)
     noise = ROUNDING * linear.rounding(point)
     still = np.abs(found.rates) <= _STEADY * np.abs(found.A) @ found.sizes + noise
-    inputs = tuple(functions.outputs.name(entry) for entry in s.flat.inputs)
+    own = len(s.flat.inputs) - len(s.flat.modes)  # nobody gives masks
+    inputs = tuple(functions.outputs.name(entry) for entry in s.flat.inputs[:own])
     return Linearization(
-        chosen, inputs, outputs.names or chosen, found.A, found.B, found.C, found.D, found.expand, np.where(still, 0.0, found.rates),
+        chosen, inputs, outputs.names or chosen, found.A, found.B[:, :own], found.C, found.D[:, :own], found.expand, np.where(still, 0.0, found.rates),
         found.sizes, point, bool(np.all(still)), linear.is_constant(point, found, noise), s.flat.name,
+        mode_words(s, point.u),
     )  # fmt: skip
 
 

@@ -42,6 +42,7 @@ def report(headline: str, model: Functions) -> str:
         lines.append(
             f"Kept to rounding after every step: {invariants} invariants (loops, their rates, lengths of quaternions, nonlinear equations)."
         )
+    lines += _modes(model)
     lines.append(f"States: {compact(model.state_names, 12) or 'none'}")
     lines.append(f"Operations: {operations(model.explicit_dynamics)} for the rates of all states.")
     return "\n".join(lines)
@@ -67,6 +68,21 @@ def _freedoms(model: Functions) -> list[str]:
             for e in (item.edge for item in system.tree_joints)
         ]
     )
+
+
+def _modes(model: Functions) -> list[str]:
+    """Parts whose reactions hold as long as they can."""
+    system = model.outputs.system
+    laws = [(row.part.path, "one-sided" if row.one_sided else "dry friction") for row in system.mechanics.modes]
+    told = {path: ", ".join(dict.fromkeys(kind for own, kind in laws if own == path)) for path, _ in laws}
+    if not told:
+        return []
+    masks = compact((mask.name for mask in system.flat.modes), 12)
+    return [
+        "Open, stick, slide or strike, each as its laws say; in functions of the model the last inputs say which:",
+        *(f"  {line}" for line in grouped(list(told.items()))),
+        f"  These inputs, which nobody gives: {masks}",
+    ]
 
 
 def _loops(model: Functions) -> list[str]:

@@ -9,6 +9,7 @@ from acausal.arguments import finite, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
+from acausal.reduce.modes import refuse_modes
 
 _PROJECTIONS = 3
 """Moving positions opens the rows of velocities a little; the next projection closes them."""
@@ -17,6 +18,7 @@ _PROJECTIONS = 3
 def step_of(functions: Functions, method: str, order: int, h: float | None) -> ca.Function:
     """Of a model's states, which are brought onto its invariants; see `Model.step`."""
     f = functions
+    refuse_modes(f.outputs.system.mechanics.modes, "step")
     return step_function(f.explicit_dynamics, f.projection, method=method, order=order, h=h, holds=f.holds)
 
 

@@ -20,6 +20,7 @@ from acausal.optimal_control.optimum import Optimum, optimum
 from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.transcription import Asked, Limits
 from acausal.outputs.functions import Functions
+from acausal.reduce.modes import refuse_modes
 from acausal.start.assembly_function import start_units
 from acausal.start.initial import InitialState, exactly, near
 from acausal.start.states import start_values
@@ -70,6 +71,7 @@ class OptimalControl:
         self, model: Simulated, time: float | free, *, inputs: Any = None, parameters: Any = None, t0: float = 0.0
     ) -> None:
         self._model, self._functions = model, model.functions
+        refuse_modes(self._functions.outputs.system.mechanics.modes, "OptimalControl")
         self._t0 = finite(t0, "OptimalControl: t0 [s]")
         self._time = _duration(time)
         self._parameters: dict[Parameter, float] = dict(self._symbols(parameters or {}, "parameters"))

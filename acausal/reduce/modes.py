@@ -49,6 +49,16 @@ class Modes:
         return sum(row.one_sided for row in self.rows)
 
     @property
+    def held_places(self) -> ca.SX:
+        """Of the invariants, gaps that are closed (one_sided, 1)."""
+        return self.invariants[: self.one_sided, :]
+
+    @property
+    def held_speeds(self) -> ca.SX:
+        """Of the invariants, rates of what is closed, and slips that stick (n, 1)."""
+        return self.invariants[self.one_sided :, :]
+
+    @property
     def frictions(self) -> tuple[ModeRow, ...]:
         """Rows of friction."""
         return self.rows[self.one_sided :]

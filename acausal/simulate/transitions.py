@@ -75,9 +75,9 @@ class Law:
         return np.where(masks[list(self.needs)].any(axis=0), found, _OFF) if self.needs else found
 
 
-def laws_of(run: Run) -> tuple[Law, ...]:
-    """All of the run's scene, in the order of its reactions and masks; none where every part always holds."""
-    modes = run.outputs.system.modes
+def laws_of(outputs: Outputs) -> tuple[Law, ...]:
+    """All of a scene, in the order of its reactions and masks; none where every part always holds."""
+    modes = outputs.system.modes
     if modes is None:
         return ()
     paths = [row.part.path for row in modes.rows]
@@ -86,7 +86,7 @@ def laws_of(run: Run) -> tuple[Law, ...]:
     for row in modes.rows:
         size = row.moved.numel()
         width = 1 if row.one_sided else 2 if size == 1 else 6
-        name = row.part.path if paths.count(row.part.path) == 1 else run.outputs.name(row.reaction).removesuffix("[0]")
+        name = row.part.path if paths.count(row.part.path) == 1 else outputs.name(row.reaction).removesuffix("[0]")
         found.append(
             Law(
                 row,
@@ -280,7 +280,7 @@ class Transitions(Sequence[Transition]):
 
 def transitions_of(run: Run) -> Transitions:
     """Of a run; none where its parts always hold."""
-    laws, met = laws_of(run), run.solution.modes
+    laws, met = laws_of(run.outputs), run.solution.modes
     if met is None:
         none, words = np.zeros(0), np.zeros((0, 0), dtype=int)
         at = none.astype(int)
@@ -335,7 +335,7 @@ class ModesOfPart:
 
 def modes_of_part(run: Run, of: Component | Reaction | str) -> ModesOfPart:
     """Of a part, all of its laws together, or of one reaction. Raises `OptionError` for what has no laws."""
-    laws = laws_of(run)
+    laws = laws_of(run.outputs)
     some = [law for law in laws if _belongs(run, law, of)]
     met = run.solution.modes
     if not some or met is None:
@@ -351,7 +351,7 @@ def modes_of_part(run: Run, of: Component | Reaction | str) -> ModesOfPart:
 
 def strips_of(run: Run, begin: float, end: float) -> list[tuple[str, np.ndarray, tuple[str, ...], np.ndarray]]:
     """What each law of a run was doing between two times [s], to be drawn: its name, words from each of some times on, and when it was struck."""
-    met, laws = run.solution.modes, laws_of(run)
+    met, laws = run.solution.modes, laws_of(run.outputs)
     if met is None:
         return []
     found: list[tuple[str, np.ndarray, tuple[str, ...], np.ndarray]] = []

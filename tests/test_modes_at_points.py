@@ -1,0 +1,76 @@
+"""Questions about a point of a scene with parts that open, stick and strike: linear systems, equilibria, reports."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import EquilibriumError, OptionError
+from tests.rough import bouncing, dragged, rubbing
+
+
+@pytest.mark.parametrize(
+    ("height", "states", "mode"), [(1.0, ("mass.s", "mass.v"), "floor.push open"), (0.0, (), "floor.push closed")]
+)
+def test_linear_system_is_that_of_the_mode_at_the_point(height: float, states: tuple[str, ...], mode: str) -> None:
+    scene = bouncing(0.5)
+    found = ac.build(scene).linearize({scene.mass.s: height, scene.mass.v: 0.0})
+    assert (found.states, found.inputs, found.mode) == (states, (), mode)
+
+
+def test_linear_system_of_a_block_that_slides_swings_and_of_one_that_sticks_does_not() -> None:
+    scene = rubbing(1.0, 2.0, 3.0, stiffness=4.0)
+    model = ac.build(scene)
+    slides = model.linearize({scene.mass.s: 0.2, scene.mass.v: 1.0})
+    assert np.linalg.eigvals(slides.A) == pytest.approx([2j, -2j]) and slides.mode == "rub.drag slides +"
+    sticks = model.linearize({scene.mass.s: 0.2, scene.mass.v: 0.0})
+    assert (sticks.states, sticks.mode) == (("mass.s",), "rub.drag sticks") and sticks.A == 0
+
+
+def test_linear_system_where_something_strikes_is_refused() -> None:
+    scene = bouncing(0.5)
+    with pytest.raises(OptionError, match="linearize: floor closes with speed at this point"):
+        ac.build(scene).linearize({scene.mass.s: 0.0, scene.mass.v: -1.0})
+    with pytest.raises(OptionError, match="The gap of floor is negative"):
+        ac.build(scene).linearize({scene.mass.s: -1.0, scene.mass.v: 0.0})
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e4])
+def test_what_falls_comes_to_rest_on_the_ground(size: float) -> None:
+    scene = bouncing(0.5, gravity=9.81 * size)
+    found = ac.build(scene).equilibrium({scene.mass.s: size})
+    assert found.point.x == pytest.approx([0, 0], abs=1e-12 * size)
+    assert "floor.push closed" in str(found)
+
+
+@pytest.mark.parametrize(("start", "rest"), [(0.5, 0.5), (-0.74, -0.74), (1.5, 0.5), (-3.0, -0.5)])
+def test_block_rests_where_friction_holds_it_or_just_holds_it_no_more(start: float, rest: float) -> None:
+    scene = rubbing(1.0, 2.0, 3.0, stiffness=4.0)  # holds up to 3 N, and 2 N where it has slid
+    assert ac.build(scene).equilibrium({scene.mass.s: start}).point.x == pytest.approx([rest, 0], abs=1e-12)
+
+
+def test_block_on_the_ground_rests_where_it_is_put() -> None:
+    scene = dragged()
+    found = ac.build(scene).equilibrium({scene.z.q: 0.4, scene.x.q: 0.2})
+    assert found.point.x == pytest.approx([0.2, 0.05, 0, 0], abs=1e-12) and found.free == ("x.q",)
+
+
+def test_no_equilibrium_is_said_where_nothing_holds() -> None:
+    scene = bouncing(0.5, gravity=-9.81)
+    with pytest.raises(EquilibriumError):
+        ac.build(scene).equilibrium({scene.mass.s: 1.0})
+
+
+def test_masks_are_no_inputs_of_a_user() -> None:
+    scene = dragged()
+    model = ac.build(scene)
+    assert "0 inputs, 0 parameters, 1 part with modes" in str(model)
+    assert "ground                   one-sided, dry friction" in model.report()
+    refused = "does not go with parts that open, slip or strike yet: ground"
+    with pytest.raises(OptionError, match=f"inverse_dynamics {refused}"):
+        model.inverse_dynamics([0.0, 1.0], {scene.x.q: 0.0}, [scene.x])
+    with pytest.raises(OptionError, match=f"step {refused}"):
+        model.step("gauss", 4)
+    with pytest.raises(OptionError, match=f"OptimalControl {refused}"):
+        ac.OptimalControl(model, 1.0)
