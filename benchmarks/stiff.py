@@ -1,6 +1,6 @@
 """Stiff scenes: `method="auto"` against Gauss and Radau at four tolerances, and how cost grows with size.
 
-python -m benchmarks.stiff [name ...]      the ten scenes (or some of them): ms of processor time, steps, largest error over rtol
+python -m benchmarks.stiff [name ...]      the ten scenes (or some of them): millions of operations, ms of processor time, steps, error
 python -m benchmarks.stiff --large         chains and nets of 100 to 1000 states
 """
 
@@ -332,7 +332,7 @@ def prepared(made: Made) -> tuple[Problem, np.ndarray, float]:
 
 
 def compare(name: str, made: Made, tolerances: tuple[float, ...], budget: float, reference: bool) -> list[float]:
-    """Prints a line for each tolerance; auto's time over that of the better of the others."""
+    """Prints a line for each tolerance; auto's work over that of the better of the others."""
     problem, x0, end = prepared(made)
     ratios: list[float] = []
     exact, size = None, np.ones(x0.size)
@@ -351,8 +351,10 @@ def compare(name: str, made: Made, tolerances: tuple[float, ...], budget: float,
             s = found[m].solution
             error = np.nan if exact is None else np.max(np.abs(s.x[:, -1] - exact) / size)
             ok = "" if s.status.kind is StatusKind.SUCCESS else "!"
-            cells.append(f"{m} {1e3 * found[m].seconds:9.2f} ms {s.statistics.steps:6d} steps {error:8.1e}{ok}")
-        ratio = found["auto"].seconds / min(found["gauss"].seconds, found["radau"].seconds)
+            work = 1e-6 * s.statistics.work
+            cells.append(f"{m} {work:8.3f} M {1e3 * found[m].seconds:9.2f} ms {s.statistics.steps:6d} steps {error:8.1e}{ok}")
+        work_of = {m: found[m].solution.statistics.work for m in METHODS}
+        ratio = work_of["auto"] / min(work_of["gauss"], work_of["radau"])
         ratios.append(ratio)
         print(f"  {rtol:5.0e}  {ratio:5.2f}  " + " | ".join(cells) + "  " + found["auto"].solution.statistics.method, flush=True)
     return ratios

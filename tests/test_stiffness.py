@@ -8,8 +8,12 @@ import pytest
 import scipy.linalg
 
 import acausal as ac
-from acausal.collocation.problem import Accuracy, Problem, StatusKind
+from acausal.collocation.problem import Accuracy, Newton, Problem, StatusKind
+from acausal.collocation.tableau import gauss_legendre
+from acausal.integrators.base import native
+from acausal.integrators.gauss import default_order
 from acausal.integrators.integrate import integrate
+from acausal.runtime.native import Choice
 from acausal.runtime.pattern import jacobian_pattern
 from benchmarks.stiff import SCENES
 from components import (
@@ -24,6 +28,7 @@ from components import (
     TranslationalSpring,
     World,
 )  # fmt: skip
+from tests.hard_cases import CASES
 
 
 def linear(J: np.ndarray) -> Problem:
@@ -74,8 +79,6 @@ def test_sparse_systems_that_need_pivots_are_solved(method, scale):
         J[k + 1, k + 1] = -(10 ** rng.uniform(1, 4))
         J[k + 1, rng.integers(0, n)] += rng.uniform(-1, 1)
     units = np.where(np.arange(n) % 4 < 2, 1.0, scale)
-    pattern = jacobian_pattern(linear(J).rhs)
-    assert 8 * pattern.work < n**3  # otherwise dense matrices would be tried here
     x0 = rng.standard_normal(n)
     exact = scipy.linalg.expm(J) @ x0
     solution = integrate(linear(J * units[:, None] / units), x0 * units, 0.0, 1.0, Accuracy(1e-9, 0.0), method=method)
@@ -100,6 +103,43 @@ def test_the_default_comes_back_when_stiffness_ends():
     auto, radau = (integrate(given, x0, 0.0, 20.0, Accuracy(1e-8, 0.0), method=method) for method in ("auto", "radau"))
     assert "in turns" in auto.statistics.method
     assert np.max(np.abs(auto.x[:, -1] - radau.x[:, -1])) < 1e-5
+
+
+def work(problem: Problem, x0: np.ndarray, end: float, accuracy: Accuracy, method: str) -> float:
+    """Operations on lanes; infinite where it fails."""
+    solution = integrate(problem, x0, 0.0, end, accuracy, method=method)
+    return solution.statistics.work if solution.status.kind is StatusKind.SUCCESS else np.inf
+
+
+def no_dearer_than_the_better(problem: Problem, x0: np.ndarray, end: float, atol: float) -> None:
+    """The default needs no more than 1.3 times what the better of both methods does, and some 10 us."""
+    for rtol in (1e-3, 1e-6, 1e-9, 1e-12):
+        accuracy = Accuracy(rtol, atol * rtol, max_steps=200_000)
+        auto, gauss, radau = (work(problem, x0, end, accuracy, method) for method in ("auto", "gauss", "radau"))
+        assert auto < 1.3 * min(gauss, radau) + 2e4, (rtol, auto, gauss, radau)
+
+
+SLOW = ("beam", "robot", "stiff_net")
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in SCENES])
+def test_stiff_scenes_cost_the_default_little_more_than_the_better_method(name):
+    scene, start, end = SCENES[name]()
+    run = ac.build(scene).simulate(end, start, rtol=1e-3, samples=2, method="radau")
+    no_dearer_than_the_better(run.problem, run.solution.x[:, 0], end / 2 if name == "stiff_net" else end, 0.0)
+
+
+@pytest.mark.parametrize("name", ["rattleback_first", "spring_1e4", "fast_top", "kepler_10_turns"])
+def test_scenes_that_are_not_stiff_do_not_pay_for_the_choice(name):
+    """What fixed-point iteration alone needs, and little more; less where Newton's is better even there."""
+    case = CASES[name]()
+    run = case.simulate(1e-3)
+    problem, x0 = run.problem, run.solution.x[:, 0]
+    for rtol in (1e-3, 1e-6, 1e-9, 1e-12):
+        accuracy = Accuracy(rtol, case.atol * rtol)
+        plain = Choice((gauss_legendre(default_order(rtol) // 2),), Newton.NEVER)
+        alone = native(problem).integrate(problem, x0, 0.0, case.end, accuracy, plain)
+        assert work(problem, x0, case.end, accuracy, "auto") < 1.3 * alone.statistics.work + 2e4
 
 
 def sledge(damping: float) -> tuple[ac.Model, dict[ac.Expression, float]]:

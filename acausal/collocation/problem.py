@@ -172,7 +172,8 @@ class Status:
 class Statistics:
     """Counts and cost of an integration. `evaluations` of the rates at one point; `iterations` of the stage equations; `factorisations` of
     Jacobians; `seconds` of wall time, without those that kernels take to be made. `kernels`: who carried them out, and since when. `compiling`:
-    seconds in which kernels were made for this call, waited for or in the background.
+    seconds in which kernels were made for this call, waited for or in the background. `work`: operations on lanes, as the choice between methods
+    counts them: the same on every machine of as many lanes.
     """
 
     method: str
@@ -185,6 +186,7 @@ class Statistics:
     factorisations: int = 0
     kernels: str = ""
     compiling: float = 0.0
+    work: float = 0.0
 
 
 def together(parts: Sequence[Statistics]) -> Statistics:

@@ -114,7 +114,7 @@ def model_c(
         f".guards = {len(events)}",
         f".tables = {len(inputs.tables)}, .table_list = table_list, .clocks = {len(inputs.clocks)}, .clock_list = clock_list",
         f".formulas = {len(inputs.formulas)}",
-        f".pattern = {{{', '.join(in_pattern)}, {pattern.colours}, {pattern.fill}, {hex_of(pattern.work)}}}",
+        f".pattern = {{{', '.join(in_pattern)}, {pattern.colours}, {pattern.fill}, {hex_of(pattern.work)}, {pattern.most}}}",
     ]
     fields = [
         f".title = {string(title)}, .width = LANES, .constants = {start.assembly.numel_out(1)}, .held = {len(held)}",

@@ -44,7 +44,7 @@ class Radau(AbstractIntegrator):
         """Tableaus for the C runtime: orders 5, 9 and 13 unless one is asked for."""
         if self.order is not None or self.step is not None:
             return Choice((radau_iia(((self.order or _order(rtol)) + 1) // 2),), Newton.ALWAYS)
-        return Choice(ADAPTIVE, Newton.ALWAYS, start=0 if rtol > 1e-4 else 1, adapt_order=True)
+        return Choice(ADAPTIVE, Newton.ALWAYS, adapt_order=True)
 
 
 def _order(rtol: float) -> int:

@@ -72,6 +72,8 @@ int begin(Integrator *I) {
     T->patience = present(&I->clearance) ? DOUBTS : DOUBTS + I->nx / 4; /* looking costs a rate for each state */
     T->newton_now = I->newton == ALWAYS;
     T->pending = -1;
+    T->costs.newton_rate = INFINITY;
+    if (I->newton == ALWAYS && I->adapt_order) I->method = first_radau(I);
     return 1;
 }
 
@@ -198,5 +200,7 @@ int exchange(Integrator *I, long which, const Kernel *k) {
 void use_newton(Integrator *I) {
     I->state->newton_now = 1;
     I->state->jacobian_fresh = 0;
-    start_review(I);
+    I->state->costs.sweeps = INFINITY;
+    I->state->costs.turned_t = I->t;
+    begin_weighing(I);
 }

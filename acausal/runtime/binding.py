@@ -84,6 +84,7 @@ class JacobianPattern(ctypes.Structure):
         ("colours", ctypes.c_long),
         ("fill", ctypes.c_double),
         ("work", ctypes.c_double),
+        ("most", ctypes.c_long),  # for integrations in a block of memory
     ]
 
     @staticmethod
@@ -147,7 +148,7 @@ class Integrator(ctypes.Structure):
         ("pattern", JacobianPattern),
         *((name, ctypes.c_long) for name in ("steps", "rejected", "evaluations", "iterations", "factorisations", "newton_steps", "radau_steps", "worst", "passages", "switched")),
         ("size", _Double),
-        *((name, ctypes.c_double) for name in ("h", "error", "contraction")),
+        *((name, ctypes.c_double) for name in ("h", "error", "contraction", "work")),
         ("guard_direction", _Long),
         ("guard_stops", _Long),
         ("fine", ctypes.POINTER(Method)),

@@ -39,7 +39,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
         }
     }
     int newton = T->newton_now, noisy = T->noisy, unheard = T->unheard;
-    double *met = T->size, spent = T->spent;
+    double *met = T->size, work = I->work;
     memcpy(T->aside, T->noise, sizeof(double) * (size_t)I->nx);
     T->size = I->coefficients + I->offset[k] + s * I->nx;
     T->newton_now = 0;
@@ -65,7 +65,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     T->noisy = noisy;
     T->unheard = unheard;
     T->size = met;
-    T->spent = spent;
+    I->work = work;
     memcpy(T->noise, T->aside, sizeof(double) * (size_t)I->nx);
     legendre_coefficients(I, F, F->K);
     return 1;

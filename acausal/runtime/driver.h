@@ -336,7 +336,7 @@ static enum Code failed_at(Integrator *I, enum Code code) {
             return code == STEP_UNDERFLOW ? NON_FINITE : code;
         }
         double here = fabs(T->rate[i]) / T->scale[i];
-        if (here > largest) largest = here, I->worst = i;
+        if (here > 2 * largest) largest = here, I->worst = i; /* the first of about equal ones: rounding names none */
     }
     return code;
 }
@@ -369,19 +369,22 @@ static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
     if (error == 0) return 4 * h;
     double power = 1 / (double)(I->method_list[I->method].order + 1);
-    double growth = (I->method_list[I->method].kind == RADAU ? TARGET : 0.55) * pow(error, -power);
+    double growth = (I->method_list[I->method].kind == RADAU ? TARGET : CAREFUL) * pow(error, -power);
     if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
     return h * fmin(4.0, fmax(0.3, growth));
+}
+
+/* The size of a step at which the iteration converges as it is to, after one of size h. */
+static double converging(const Integrator *I, double h, double contraction, int failed) {
+    if (failed) return 0.7 * h;
+    if (contraction == 0) return INFINITY;
+    return I->copies && !I->state->newton_now ? h * sqrt(SQUARED / contraction) : h * PLAIN / contraction;
 }
 
 /* The next step size: as accuracy allows, and such that the iteration converges quickly. */
 static void choose_size(Integrator *I, double h, double wanted, double contraction, int failed) {
     struct State *T = I->state;
-    int squared = I->copies && !T->newton_now;
-    double best = squared ? 0.2 : 0.3, limit = INFINITY;
-    if (failed) limit = 0.7 * h;
-    else if (contraction > 0) limit = squared ? h * sqrt(best / contraction) : h * best / contraction;
-    I->h = fmin(wanted, limit);
+    I->h = fmin(wanted, converging(I, h, contraction, failed));
     if (T->newton_now && !failed && I->h >= h && I->h < 1.2 * h) I->h = h; /* the factors serve again */
     if (T->newton_now) T->jacobian_fresh = contraction < 0.03;
 }
@@ -411,14 +414,9 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
     *contraction = J.contraction;
     T->change = J.change;
     T->grown = J.change / J.least;
+    I->work += step_cost(I);
     T->straight = S->around;
     return done;
-}
-
-static int refresh_jacobian(Integrator *I) {
-    struct State *T = I->state;
-    if (!make_newton(I)) return 0;
-    return T->jacobian_fresh || jacobian(I, I->t, I->x);
 }
 
 #define SOON 0.1     /* of a step: a little later */
@@ -433,7 +431,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     int noisy = T->noisy;
     T->noisy = 0;
     double near = beside_branches(I, S), error = near * step_error_of(I, S, h);
-    if (!noisy && error <= pow(0.55 / SHORTER, (double)(S->method->order + 1))) return error;
+    if (!noisy && error <= pow(CAREFUL / SHORTER, (double)(S->method->order + 1))) return error;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
@@ -558,9 +556,10 @@ static enum Code one_adaptive(Integrator *I) {
     if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
+        if (T->costs.undecided && !choose_newton(I, I->h)) return INPUT_FAILED;
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;
-        double spent = T->spent;
+        double spent = I->work;
         if (++refused) T->doubts += CALM;
         if (T->doubts >= CALM * T->patience) {
             const Kernel *disturbed = disturbed_kernel(I, 0);
@@ -581,11 +580,9 @@ static enum Code one_adaptive(Integrator *I) {
             T->jacobian_fresh = T->jacobian_time == I->t;
             L.row = -1;
             if (old) continue; /* again with a new Jacobian */
-            if (!T->newton_now && (I->steps == 0 || !(I->contraction < 0.1))) {
-                int left = leave_fixed_point(I, S, h, T->planned, fmax(contraction, 0.5), fmax(contraction / 0.2, 2), T->spent - spent);
-                if (left < 0) return INPUT_FAILED;
-                if (left && I->steps == 0 && !first_step(I)) return INPUT_FAILED;
-                if (left) return present(&I->jvp) ? one_adaptive(I) : NEEDS_JACOBIAN; /* the step begins anew, whoever had the kernel */
+            if (!T->newton_now && leave_fixed_point(I, S, 0, 0, T->planned, I->work - spent)) {
+                if (I->steps == 0 && !first_step(I)) return INPUT_FAILED;
+                return present(&I->jvp) ? one_adaptive(I) : NEEDS_JACOBIAN; /* the step begins anew, whoever had the kernel */
             }
             if (!asked++ && stalls_on_rounding(I, S, h)) continue;
             /* where it converged well until now, something local is in the way: other nodes may miss it */
@@ -657,11 +654,9 @@ static enum Code one_adaptive(Integrator *I) {
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
-        int known = 1;
-        if (T->newton_now) known = review_newton(I, h);
-        else if (wanted > 2 * I->h) known = leave_fixed_point(I, S, h, wanted, contraction, wanted / I->h, T->spent - spent);
-        if (known < 0) return INPUT_FAILED;
-        leave_where_steep(I, failed || wanted > 2 * I->h, S->around || T->part > 0);
+        if (is_steep(I, S, failed || wanted > 2 * I->h)) begin_weighing(I);
+        else if (!T->newton_now) leave_fixed_point(I, S, h, converging(I, h, contraction, failed), wanted, I->work - spent);
+        else if (!review_newton(I, S, h)) return INPUT_FAILED;
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (!refused && T->doubts > 0) T->doubts--;
         return finish_step(I, &L);

@@ -86,12 +86,11 @@ _OF_MODES = {
 
 @dataclass(frozen=True)
 class Choice:
-    """Which methods run: tableaus, where Newton replaces fixed-point iteration, which one starts, and whether Radau's order adapts along the list.
+    """Which methods run: tableaus, where Newton replaces fixed-point iteration, and whether Radau's order adapts along the list.
     `WHERE_SLOW` begins with Gauss; Radaus after it in the list are for where the motion is stiff."""
 
     tableaus: tuple[Tableau, ...]
     newton: Newton
-    start: int = 0
     adapt_order: bool = False
 
 
@@ -167,7 +166,7 @@ class NativeProblem:
         """An integration with everything set that does not change from run to run."""
         table = method_table(choice.tableaus)
         core = Integrator(
-            **self.integrand.numbers, methods=len(choice.tableaus), method=choice.start, newton=choice.newton.value,
+            **self.integrand.numbers, methods=len(choice.tableaus), newton=choice.newton.value,
             adapt_order=choice.adapt_order, method_list=table.array, slice=_SLICE, pattern=JacobianPattern.of(self.integrand.pattern),
         )  # fmt: skip
         for name, array in self._arrays.items():
@@ -459,7 +458,7 @@ class Run:
         jumps = 0 if modes is None else int(modes.jumped.sum())
         statistics = Statistics(
             self._ran(), tableau.order, core.steps - jumps, core.rejected, core.evaluations, core.iterations,
-            now - self.started - waited, core.factorisations, self.kinds, waited + worked,
+            now - self.started - waited, core.factorisations, self.kinds, waited + worked, core.work,
         )  # fmt: skip
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]

@@ -313,16 +313,14 @@ static void settle(Integrator *I, Stages *S, V *const *K, const double *x) {
     }
 }
 
-/* The part of a change dK (stages, nx) of the rates along the branch: squares of its entries times `factor`, summed. */
-static double change_along(Integrator *I, Stages *S, const double *dK, const double *factor) {
+/* The part of a change dK (blocks, nx) of the rates along the branch: squares of its entries times `factor`, summed. */
+static double change_along(Integrator *I, Stages *S, const V *dK, const double *factor) {
     double sum = 0;
     for (long b = 0; b < S->blocks; b++) {
-        V *D = S->L[b], *G = S->G[b];
+        V *G = S->G[b];
         S->G[b] = S->H[b];
         S->H[b] = G;
-        for (long l = 0; l < LANES; l++)
-            for (long i = 0; i < I->nx; i++) D[i][l] = b * LANES + l < S->s ? dK[(b * LANES + l) * I->nx + i] : 0.0;
-        along_branch(I, S->in[b], D, G);
+        along_branch(I, S->in[b], dK + b * I->nx, G);
         for (long l = 0; l < LANES && b * LANES + l < S->s; l++)
             for (long i = 0; i < I->nx; i++) sum += G[i][l] * factor[i] * (G[i][l] * factor[i]);
     }

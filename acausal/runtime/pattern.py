@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -23,6 +24,15 @@ class Pattern:
     fill: int
     work: float
 
+    @functools.cached_property
+    def most(self) -> int:
+        """Entries that L or U of 1 - z df/dx have at most, whatever the pivots: those of the Cholesky factor of A'A for A with columns in this order (George
+        and Ng, An implementation of Gaussian elimination with partial pivoting for sparse systems, 1985).
+        """
+        n = self.order.size
+        A = _with_diagonal(ca.Sparsity(n, n, self.start.tolist(), self.row.tolist())).sub(list(range(n)), self.order.tolist())[0]
+        return ca.mtimes(A.T, A).ldl(False)[0].nnz() + n
+
 
 def jacobian_pattern(rhs: ca.Function) -> Pattern:
     """Of rhs(t, x, u, p) by x."""
@@ -31,8 +41,13 @@ def jacobian_pattern(rhs: ca.Function) -> Pattern:
     colour = np.zeros(entries.size2(), dtype=np.int64)
     columns, groups = colours.get_triplet()
     colour[columns] = groups
-    L, order = (entries + entries.T + ca.Sparsity.diag(entries.size1())).ldl()
+    whole = _with_diagonal(entries)
+    L, order = (whole + whole.T).ldl()
     below = np.diff(np.array(L.colind(), dtype=np.int64)) + 1
     numbers = (np.array(values, dtype=np.int64) for values in (entries.colind(), entries.row(), order))
     start, row, order = numbers
     return Pattern(start, row, colour, colours.size2(), order, int(below.sum()), float((below.astype(float) ** 2).sum()))
+
+
+def _with_diagonal(entries: ca.Sparsity) -> ca.Sparsity:
+    return entries + ca.Sparsity.diag(entries.size1())

@@ -4,6 +4,13 @@
 #include <time.h>
 #include "runtime.h"
 #include <string.h>
+
+/* As the C library's, which compilers call and never inline. */
+INLINE double larger(double a, double b) { return a >= b || b != b ? a : b; }
+INLINE double smaller(double a, double b) { return a <= b || b != b ? a : b; }
+#define fmax larger
+#define fmin smaller
+
 #include "interpreter.h"
 #include "memory.h"
 #include "stages.h"

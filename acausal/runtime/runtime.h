@@ -41,11 +41,12 @@ typedef struct {
 } Clock;
 
 /* Which entries of df/dx are not zero, by columns: starts (nx + 1), rows; a colour for each column, those of one colour sharing no row; the order of
-   elimination, entries that L then has, and squares of their numbers by columns, summed. */
+   elimination, entries that L then has, and squares of their numbers by columns, summed; entries that L or U has at most, whatever the pivots. */
 typedef struct {
     const long *start, *row, *colour, *order;
     long colours;
     double fill, work;
+    long most;
 } Pattern;
 
 enum Kind { GAUSS, RADAU };
@@ -118,6 +119,7 @@ typedef struct Integrator {
     long steps, rejected, evaluations, iterations, factorisations, newton_steps, radau_steps, worst, passages, switched; /* passages: steps around singular positions; switched: times that switches went over */
     double *size; /* largest magnitude met so far, per state */
     double h, error, contraction; /* of the last step */
+    double work;                  /* operations on lanes so far, counted as the choice between methods counts them */
     const long *guard_direction, *guard_stops; /* per guard: which crossings count (0 both, 1 rising, -1 falling); whether it ends the run */
     const Method *fine;                        /* whose nodes refine Gauss steps; null: as they are */
     long events;                               /* found so far, in order of time */

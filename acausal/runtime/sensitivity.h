@@ -85,9 +85,11 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
                 if (ready[l]) continue;
-                for (long q = 0; q < s * n; q++) T->residual[q] = N[q][l] - K[q][l];
+                for (long j = 0; j < S->blocks * LANES; j++)
+                    for (long i = 0, q = (j < s ? j : s - 1) * n; i < n; i++, q++) T->residual[j / LANES * n + i][j % LANES] = N[q][l] - K[q][l];
                 newton_direction(I, S->method, T->residual, T->dK);
-                for (long q = 0; q < s * n; q++) N[q][l] = K[q][l] + T->dK[q];
+                for (long j = 0; j < s; j++)
+                    for (long i = 0, q = j * n; i < n; i++, q++) N[q][l] = K[q][l] + T->dK[j / LANES * n + i][j % LANES];
             }
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) {

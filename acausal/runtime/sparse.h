@@ -2,14 +2,14 @@
    unless it is small (Gilbert and Peierls 1988). Pattern and pivots serve again as long as they are good (as in KLU, Davis and Palamadai
    Natarajan 2010). Pivots are chosen by the first eigenvalue. */
 
-#define DIAGONAL 0.1 /* of the largest entry: the diagonal is the pivot */
+#define DIAGONAL 0.1 /* of the largest entry: the diagonal is the pivot; but where loops may be singular: there the largest is */
 #define WORN 0.001   /* of the largest entry: a pivot from before is not used again */
 
-/* Room for so many entries more; old arrays stay in the memory of the integration, which doubles at most. */
+/* Room for so many entries more; old arrays stay in the memory of the integration, which doubles at most. A caller's block has it for any pivots. */
 static int room_for(Integrator *I, long used, long more, long *room, long **row, V **re, V **im) {
     if (used + more <= *room) return 1;
     if (I->block && used) return 0;
-    long new = 2 * (used + more);
+    long new = (used ? 2 : 1) * (used + more);
     long *rows = reserve(I, sizeof(long) * (size_t)new);
     V *a = reserve_lanes(I, new), *b = reserve_lanes(I, new);
     if (I->counted) return 1;
@@ -26,8 +26,7 @@ static int room_for(Integrator *I, long used, long more, long *room, long **row,
 static int make_sparse(Integrator *I, long blocks) {
     struct State *T = I->state;
     struct Sparse *S = &T->sparse;
-    long n = I->nx, fill = (long)I->pattern.fill;
-    T->sparse_now = 1;
+    long n = I->nx, room = I->block || I->counted ? I->pattern.most : (long)I->pattern.fill;
     S->re = reserve_lanes(I, 2 * n);
     S->im = reserve_lanes(I, 2 * n);
     S->stack = reserve(I, sizeof(long) * (size_t)(3 * n));
@@ -37,7 +36,7 @@ static int make_sparse(Integrator *I, long blocks) {
         struct Factors *F = &S->blocks[b];
         F->L_start = reserve(I, sizeof(long) * (size_t)(4 * n + 2));
         F->D_re = reserve_lanes(I, 2 * n);
-        if (!room_for(I, 0, fill, &F->L_room, &F->L_row, &F->L_re, &F->L_im) || !room_for(I, 0, fill, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
+        if (!room_for(I, 0, room, &F->L_room, &F->L_row, &F->L_re, &F->L_im) || !room_for(I, 0, room, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
         if (I->counted) continue;
         if (!F->L_start || !F->D_re) return 0;
         F->U_start = F->L_start + n + 1;
@@ -149,8 +148,10 @@ static int factor_anew(Integrator *I, struct Factors *F, V z_re, V z_im) {
         long column = I->pattern.order[k], first = reach(I, S, F, column), best = -1;
         F->L_start[k] = L;
         F->U_start[k] = U;
-        if (!room_for(I, L, n - first, &F->L_room, &F->L_row, &F->L_re, &F->L_im)) return 0;
-        if (!room_for(I, U, n - first, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
+        long above = 0;
+        for (long p = first; p < n; p++) above += F->pivot_of[S->pattern[p]] >= 0;
+        if (!room_for(I, L, n - first - above, &F->L_room, &F->L_row, &F->L_re, &F->L_im)) return 0;
+        if (!room_for(I, U, above, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
         for (long p = first; p < n; p++) {
             S->re[S->pattern[p]] = S->im[S->pattern[p]] = v_all(0.0);
             S->seen[S->pattern[p]] = 0;
@@ -170,7 +171,7 @@ static int factor_anew(Integrator *I, struct Factors *F, V z_re, V z_im) {
             }
         }
         if (best < 0 || !(largest < INFINITY)) return 0;
-        if (F->pivot_of[column] < 0 && entry_size(I, column) >= DIAGONAL * largest) best = column;
+        if (F->pivot_of[column] < 0 && entry_size(I, column) >= (present(&I->clearance) ? 1 : DIAGONAL) * largest) best = column;
         for (long p = first; p < n; p++)
             if (F->pivot_of[S->pattern[p]] < 0 && S->pattern[p] != best) F->L_row[L++] = S->pattern[p];
         F->pivot_row[k] = best;

@@ -77,7 +77,6 @@ static int choose_method(Integrator *I, const simulator_options *options) {
     if (radau && I->adapt_order) {
         I->method_list = gauss_methods[0] + 1;
         I->methods = COUNT(gauss_methods[0]) - 1;
-        I->method = I->rtol > 1e-4 ? 0 : 1;
         return 1;
     }
     I->methods = options->method == SIMULATOR_AUTO ? COUNT(gauss_methods[0]) : 1;
