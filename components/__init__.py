@@ -6,7 +6,7 @@ Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurfa
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel; along lines: SlidingMass, TranslationalSpring,
-TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode,
+TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode, Thyristor,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
 RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
@@ -80,7 +80,7 @@ from components.joints.spherical import Spherical
 from components.joints.universal import Universal
 from components.motor import DCMotor
 from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
-from components.rectifiers import IdealDiode
+from components.rectifiers import IdealDiode, Thyristor
 from components.rotational import (
     AngleSource,
     AngularAccelerationSource,
@@ -244,6 +244,7 @@ __all__ = [
     "Sum",
     "Table",
     "Tangent",
+    "Thyristor",
     "TimeFunction",
     "Torque",
     "TorqueSensor",

@@ -14,7 +14,7 @@ from acausal.language.equation import Equation
 from acausal.language.expression import Expression, Parameter, Reaction, Scalar, scalar
 from acausal.language.mode_laws import DryFriction, ModeLaw, OneWay
 from acausal.language.origin import origin
-from components.flanges import AbstractOnFlanges, Flange, asked
+from components.flanges import AbstractOnFlanges, Flange, asked, gate_of
 
 Capacity = Scalar | Callable[[Any], Any]
 
@@ -108,15 +108,18 @@ class Freewheel(AbstractOnFlanges):
     `grip` >= 0 [N or N*m] drives flange_b forward and flange_a back. To engage at equal speeds is no impact. Where others strike, it takes part in the impact
     without bouncing, and so it does at the start where flange_b is slower. It loses no energy, except in impacts.
 
+    `gate`: an input, or an expression of positions, velocities and time, that must be positive for it to engage, as a pawl; what holds goes on holding.
+
         scene.hub = Freewheel(scene.sprocket.flange_b, scene.wheel.flange_a)
     """
 
-    def __init__(self, flange_a: Flange, flange_b: Flange) -> None:
+    def __init__(self, flange_a: Flange, flange_b: Flange, gate: Capacity | None = None) -> None:
         self._take(flange_a=flange_a, flange_b=flange_b)
+        self.gate = None if gate is None else gate_of(gate, "Freewheel's gate")
         self.grip = Reaction(self.effort_unit, "what it drives flange_b forward with")
 
     def equations(self) -> Iterable[Equation]:
         yield from self._exerts(1.0 * self.grip)
 
     def laws(self) -> Iterable[ModeLaw]:
-        yield OneWay(self.grip, self.speed)
+        yield OneWay(self.grip, self.speed, self.gate)

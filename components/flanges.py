@@ -6,13 +6,15 @@ from abc import ABC
 from collections.abc import Callable
 from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 
+import acausal.language.expression as language
 from acausal.errors import IncompatibleError
 from acausal.language.component import Component, add_connection, check_compatible
 from acausal.language.connector import FLOWS, Connector, Rotational, Translational
 from acausal.language.equation import Equation, der, equal
-from acausal.language.expression import Expression, checked
+from acausal.language.expression import Expression, Scalar, checked, scalar
 from acausal.language.origin import origin
 
 Flange = Rotational | Translational
@@ -70,6 +72,12 @@ class AbstractOnFlanges(Component, ABC):
         flows = [getattr(end, FLOWS[type(end)][1]) for end in self._ends]
         back = [equal(flow, effort) for flow in flows[:-1]]
         return [*back, equal(flows[-1], -1.0 * effort)]
+
+
+def gate_of(value: Scalar | Callable[[Any], Any], what: str) -> Expression:
+    """What lets a part that goes one way only begin to hold, where it is positive; checked."""
+    found = scalar(language.of_time(value), what)
+    return found if isinstance(found, Expression) else Expression(ca.SX(found), frozenset())
 
 
 def asked(value: float | Expression, check: Callable[[float], None]) -> float | Expression:

@@ -23,6 +23,8 @@ from components import (
     Inertia,
     Revolute,
     RigidBody,
+    RotationalDamper,
+    RotationalGround,
     SlidingMass,
     TorqueSource,
     TranslationalGround,
@@ -199,6 +201,36 @@ def test_freewheel_drives_and_is_overrun(swapped: bool) -> None:
     assert run[scene.second.w][-1] == pytest.approx(end, rel=1e-11)
     assert not jumps(run)
     assert run.energy_error() < 1e-11
+
+
+def test_freewheel_engages_without_any_impact() -> None:
+    """Time and again, where two speeds meet."""
+    scene = ac.System()
+    scene.first, scene.second, scene.motor = Inertia(0.37), Inertia(0.91), TorqueSource(lambda t: 2 * np.sin(7.3 * t) + 0.13)
+    scene.drag, scene.wall = RotationalDamper(0.05), RotationalGround()
+    scene.hub = Freewheel(scene.first.flange_b, scene.second.flange_a)
+    scene.connect(scene.motor.flange, scene.first.flange_a)
+    scene.connect(scene.second.flange_b, scene.drag.flange_b)
+    scene.connect(scene.wall.flange, scene.drag.flange_a)
+    start = {scene.first.w: 0.3, scene.second.w: 0.3, scene.first.phi: 0.0, scene.second.phi: 0.0}
+    run = ac.build(scene).simulate(20.0, start, rtol=1e-12)
+    assert len(changes(run)) > 40
+    assert not jumps(run)
+    assert np.min(run[scene.second.w] - run[scene.first.w]) > -1e-14
+    assert run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize(("speed", "engaged"), [(0.0, 1.0), (1.0, 1.0), (3.0, 2.0)])
+def test_pawl_holds_while_it_is_in(speed: float, engaged: float) -> None:
+    """A shaft is turned back by 1 rad/s^2; from 1 s to 2 s the pawl is in: then it stops there, and what is held stays so."""
+    scene = ac.System()
+    scene.wall, scene.shaft, scene.load, scene.pawl = RotationalGround(), Inertia(2.0), TorqueSource(-2.0), ac.Input("1")
+    scene.hub = Freewheel(scene.wall.flange, scene.shaft.flange_a, gate=scene.pawl)
+    scene.connect(scene.load.flange, scene.shaft.flange_b)
+    inputs = {scene.pawl: ac.samples([0, 1, 2], [0, 1, 0], kind="constant")}
+    run = quiet(ac.build(scene), 4.0, {scene.shaft.w: speed, scene.shaft.phi: 0.0}, inputs=inputs, rtol=1e-12)
+    assert run[scene.shaft.w][-1] == pytest.approx(0.0 if speed <= engaged else speed - 4.0, abs=1e-12)
+    assert jumps(run) == ([1.0] if speed == 0 else [])
 
 
 @pytest.mark.parametrize("angle", [0.05, 0.2])

@@ -194,3 +194,15 @@ def test_switch_that_an_input_moves_goes_over_where_it_is(constant: bool) -> Non
     place = 0.3 if constant else ac.samples([0.0, 1.0], [0.3, 0.3])
     run = model.simulate(1.0, {scene.rail.q: 0.0, scene.rail.v: 1.0}, inputs={scene.place: place})
     assert abs(run[scene.rail.v][-1] - 0.3) < 1e-12
+
+
+@pytest.mark.parametrize("course", [(0, 1, 0), (1, 0, 1), (1, -1, 0), (-1, 1, 0)])
+@pytest.mark.parametrize("at_zero", [1, -1])
+def test_input_that_jumps_right_to_where_a_switch_goes_over_is_compared_as_said(course: tuple[int, ...], at_zero: int) -> None:
+    scene: Any = ac.System()
+    scene.level = ac.Input("1")
+    above = scene.level >= 0 if at_zero > 0 else scene.level > 0
+    scene, model = bead(lambda q, v, t: ca.if_else(above.sx, 1, -1), level=scene.level)
+    inputs = {scene.level: ac.samples([0, 1, 2], course, kind="constant")}
+    run = model.simulate(3.0, {scene.rail.q: 0.0, scene.rail.v: 0.0}, inputs=inputs)
+    assert abs(run[scene.rail.v][-1] - sum(np.sign(level) if level else at_zero for level in course)) < 1e-12

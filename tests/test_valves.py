@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, VoltageSource
+from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, Thyristor, VoltageSource
 
 
 def changes(run: Any) -> list[float]:
@@ -118,3 +118,49 @@ def test_diodes_without_any_state_are_refused() -> None:
     """Nothing is integrated then that could tell when they open."""
     with pytest.raises(ac.errors.ModelError, match="nothing in the scene has a state"):
         ac.build(rectifier(Resistor(1.0), 100.0, None))
+
+
+@pytest.mark.parametrize("inductive", [False, True])
+def test_thyristor_waits_for_its_gate_and_then_conducts_to_the_end(inductive: bool) -> None:
+    """It fires where sin(w t - 1) exceeds 0.9, and goes out where its current vanishes, each period again."""
+    w, R, L, leak = 100.0, 20.0, 0.5, 1e-9
+    scene = ac.System()
+    scene.mains, scene.valve = VoltageSource(lambda t: 10 * np.sin(w * t)), Thyristor(lambda t: np.sin(w * t - 1) - 0.9, leak)
+    scene.load, scene.coil, scene.ground = Resistor(R), Inductor(L) if inductive else Resistor(0.0), Ground()
+    scene.beside, scene.slow = Capacitor(1e-3), Resistor(2.0)
+    scene.connect(scene.mains.pin_a, scene.coil.pin_a, scene.beside.pin_a)
+    scene.connect(scene.coil.pin_b, scene.valve.pin_a)
+    scene.connect(scene.valve.pin_b, scene.load.pin_a)
+    scene.connect(scene.beside.pin_b, scene.slow.pin_a)
+    scene.connect(scene.load.pin_b, scene.slow.pin_b, scene.mains.pin_b, scene.ground.pin)
+    run = ac.build(scene).simulate(0.1, {scene.beside.v: 0.0}, rtol=1e-10)
+    fires, period = (1 + math.asin(0.9)) / w, 2 * math.pi / w
+
+    def current(t: float) -> float:
+        def steady(t: float) -> float:
+            return 10 / (R * R + (w * L) ** 2) * (R * math.sin(w * t) - w * L * math.cos(w * t))
+
+        return steady(t) - steady(fires) * math.exp(-R / L * (t - fires)) if inductive else math.sin(w * t)
+
+    low, high = 0.025, 0.06
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if current(middle) > 0 else (low, middle)
+    assert changes(run)[0:3:2] == pytest.approx([fires, fires + period], rel=1e-10)
+    assert changes(run)[1] == pytest.approx(low, rel=1e-6 if inductive else 1e-10)
+
+
+def test_thyristor_whose_gate_is_shut_does_not_fire_again() -> None:
+    """The gate is an input that is zero but for a while."""
+    scene = ac.System()
+    scene.mains, scene.bulk = VoltageSource(lambda t: 10 * np.sin(100 * t)), Resistor(5.0)
+    scene.valve, scene.load, scene.store, scene.ground = Thyristor(ac.Input("V")), Resistor(1e3), Capacitor(1e-5), Ground()
+    scene.connect(scene.mains.pin_a, scene.bulk.pin_a)
+    scene.connect(scene.bulk.pin_b, scene.valve.pin_a)
+    scene.connect(scene.valve.pin_b, scene.load.pin_a, scene.store.pin_a)
+    scene.connect(scene.load.pin_b, scene.store.pin_b, scene.mains.pin_b, scene.ground.pin)
+    pulse = ac.samples([0, 0.01, 0.0105], [0, 1, 0], kind="constant")
+    run = ac.build(scene).simulate(0.2, {scene.store.v: 0.0}, inputs={scene.valve.fires: pulse}, rtol=1e-10)
+    assert len(changes(run)) == 1
+    assert 0.01 < changes(run)[0] < 0.03
+    assert abs(run[scene.store.v][-1]) < 1e-5

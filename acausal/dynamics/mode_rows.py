@@ -17,7 +17,8 @@ from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 @dataclass(frozen=True)
 class ModeRow:
     """A law of `reaction`: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` is the slip
-    [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed.
+    [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
+    `gate`: positive where that may close.
     """
 
     part: Part
@@ -27,11 +28,16 @@ class ModeRow:
     sliding: ca.SX | None = None
     holding: ca.SX | None = None
     one_way: bool = False
+    gate: ca.SX | None = None
 
     @property
     def gap(self) -> ca.SX:
         """Of a one-sided row; nothing is between what goes one way only."""
         return ca.SX(0) if self.one_way else self.moved
+
+    def gated(self, open_gate: ca.SX, shut: float) -> ca.SX:
+        """A value where the gate is open, or where there is none, and what it is where that is shut."""
+        return open_gate if self.gate is None else ca.if_else(self.gate > 0, open_gate, shut)
 
     @property
     def one_sided(self) -> bool:
@@ -41,9 +47,9 @@ class ModeRow:
     def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> ModeRow:
         """With values in place of symbols."""
         columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
-        found = ca.substitute(columns, list(old), list(new))
+        found = ca.substitute([*columns, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new))
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
-        return ModeRow(self.part, self.reaction, found[0], *rest, self.one_way)
+        return ModeRow(self.part, self.reaction, found[0], *rest, self.one_way, None if self.gate is None else found[-1])
 
 
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
@@ -58,7 +64,16 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
             if isinstance(law, OneSided):
                 found.append(ModeRow(part, law.reaction, read(law.gap), read(law.restitution)))
             elif isinstance(law, OneWay):
-                found.append(ModeRow(part, law.reaction, read(law.speed), ca.SX(0), one_way=True))
+                found.append(
+                    ModeRow(
+                        part,
+                        law.reaction,
+                        read(law.speed),
+                        ca.SX(0),
+                        one_way=True,
+                        gate=None if law.gate is None else read(law.gate),
+                    )
+                )
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
                 found.append(ModeRow(part, law.reaction, read(law.slip), sliding=read(law.sliding), holding=read(law.holding)))
             else:

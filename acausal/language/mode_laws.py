@@ -58,14 +58,17 @@ class OneWay:
 
     `speed`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m), which the reaction makes larger: of freewheels,
     whose engaging at speed zero is no impact. Or a voltage that falls where the reaction, a current, flows: of ideal diodes; also one that depends
-    on the current itself.
+    on the current itself. Where there is a `gate`, what is open stays open unless that is positive (thyristors, pawls); what holds needs none to go on.
     """
 
     reaction: Reaction
     speed: Expression
+    gate: Expression | None = None
 
     def __post_init__(self) -> None:
         _check(self.reaction, self.speed, "OneWay", "speed")
+        if self.gate is not None:
+            _check(self.reaction, self.gate, "OneWay", "gate")
 
 
 ModeLaw = OneSided | DryFriction | OneWay

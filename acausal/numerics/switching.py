@@ -123,9 +123,11 @@ class _Holder:
 
     def _side(self, code: int, a: list[ca.SX], true: list[ca.SX]) -> ca.SX:
         """The result of a switching operation on `a`, held."""
+        if code == ca.OP_LE:  # where both are equal, as inputs may be that jump
+            return 1 - self._below(a[1] - a[0], true[1] - true[0])
         if code in _COMPARED or code == ca.OP_FABS:
             below = self._below(a[0] - a[1] if len(a) == 2 else a[0], true[0] - true[1] if len(a) == 2 else true[0])
-            if code in (ca.OP_LT, ca.OP_LE):
+            if code == ca.OP_LT:
                 return below
             if code == ca.OP_FABS:
                 return (1 - 2 * below) * a[0]

@@ -66,7 +66,7 @@ class Modes:
     @property
     def moved(self) -> ca.SX:
         """Gaps and slips."""
-        return ca.vertcat(*(row.gap for row in self.rows))
+        return ca.vertcat(*(row.gated(row.gap, 1) for row in self.rows))
 
 
 def refuse_modes(rows: Sequence[ModeRow], what: str) -> None:
@@ -137,7 +137,7 @@ def modes_of(rows: Sequence[ModeRow], masks: Sequence[Mode], t: ca.SX, x: ca.SX,
             right[i] -= share * limit
     found = _solved(M, right)
     limits = [ca.substitute(row.holding, reactions, found) for row in rows[n1:] if row.holding is not None]
-    apart = [ca.substitute(row.moved, reactions, found) if row.one_way else row.moved for row in rows[:n1]]
+    apart = [row.gated(ca.substitute(row.moved, reactions, found), 1) if row.one_way else row.moved for row in rows[:n1]]
     guards = [(1 - closed[i]) * apart[i] + closed[i] * found[i] for i in range(n1)]
     for k in range(n - n1):
         force, away = found[n1 + k], slides[k] * rate[n1 + k] - (1 - slides[k] ** 2) * limits[k]

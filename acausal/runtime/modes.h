@@ -394,7 +394,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
             I->worst = i;
             return OVERLAPS;
         }
-        impacts |= touching[i] && D.rate[i] < -D.rate_noise[i];
+        impacts |= touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i]; /* what begins to hold where its speed vanishes strikes nothing */
     }
     for (long i = gaps; i < n; i++) {
         long first = gaps + 2 * (i - gaps);

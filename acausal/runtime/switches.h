@@ -73,6 +73,7 @@ static void go_to_other_side(Integrator *I, long row) {
 static int agree(Integrator *I, double t, const double *x, int all) {
     struct State *T = I->state;
     if (I->held == I->masks) return 1;
+    if (all) memset(T->far, 0, (size_t)I->row_count); /* rows that were far from zero may be at it now */
     for (int again = 0; again < 8; again++) {
         if (all && again == 0) {
             V *in = T->sides_in;
@@ -86,7 +87,8 @@ static int agree(Integrator *I, double t, const double *x, int all) {
         if (!rows_at(I, t, x)) return 0;
         int wrong = 0;
         for (long r = I->mode_rows; r < I->row_count; r++) {
-            if (!(T->one_row[r] < -T->row_noise[r])) continue;
+            int at_it = all && again == 0 && T->one_row[r] == 0 && T->row_noise[r] == 0; /* an input has jumped right there */
+            if (!at_it && !(T->one_row[r] < -T->row_noise[r])) continue;
             wrong = 1;
             if (all && again == 0) T->side[I->row_switch[r]] = T->sides_out[I->row_switch[r] - I->masks][0];
             else go_to_other_side(I, r);

@@ -50,7 +50,7 @@ POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "len
 SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
 PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",
-         "PID.derivative", "Table.points", "Table.values"}  # fmt: skip
+         "PID.derivative", "Table.points", "Table.values", "Freewheel.gate", "Thyristor.gate"}  # fmt: skip
 """What signals carry has any unit."""
 DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns", "side"}
 
