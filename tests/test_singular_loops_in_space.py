@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.errors import StartValueError
 from components import Particle, Rod, World
 from components.bodies import RigidBody
 from tests.scenes import rotation
@@ -124,3 +125,13 @@ def test_any_tolerance_speed_and_end_leads_straight_through(seed: int):
             rtol,
         )
         assert run.statistics.steps < 80, (rate, turned, rtol)
+
+
+def test_rods_that_are_one_too_many_all_along_are_told():
+    """Beside a plate that only shifts on four parallel rods it could turn, to first order, wherever it is."""
+    scene = Plate(0.6, 0.3, 4)
+    v = 5.0 * (np.cos(0.6) * scene.side + np.array([0, 0, np.sin(0.6)]))
+    model = ac.build(scene)
+    for end in (0.15, 1.0, 10.0):
+        with pytest.raises(StartValueError, match="and so are all those that it leads to"):
+            model.simulate(end, {scene.plate.frame.velocity[k]: float(v[k]) for k in range(3)})

@@ -51,7 +51,9 @@ class Passage:
                 tau *= factor
                 distance = aside(tau)
         for _ in range(2):
-            tau *= _AHEAD / distance if distance > 0 else np.inf
+            if not 0 < distance < np.inf:
+                return None
+            tau *= _AHEAD / distance
             distance = aside(tau)
         return tau if 0.5 * _AHEAD < distance < 2 * _AHEAD else None
 

@@ -105,6 +105,8 @@ class Examined:
         """How far a motion of the group's coordinates q (nq,) next to a singular position, straight `ahead` [1/s], misses it, and its speed there
         [1/s]: as parts of the size of the loops. Zero where no such position is found.
         """
+        if not (np.isfinite(q).all() and np.isfinite(ahead).all()):
+            return 0.0, 0.0
         with self.lock:
             walk = self._walk(values)
             before, walk.time = walk.time, time

@@ -19,7 +19,8 @@ from acausal.numerics.independent import Independent
 from acausal.numerics.thresholds import CLOSED, SINGULAR
 
 _STRIDE = 0.35
-_LENGTH = 5.0
+_LENGTH, _WHOLE = 5.0, 20.0
+"""How far a walk goes; how far at most where branches cross, or nearly do."""
 _AHEAD, _REACH, _BEYOND = 0.1, 3.0, 0.05
 """How far crossings may be ahead where they are looked for, and times as far away; how far the walk goes on behind one."""
 _MOST_STEPS = 60
@@ -38,6 +39,7 @@ class _Place:
     side: float
     along: np.ndarray
     """(nv,), the part of the motion in which the loops let go."""
+    freedoms: int
 
 
 @dataclass(frozen=True)
@@ -60,10 +62,11 @@ class _Look:
             free = Vt[self.rank :]
             smallest, along, freedoms = float(s[self.rank - 1]), (free @ ahead) @ free, len(free)
         side = float(np.linalg.slogdet(np.vstack([A[list(self.kept)], along]))[0]) if freedoms == 1 else 0.0
-        return _Place(z, smallest, side, along)
+        return _Place(z, smallest, side, along, freedoms)
 
     def crossing(self, place: _Place, reach: float, known: Sequence[Crossing]) -> Crossing | None:
-        """Near a closed configuration: one that is known, or else looked for."""
+        """Near a closed configuration: one that is known, or else looked for. Short strides make no place a far one."""
+        reach = max(reach, _BEYOND)
         near = (one for one in known if np.max(np.abs(one.z - place.z)) < reach)
         return next(near, None) or crossing_near(self.walk, place.z, self.scale, self.kept, reach)
 
@@ -100,7 +103,7 @@ def singular_values_along(walk: Walk, start: np.ndarray, scale: np.ndarray, rank
 def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, known: Sequence[Crossing]) -> Iterator[Trail]:
     """What is found from step to step, with some crossings `known`.
 
-    The walk goes on in the same direction, first `ahead` (nv,), where there are several. A step ends short of where the singular
+    The walk goes on in the same direction, first `ahead` (nv,), where there are several, and until it is back where branches are known to cross. A step ends short of where the singular
     value, extrapolated, is zero: it shrinks by the same factor from step to step before a crossing, and levels off before one
     that is missed. Crossings are stepped over as soon as they are known.
     """
@@ -116,7 +119,10 @@ def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, known: Sequence[
             found = found.and_then(_least(look, last, ahead, known))
         yield found
         known = (*known, *found.crossings)
-        if walked > _LENGTH or not np.max(np.abs(here.along), initial=0.0) > 1e-6:
+        whole = bool(known) and here.freedoms == 1  # what else is on a closed curve is met before it is back
+        if walked > (_WHOLE if whole else _LENGTH) or (whole and walked > 1 and _is_back(look.walk, here.z, start)):
+            return
+        if not np.max(np.abs(here.along), initial=0.0) > 1e-6:
             return
         stride = min(_STRIDE, 0.6 * left) if slope > 0 else _STRIDE
         if near is not None and near.crosses:
@@ -127,6 +133,15 @@ def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, known: Sequence[
             return
         before, walked = here.smallest, walked + stride
         here = look.at(there, ahead)
+
+
+def _is_back(walk: Walk, z: np.ndarray, start: np.ndarray) -> bool:
+    """Whether a configuration is another, but for whole turns."""
+    turns = np.where(walk.symbolic.group.turning, 2 * np.pi, np.inf)
+    apart = z - start
+    whole = np.isfinite(turns)
+    apart[whole] -= turns[whole] * np.round(apart[whole] / turns[whole])
+    return bool(np.max(np.abs(apart)) < _STRIDE)
 
 
 def _least(look: _Look, last: list[_Place], along: np.ndarray, known: Sequence[Crossing]) -> Trail:
