@@ -172,6 +172,30 @@ def test_of_two_flat_positions_one_may_fit_and_one_miss(off: float):
         assert right or not alone, rtol
 
 
+@pytest.mark.parametrize(
+    ("bars", "off"),
+    [
+        ((1.0, 1.0, 0.6, 0.6), (0.0, 4.4e-8, -4.4e-8, 0.0)),
+        ((1.0, 1.0, 0.6, 0.6), (0.0, 1e-3, -1e-3, 0.0)),
+        ((1.0, 0.6, 0.6, 1.0), (0.0, 0.0, 1.2e-12, -1.2e-12)),
+        ((1.0, 0.2, 0.7, 0.5), (2.5e-13, 0.0, -2.5e-13, 0.0)),
+        ((1.0, 0.5, 0.9, 0.6), (4.6e-7, 0.0, 4.6e-7, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("side", [1, -1])
+def test_wherever_else_a_four_bar_is_flat_it_fits_or_misses_on_its_own(bars, off, side):
+    """Ground, crank, coupler and rocker, all drawn flat, where they fit or not."""
+    lengths = np.add(bars, off)
+    scene = four_bar(lengths[0], tuple(lengths[1:]), (1.0, 2.0, 1.5))
+    b, d = drawn(lengths[0], lengths[1:], 0.8, side)
+    start = {scene.a.q: 0.8, scene.a.v: 3.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+    model = ac.build(scene)
+    runs = [model.simulate(4.0, start, rtol=rtol, samples=3) for rtol in (1e-6, 1e-10)]
+    tips = [run[scene.crank.tip.position] for run in runs]
+    assert np.max(np.abs(tips[0] - tips[1])) < 3e-5
+    assert all(run.at(run.solution.t).energy_error() < bound for run, bound in zip(runs, (3e-5, 1e-8), strict=True))
+
+
 def test_lengths_that_fit_to_rounding_are_a_crossing_and_others_are_none():
     """With a few operations behind them they are off by 1e-15; from there on what is typed is what is meant."""
     for missed, singular in ((0.0, True), (1e-15, True), (1e-13, False), (3e-12, False), (-1e-10, False)):

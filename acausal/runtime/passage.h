@@ -179,36 +179,38 @@ static void continued_rates(Integrator *I, const V *in, const V *K, long lane, d
     for (long i = I->positions; i < I->nx; i++) out[i] = continued(T->node_rates, i);
 }
 
+/* Whether rates a and b of velocities differ by no more than what rounding of lengths makes of them at a distance that is tau away. */
+static int agree_at(const Integrator *I, const double *a, const double *b, double distance, double tau, double speed) {
+    double change = 0;
+    for (long i = I->positions; i < I->nx; i++) change += (a[i] - b[i]) * I->usual[i] * ((a[i] - b[i]) * I->usual[i]);
+    return sqrt(change) * tau < speed * LENGTHS / (distance * distance);
+}
+
 /* From how far to either side of a state with exact rates K these are to be continued; 0: not at all. Rounding of lengths disturbs rates by its part
    over the cube of the distance from the singular position, so far ones are better, as long as they differ from nearer ones by no more than this. They
-   do beside a motion that does not lead straight through, but past the position. The nearest ones are K itself, twice as far from it as the state. */
+   do beside a motion that does not lead straight through, but past the position. The nearest ones are K itself, twice as far from it as the state: it
+   has the last word, since at the vertex of a motion past the position those to either side make up for one another. */
 static double continued_from(Integrator *I, const V *in, const V *K, long lane, double tau, double clear) {
     struct State *T = I->state;
-    double least = 2 * sqrt(clear), distance = AHEAD, speed = 0;
+    double least = 2 * sqrt(clear), distance = AHEAD, speed = 0, *own = T->across, *farther = T->farther, *nearer = T->nearer;
     if (!I->through || !(tau > 0)) return 0;
     for (long i = I->positions; i < I->nx; i++) {
         double v = in[1 + i][lane] * I->usual[i];
         speed += v * v;
+        own[i] = K[i][lane];
     }
-    continued_rates(I, in, K, lane, tau, T->farther);
-    for (int more = 1; more;) {
-        double next = tau / CLOSER, change = 0;
+    speed = sqrt(speed);
+    double here = sqrt(clear) / distance * tau;
+    continued_rates(I, in, K, lane, tau, farther);
+    while (distance / CLOSER > least) {
         distance /= CLOSER;
-        more = distance > least;
-        if (!more) distance = sqrt(clear);
-        if (more) continued_rates(I, in, K, lane, next, T->nearer);
-        else
-            for (long i = I->positions; i < I->nx; i++) T->nearer[i] = K[i][lane];
-        for (long i = I->positions; i < I->nx; i++) {
-            double d = (T->farther[i] - T->nearer[i]) * I->usual[i];
-            change += d * d;
-        }
-        if (sqrt(change) * tau < sqrt(speed) * LENGTHS / (distance * distance)) return tau;
-        double *swapped = T->farther;
-        T->farther = T->nearer, T->nearer = swapped;
-        tau = next;
+        continued_rates(I, in, K, lane, tau / CLOSER, nearer);
+        if (agree_at(I, farther, nearer, distance, tau, speed)) break;
+        tau /= CLOSER;
+        double *swapped = farther;
+        farther = nearer, nearer = swapped;
     }
-    return 0;
+    return agree_at(I, farther, own, sqrt(clear), here, speed) ? tau : 0;
 }
 
 /* Whether rates of the last try were continued from afar: what rounding makes of them at the states is large, and explains nothing that moves. */
