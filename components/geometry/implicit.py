@@ -92,6 +92,11 @@ class ImplicitSurface(AbstractSurface):
     def _found(self, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A place on the surface and its unit normal, parameters as they are. Raises `ParameterError` where the search comes to none."""
         known = [symbol for symbol in declared_in(self.law) if isinstance(symbol, Parameter)]
+        for symbol in declared_in(self.law) - set(known):
+            raise ParameterError(
+                f"ImplicitSurface's law depends on the {symbol.kind} {symbol.name} ({origin()}). Use numbers and parameters: a surface that moves is fixed in a "
+                "frame that does; one that changes its shape with time needs coordinates, e.g. Sphere or ParametricSurface."
+            )
         at, values = ca.SX.sym("at", 3), [symbol.value for symbol in known]
         given = ca.vertcat(ca.SX(0, 1), *(symbol.sx for symbol in known))
         f = ca.Function("f", [at, given], [self._law(at), self._gradient(at)])

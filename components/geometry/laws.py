@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import sx
+from acausal.language.expression import Expression, Parameter, Time, declared_in, sx, time
 from acausal.language.origin import origin
 
 
@@ -26,3 +26,15 @@ def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) 
         wanted = {1: "one number", 2: "two numbers: (r, z)", 3: "three numbers: (x, y, z)"}[rows]
         raise ParameterError(f"{what}: the function gives the shape {found.shape} ({origin()}). Return {wanted}.")
     return found
+
+
+def changing(places: ca.SX) -> tuple[Expression, ...]:
+    """Places that functions of time and parameters change, as what a guide gives as its motion; empty where nothing does, or something else than these."""
+    found = declared_in(places)
+    known = all(isinstance(leaf, Time | Parameter) for leaf in found)
+    return (Expression(places, found),) if time in found and known else ()
+
+
+def at_time(t: ca.SX, *places: ca.SX) -> list[ca.SX]:
+    """What stands for `ac.time` put in."""
+    return ca.substitute(list(places), [time.sx], [t])

@@ -6,10 +6,11 @@ from typing import final
 
 import casadi as ca
 
-from acausal.language.expression import Variable, sx
+from acausal.language.expression import Expression, Variable, sx
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from components.geometry.curves import AbstractCurve, checked_curve
+from components.geometry.laws import at_time, changing
 from components.orientation import Axis, axis_vector
 
 
@@ -40,7 +41,10 @@ class AlongCurve(AbstractJoint):
         across = side - ca.dot(side, x) * x
         y = across / ca.norm_2(across)
         rotation, position = ca.substitute([ca.horzcat(x, y, ca.cross(x, y)), point], [s], [q])
-        return Pose(rotation, position)
+        return Pose(*at_time(t, rotation, position))
+
+    def given_motions(self) -> tuple[Expression, ...]:
+        return changing(self.curve.point(ca.SX(ca.DM(self.start_q()))))
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.curve.inside(q)

@@ -7,9 +7,10 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Variable
+from acausal.language.expression import Expression, Variable, time
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
+from components.geometry.laws import at_time, changing
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
 
@@ -18,7 +19,8 @@ class PointOnSurface(AbstractJoint):
     """frame_b slides without friction on a `surface` fixed in frame_a, and does not turn. Two freedoms.
 
     q: the surface's coordinates, v (2): their velocities; no multiplier. A particle sits on frame_b; a body's point does with a Spherical
-    between. The surface moves as frame_a does. It holds on both sides.
+    between. The surface moves as frame_a does; by numbers that are expressions of `ac.time` it also changes its shape (not an ImplicitSurface). It
+    holds on both sides.
 
         scene.bowl = PointOnSurface(HeightField(lambda x, y: x**2 + y**2))
     """
@@ -33,7 +35,7 @@ class PointOnSurface(AbstractJoint):
         self._declare("v", f"{surface.unit or '1'}/s")
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
-        return Pose(np.eye(3), self.surface.point(q))
+        return Pose(np.eye(3), at_time(t, self.surface.point(q))[0])
 
     def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
         return self.surface.rates(q, v)
@@ -43,6 +45,11 @@ class PointOnSurface(AbstractJoint):
 
     def turns(self) -> tuple[bool, ...]:
         return self.surface.turns
+
+    def given_motions(self) -> tuple[Expression, ...]:
+        q, v = ca.SX(ca.DM(self.start_q())), ca.SX.sym("v", 2)
+        coordinates = ca.vertcat(self.surface.rates(q, v), self.surface.invariants(q))
+        return () if ca.depends_on(coordinates, time.sx) else changing(self.surface.point(q))
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.surface.inside(q)
