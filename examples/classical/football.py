@@ -20,7 +20,7 @@ def pass_of(gravity: float, resistance: float, start: dict[str, object], seconds
     """Of a football, its nose along x: the scene and its motion."""
     scene = ac.System()
     scene.world = World((0, 0, -gravity))
-    scene.ball = RigidBody(MASS, (ALONG, ACROSS, ACROSS), shapes=RigidBody.ellipsoid(1.0, (0.14, 0.085, 0.085)).shapes())
+    scene.ball = RigidBody(MASS, (ALONG, ACROSS, ACROSS), shapes=RigidBody.ellipsoid(1.0, (1.4, 0.85, 0.85)).shapes())
     scene.nose, scene.drag = PitchingMoment(MOMENT, axis="x"), Drag(quadratic=resistance)
     scene.connect(scene.ball.frame, scene.nose.frame, scene.drag.point)
     begin = {getattr(scene.ball.frame, name): value for name, value in start.items()}
@@ -28,7 +28,7 @@ def pass_of(gravity: float, resistance: float, start: dict[str, object], seconds
 
 
 def main(folder: str = "out") -> float:
-    """A spiral without gravity and drag, and a pass; returns the largest difference of the nose from its cone."""
+    """A spiral without gravity and drag, and a pass, the ball drawn ten times as large; returns the largest difference of the nose from its cone."""
     A, B, C = ACROSS * np.cos(ANGLE), -ALONG * SPIN, MOMENT * SPEED**2
     slow = 2 * C / (-B + np.sqrt(B**2 - 4 * A * C))
     nose = np.array([np.cos(ANGLE), 0.0, np.sin(ANGLE)])

@@ -91,7 +91,7 @@ def main(folder: str = "out") -> float:
     print(
         f"{way / 1000:.0f} km in five minutes, {height[0] / 1000:.1f} km up; by its sensors it is {np.linalg.norm(apart):.1e} m beside, {off:.0e} of the way"
     )
-    run.plot(there.height, path=f"{folder}/navigation.png")
+    run.picture(f"{folder}/navigation.png", times=(0.0, 100.0, 200.0, 300.0))
     run.at(np.linspace(0, SECONDS, 400)).animate(f"{folder}/navigation.html", speed=30.0)
     return off
 
