@@ -21,6 +21,8 @@ from acausal.outputs.outputs import Outputs
 from acausal.wording import compact, shortened
 
 _SHOWN = 40
+_COLUMNS = 1000
+"""Places in a picture at which blows can be told apart."""
 _NOTHING = 1e-13
 """Of the largest impulse in an instant: what is no blow but rounding."""
 _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
@@ -355,11 +357,14 @@ def strips_of(run: Run, begin: float, end: float) -> list[tuple[str, np.ndarray,
     if met is None:
         return []
     found: list[tuple[str, np.ndarray, tuple[str, ...], np.ndarray]] = []
-    times = np.clip(met.begins, begin, end)
     for law in laws:
-        words = tuple(law.words[n] for n in law.numbers(met.masks))
+        numbers = law.numbers(met.masks)
+        changes = np.insert(np.diff(numbers) != 0, 0, [True])
+        words = tuple(law.words[n] for n in numbers[changes])
         struck = met.begins[np.any(met.impulses[:, law.reactions] != 0, axis=1)]
-        found.append((law.name, times, words, struck[(struck >= begin) & (struck <= end)]))
+        struck = struck[(struck >= begin) & (struck <= end)]
+        _, apart = np.unique(np.round(_COLUMNS * (struck - begin) / (end - begin or 1.0)), return_index=True)
+        found.append((law.name, np.clip(met.begins[changes], begin, end), words, struck[apart]))
     return found
 
 
