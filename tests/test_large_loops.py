@@ -121,3 +121,16 @@ def test_many_rows_that_follow_leave_as_many_steps(monkeypatch):
             assert np.max(np.abs(step)) <= radius
             if radius == np.inf:
                 assert np.max(np.abs(step - exact)) < 1e-8 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_a_flat_net_moves_in_its_plane_and_out_of_it(count):
+    """All rods lie in one plane: rows hold across it to second order only, and are independent all the same."""
+    scene = RodNet(count, rough=0.0)
+    model = ac.build(scene)
+    last = scene.knots[-1].point
+    for velocity in ((0.3, 0.0, 0.0), (0.0, 0.3, 0.0)):
+        run = model.simulate(0.5, {last.velocity: ac.near(velocity)}, rtol=1e-9, samples=7)
+        assert run.energy_error() < 1e-11 and run.constraint_error() < 1e-13
+        across = np.abs(run[last.position][:, 1])
+        assert np.max(across) > 0.01 if velocity[1] else np.max(across) == 0.0
