@@ -21,7 +21,7 @@ from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
 from tests.scenes import rotation
 from tests.test_interpreter import kernel_values
 from tests.test_singular_loops import connected, drawn, four_bar
-from tests.test_singular_loops_in_space import LINKS, inversor
+from tests.test_singular_loops_in_space import LINKS, Plate, inversor
 
 G = 9.81
 
@@ -154,6 +154,16 @@ def test_nearer_than_the_digits_of_rates_a_motion_is_told_to_miss():
             run, alone = followed(model, 0.8, {scene.P.point.velocity[2]: aside}, rtol)
             assert alone is silent, (aside, rtol)
             assert run.statistics.steps < 500
+
+
+def test_a_plate_on_rods_that_turns_a_little_is_told_to_miss_its_flat_position():
+    """Given a rate about its own axis, in rad/s."""
+    scene = Plate(1.0, 4.0)
+    v = 4.0 * (np.cos(1.0) * scene.side + np.array([0, 0, np.sin(1.0)]))
+    start = {scene.plate.frame.velocity[k]: float(v[k]) for k in range(3)}
+    model = ac.build(scene)
+    for rate, silent in ((1e-8, False), (1e-10, False), (1e-11, False), (1e-13, True), (0.0, True)):
+        assert followed(model, 0.4, {**start, scene.plate.frame.angular_velocity[2]: rate}, 1e-9)[1] is silent, rate
 
 
 @pytest.mark.parametrize("off", [1e-9, 1e-12, 1e-13, 2e-14])

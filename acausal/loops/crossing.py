@@ -102,7 +102,7 @@ def crossing_near(walk: Walk, z: np.ndarray, scale: np.ndarray, kept: tuple[int,
     rows, at = list(kept), closing_rows(walk)
     usual = walk.symbolic.group.invariants.numel() + int(np.sum(at[rows] >= 0))
     rank, first = max(usual, rank_of(walk.closing(z)[1], walk.rank)), z  # where it is less already, z is next to the place
-    for _ in range(_STEPS):
+    for step in range(_STEPS):
         _, _, A, N = walk.at(z)
         U, s, Vt = np.linalg.svd(A[rows] / scale[rows, None])
         k = max(1, int(np.sum(s < _TOGETHER)))
@@ -110,7 +110,7 @@ def crossing_near(walk: Walk, z: np.ndarray, scale: np.ndarray, kept: tuple[int,
         weights, slopes, along = np.zeros((k, len(A))), s[few:], Vt[few:]
         weights[:, rows] = U[:, few:].T
         changes = np.array([along @ walk.bent(z, w / scale) @ (N @ along.T) for w in weights])
-        if slopes[0] < _EXACT:
+        if slopes[0] < _EXACT and step:  # slopes as small are no place that is known to rounding
             others = np.linalg.svd(A / scale[:, None], compute_uv=False)[len(rows) - 1] > _TOGETHER
             return None if others else _found(walk, z, weights / scale, N @ along.T, changes, at)
         wanted = np.zeros(changes.shape[:2])

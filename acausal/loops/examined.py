@@ -101,18 +101,18 @@ class Examined:
         """Whether motions through singular positions have others beside them that miss these."""
         return self.singular and (self.group.v.numel() - self.rank.rank > 1 or self.narrow)
 
-    def missed(self, q: np.ndarray, ahead: np.ndarray, time: float, values: np.ndarray) -> tuple[float, float]:
+    def missed(self, q: np.ndarray, ahead: np.ndarray, time: float, values: np.ndarray) -> tuple[float, float] | None:
         """How far a motion of the group's coordinates q (nq,) next to a singular position, straight `ahead` [1/s], misses it, and its speed there
-        [1/s]: as parts of the size of the loops. Zero where no such position is found.
+        [1/s]: as parts of the size of the loops. None where no such position is found.
         """
         if not (np.isfinite(q).all() and np.isfinite(ahead).all()):
-            return 0.0, 0.0
+            return None
         with self.lock:
             walk = self._walk(values)
             before, walk.time = walk.time, time
             near = crossing_near(walk, q / walk.unit, self.scale, self.rank.kept, _NEXT)
             walk.time = before
-        return (0.0, 0.0) if near is None else near.missed(q / walk.unit, ahead / walk.unit)
+        return None if near is None else near.missed(q / walk.unit, ahead / walk.unit)
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""

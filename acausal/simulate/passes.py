@@ -74,14 +74,15 @@ def _missed(part: Examined, functions: Functions, passage: Passage, found: _Pass
     tau = passage.crossing(found.t, found.x, found.h)
     if tau is None:
         return 0.0
-    p, least = passage.problem.parameters, np.inf
+    p, misses = passage.problem.parameters, list[float]()
     for ahead in tau / _NEARER:  # interpolated from far away, or rounded more
         times, X = passage.points(found.t, found.x, float(ahead))
         q = functions.space.expanded(times, X.T, p)[list(part.group.q_places)].T
         values = p[: functions.outputs.system.p_values.size]
-        miss, speed = part.missed(*passage.middle(q, float(ahead)), found.t, values)
-        least = min(least, miss if speed * found.h > _LONG * miss else 0.0)
-    return least
+        missed = part.missed(*passage.middle(q, float(ahead)), found.t, values)
+        if missed is not None:
+            misses.append(missed[0] if missed[1] * found.h > _LONG * missed[0] else 0.0)
+    return min(misses, default=0.0)
 
 
 def _passes(piece: Piece, passage: Passage) -> Iterator[_Pass]:
