@@ -11,6 +11,10 @@ import pytest
 import acausal as ac
 from acausal.collocation.problem import StatusKind
 from acausal.language.mode_laws import ModeLaw
+from acausal.parts.force import AbstractForce, Action
+from acausal.parts.placement import Placement
+from acausal.parts.pose import symbolic
+from components import Particle, RigidBody, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
 
 
@@ -161,3 +165,113 @@ def test_restitution_that_gains_energy_is_refused() -> None:
     push = ac.Reaction("N")
     with pytest.raises(ac.errors.ParameterError, match=r"restitution is 1\.2"):
         ac.OneSided(push, ac.Expression(ca.SX(1), frozenset()), 1.2)
+
+
+@pytest.mark.parametrize("restitution", [0.99, 0.9, 0.5, 0.1])
+@pytest.mark.parametrize("size", [1.0, 1e-7])
+def test_ball_comes_to_rest_after_impacts_without_end(restitution: float, size: float) -> None:
+    scene = bouncing(restitution, gravity=9.81 * size)
+    rest = np.sqrt(2 / 9.81) * (1 + 2 * restitution / (1 - restitution))
+    run = ac.build(scene).simulate(1.2 * rest, {scene.mass.s: size, scene.mass.v: 0.0}, rtol=1e-12)
+    assert changes(run)[-1] <= rest
+    met = run.solution.modes
+    assert met is not None
+    assert met.changes[-1].time == pytest.approx(rest, rel=1e-11)
+    assert run[scene.mass.s][-1] == 0
+    assert run[scene.mass.v][-1] == 0
+    assert run[scene.floor.push][-1] == pytest.approx(2.0 * 9.81 * size)
+
+
+class Touch(AbstractForce):
+    """A point above the plane z = 0, with friction in its two directions."""
+
+    point = ac.Point.port()
+
+    def __init__(self, friction: float, holding: float | None = None, restitution: float = 0.0) -> None:
+        self.push, self.rub = ac.Reaction("N"), (ac.Reaction("N"), ac.Reaction("N"))
+        self.friction, self.holding, self.restitution = friction, friction if holding is None else holding, restitution
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        force = ca.vertcat(self.rub[0].sx, self.rub[1].sx, self.push.sx)
+        return (Action(self.point, symbolic(placement.pose(self.point).rotation).T @ force, ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.OneSided(self.push, self.point.position[2], self.restitution)
+        yield ac.DryFriction(self.rub, self.point.velocity[:2], self.friction * self.push, self.holding * self.push)
+
+
+def sliding(friction: float, slope: float) -> ac.System:
+    scene = ac.System()
+    scene.world = World(gravity=(9.81 * np.sin(slope), 0.0, -9.81 * np.cos(slope)))
+    scene.particle, scene.touch = Particle(0.7), Touch(friction)
+    scene.connect(scene.particle.point, scene.touch.point)
+    return scene
+
+
+@pytest.mark.parametrize("friction", [0.37, 0.5, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("velocity", [(1.0, 0.8), (0.3, 2.0), (-1.0, 0.1), (1.0, 0.0), (0.0, -1.0)])
+def test_oblique_slide_on_an_incline_stops_when_it_should(friction: float, velocity: tuple[float, float]) -> None:
+    scene = sliding(friction, 0.3)
+    start = {scene.particle.point.position: np.zeros(3), scene.particle.point.velocity: np.array([*velocity, 0.0])}
+    run = ac.build(scene).simulate(4.0, start, rtol=1e-12)
+    # with pull b down the slope and friction k: d/dt (b v_x + k |v|) = b^2 - k^2
+    b, k = 9.81 * np.sin(0.3), 9.81 * friction * np.cos(0.3)
+    stop = (b * velocity[0] + k * np.hypot(*velocity)) / (k**2 - b**2)
+    assert changes(run)[-1] == pytest.approx(stop, rel=1e-11)
+    assert np.all(run[scene.particle.point.velocity][-1] == 0)
+    assert run[scene.touch.rub[0]][-1] == pytest.approx(-0.7 * b, rel=1e-12)
+    assert run.energy_error() < 1e-11
+
+
+def table(order: tuple[int, ...], restitution: float = 0.0) -> tuple[ac.System, dict[int, Touch]]:
+    scene = ac.System()
+    scene.world = World(gravity=(0.0, 0.0, -9.81))
+    scene.box = RigidBody(mass=2.0, inertia=(0.1, 0.12, 0.08))
+    feet: dict[int, Touch] = {}
+    for k in order:
+        feet[k] = Touch(0.3, restitution=restitution)
+        setattr(scene, f"foot{k}", feet[k])
+        x, y = ((0.4, 0.3), (0.4, -0.3), (-0.4, 0.3), (-0.4, -0.3))[k]
+        scene.connect(scene.box.at((x, y, -0.5)), feet[k].point)
+    return scene, feet
+
+
+def test_box_on_four_feet_slides_and_stops_with_forces_that_no_order_of_feet_changes() -> None:
+    found: list[np.ndarray] = []
+    for order in ((0, 1, 2, 3), (3, 1, 0, 2)):
+        scene, feet = table(order)
+        start = {scene.box.frame.position: (0.0, 0.0, 0.5), scene.box.frame.velocity: (1.0, 0.3, 0.0)}
+        run = ac.build(scene).simulate(1.0, start, rtol=1e-10)
+        speed = np.hypot(1.0, 0.3)
+        assert changes(run)[-1] == pytest.approx(speed / (0.3 * 9.81), rel=1e-11)
+        assert run[scene.box.frame.position][-1] == pytest.approx(
+            np.array([1.0, 0.3, 0.0]) * speed / (0.6 * 9.81) + [0, 0, 0.5], abs=1e-11
+        )
+        pushes = np.array([run[feet[k].push] for k in range(4)])
+        assert pushes.sum(axis=0) == pytest.approx(2.0 * 9.81, rel=1e-11)
+        # while it slides friction tips it: moments about the centre, and of all such forces those of least squares
+        tip = 0.5 * 0.3 * 2.0 * 9.81 * np.array([1.0, 0.3]) / speed
+        corners = np.array([(0.4, 0.3), (0.4, -0.3), (-0.4, 0.3), (-0.4, -0.3)])
+        assert corners.T @ pushes[:, 1] == pytest.approx(tip, rel=1e-10)
+        assert pushes[0, 1] + pushes[3, 1] == pytest.approx(pushes[1, 1] + pushes[2, 1], rel=1e-9)
+        found.append(pushes)
+    assert found[0][:, :30] == pytest.approx(found[1][:, :30], rel=1e-9)
+
+
+def test_box_that_is_dropped_on_four_feet_comes_to_rest_and_never_goes_through_the_floor() -> None:
+    scene, feet = table((0, 1, 2, 3), restitution=0.3)
+    start = {
+        scene.box.frame.position: (0.0, 0.0, 1.0), scene.box.frame.velocity: (1.0, 0.3, 0.0), scene.box.frame.angular_velocity: (0.5, 0.2, 1.0),
+    }  # fmt: skip
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-9, samples=1000)
+    for foot in feet.values():
+        assert np.min(run[foot.point.position][:, 2]) > -1e-9
+        assert np.min(run[foot.push]) >= 0
+    assert np.all(np.abs(run[scene.box.frame.velocity][-1]) < 1e-12)
+    assert sum(run[foot.push][-1] for foot in feet.values()) == pytest.approx(2.0 * 9.81, rel=1e-10)

@@ -11,15 +11,18 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class ModeFunctions:
-    """`masks`: how many of the inputs u are masks, the last ones: one for each of `one_sided` rows, then two for each of `frictions`.
+    """`masks`: how many of the inputs u are masks, the last ones: one for each of `one_sided` laws, then two for each of `lines`, frictions in one
+    direction, and six for each of `planes`, those in two; and the damping where rows are `redundant`.
 
     `guards`: (t, x, u, p) -> positive as long as the masks are right: one for each one-sided row, two for each friction. `decision`: (t, x, u, p) -> what
     modes are decided by, see modes.h. `invariants`, `projection`: (t, x, masks, p) -> everything that stays zero in a mode, and one Newton step
-    towards it. `words`: what each row is called.
+    towards it. `words`: what each law is called.
     """
 
     one_sided: int
-    frictions: int
+    lines: int
+    planes: int
+    redundant: bool
     guards: ca.Function
     decision: ca.Function
     invariants: ca.Function
@@ -29,7 +32,17 @@ class ModeFunctions:
     @property
     def masks(self) -> int:
         """How many there are."""
-        return self.one_sided + 2 * self.frictions
+        return self.one_sided + 2 * self.lines + 6 * self.planes + self.redundant
+
+    @property
+    def laws(self) -> int:
+        """How many there are."""
+        return self.one_sided + self.lines + self.planes
+
+    @property
+    def reactions(self) -> int:
+        """How many there are."""
+        return self.one_sided + self.lines + 2 * self.planes
 
 
 @dataclass(frozen=True)
@@ -48,7 +61,7 @@ class Change:
 @dataclass(frozen=True, eq=False)
 class ModesMet:
     """Changes of mode in order of time, the start's decision first: `masks` (masks, m) from each of the times `begins` (m,) on, and what `Change` has
-    of each, `steps` (m,), `rows` (m,) and `impulses` (m, n).
+    of each, `steps` (m,), `rows` (m,), `impulses` (m, n) and `jumped` (m,).
     """
 
     begins: np.ndarray
@@ -56,17 +69,13 @@ class ModesMet:
     steps: np.ndarray
     rows: np.ndarray
     impulses: np.ndarray
+    jumped: np.ndarray
 
     @staticmethod
     def none(begin: float, masks: int, rows: int) -> ModesMet:
         """Of a motion that did not begin."""
         nothing = np.zeros(1, dtype=int)
-        return ModesMet(np.array([begin]), np.zeros((masks, 1)), nothing, nothing - 1, np.zeros((1, rows)))
-
-    @property
-    def jumped(self) -> np.ndarray:
-        """(m,): whether the state jumped."""
-        return np.asarray(self.impulses.any(axis=1))
+        return ModesMet(np.array([begin]), np.zeros((masks, 1)), nothing, nothing - 1, np.zeros((1, rows)), nothing == 1)
 
     @property
     def changes(self) -> tuple[Change, ...]:

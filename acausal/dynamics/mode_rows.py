@@ -16,13 +16,13 @@ from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 
 @dataclass(frozen=True)
 class ModeRow:
-    """A law of `reaction`: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` is the slip
-    [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
+    """A law of `reactions`, one or two: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
+    is the slip [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
     `gate`: positive where that may close.
     """
 
     part: Part
-    reaction: Reaction
+    reactions: tuple[Reaction, ...]
     moved: ca.SX
     restitution: ca.SX | None = None
     sliding: ca.SX | None = None
@@ -44,16 +44,27 @@ class ModeRow:
         """Whether it may open."""
         return self.restitution is not None
 
+    @property
+    def size(self) -> int:
+        """How many reactions."""
+        return len(self.reactions)
+
+    @property
+    def reaction(self) -> Reaction:
+        """The first one."""
+        return self.reactions[0]
+
     def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> ModeRow:
         """With values in place of symbols."""
         columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
         found = ca.substitute([*columns, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new))
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
-        return ModeRow(self.part, self.reaction, found[0], *rest, self.one_way, None if self.gate is None else found[-1])
+        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, None if self.gate is None else found[-1])
 
 
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
-    """Of all parts, one-sided ones first. Raises `ModelError` for a reaction without a law, or with two, and what `Readings.resolved` raises."""
+    """Of all parts: one-sided ones first, then friction in one direction, then in two. Raises `ModelError` for a reaction without a law, or with two, and what
+    `Readings.resolved` raises."""
     found: list[ModeRow] = []
     for part in flat.parts:
         for law in part.component.laws():
@@ -62,29 +73,36 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 return readings.resolved(sx(value), part) if isinstance(value, Expression) else ca.SX(value)
 
             if isinstance(law, OneSided):
-                found.append(ModeRow(part, law.reaction, read(law.gap), read(law.restitution)))
+                found.append(ModeRow(part, (law.reaction,), read(law.gap), read(law.restitution)))
             elif isinstance(law, OneWay):
-                found.append(
-                    ModeRow(
-                        part,
-                        law.reaction,
-                        read(law.speed),
-                        ca.SX(0),
-                        one_way=True,
-                        gate=None if law.gate is None else read(law.gate),
-                    )
-                )
+                gate = None if law.gate is None else read(law.gate)
+                found.append(ModeRow(part, (law.reaction,), read(law.speed), ca.SX(0), one_way=True, gate=gate))
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
-                found.append(ModeRow(part, law.reaction, read(law.slip), sliding=read(law.sliding), holding=read(law.holding)))
+                slip = ca.vec(read(law.slip))
+                found.append(ModeRow(part, law.reactions, slip, sliding=read(law.sliding), holding=read(law.holding)))
             else:
                 raise ModelError(
                     f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...) and ac.DryFriction(...)."
                 )
-    ruled = [row.reaction for row in found]
+    ruled = [reaction for row in found for reaction in row.reactions]
     for reaction in flat.reactions:
         if ruled.count(reaction) != 1:
             how = "no law" if reaction not in ruled else "more than one law"
             raise ModelError(
                 f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...), ac.OneWay(...) or ac.DryFriction(...)."
             )
-    return tuple(sorted(found, key=lambda row: not row.one_sided))
+    _check_limits(flat, found)
+    return tuple(sorted(found, key=lambda row: (not row.one_sided, row.size)))
+
+
+def _check_limits(flat: FlatSystem, rows: Sequence[ModeRow]) -> None:
+    """Raises `ModelError` for limits by reactions of friction."""
+    friction = [reaction for row in rows if not row.one_sided for reaction in row.reactions]
+    for row in rows:
+        for limit in (row.sliding, row.holding):
+            for reaction in friction:
+                if limit is not None and ca.depends_on(limit, reaction.sx):
+                    raise ModelError(
+                        f"The limit of {row.part.where} depends on {flat.names[reaction]}, the reaction of a friction. Let it depend on reactions of one-sided laws, "
+                        "positions, velocities, inputs and time."
+                    )

@@ -42,6 +42,8 @@ class MechanicalSystem:
     laws: tuple[ca.SX, ca.SX]
     modes: tuple[ModeRow, ...] = ()
     """Of reactions that hold as long as they can."""
+    unsolved: MechanicalSystem | None = None
+    """The same with reactions as symbols, where their values have been put in."""
 
     @property
     def flat(self) -> FlatSystem:
@@ -78,7 +80,7 @@ class MechanicalSystem:
             assert isinstance(part.component, AbstractForce)
             given = ReadingPlacement(self.placement, self.readings, part)
             stored = ca.SX(part.component.potential_energy(given))
-            if symbols_read(part.component):
+            if symbols_read(part.component) or any(True for _ in part.component.laws()):
                 stored = self.readings.resolved(stored, part)
                 unsteady = ca.vertcat(self.tree.v, *(entry.sx for entry in self.flat.inputs), *self.readings.foreign(stored))
                 if unsteady.numel() and ca.depends_on(stored, unsteady):
@@ -95,6 +97,10 @@ class MechanicalSystem:
             power += ca.dot(action.force, self.placement.velocity(action.connector))
             power += ca.dot(action.torque, self.placement.angular_velocity(action.connector))
         return power
+
+    def with_reactions(self, reactions: ca.SX, found: ca.SX) -> MechanicalSystem:
+        """With values of reactions put in, but for their laws."""
+        return replace(self.with_values([(reactions, found)]), modes=self.modes, unsolved=self)
 
     def with_values(self, values: Sequence[tuple[ca.SX, ca.SX]]) -> MechanicalSystem:
         """With values put in for symbols."""

@@ -46,7 +46,7 @@ class FlatSystem:
     connector_paths: dict[Connector, str]
     connection_sets: tuple[tuple[Connector, ...], ...]
     """Leaf connectors only; a connector that touches nothing is a set of its own."""
-    modes: tuple[Mode, ...] = ()
+    modes: tuple[Mode, ...] | None = None
     """Which way parts behave that hold as long as they can: known as soon as their reactions are solved, and then the last inputs in their place."""
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -66,7 +66,7 @@ class FlatSystem:
     def inputs(self) -> tuple[Input, ...]:
         """All inputs, in the order in which they are met; reactions among them as long as they are not solved."""
         found = tuple(symbol for symbol in self.names if isinstance(symbol, Input) and not isinstance(symbol, Mode))
-        return tuple(i for i in found if not isinstance(i, Reaction)) + self.modes if self.modes else found
+        return found if self.modes is None else tuple(i for i in found if not isinstance(i, Reaction)) + self.modes
 
     @property
     def reactions(self) -> tuple[Reaction, ...]:
@@ -198,6 +198,9 @@ def _name_symbols(component: Component, prefix: str, names: dict[Symbol, str]) -
             names.setdefault(value, prefix + name)
             if value.name in ("parameter", "input", "reaction"):
                 value.name = prefix + name
+        for i, entry in enumerate(cast(tuple[object, ...], value) if isinstance(value, tuple) else ()):
+            if isinstance(entry, Reaction):
+                entry.name = names.setdefault(entry, f"{prefix}{name}[{i}]")
     for connector in component.connectors():
         for name, value in connector.__dict__.items():
             if isinstance(value, Variable):

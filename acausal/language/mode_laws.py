@@ -34,13 +34,14 @@ class OneSided:
 @final
 @dataclass(frozen=True, eq=False)
 class DryFriction:
-    """`reaction` is what keeps `slip` at zero, as far as it is at most `holding`; where it slips, `sliding` against the slip.
+    """`reaction` is what keeps `slip` at zero, as far as it is at most `holding`; where it slips, it is `sliding` against the slip.
 
-    `slip`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m). `holding` and `sliding` [N or N*m]: expressions
-    in which also reactions of one-sided laws may stand, as factors. `holding` >= `sliding` >= 0; `sliding` unless given.
+    `slip`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m); or two of them along two directions, (2, 1), with a
+    pair of reactions: then limits are those of the pair's norm. `holding` and `sliding` [N or N*m]: expressions in which also reactions of one-sided laws may
+    stand, as factors. `holding` >= `sliding` >= 0; `sliding` unless given.
     """
 
-    reaction: Reaction
+    reaction: Reaction | tuple[Reaction, Reaction]
     slip: Expression
     sliding: Scalar
     holding: Scalar = field(default=None)  # pyright: ignore[reportAssignmentType]  # as much as `sliding`
@@ -49,6 +50,11 @@ class DryFriction:
         _check(self.reaction, self.slip, "DryFriction", "slip")
         if self.holding is None:  # pyright: ignore[reportUnnecessaryComparison]
             object.__setattr__(self, "holding", self.sliding)
+
+    @property
+    def reactions(self) -> tuple[Reaction, ...]:
+        """One or two."""
+        return self.reaction if isinstance(self.reaction, tuple) else (self.reaction,)
 
 
 @final
@@ -75,9 +81,11 @@ ModeLaw = OneSided | DryFriction | OneWay
 
 
 def _check(reaction: object, moved: object, law: str, name: str) -> None:
-    if not isinstance(reaction, Reaction):
+    given: tuple[object, ...] = reaction if isinstance(reaction, tuple) and law == "DryFriction" else (reaction,)  # pyright: ignore[reportUnknownVariableType]
+    if not all(isinstance(entry, Reaction) for entry in given) or len(given) not in (1, 2):
         raise ModelError(
             f"{law}'s reaction is {reaction!r} ({origin()}). Keep one as an attribute of the part: self.push = ac.Reaction('N')."
         )
-    if not isinstance(moved, Expression) or not moved.sx.is_scalar():
-        raise ModelError(f"{law}'s {name} is {moved!r} ({origin()}). Give a scalar expression of the scene's variables.")
+    if not isinstance(moved, Expression) or moved.sx.numel() != len(given):
+        what = "a scalar expression" if len(given) == 1 else "a column of two expressions"
+        raise ModelError(f"{law}'s {name} is {moved!r} ({origin()}). Give {what} of the scene's variables.")

@@ -27,20 +27,22 @@ def mode_functions(
     def masked(name: str, result: ca.SX) -> ca.Function:
         return folded_function(name, [t, x, masks, p], [ca.densify(result)], ["t", "x", "masks", "p"], [name])
 
+    size = [row.size for row in m.frictions]
     return ModeFunctions(
-        m.one_sided, len(m.frictions), function("mode_guards", m.guards), function("decision", _decided_by(m, space)),
+        m.one_sided, size.count(1), size.count(2), m.redundant, function("mode_guards", m.guards), function("decision", _decided_by(m, space)),
         masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.path for row in m.rows),
     )  # fmt: skip
 
 
 def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
     """The column that modes.h reads."""
-    n, none = len(m.rows), ca.SX.zeros(len(m.rows))
+    n = m.reactions.numel()
+    none = ca.SX.zeros(n)
     limits: list[ca.SX] = []
     for column in ([row.holding for row in m.frictions], [row.sliding for row in m.frictions]):
         limit = ca.vertcat(ca.SX(0, 1), *(entry for entry in column if entry is not None))
         limits += [ca.substitute(limit, m.reactions, none), ca.vec(ca.jacobian(limit, m.reactions).T)]
     bounce = ca.vertcat(ca.SX(0, 1), *(row.restitution for row in m.rows if row.restitution is not None))
     response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(n)))
-    parts = [m.moved[: m.one_sided, :], m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, bounce]
+    parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, bounce]
     return ca.vertcat(*(ca.densify(part) for part in parts))

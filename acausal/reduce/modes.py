@@ -8,8 +8,9 @@ first: with friction that slides they are not positive where no motion exists (P
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,15 +21,18 @@ from acausal.language.equation import input_rate
 from acausal.language.expression import Input, Mode, Reaction, declared
 from acausal.wording import compact
 
+_REFINEMENTS = 4
+"""Where rows depend on one another and are damped (by 1e-6, in units of each row's compliance): then reactions are those of least norm, in whatever order rows are."""
+
 
 @dataclass(frozen=True)
 class Modes:
-    """Rows of reactions and what the masks make of them, by t, x, u (masks last) and p.
+    """Rows of reactions and what the masks make of them, by t, x, u (masks last) and p; n reactions in all.
 
-    `rows`: one-sided ones first. `moved` (n, 1): gaps and slips; `rate` (n, 1): of the gaps, and slips; `free` (n, 1): accelerations of the rows without any
-    reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `sliding`, `holding` (frictions, 1): limits, by
-    `reactions` (n, 1) symbols; `found` (n, 1): the reactions. `guards`: positive as long as the masks are right, one for each one-sided row and two for each
-    friction. `correction` (nx, 1): one Newton step to what is held.
+    `rows`: laws, one-sided ones first, then friction in one direction, then in two. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
+    without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
+    positive as long as the masks are right, one for each one-sided row and two for each friction. `correction` (nx, 1): one Newton step to
+    what is held. `redundant`: whether rows may depend on one another; then the last mask is their damping.
     """
 
     rows: tuple[ModeRow, ...]
@@ -42,6 +46,7 @@ class Modes:
     guards: ca.SX
     invariants: ca.SX
     correction: ca.SX
+    redundant: bool
 
     @property
     def one_sided(self) -> int:
@@ -60,13 +65,23 @@ class Modes:
 
     @property
     def frictions(self) -> tuple[ModeRow, ...]:
-        """Rows of friction."""
+        """Laws of friction."""
         return self.rows[self.one_sided :]
 
     @property
-    def moved(self) -> ca.SX:
-        """Gaps and slips."""
-        return ca.vertcat(*(row.gated(row.gap, 1) for row in self.rows))
+    def held_places(self) -> ca.SX:
+        """Of the invariants, gaps that are closed (one_sided, 1)."""
+        return self.invariants[: self.one_sided, :]
+
+    @property
+    def held_speeds(self) -> ca.SX:
+        """Of the invariants, rates of what is closed, and slips that stick (n, 1)."""
+        return self.invariants[self.one_sided :, :]
+
+    @property
+    def gaps(self) -> ca.SX:
+        """Of the one-sided rows (one_sided, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *(row.gated(row.gap, 1) for row in self.rows if row.one_sided))
 
 
 def refuse_modes(rows: Sequence[ModeRow], what: str) -> None:
@@ -77,110 +92,151 @@ def refuse_modes(rows: Sequence[ModeRow], what: str) -> None:
         )
 
 
-def masks_of(rows: Sequence[ModeRow], names: dict[object, str]) -> tuple[Mode, ...]:
-    """One for each one-sided row: 1 where it is closed, else 0. Two for each friction: 1 where it sticks, else 0; and the sign of the slip where
-    it slides, else 0."""
-    found: list[Mode] = []
-    for row in rows:
-        name = names[row.reaction]
-        if row.one_sided:
-            found.append(Mode(f"{name}.closed", "1 where it is closed, else 0"))
-        else:
-            found.append(Mode(f"{name}.sticks", "1 where it sticks, else 0"))
-            found.append(Mode(f"{name}.slides", "sign of the slip where it slides, else 0"))
-    return tuple(found)
+@dataclass(frozen=True)
+class _Masks:
+    """Of one law. `holds`: 1 where its rows hold. Of friction: `slides` 1 where the force is against the slip, `frozen` 1 where it is against `along` (size), near
+    slip zero; `threshold`: of the slip, between these."""
+
+    holds: Mode
+    slides: Mode | None = None
+    frozen: Mode | None = None
+    threshold: Mode | None = None
+    along: tuple[Mode, ...] = ()
+
+    @property
+    def all(self) -> tuple[Mode, ...]:
+        """In the order of the inputs."""
+        given = (self.holds, self.slides, self.frozen, self.threshold)
+        return (*(mask for mask in given if mask is not None), *self.along)
 
 
-def modes_of(rows: Sequence[ModeRow], masks: Sequence[Mode], t: ca.SX, x: ca.SX, x_dot: ca.SX, nq: int) -> Modes:
-    """Of a system with rates x_dot, by reactions that are inputs; its first nq states are positions. Where rows depend on inputs these have rates, and
-    what holds is followed by these, and not among the invariants. Raises `ModelError` for a gap that is not one of positions, and reactions that the
-    rates do not depend on as they should.
-    """
-    reactions = ca.vertcat(*(row.reaction.sx for row in rows))
-    n, n1 = len(rows), sum(row.one_sided for row in rows)
-    rates: list[ca.SX] = []
-    at_once = [row.one_way and bool(ca.depends_on(row.moved, reactions)) for row in rows]
-    for row, algebraic in zip(rows, at_once, strict=True):
-        rate = ca.SX(0) if algebraic else row.moved if row.one_way or not row.one_sided else _rate(row.moved, t, x, x_dot)
-        if not algebraic and ca.depends_on(row.moved, reactions):
-            what = "gap" if row.one_sided else "slip"
-            raise ModelError(
-                f"The {what} of {row.part.where} follows from forces: nothing with inertia moves with it. Put a mass or an inertia where it acts."
-            )
-        if ca.depends_on(rate, reactions):
-            raise ModelError(
-                f"The gap of {row.part.where} is no expression of positions and time alone: its rate follows from forces."
-            )
-        rates.append(rate)
-    rate = ca.densify(ca.vertcat(*rates))
-    none = ca.SX.zeros(n)
-    accelerations = ca.vertsplit(_rate(rate, t, x, x_dot))
-    acceleration = ca.densify(ca.vertcat(*(rows[i].moved if at_once[i] else accelerations[i] for i in range(n))))
-    W, J = ca.densify(ca.jacobian(acceleration, reactions)), ca.densify(ca.jacobian(x_dot, reactions))
-    if ca.depends_on(ca.veccat(W, J), reactions):
-        k = next(k for k in range(n) if ca.depends_on(ca.veccat(W[:, k], J[:, k]), reactions))
-        raise ModelError(f"Rates are not linear in the reaction of {rows[k].part.where}. Let forces be proportional to it.")
-    free = ca.substitute(acceleration, reactions, none)
-    closed = [mask.sx for mask in masks[:n1]]
-    sticks = [masks[n1 + 2 * k].sx for k in range(n - n1)]
-    slides = [masks[n1 + 2 * k + 1].sx for k in range(n - n1)]
-    holds = [*closed, *sticks]
-    M, right = ca.SX.zeros(n, n), ca.SX.zeros(n)
-    for i, row in enumerate(rows):
-        M[i, :] = holds[i] * W[i, :]
-        M[i, i] += (1 - holds[i]) * W[i, i]
-        right[i] = -holds[i] * free[i]
-        if row.sliding is not None:
-            by, limit = ca.jacobian(row.sliding, reactions), ca.substitute(row.sliding, reactions, none)
-            share = (1 - holds[i]) * W[i, i] * slides[i - n1]
-            M[i, :] += share * by
-            right[i] -= share * limit
-    found = _solved(M, right)
-    limits = [ca.substitute(row.holding, reactions, found) for row in rows[n1:] if row.holding is not None]
-    apart = [row.gated(ca.substitute(row.moved, reactions, found), 1) if row.one_way else row.moved for row in rows[:n1]]
-    guards = [(1 - closed[i]) * apart[i] + closed[i] * found[i] for i in range(n1)]
-    for k in range(n - n1):
-        force, away = found[n1 + k], slides[k] * rate[n1 + k] - (1 - slides[k] ** 2) * limits[k]
-        guards.append(sticks[k] * (limits[k] - force) + (1 - sticks[k]) * away)
-        guards.append(sticks[k] * (limits[k] + force) + (1 - sticks[k]) * (slides[k] ** 2 * (limits[k] - 1) + 1))
-    K = ca.SX.zeros(n, n)
-    for i in range(n):
-        for j in range(n):
-            both = 0 if i != j and (at_once[i] or at_once[j]) else holds[i] * holds[j]
-            K[i, j] = both * W[i, j] + ((1 - holds[i]) * W[i, i] if i == j else 0)
-    steady = [not _inputs_in(ca.vertcat(row.gap, rate[i])) for i, row in enumerate(rows)]
-    gaps = ca.vertcat(*(steady[i] * closed[i] * rows[i].gap for i in range(n1)), ca.SX.zeros(n - n1))
-    speeds = ca.vertcat(*(steady[i] * holds[i] * rate[i] for i in range(n)))
-    pushes = _solved(K, ca.horzcat(-gaps, -speeds))
-    along = ca.jacobian(x_dot, x) @ J
-    places = _positions(ca.vertcat(*(row.gap for row in rows[:n1])), J, x, nq)
-    moved = ca.SX.zeros(x.numel())
-    if places:
-        moved[places] = (along @ pushes[:, 0])[places]
-    return Modes(
-        tuple(rows), tuple(masks), reactions, rate, ca.densify(free), W, J, found, ca.vertcat(*guards), ca.vertcat(gaps[:n1, :], speeds), moved + J @ pushes[:, 1],
+def _masks(row: ModeRow, names: Mapping[Any, str]) -> _Masks:
+    name = names[row.reactions[0]].removesuffix("[0]")
+    if row.one_sided:
+        return _Masks(Mode(f"{name}.closed", "1 where it is closed, else 0"))
+    sticks = Mode(f"{name}.sticks", "1 where it sticks, else 0")
+    if row.size == 1:
+        return _Masks(sticks, along=(Mode(f"{name}.slides", "sign of the slip where it slides, else 0"),))
+    along = tuple(Mode(f"{name}.along[{k}]", "direction of the slip while that is not clear of zero") for k in range(2))
+    return _Masks(
+        sticks, Mode(f"{name}.slides", "1 where it slides, else 0"), Mode(f"{name}.starts", "1 where its direction is held, else 0"),
+        Mode(f"{name}.threshold", "slip below which its direction is held"), along,
     )  # fmt: skip
 
 
-def _positions(gaps: ca.SX, J: ca.SX, x: ca.SX, nq: int) -> list[int]:
-    """Which states are positions that gaps may be closed by: coordinates, and scalar states in the gaps; their rates do not know the reactions."""
-    in_gaps = set(ca.jacobian(gaps, x).sparsity().get_col()) if gaps.numel() else set[int]()
-    return [i for i in range(x.numel()) if (i < nq or i in in_gaps) and J[i, :].is_zero()]
+@dataclass(frozen=True)
+class Motion:
+    """States x with rates x_dot by reactions, which are inputs still, at time t; the first nq are positions. `values`: of t, x, u and p at some places."""
+
+    t: ca.SX
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    x_dot: ca.SX
+    nq: int
+    values: tuple[tuple[Any, ...], ...]
+
+    def without(self, reactions: Sequence[ca.SX]) -> Motion:
+        """Where these are zero."""
+        return (
+            replace(self, x_dot=ca.substitute(self.x_dot, ca.vertcat(*reactions), ca.SX.zeros(len(reactions))))
+            if reactions
+            else self
+        )
+
+    def at_places(self, value: ca.SX) -> list[np.ndarray]:
+        """Where it is finite."""
+        known = {s.element_hash() for s in ca.symvar(ca.vertcat(self.t, self.x, self.u, self.p))}
+        rest = ca.vertcat(ca.SX(0, 1), *(s for s in ca.symvar(value) if s.element_hash() not in known))  # rates of inputs
+        value = ca.substitute(value, rest, ca.SX.zeros(rest.numel())) if rest.numel() else value
+        function = ca.Function("places", [self.t, self.x, self.u, self.p], [ca.densify(value)])
+        found = [np.array(function(*place)) for place in self.values]
+        return [one for one in found if np.isfinite(one).all()]
+
+    def rate(self, value: ca.SX) -> ca.SX:
+        """Time derivative; of inputs by their rates."""
+        own = (ca.jtimes(value, entry.sx, input_rate(entry).sx) for entry in _inputs_in(value))
+        return sum(own, ca.jtimes(value, self.t, ca.SX(1)) + ca.jtimes(value, self.x, self.x_dot))
 
 
-def check_compliance(modes: Modes, values: np.ndarray) -> None:
-    """Raises `ModelError` for a reaction that moves nothing it is held by; `values`: of the diagonal of the compliance somewhere."""
-    for row, value in zip(modes.rows, values, strict=True):
-        if not value > 0:
-            raise ModelError(
-                f"{row.part.where} holds what its reaction does not move, or drives it the wrong way ({value:.3g} per unit of the reaction, not positive). "
-                "The reaction must push towards a larger gap, or along the slip."
-            )
+def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) -> tuple[Modes | None, ca.SX]:
+    """Modes, None where no reaction moves anything; and reactions (n, 1) that are zero at all times, since nothing can move there.
+
+    Where rows depend on inputs these have rates, and what holds is followed by these, and not among the invariants. Raises `ModelError` for a gap that is
+    not one of positions, and reactions that the rates do not depend on as they should.
+    """
+    rows, dead = _living(rows, motion)
+    motion = motion.without(dead)
+    if not rows:
+        return None, ca.vertcat(*dead)
+    reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
+    moves = _Moves.of(rows, motion, reactions)
+    rate, acceleration = moves.rate, moves.acceleration
+    W, J = ca.densify(ca.jacobian(acceleration, reactions)), ca.densify(ca.jacobian(motion.x_dot, reactions))
+    owner = [row for row in rows for _ in row.reactions]
+    for k, row in enumerate(owner):
+        if ca.depends_on(ca.veccat(W[:, k], J[:, k]), reactions):
+            raise ModelError(f"Rates are not linear in the reaction of {row.part.where}. Let forces be proportional to it.")
+    free = ca.densify(ca.substitute(acceleration, reactions, ca.SX.zeros(len(owner))))
+    redundant = any(_may_depend(found) for found in motion.at_places(W))
+    masks = [_masks(row, names) for row in rows]
+    damping = Mode("damping", "of reactions that are not unique")
+    system = _Masked(rows, masks, reactions, W, damping.sx if redundant else None, moves.at_once)
+    values = system.solved(system.matrix(rate), system.right(free, rate))
+    closed = [
+        holds * row.gap if row.one_sided and not _inputs_in(row.gap) else ca.SX.zeros(row.size)
+        for row, holds in zip(rows, system.by_law, strict=True)
+    ]
+    speeds = [
+        ca.SX(0) if _inputs_in(ca.vertcat(row.moved, part)) else holds * part
+        for row, holds, part in zip(owner, system.holds, ca.vertsplit(rate), strict=True)
+    ]
+    gaps = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided))
+    pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)))
+    places, along = _positions(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
+    moved = ca.SX.zeros(motion.x.numel())
+    if places:
+        moved[places] = (along @ pushes[:, 0])[places]
+    everything = [*(mask for own in masks for mask in own.all), *([damping] if redundant else [])]
+    invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
+    found = Modes(
+        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, system.guards(values, rate), invariants, moved + J @ pushes[:, 1], redundant,
+    )  # fmt: skip
+    return found, ca.vertcat(ca.SX(0, 1), *dead)
 
 
-def _rate(value: ca.SX, t: ca.SX, x: ca.SX, x_dot: ca.SX) -> ca.SX:
-    own = (ca.jtimes(value, entry.sx, input_rate(entry).sx) for entry in _inputs_in(value))
-    return sum(own, ca.jtimes(value, t, ca.SX(1)) + ca.jtimes(value, x, x_dot))
+@dataclass(frozen=True)
+class _Moves:
+    """Of rows (n, 1): `rate`, of gaps, and slips; `acceleration`, by reactions; `at_once`: whether a row has no rate, since it follows from reactions at once, as the
+    voltage of a diode behind a resistor does: then it stands among the accelerations.
+    """
+
+    rate: ca.SX
+    acceleration: ca.SX
+    at_once: tuple[bool, ...]
+
+    @staticmethod
+    def of(rows: Sequence[ModeRow], motion: Motion, reactions: ca.SX) -> _Moves:
+        """Raises `ModelError` for a gap that is not one of positions."""
+        rates: list[ca.SX] = []
+        accelerations: list[ca.SX] = []
+        at_once: list[bool] = []
+        for row in rows:
+            by_force = bool(ca.depends_on(row.moved, reactions))
+            if by_force and not row.one_way:
+                what = "gap" if row.one_sided else "slip"
+                raise ModelError(
+                    f"The {what} of {row.part.where} follows from forces: nothing with inertia moves with it. Put a mass or an inertia where it acts."
+                )
+            rate = ca.SX(0) if by_force else row.moved if row.one_way or not row.one_sided else motion.rate(row.moved)
+            if ca.depends_on(rate, reactions):
+                raise ModelError(
+                    f"The gap of {row.part.where} is no expression of positions and time alone: its rate follows from forces."
+                )
+            rates.append(rate)
+            accelerations.append(row.moved if by_force else motion.rate(rate))
+            at_once += [by_force] * row.size
+        return _Moves(ca.densify(ca.vertcat(*rates)), ca.densify(ca.vertcat(*accelerations)), tuple(at_once))
 
 
 def _inputs_in(value: ca.SX) -> list[Input]:
@@ -189,7 +245,157 @@ def _inputs_in(value: ca.SX) -> list[Input]:
     return [entry for entry in found if isinstance(entry, Input) and not isinstance(entry, Mode | Reaction)]
 
 
-def _solved(A: ca.SX, B: ca.SX) -> ca.SX:
+def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], list[ca.SX]]:
+    """Laws without what never moves, such as the slip across a rail; and the reactions that are zero then. Raises `ModelError` for a reaction that moves nothing it is
+    held by, or drives it the wrong way."""
+    reactions = [reaction.sx for row in rows for reaction in row.reactions]
+    compliance = ca.diag(ca.jacobian(_Moves.of(rows, motion, ca.vertcat(*reactions)).acceleration, ca.vertcat(*reactions)))
+    places = motion.at_places(compliance)
+    size = np.max(np.abs(places), axis=0).ravel() if places else np.ones(len(reactions))
+    kept: list[ModeRow] = []
+    dead: list[ca.SX] = []
+    first = 0
+    for row in rows:
+        own = slice(first, first + row.size)
+        first += row.size
+        worst = min((np.min(found[own]) for found in places), default=0.0)
+        moves = size[own] > _NEVER * np.max(size[own]) if np.max(size[own]) > 0 else np.zeros(row.size, dtype=bool)
+        if worst < -_NEVER * np.max(size[own]) or (row.one_sided and not moves.any()):
+            raise ModelError(
+                f"{row.part.where} holds what its reaction does not move, or drives it the wrong way ({worst:.3g} per unit of the reaction, not positive). "
+                "The reaction must push towards a larger gap, or along the slip."
+            )
+        living = np.flatnonzero(moves).tolist()
+        dead += [row.reactions[k].sx for k in range(row.size) if k not in living]
+        if living:
+            kept.append(replace(row, reactions=tuple(row.reactions[k] for k in living), moved=row.moved[living]))
+    return sorted(kept, key=lambda row: (not row.one_sided, row.size)), dead
+
+
+@dataclass(frozen=True)
+class _Masked:
+    """One linear system for all modes. `damping`: of rows that depend on one another, None where none do. `at_once`: see `_Moves`."""
+
+    rows: Sequence[ModeRow]
+    masks: Sequence[_Masks]
+    reactions: ca.SX
+    compliance: ca.SX
+    damping: ca.SX | None
+    at_once: tuple[bool, ...]
+
+    @property
+    def by_law(self) -> list[ca.SX]:
+        """Whether each law holds, 0 or 1."""
+        return [mask.holds.sx for mask in self.masks]
+
+    @property
+    def holds(self) -> list[ca.SX]:
+        """The same for each row."""
+        return [mask.holds.sx for mask, row in zip(self.masks, self.rows, strict=True) for _ in row.reactions]
+
+    def against(self, rate: ca.SX) -> list[tuple[ModeRow, ca.SX]]:
+        """Of each row its law, and the part of the limit with which friction pushes back along it."""
+        found: list[tuple[ModeRow, ca.SX]] = []
+        for row, mask in zip(self.rows, self.masks, strict=True):
+            first = len(found)
+            slip = rate[first : first + row.size, :]
+            for k in range(row.size):
+                part = mask.along[k].sx if mask.along else ca.SX(0)
+                if mask.slides is not None and mask.frozen is not None:
+                    part = mask.frozen.sx * part + mask.slides.sx * slip[k] / ca.sqrt(ca.sumsqr(slip) + (1 - mask.slides.sx))
+                found.append((row, part))
+        return found
+
+    def matrix(self, rate: ca.SX) -> ca.SX:
+        """(n, n), by which reactions are given in a mode."""
+        M, W = ca.SX(self.held), self.compliance
+        for i, (row, part) in enumerate(self.against(rate)):
+            M[i, :] = self.holds[i] * W[i, :]
+            M[i, i] += 1 - self.holds[i]
+            if row.sliding is not None:
+                M[i, :] += (1 - self.holds[i]) * part * ca.jacobian(row.sliding, self.reactions)
+        return M
+
+    def right(self, free: ca.SX, rate: ca.SX) -> ca.SX:
+        """(n, 1), the other side."""
+        none, found = ca.SX.zeros(self.reactions.numel()), ca.SX(free)
+        for i, (row, part) in enumerate(self.against(rate)):
+            found[i] = -self.holds[i] * free[i]
+            if row.sliding is not None:
+                limit = ca.substitute(row.sliding, self.reactions, none)
+                found[i] -= (1 - self.holds[i]) * part * limit
+        return found
+
+    @property
+    def held(self) -> ca.SX:
+        """(n, n): the compliance of what holds, and one on the diagonal of what does not."""
+        n, W, holds = self.reactions.numel(), self.compliance, self.holds
+        found = ca.SX.zeros(n, n)
+        for i in range(n):
+            for j in range(n):
+                both = 0 if i != j and (self.at_once[i] or self.at_once[j]) else holds[i] * holds[j]
+                found[i, j] = both * W[i, j] + (1 - holds[i] if i == j else 0)
+        return found
+
+    def solved(self, M: ca.SX, right: ca.SX) -> ca.SX:
+        """M^-1 right; where M has no inverse, of least norm in units of the compliances."""
+        if self.damping is None:
+            return _eliminated(M, right)
+        held = ca.vertcat(
+            *(holds * entry for holds, entry in zip(self.holds, ca.vertsplit(ca.diag(self.compliance)), strict=True))
+        )
+        damped = M + self.damping * ca.diag(held)
+        found = ca.SX.zeros(right.shape)
+        for _ in range(1 + _REFINEMENTS):
+            found = found + _eliminated(damped, right - M @ found)
+        return found
+
+    def guards(self, found: ca.SX, rate: ca.SX) -> ca.SX:
+        """See `Modes`."""
+        guards: list[ca.SX] = []
+        first = 0
+        for row, mask in zip(self.rows, self.masks, strict=True):
+            holds, force, slip = mask.holds.sx, found[first : first + row.size, :], rate[first : first + row.size, :]
+            first += row.size
+            if row.holding is None:
+                apart = row.gated(ca.substitute(row.moved, self.reactions, found), 1) if row.one_way else row.moved
+                guards.append((1 - holds) * apart + holds * force)
+                continue
+            limit = ca.substitute(row.holding, self.reactions, found)
+            if mask.slides is None or mask.frozen is None or mask.threshold is None:
+                sign = mask.along[0].sx
+                guards.append(holds * (limit - force) + (1 - holds) * (sign * slip - (1 - sign**2) * limit))
+                guards.append(holds * (limit + force) + (1 - holds) * (sign**2 * (limit - 1) + 1))
+                continue
+            slides, frozen, least = mask.slides.sx, mask.frozen.sx, mask.threshold.sx
+            along = ca.vertcat(*(entry.sx for entry in mask.along))
+            inside = holds * (limit**2 - ca.sumsqr(force)) + frozen * ca.dot(along, slip) + slides * (ca.sumsqr(slip) - least**2)
+            guards.append(inside - (1 - holds - frozen - slides) * limit)
+            guards.append(frozen * (4 * least**2 - ca.sumsqr(slip)) + slides * limit + (1 - frozen - slides))
+        return ca.vertcat(*guards)
+
+
+def _positions(gaps: ca.SX, J: ca.SX, x: ca.SX, nq: int) -> list[int]:
+    """Which states are positions that gaps may be closed by: coordinates, and scalar states in the gaps; their rates do not know the reactions."""
+    in_gaps = set(ca.jacobian(gaps, x).sparsity().get_col()) if gaps.numel() else set[int]()
+    return [i for i in range(x.numel()) if (i < nq or i in in_gaps) and J[i, :].is_zero()]
+
+
+def _may_depend(W: np.ndarray) -> bool:
+    """Whether rows might depend on one another, if all of them held."""
+    diagonal = np.diag(W)
+    if not (diagonal > 0).all():
+        return True
+    scale = 1 / np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(scale[:, None] * W * scale)[0] < _NEARLY)
+
+
+_NEARLY = 1e-3
+_NEVER = 1e-12
+"""Part of the largest compliance that is none."""
+
+
+def _eliminated(A: ca.SX, B: ca.SX) -> ca.SX:
     """A^-1 B (n, m) by elimination in the order of the rows."""
     A, B = ca.SX(A), ca.densify(ca.SX(B))
     n = A.shape[0]

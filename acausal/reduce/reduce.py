@@ -19,7 +19,7 @@ from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError, ModelError, OverdeterminedError
 from acausal.language.connector import Electrical
 from acausal.language.equation import input_rates
-from acausal.language.expression import InputRate, Reaction, Symbol, stacked, time
+from acausal.language.expression import InputRate, Mode, Reaction, Symbol, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
@@ -27,7 +27,7 @@ from acausal.parts.pose import symbolic
 from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
-from acausal.reduce.modes import Modes, check_compliance, masks_of, modes_of
+from acausal.reduce.modes import Modes, Motion, modes_of
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import Held, ScalarPart, add_scalar_domains
 from acausal.topology.build_mechanism import build_mechanism
@@ -237,6 +237,7 @@ def reduce_system(
 
     Errors of `analyse_constraints` and `add_scalar_domains`, `MasslessError`.
     """
+    mechanics = mechanics.unsolved or mechanics
     unread, flat, tree = mechanics, mechanics.flat, mechanics.tree
     p = stacked([parameter.sx for parameter in flat.parameters])
     values = np.array([parameter.value for parameter in flat.parameters]) if at is None else at
@@ -315,13 +316,13 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         raise ModelError(
             f"{rows[0].part.where} changes its mode as the motion goes on, but nothing in the scene has a state. Add what stores energy: an inertia, a mass, a capacitor."
         )
-    masks = masks_of(rows, {**system.flat.names})
-    modes = modes_of(rows, masks, system.t, system.x, system.x_dot, system.nq)
-    r, found = modes.reactions, modes.found
-    given = {
-        rate: f"der({system.flat.names.get(rate.of, rate.of.name)})"
-        for rate in _input_rates(system.flat, [modes.rate, modes.free])
-    }
+    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, _places(system))
+    modes, dead = modes_of(rows, system.flat.names, motion)
+    r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...]()
+    if modes is not None:
+        r, found, masks = ca.vertcat(modes.reactions, dead), ca.vertcat(modes.found, found), modes.masks
+    moving = [] if modes is None else [modes.rate, modes.free]
+    given = {rate: f"der({system.flat.names.get(rate.of, rate.of.name)})" for rate in _input_rates(system.flat, moving)}
     names = {**system.flat.names, **given, **{mask: mask.name for mask in masks}}
     flat = dataclasses.replace(system.flat, names=names, modes=masks)
     known = np.array([entry.default for entry in flat.inputs])
@@ -333,18 +334,28 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     solved = {symbol: put(value) for symbol, value in system.scalar.solved.items()}
     scalar = dataclasses.replace(
         system.scalar, rates=put(system.scalar.rates), tau=put(system.scalar.tau), led=None,
-        solved=solved | {row.reaction: found[k] for k, row in enumerate(rows)},
+        solved=solved | {reaction: put(reaction.sx) for row in rows for reaction in row.reactions},
     )  # fmt: skip
-    x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel())) + modes.response @ found
+    x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel()))
+    if modes is not None:
+        x_dot += modes.response @ modes.found
     exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
-    closed = dataclasses.replace(
+    return dataclasses.replace(
         system, flat=flat, u=own, u_defaults=known, x_dot=x_dot, v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
-        scalar=scalar, modes=modes, exact=exact, unmasked=system,
+        scalar=scalar, modes=modes, exact=exact, unmasked=system, mechanics=system.mechanics.with_reactions(r, found),
     )  # fmt: skip
-    at = [0.0, np.concatenate([system.q_start, system.rate_start]), known, system.p_values]
-    function = ca.Function("compliance", [system.t, system.x, own, system.p], [ca.densify(ca.diag(modes.compliance))])
-    check_compliance(modes, np.array(function(*at)).ravel())
-    return closed
+
+
+def _places(system: ReducedSystem) -> tuple[tuple[Any, ...], ...]:
+    """Values of t, x, u and p at some configurations, here and there, and with velocities at random."""
+    rng = np.random.default_rng(8)
+    found: list[tuple[Any, ...]] = []
+    for spread in (0.0, 0.3, 1.0):
+        for q in system.samples[:2]:
+            rates = system.rate_start + spread * rng.uniform(-1, 1, system.rate_start.size)
+            x = np.concatenate([q + spread * rng.uniform(-1, 1, q.size), rates])
+            found.append((0.0, x, system.u_defaults, system.p_values))
+    return tuple(found)
 
 
 def _followed(tree: Tree) -> list[Held]:

@@ -64,8 +64,14 @@ class Integrand:
         """Of which held input each row is."""
         found = [] if self.switching is None else [self.masks + self.switching.switch]
         if self.modes is not None:
-            n, m = self.modes.one_sided, self.modes.frictions
-            found.insert(0, np.concatenate([np.arange(n), n + 2 * np.repeat(np.arange(m), 2)]))
+            m = self.modes
+            first = m.one_sided + 2 * m.lines
+            parts = [
+                np.arange(m.one_sided),
+                m.one_sided + 2 * np.arange(m.lines).repeat(2),
+                first + 6 * np.arange(m.planes).repeat(2),
+            ]
+            found.insert(0, np.concatenate(parts))
         return np.concatenate([np.zeros(0), *found]).astype(int)
 
     @property
@@ -105,7 +111,7 @@ class Integrand:
             "promised": int(self.unheld_exact is not None),
             "through": int(self.unheld_exact is not None and self.unheld_exact.through),
             "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
-            "one_sided": 0 if self.modes is None else self.modes.one_sided, "frictions": 0 if self.modes is None else self.modes.frictions,
+            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "redundant")},
         }  # fmt: skip
 
     @functools.cached_property

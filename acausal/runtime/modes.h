@@ -1,49 +1,73 @@
-/* Modes: which rows of reactions hold. Masks are inputs that are held while a step is taken; its guards are rows of switches.h, so steps end where one of
+/* Modes: which rows of reactions hold. Masks are inputs that are held while a step is taken; guards of masks are rows of switches.h, so steps end where one of
    them becomes negative. Then all rows are decided together, from what `decision` gives at that place, in this order, row by row:
 
-   gaps (one_sided); rates of gaps, slips (n = one_sided + frictions); accelerations of both without reactions (n); W (n, n): accelerations by
-   reactions; J (nx, n): x' by reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise;
-   restitution (one_sided).
+   gaps (one_sided); rates of gaps, slips (n); accelerations of both without reactions (n); W (n, n): accelerations by reactions; J (nx, n): x' by
+   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; restitution (one_sided).
 
-   First impacts, where a gap that is closed closes with speed: Poisson's, in two phases (Glocker and Pfeiffer, Nonlinear Dynamics 7, 1995). In both, and then
-   for accelerations, reactions and what they hold are complementary: 0 <= reaction, 0 <= rate, one of them zero; friction at most its limit, and against
-   the slip. Lemke's method solves that; with units in which the diagonal of W is one. Accelerations are looked at a little later, where
-   what is exactly at its threshold has passed it. */
+   First impacts, where a gap that is closed closes with speed: Poisson's, in two phases, compression and expansion (Glocker and Pfeiffer, Nonlinear Dynamics 7, 1995).
+   Then accelerations, looked at a little later, where what is exactly at its threshold has passed it.
+
+   Slip in a plane has a direction, which is not smooth where it is zero: near zero friction acts against a direction that is held, that of the slip or of its
+   beginning. There slip runs through zero like slip along a line; how it turns so near to zero moves nothing. */
 
 #define TOUCHES 16.0   /* roundings within which gaps are closed and slips are zero */
 #define LATER 1e-6     /* of a step: where accelerations are looked at */
 #define CHANGES 40     /* of mode in one instant, which tell that no mode lasts */
-#define NIL 1e-11      /* of the largest: a reaction or an acceleration that is zero */
+#define UNSEEN 1e-12   /* of a state: a jump that is none */
+#define RESOLVED 16.0  /* roundings of a gap: bounces that are not higher are none */
+#define BRIDGE -2      /* in place of the row that led to a transition: impacts without end are over */
+#define NIL 1e-11      /* of the largest: a reaction or a rate that is zero */
+#define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
+#define DAMPING 1e-6   /* of these, see acausal/reduce/modes.py */
+#define NEAR_ZERO 1e-9 /* of the slips met: where their direction is held */
+
+static long frictions_of(const Integrator *I) { return I->lines + I->planes; }
+static long reactions_of(const Integrator *I) { return I->one_sided + I->lines + 2 * I->planes; }
+
+/* Where the masks of a friction begin. */
+static long mask_of(const Integrator *I, long friction) {
+    long n = I->one_sided;
+    return friction < I->lines ? n + 2 * friction : n + 2 * I->lines + 6 * (friction - I->lines);
+}
+
+static int make_zeno(Integrator *I);
 
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
-    long n = I->one_sided + I->frictions, most = I->one_sided + 2 * I->frictions, width = 2 * most + 2;
+    long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
     if (!arranged(I, &I->decision, &T->decision_in, &T->decision_out, &T->decision_c, 1 + I->nx + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
     T->impulse = reserve_doubles(I, n);
-    T->push = reserve_doubles(I, 6 * n + most);
-    T->guess_x = reserve_doubles(I, I->nx + 1);
+    T->push = reserve_doubles(I, 5 * n + 2 * F + F + n * n + 4 * n);
+    T->later_x = reserve_doubles(I, I->nx + 1);
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
-    T->status = reserve(I, sizeof(long) * (size_t)(4 * n + 1));
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->guess_x && T->near_knot && T->basis && T->status);
+    T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
+    if (!make_zeno(I)) return 0;
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
 }
 
-/* What is decided by, at one place. */
+/* Parts of T->push and T->status. */
 typedef struct {
-    long n, gaps, frictions;
-    const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *bounce;
-    const double *gap_noise, *rate_noise;
-} Decision;
+    double *push, *rate, *compressed, *floor, *before, *along, *met, *work;
+    long *touching, *law, *asked, *place, *wanted;
+} Room;
+static Room room_of(const Integrator *I) {
+    struct State *T = I->state;
+    long n = reactions_of(I), F = frictions_of(I);
+    double *at = T->push;
+    long *k = T->status;
+    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 5 * n + 2 * F, at + 5 * n + 3 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+}
 
 /* At (t, x) with the masks there are, and what rounding makes of gaps and rates. 0 when the input function failed. */
 static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     struct State *T = I->state;
     V *in = T->decision_in;
-    long gaps = I->one_sided, m = I->frictions, n = gaps + m, first = gaps + n;
+    long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I), first = gaps + n;
     for (long o = 0; o < first; o++) T->decided_noise[o] = 0;
     for (long from = 0; from < COUNTED; from += LANES) {
         for (long l = 0; l < LANES; l++)
@@ -62,7 +86,7 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
             }
     }
     const double *at = T->decided;
-    *D = (Decision){.n = n, .gaps = gaps, .frictions = m, .gap = at, .gap_noise = T->decided_noise, .rate_noise = T->decided_noise + gaps};
+    *D = (Decision){.n = n, .gaps = gaps, .lines = I->lines, .frictions = m, .gap = at, .gap_noise = T->decided_noise, .rate_noise = T->decided_noise + gaps};
     D->rate = at + gaps;
     D->free = D->rate + n;
     D->W = D->free + n;
@@ -86,168 +110,14 @@ static int look_before_knot(Integrator *I, double t) {
 }
 
 /* Whether gap or rate `k` has jumped at the knot that has just been crossed. */
-static int has_jumped(Integrator *I, const Decision *D, long k) {
+static int has_jumped(const Integrator *I, const Decision *D, long k) {
     return I->state->crossed && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
-}
-
-/* A linear complementarity problem w = M z + q, w, z >= 0, one of each pair zero, by Lemke's method with the lexicographic rule. `table` (n, 2 n + 2): columns of w
-   (-> 1), z (-M), the covering variable (-1) and q. `basis` (n): number of the variable of each row; z k is n + k. 1 where solved, 0 where there is no
-   solution on the way. */
-static int lemke(double *table, long *basis, long n) {
-    long width = 2 * n + 2, cover = 2 * n, last = 2 * n + 1, row = -1;
-    double least = 0;
-    for (long i = 0; i < n; i++) {
-        basis[i] = i;
-        if (table[i * width + last] < least) least = table[i * width + last], row = i;
-    }
-    if (row < 0) return 1;
-    long entering = cover;
-    for (long steps = 0; steps < 50 * (n + 1); steps++) {
-        double *p = table + row * width, pivot = p[entering];
-        for (long j = 0; j < width; j++) p[j] /= pivot;
-        for (long i = 0; i < n; i++) {
-            double factor = table[i * width + entering];
-            if (i == row || factor == 0) continue;
-            for (long j = 0; j < width; j++) table[i * width + j] -= factor * p[j];
-            table[i * width + entering] = 0;
-        }
-        long left = basis[row];
-        basis[row] = entering;
-        if (left == cover) return 1;
-        entering = left < n ? left + n : left - n;
-        row = -1;
-        for (long i = 0; i < n; i++) {
-            double a = table[i * width + entering];
-            if (!(a > 1e-12)) continue;
-            if (row < 0) {
-                row = i;
-                continue;
-            }
-            double b = table[row * width + entering];
-            double here = table[i * width + last] / a, there = table[row * width + last] / b, tie = 1e-13 * (fabs(here) + fabs(there));
-            int less = here < there - tie, more = here > there + tie;
-            if (!less && !more && basis[row] == cover) more = 1; /* the covering variable leaves first */
-            if (!less && !more && basis[i] == cover) less = 1;
-            for (long j = 0; j < n && !less && !more; j++) {
-                here = table[i * width + j] / a, there = table[row * width + j] / b;
-                less = here < there, more = here > there;
-            }
-            if (less) row = i;
-        }
-        if (row < 0) return 0;
-    }
-    return 0;
-}
-
-enum Row { OFF, IN, SLIDING_UP, SLIDING_DOWN, STICKS }; /* of a row in a problem: not at all, may hold; friction with slip of a sign; friction that holds */
-
-/* Complementary reactions of the rows that are IN, by `start` (n): their rates or accelerations without. `constants`: whether limits count that do not grow with
-   reactions; `floor` (gaps): least reactions, or null. Reactions into `push` (n); STICKS, or where slip begins, into `row`. `worst`: of a failure. */
-static int complementary(Integrator *I, const Decision *D, long *row, const double *start, int constants, const double *floor, double *push, long *worst) {
-    struct State *T = I->state;
-    long n = D->n, gaps = D->gaps, in = 0, held = 0, *place = T->status + 3 * n;
-    double *unit = T->push + 4 * n;
-    for (long i = 0; i < n; i++) {
-        unit[i] = 1 / sqrt(D->W[i * n + i]);
-        place[i] = -1;
-        push[i] = floor && i < gaps ? floor[i] : 0;
-    }
-    for (long i = 0; i < gaps; i++)
-        if (row[i] == IN) place[i] = in++;
-    for (long i = gaps; i < n; i++)
-        if (row[i] == IN) place[i] = in + held++;
-    long size = in + 2 * held, width = 2 * size + 2;
-    double *table = T->lemke, *line = T->lemke + size * width;
-    memset(table, 0, sizeof(double) * (size_t)(size * width));
-    /* each reaction by the unknowns: a one-sided one is its own, above its floor; friction p - limit, or against its slip */
-    for (long i = 0; i < n; i++) {
-        if (place[i] < 0) continue;
-        double q = start[i] * unit[i];
-        memset(line, 0, sizeof(double) * (size_t)(in + held));
-        for (long j = 0; j < n; j++) {
-            double w = D->W[i * n + j] * unit[i];
-            if (j < gaps) {
-                q += w * push[j];
-                if (place[j] >= 0) line[place[j]] += w * unit[j];
-                continue;
-            }
-            if (place[j] >= 0) line[place[j]] += w * unit[j];
-            double sign = place[j] >= 0 || row[j] == SLIDING_UP ? -1 : row[j] == SLIDING_DOWN ? 1 : 0;
-            if (sign == 0) continue;
-            long f = j - gaps;
-            const double *by = (place[j] >= 0 ? D->hold_by : D->slide_by) + f * n;
-            double limit = constants ? (place[j] >= 0 ? D->hold : D->slide)[f] : 0;
-            for (long k = 0; k < gaps; k++) {
-                limit += by[k] * push[k];
-                if (place[k] >= 0) line[place[k]] += w * sign * by[k] * unit[k];
-            }
-            q += w * sign * limit;
-        }
-        long r = place[i];
-        double *first = table + r * width;
-        first[r] = 1;
-        for (long k = 0; k < in + held; k++) first[size + k] = -line[k];
-        if (i >= gaps) first[size + r + held] = -1;
-        first[2 * size] = -1;
-        first[2 * size + 1] = q;
-        if (i < gaps) continue;
-        double *second = table + (r + held) * width;
-        const double *by = D->hold_by + (i - gaps) * n;
-        double limit = constants ? D->hold[i - gaps] : 0;
-        for (long k = 0; k < gaps; k++) {
-            limit += by[k] * push[k];
-            if (place[k] >= 0) second[size + place[k]] -= 2 * by[k] * unit[k] / unit[i];
-        }
-        second[r + held] = 1;
-        second[size + r] = 1;
-        second[2 * size] = -1;
-        second[2 * size + 1] = 2 * limit / unit[i];
-    }
-    if (size && !lemke(table, T->basis, size)) {
-        for (long i = 0; i < n; i++)
-            if (place[i] >= 0) *worst = i;
-        return 0;
-    }
-    double *z = line;
-    memset(z, 0, sizeof(double) * (size_t)(in + held));
-    for (long r = 0; r < size; r++)
-        if (T->basis[r] >= size && T->basis[r] < size + in + held) z[T->basis[r] - size] = table[r * width + 2 * size + 1];
-    for (long i = 0; i < gaps; i++)
-        if (place[i] >= 0) push[i] += fmax(z[place[i]], 0) * unit[i];
-    for (long i = gaps; i < n; i++) {
-        long f = i - gaps;
-        int sticking = place[i] >= 0;
-        if (!sticking && row[i] != SLIDING_UP && row[i] != SLIDING_DOWN) continue;
-        const double *by = (sticking ? D->hold_by : D->slide_by) + f * n;
-        double limit = constants ? (sticking ? D->hold : D->slide)[f] : 0;
-        for (long k = 0; k < gaps; k++) limit += by[k] * push[k];
-        if (!sticking) {
-            push[i] = row[i] == SLIDING_UP ? -limit : limit;
-            continue;
-        }
-        double p = z[place[i]] * unit[i];
-        push[i] = fmin(fmax(p - limit, -limit), limit);
-        int low = 1, high = 1; /* a bound is met where its own variable is not in the basis */
-        for (long r = 0; r < size; r++) {
-            low &= T->basis[r] != size + place[i];
-            high &= T->basis[r] != place[i] + held;
-        }
-        row[i] = low ? SLIDING_UP : high ? SLIDING_DOWN : STICKS;
-        if (!(limit > 0)) row[i] = OFF;
-    }
-    return 1;
-}
-
-/* Rates of rows by reactions or impulses added. */
-static void add_response(const Decision *D, const double *push, double *rate) {
-    for (long i = 0; i < D->n; i++)
-        for (long j = 0; j < D->n; j++) rate[i] += D->W[i * D->n + j] * push[j];
 }
 
 /* Room for one more transition. */
 static int note_transition(Integrator *I, long row) {
     struct State *T = I->state;
-    long n = I->one_sided + I->frictions, k = I->transitions;
+    long n = reactions_of(I), k = I->transitions;
     if (!I->block && k >= T->transition_room) {
         long c = T->transition_room = 2 * k + 16;
         if (!grow(&I->transition_steps, sizeof(long) * (size_t)c) || !grow(&I->transition_rows, sizeof(long) * (size_t)c) ||
@@ -263,8 +133,8 @@ static int note_transition(Integrator *I, long row) {
     return 1;
 }
 
-/* The state has jumped: a step of no length leads to where it is. */
-static int keep_jump(Integrator *I) {
+/* A step along a straight line, with these rates, to where the state is now; null: one of no length, since it has jumped. */
+static int keep_straight(Integrator *I, const double *rates) {
     struct State *T = I->state;
     I->steps++;
     if (!make_room(I)) return 0;
@@ -277,7 +147,7 @@ static int keep_jump(Integrator *I) {
         T->coefficient_capacity = 2 * (at + 2 * n) + 1024;
         if (!grow(&I->coefficients, sizeof(double) * (size_t)T->coefficient_capacity)) return 0;
     }
-    memset(I->coefficients + at, 0, sizeof(double) * (size_t)n);
+    for (long i = 0; i < n; i++) I->coefficients[at + i] = rates ? rates[i] : 0;
     memcpy(I->coefficients + at + n, T->size, sizeof(double) * (size_t)n);
     memcpy(I->step_sides + (k - 1) * I->held, T->side, sizeof(double) * (size_t)I->held);
     I->stage_count[k - 1] = 1;
@@ -287,156 +157,235 @@ static int keep_jump(Integrator *I) {
     return 1;
 }
 
-/* Impulses of an impact, into T->impulse: compression and expansion. Rows: IN, or OFF. */
-static int impact(Integrator *I, const Decision *D, const long *touching, long *worst) {
+#include "zeno.h"
+
+/* The rate of a gap that is none: rounding, or that of a bounce so low that gaps do not tell it from rounding. */
+static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[i], D->free[i] < 0 ? sqrt(-2 * D->free[i] * RESOLVED * D->gap_noise[i]) : 0); }
+
+/* Impulses of an impact, into T->impulse, of the laws that touch. Limits of friction that do not grow with impulses are nothing beside them. */
+static int impact(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
-    long n = D->n, gaps = D->gaps, *row = T->status + n;
-    double *compressed = T->push, *floor = T->push + n, *push = T->push + 2 * n;
+    long n = D->n;
+    Problem p = {.D = D, .start = D->rate, .damping = I->redundant ? DAMPED : 0, .law = R.law, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
     for (int phase = 0; phase < 2; phase++) {
-        for (long i = 0; i < n; i++) {
-            row[i] = touching[i] ? IN : OFF;
-            if (i < gaps) continue;
-            double grows = 0;
-            for (long k = 0; k < gaps; k++) grows += fabs(D->hold_by[(i - gaps) * n + k]);
-            if (grows == 0) row[i] = OFF; /* what does not grow with impulses is nothing beside them */
+        for (long k = 0; k < D->gaps + D->frictions; k++) R.law[k] = R.touching[k] ? MAY_HOLD : OFF;
+        if (phase) {
+            memcpy(R.before, R.rate, sizeof(double) * (size_t)n);
+            for (long i = 0; i < D->gaps; i++) R.floor[i] = D->bounce[i] * fmax(R.compressed[i], 0);
+            p.start = R.before, p.floor = R.floor;
         }
-        double *rate = T->push + 3 * n;
-        memcpy(rate, D->rate, sizeof(double) * (size_t)n);
-        if (phase) add_response(D, compressed, rate);
-        for (long i = 0; i < gaps && phase; i++) floor[i] = D->bounce[i] * fmax(compressed[i], 0);
-        if (!complementary(I, D, row, rate, 0, phase ? floor : 0, push, worst)) return 0;
-        if (phase == 0) memcpy(compressed, push, sizeof(double) * (size_t)n);
+        if (!complementary(&p, R.asked, R.place, T->lemke, T->basis)) return 0;
+        if (phase == 0) memcpy(R.compressed, R.push, sizeof(double) * (size_t)n);
     }
-    for (long i = 0; i < n; i++) T->impulse[i] = compressed[i] + push[i];
+    for (long i = 0; i < n; i++) T->impulse[i] = R.compressed[i] + R.push[i];
     return 1;
 }
 
-/* Masks for the rows of a problem of accelerations that has been solved. */
-static void set_masks(Integrator *I, const Decision *D, const long *row, const double *push) {
-    struct State *T = I->state;
-    double largest = 0;
-    for (long i = 0; i < D->n; i++) {
-        double w = sqrt(D->W[i * D->n + i]);
-        largest = fmax(largest, fmax(fabs(push[i]) * w, fabs(D->free[i]) / w));
+/* Whether the rows that hold depend on one another: a pivot vanishes. */
+static int depend(const Decision *D, const long *law, double *A, long *chosen) {
+    long n = D->n, m = 0;
+    for (long i = 0; i < D->gaps; i++)
+        if (law[i] == HOLDS) chosen[m++] = i;
+    for (long f = 0; f < D->frictions; f++)
+        for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == HOLDS; k++) chosen[m++] = row_of(D, f) + k;
+    for (long i = 0; i < m; i++)
+        for (long j = 0; j < m; j++) {
+            long a = chosen[i], b = chosen[j];
+            A[i * m + j] = D->W[a * n + b] / sqrt(D->W[a * n + a] * D->W[b * n + b]);
+        }
+    for (long k = 0; k < m; k++) {
+        long best = k;
+        for (long i = k + 1; i < m; i++)
+            if (A[i * m + i] > A[best * m + best]) best = i;
+        if (!(A[best * m + best] > DEPENDENT)) return 1;
+        for (long j = 0; j < m && best != k; j++) {
+            double kept = A[k * m + j];
+            A[k * m + j] = A[best * m + j], A[best * m + j] = kept;
+        }
+        for (long j = 0; j < m && best != k; j++) {
+            double kept = A[j * m + k];
+            A[j * m + k] = A[j * m + best], A[j * m + best] = kept;
+        }
+        for (long i = k + 1; i < m; i++)
+            for (long j = k + 1; j < m; j++) A[i * m + j] -= A[i * m + k] * A[k * m + j] / A[k * m + k];
     }
-    for (long i = 0; i < D->gaps; i++) T->side[i] = row[i] != OFF && push[i] * sqrt(D->W[i * D->n + i]) > NIL * largest;
-    for (long i = D->gaps; i < D->n; i++) {
-        double *mask = T->side + D->gaps + 2 * (i - D->gaps);
-        mask[0] = row[i] == STICKS;
-        mask[1] = row[i] == SLIDING_UP ? 1 : row[i] == SLIDING_DOWN ? -1 : 0;
-    }
+    return 0;
 }
 
-/* Whether friction has no limit above zero, whatever other reactions are: a clutch that is open. */
-static int never_holds(const Decision *D, long row) {
-    long f = row - D->gaps;
+/* Masks for the laws that have been found for accelerations. `planned`: size of the step [s], which tells what slip is near zero where it begins. */
+static void set_masks(Integrator *I, const Decision *D, Room R, double planned) {
+    struct State *T = I->state;
+    double largest = 0;
+    long n = D->n;
+    for (long i = 0; i < n; i++) {
+        double w = unit_of(D->W[i * n + i]);
+        largest = fmax(largest, fmax(fabs(R.push[i]) * w, fabs(D->free[i]) / w));
+    }
+    for (long i = 0; i < D->gaps; i++) {
+        if (R.law[i] == HOLDS && !(R.push[i] * unit_of(D->W[i * n + i]) > NIL * largest)) R.law[i] = OPENS;
+        T->side[i] = R.law[i] == HOLDS;
+    }
+    for (long f = 0; f < D->frictions; f++) {
+        long law = R.law[D->gaps + f], i = row_of(D, f);
+        double *mask = T->side + mask_of(I, f), *e = R.along + 2 * f;
+        mask[0] = law == HOLDS;
+        if (f < I->lines) {
+            mask[1] = law == AGAINST || law == STARTS ? e[0] : 0;
+            continue;
+        }
+        double slip = hypot(D->rate[i], D->rate[i + 1]), gain = hypot(R.rate[i], R.rate[i + 1]) * planned;
+        R.met[f] = fmax(R.met[f], fmax(slip, law == STARTS ? gain : 0));
+        double least = NEAR_ZERO * R.met[f];
+        int held = law == STARTS || (law == AGAINST && slip < 2 * least);
+        mask[1] = law == AGAINST && !held;
+        mask[2] = held;
+        mask[3] = least;
+        mask[4] = held ? e[0] : 0;
+        mask[5] = held ? e[1] : 0;
+    }
+    if (I->redundant) T->side[I->masks - 1] = depend(D, R.law, R.work, R.place) ? DAMPING : 0;
+}
+
+/* Whether friction has no limit above zero, whatever reactions are: a clutch that is open. */
+static int never_holds(const Decision *D, long f) {
     for (long k = 0; k < D->n; k++)
         if (D->hold_by[f * D->n + k] != 0) return 0;
     return D->hold[f] <= 0;
 }
 
 /* Accelerations decide which of the rows that touch hold on, and which way friction acts. */
-static enum Code decide_accelerations(Integrator *I, const long *touching, double planned) {
+static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
     Decision D;
-    double *x = T->guess_x, *push = T->push + 2 * (I->one_sided + I->frictions), later = LATER * planned;
-    long *row = T->status + I->one_sided + I->frictions, worst = 0;
+    double *x = T->later_x, later = LATER * planned;
+    long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-    long n = D.n;
-    for (long i = 0; i < n; i++) {
-        row[i] = touching[i] ? IN : OFF;
-        if (i < D.gaps && D.rate[i] > D.rate_noise[i]) row[i] = OFF;
-        if (i >= D.gaps && touching[i] != 1) row[i] = touching[i] == 2 ? SLIDING_UP : SLIDING_DOWN;
-    }
+    for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(&D, i)) ? MAY_HOLD : OFF;
+    for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
+    memcpy(asked, R.law, sizeof(long) * (size_t)laws);
     if (!rate_at(I, I->t, I->x, T->rate)) return INPUT_FAILED;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
     if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return INPUT_FAILED; /* what is at its threshold by its rate too passes it by the next */
-    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * T->rate[i];
     int moved = 1;
-    for (long i = 0; i < I->nx; i++) moved &= isfinite(x[i]) != 0;
+    for (long i = 0; i < I->nx; i++) {
+        x[i] = I->x[i] + later * T->rate[i];
+        moved &= isfinite(x[i]) != 0;
+    }
     if (!decision_at(I, I->t + (moved ? later : 0), moved ? x : I->x, &D)) return INPUT_FAILED;
-    for (long i = D.gaps; i < n; i++)
-        if (never_holds(&D, i)) row[i] = OFF;
-    for (long again = 0; again <= 2 * D.frictions; again++) {
-        long *trial = T->status + 2 * n;
-        memcpy(trial, row, sizeof(long) * (size_t)n);
-        if (!complementary(I, &D, trial, D.free, 1, 0, push, &worst)) {
-            I->worst = worst;
+    for (long f = 0; f < D.frictions; f++)
+        if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
+    Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    for (long again = 0; again <= D.frictions; again++) {
+        memcpy(R.law, asked, sizeof(long) * (size_t)laws);
+        if (!complementary(&p, R.asked, R.place, T->lemke, T->basis)) {
+            I->worst = 0;
+            for (long k = 0; k < laws; k++)
+                if (asked[k] != OFF) I->worst = k;
             return NO_MODE;
         }
         int begun = 0;
-        for (long i = D.gaps; i < n; i++)
-            if (row[i] == IN && (trial[i] == SLIDING_UP || trial[i] == SLIDING_DOWN)) row[i] = trial[i], begun = 1;
-        if (begun && again < 2 * D.frictions) continue; /* what slips has another limit */
-        memcpy(row, trial, sizeof(long) * (size_t)n);
-        break;
+        for (long k = D.gaps; k < laws; k++)
+            if (asked[k] == MAY_HOLD && R.law[k] == STARTS) asked[k] = MAY_SLIDE, begun = 1;
+        if (!begun) break; /* what slips has another limit */
     }
-    set_masks(I, &D, row, push);
+    set_masks(I, &D, R, planned);
     return REACHED_END;
+}
+
+/* What touches, and which way it slips: of one-sided laws 0 or 1, 2 where they have come to rest; of frictions 1 where the slip is zero, 2 else, with its direction. */
+static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, const double *before) {
+    struct State *T = I->state;
+    for (long f = 0; f < D->frictions; f++) {
+        long i = row_of(D, f), size = rows_of(D, f), first = I->one_sided + 2 * f;
+        double *mask = T->side + mask_of(I, f), *e = R.along + 2 * f, u = D->rate[i], v = size > 1 ? D->rate[i + 1] : 0, slip = hypot(u, v);
+        double nil = D->rate_noise[i] + (size > 1 ? D->rate_noise[i + 1] : 0);
+        if (before) nil = fmax(nil, NIL * (fabs(before[i]) + (size > 1 ? fabs(before[i + 1]) : 0)));
+        int held = size > 1 && mask[2] == 1, stops = row == first && mask[0] == 0 && (size == 1 || held), stuck = !before && mask[0] == 1;
+        for (long k = 0; k < size; k++) stuck &= !has_jumped(I, D, D->gaps + i + k);
+        int zero = stuck || stops || slip <= nil;
+        R.touching[D->gaps + f] = zero ? 1 : 2;
+        if (size == 1 || zero) e[0] = u > 0 ? 1 : -1, e[1] = 0;
+        else if (held && !before && slip < 2 * mask[3] && row != first + 1) e[0] = mask[4], e[1] = mask[5];
+        else e[0] = u / slip, e[1] = v / slip;
+    }
 }
 
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
 static enum Code decide_modes(Integrator *I, long row, double planned) {
     struct State *T = I->state;
     Decision D;
-    long gaps = I->one_sided, n = gaps + I->frictions, *touching = T->status, worst = 0;
+    Room R = room_of(I);
+    long gaps = I->one_sided, n = reactions_of(I);
     int impacts = 0;
     T->changes = fabs(I->t - T->changed_at) <= INSTANT * planned ? T->changes + 1 : 0;
     T->changed_at = I->t;
     if (T->changes > CHANGES) {
-        I->worst = row < gaps ? row : gaps + (row - gaps) / 2;
+        I->worst = row < gaps ? (row < 0 ? 0 : row) : gaps + (row - gaps) / 2;
         return CHATTERS;
     }
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
-        touching[i] = D.gap[i] <= D.gap_noise[i] || T->side[i] == 1 || i == row;
+        R.touching[i] = D.gap[i] <= D.gap_noise[i] || T->side[i] == 1 || i == row;
         if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -D.gap_noise[i]) {
             I->worst = i;
             return OVERLAPS;
         }
-        impacts |= touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i]; /* what begins to hold where its speed vanishes strikes nothing */
+        impacts |= R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i]; /* what begins to hold where its speed vanishes strikes nothing */
     }
-    for (long i = gaps; i < n; i++) {
-        long first = gaps + 2 * (i - gaps);
-        int stuck = T->side[first] == 1 && !has_jumped(I, &D, gaps + i), stops = row == first && T->side[first] == 0;
-        touching[i] = stuck || stops || fabs(D.rate[i]) <= D.rate_noise[i] ? 1 : D.rate[i] > 0 ? 2 : 3;
-    }
-    T->crossed = 0;
+    look_at_slips(I, &D, R, row, 0);
     memset(T->impulse, 0, sizeof(double) * (size_t)n);
     if (impacts) {
-        if (!impact(I, &D, touching, &worst)) {
-            I->worst = worst;
+        if (!impact(I, &D, R)) {
+            I->worst = row >= 0 && row < gaps ? row : 0;
             return NO_MODE;
         }
         for (long i = 0; i < I->nx; i++)
             for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
-        double *before = T->push;
-        memcpy(before, D.rate, sizeof(double) * (size_t)n);
+        memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
+        for (long k = 0; k < I->masks; k++) T->side[k] = 0;
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-        for (long i = gaps; i < n; i++) /* slip that the impact has stopped, or turned */
-            touching[i] = fabs(D.rate[i]) <= fmax(D.rate_noise[i], NIL * fabs(before[i])) ? 1 : D.rate[i] > 0 ? 2 : 3;
-        for (long i = 0; i < gaps; i++) /* closed, if nothing bounces */
-            if (touching[i] && D.rate[i] > fmax(D.rate_noise[i], NIL * fabs(before[i]))) touching[i] = 0;
+        look_at_slips(I, &D, R, -1, R.before);
+        int low = 0;
+        for (long i = 0; i < gaps; i++) { /* open, if it bounces */
+            double nil = fmax(D.rate_noise[i], NIL * fabs(R.before[i]));
+            low |= R.touching[i] && D.rate[i] > nil && D.rate[i] <= least_rate(&D, i);
+            if (D.rate[i] > fmax(nil, least_rate(&D, i))) R.touching[i] = 0;
+        }
+        foresee_rest(I, row < gaps ? row : -1);
+        if (comes_to_rest(I, low)) {
+            if (!note_transition(I, row) || !keep_straight(I, 0) || !bridge_impacts(I)) return OUT_OF_MEMORY;
+            memset(T->impulse, 0, sizeof(double) * (size_t)n);
+            for (long i = 0; i < gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
+            if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+            look_at_slips(I, &D, R, -1, 0);
+            row = BRIDGE;
+            impacts = 0;
+            T->impacts = 0;
+        }
+    } else {
+        T->impacts = 0;
     }
-    for (long k = 0; k < I->masks && impacts; k++) T->side[k] = 0;
-    enum Code code = decide_accelerations(I, touching, planned);
+    enum Code code = decide_accelerations(I, R, planned);
     if (code != REACHED_END) return code;
+    memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
     project(I, I->t, I->x);
-    for (long i = 0; i < I->nx; i++)
+    for (long i = 0; i < I->nx; i++) {
         if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
+        impacts |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
+    }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
-    if (impacts && !keep_jump(I)) return OUT_OF_MEMORY;
+    if (impacts && !keep_straight(I, 0)) return OUT_OF_MEMORY;
     for (long r = 0; r < I->row_count; r++) T->far[r] = 0;
     forget_rates(I);
     I->h = planned;
     T->pending = -1;
+    T->crossed = 0;
     return REACHED_END;
 }
 
 static enum Code begin_modes(Integrator *I) {
-    double planned = I->step > 0 ? I->step : 1e-3 * (I->end - I->t);
-    double h = I->h;
+    double planned = I->step > 0 ? I->step : 1e-3 * (I->end - I->t), h = I->h;
     enum Code code = decide_modes(I, -1, planned);
     I->h = h;
     I->state->changed_at = -INFINITY;

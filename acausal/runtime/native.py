@@ -455,7 +455,7 @@ class Run:
             for spent in (Kernels.made_between, Kernels.compiled_between)
         )
         modes = self._modes()
-        jumps = 0 if modes is None else int(modes.jumped.sum())
+        jumps = 0 if modes is None else np.unique(modes.steps[modes.jumped]).size
         statistics = Statistics(
             self._ran(), tableau.order, core.steps - jumps, core.rejected, core.evaluations, core.iterations,
             now - self.started - waited, core.factorisations, self.kinds, waited + worked, core.work,
@@ -471,7 +471,7 @@ class Run:
         modes = integrand.modes
         if modes is None:
             return None
-        t, rows, count = self._times(), modes.one_sided + modes.frictions, core.transitions
+        t, rows, count = self._times(), modes.reactions, core.transitions
         if not count:  # it did not begin
             return ModesMet.none(float(t[0]), integrand.masks, rows)
         steps, which = (np.ctypeslib.as_array(part, (count,)).copy() for part in (core.transition_steps, core.transition_rows))
@@ -479,7 +479,9 @@ class Run:
             np.ctypeslib.as_array(part, (count, n)).copy()
             for part, n in ((core.impulses, rows), (core.transition_masks, integrand.masks))
         )
-        return ModesMet(t[steps], masks.T, steps, which, impulses)
+        jumped = t[np.minimum(steps + 1, t.size - 1)] == t[steps]
+        jumped &= steps + 1 < t.size
+        return ModesMet(t[steps], masks.T, steps, which, impulses, jumped)
 
     @property
     def _ends(self) -> int:

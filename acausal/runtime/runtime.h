@@ -95,8 +95,9 @@ typedef struct Integrator {
     long held, row_count;
     const long *row_switch;
     const double *row_factor, *row_plus;
-    /* The first `masks` of these say which rows of reactions hold: one for each one-sided row, two for each friction; the first `mode_rows` rows are theirs */
-    long masks, mode_rows, one_sided, frictions;
+    /* The first `masks` of these say which rows of reactions hold: one for each of `one_sided` laws, two for each friction along a line, six for each in a
+       plane, and the damping of rows that depend on one another, if any do; the first `mode_rows` rows are theirs */
+    long masks, mode_rows, one_sided, lines, planes, redundant;
     const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;
@@ -146,8 +147,8 @@ typedef struct Integrator {
     size_t room, used;
     long counted, first, event_room; /* whether bytes are only counted; number of steps that are not kept; events of one step at most */
     long promised;                   /* whether exact kernels are to be had where they are needed */
-    /* Changes of mode so far: after how many of the steps that are kept each, the row of masks that led to it (-1: the start, or a jump of inputs), and impulses (one_sided +
-       frictions), which are in steps of no length */
+    /* Changes of mode so far: after how many of the steps that are kept each, the row of masks that led to it (-1: the start, or a jump of inputs), and impulses of all
+       reactions, which are in steps of no length */
     long transitions, *transition_steps, *transition_rows;
     double *impulses, *transition_masks; /* masks from then on */
 } Integrator;

@@ -158,8 +158,10 @@ struct State {
     V *rows_in, *rows_out, *rows_c, *sides_in, *sides_out, *sides_c, *row_change_in, *row_change_out, *row_change_c;
     V *decision_in, *decision_out, *decision_c;
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
-    double *lemke, *impulse, *push, *guess_x; /* work of decisions, see modes.h */
-    long *basis, *status;
+    double *lemke, *impulse, *push, *later_x; /* work of decisions, see modes.h */
+    double *near_knot; /* gaps and rates of rows just before the last knot */
+    double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
+    long *basis, *status, *impact_row, *rests;
     double *side;                   /* of masks, then of switches */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
     double *row_values, *row_noise, *one_row;
@@ -218,9 +220,9 @@ struct State {
     int thinned;             /* whether only steps that are read are kept */
     long stride;             /* of the ends of other steps one in so many is kept; 0: all */
     long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
-    double changed_at, pending_planned;
-    double *near_knot;       /* gaps and rates of rows just before the last knot */
-    int crossed;             /* whether a knot has been crossed since modes were decided */
+    double changed_at, pending_planned, first_impact, rest_t, rest_error;
+    int crossed; /* whether a knot has been crossed since modes were decided */
+    long impacts; /* one after the other, without another change of mode */
     long pending; /* row of masks at which the last step ended; -1: none */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };

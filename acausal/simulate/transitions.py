@@ -66,7 +66,7 @@ class Law:
         own = masks[self.masks]
         if self.row.one_sided:
             return (own[0] == 1).astype(int)
-        plane = self.row.moved.numel() > 1
+        plane = self.row.size > 1
         slides = np.any(own[1:3] != 0, axis=0) if plane else own[1]
         sign = (
             np.where(slides != 0, _SLIDES, _OFF)
@@ -86,7 +86,7 @@ def laws_of(outputs: Outputs) -> tuple[Law, ...]:
     found: list[Law] = []
     reaction = mask = 0
     for row in modes.rows:
-        size = row.moved.numel()
+        size = row.size
         width = 1 if row.one_sided else 2 if size == 1 else 6
         name = row.part.path if paths.count(row.part.path) == 1 else outputs.name(row.reaction).removesuffix("[0]")
         found.append(

@@ -1,0 +1,423 @@
+/* Reactions of rows that hold as long as they can: 0 <= r, 0 <= a, one of them zero, for one-sided rows; friction at most its limit, and against the slip
+   where it is at its limit. a = start + W r.
+
+   Friction along lines: Lemke's method finds which rows hold. In planes: projected Gauss-Seidel sweeps suggest it. Then the equations of that choice are solved by
+   Newton's iteration, and what they say is looked at. Rows that depend on one another are damped a little, in units in which the diagonal of W is one: of all
+   answers that is the one of least norm, whatever the order of the rows; the damping is taken out again by refinement. Murty, Linear
+   Complementarity, Linear and Nonlinear Programming (1988), chapter 2; Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Engrg. 155 (1998). */
+
+#define DAMPED 1e-8    /* in units of the diagonal */
+#define SWEEPS 16      /* of Gauss and Seidel at first; doubled so many times */
+#define DOUBLINGS 8
+#define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
+#define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
+
+/* What is decided by, at one place; frictions: first those along lines. */
+typedef struct {
+    long n, gaps, lines, frictions;
+    const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *bounce;
+    const double *gap_noise, *rate_noise;
+} Decision;
+
+enum Law {
+    OFF,    /* no reaction */
+    MAY_HOLD,     /* holds, or not: one-sided, or friction at slip zero */
+    MAY_SLIDE,  /* the same with the limit of sliding */
+    AGAINST,   /* friction against a slip in the direction that is given */
+    HOLDS,  /* found: one-sided and closed, or friction that sticks */
+    OPENS,
+    STARTS  /* friction that is at its limit: in the direction that is found */
+};
+
+/* A problem. law (gaps + frictions); along (2 each): of frictions, the direction of the slip; floor (gaps): least reactions, null: zero; constants: whether limits
+   count that do not grow with reactions. Results: law, along, push (n). work: n n + 4 n. */
+typedef struct {
+    const Decision *D;
+    const double *start, *floor;
+    int constants;
+    double damping;
+    long *law;
+    double *along, *push, *rate, *work;
+} Problem;
+
+/* What a row is measured in: the square root of its compliance; one for what nothing moves here. */
+static double unit_of(double compliance) { return compliance > 0 ? sqrt(compliance) : 1; }
+
+static long row_of(const Decision *D, long friction) {
+    return friction < D->lines ? D->gaps + friction : D->gaps + D->lines + 2 * (friction - D->lines);
+}
+static long rows_of(const Decision *D, long friction) { return friction < D->lines ? 1 : 2; }
+static double floor_of(const Problem *p, long i) { return p->floor ? p->floor[i] : 0; }
+
+/* Which limit of a friction counts, without reactions (if `by` is null), or by them. */
+static double limit_of(const Problem *p, long f) {
+    const Decision *D = p->D;
+    int sliding = p->law[D->gaps + f] == AGAINST || p->law[D->gaps + f] == MAY_SLIDE || p->law[D->gaps + f] == STARTS;
+    const double *by = (sliding ? D->slide_by : D->hold_by) + f * D->n;
+    double limit = p->constants ? (sliding ? D->slide : D->hold)[f] : 0;
+    for (long k = 0; k < D->gaps; k++) limit += by[k] * p->push[k];
+    return fmax(limit, 0);
+}
+
+/* Accelerations (or rates) of all rows, without damping. */
+static void find_rates(const Problem *p) {
+    const Decision *D = p->D;
+    for (long i = 0; i < D->n; i++) {
+        double sum = p->start[i];
+        for (long j = 0; j < D->n; j++) sum += D->W[i * D->n + j] * p->push[j];
+        p->rate[i] = sum;
+    }
+}
+
+static double rate_of(const Problem *p, long i) {
+    const Decision *D = p->D;
+    double sum = p->start[i] + p->damping * D->W[i * D->n + i] * p->push[i];
+    for (long j = 0; j < D->n; j++) sum += D->W[i * D->n + j] * p->push[j];
+    return sum;
+}
+
+/* One sweep; how much changed, in units of forces over the diagonal. */
+static double sweep(const Problem *p) {
+    const Decision *D = p->D;
+    const double *W = D->W;
+    long n = D->n;
+    double changed = 0, d = 1 + p->damping;
+    for (long i = 0; i < D->gaps; i++) {
+        if (p->law[i] != MAY_HOLD) continue;
+        double old = p->push[i];
+        p->push[i] = fmax(floor_of(p, i), old - rate_of(p, i) / (d * W[i * n + i]));
+        changed = fmax(changed, fabs(p->push[i] - old) * unit_of(W[i * n + i]));
+    }
+    for (long f = 0; f < D->frictions; f++) {
+        long i = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
+        double *r = p->push + i, limit = limit_of(p, f), old[2] = {r[0], size > 1 ? r[1] : 0};
+        if (law == OFF) continue;
+        if (law == AGAINST) {
+            for (long k = 0; k < size; k++) r[k] = -limit * p->along[2 * f + k];
+        } else if (size == 1) {
+            r[0] = fmin(fmax(r[0] - rate_of(p, i) / (d * W[i * n + i]), -limit), limit);
+        } else {
+            double a = d * W[i * n + i], b = W[i * n + i + 1], c = W[(i + 1) * n + i], e = d * W[(i + 1) * n + i + 1], det = a * e - b * c;
+            double u = rate_of(p, i), v = rate_of(p, i + 1);
+            double x = r[0] - (e * u - b * v) / det, y = r[1] - (a * v - c * u) / det;
+            if (law == MAY_SLIDE || !(hypot(x, y) <= limit)) {
+                for (int again = 0; again < 8; again++) {
+                    u = rate_of(p, i), v = rate_of(p, i + 1);
+                    x = r[0] - u / (a + e), y = r[1] - v / (a + e);
+                    double size_now = hypot(x, y), part = size_now > 0 && (size_now > limit || law == MAY_SLIDE) ? limit / size_now : 1;
+                    r[0] = part * x, r[1] = part * y;
+                }
+            } else {
+                r[0] = x, r[1] = y;
+            }
+        }
+        for (long k = 0; k < size; k++) changed = fmax(changed, fabs(r[k] - old[k]) * unit_of(W[(i + k) * n + i + k]));
+    }
+    return changed;
+}
+
+/* Which rows hold, by what a sweep would do next. */
+static void suggest(const Problem *p, const long *asked) {
+    const Decision *D = p->D;
+    const double *W = D->W;
+    long n = D->n;
+    for (long i = 0; i < D->gaps; i++)
+        if (asked[i] == MAY_HOLD) p->law[i] = p->push[i] - rate_of(p, i) / W[i * n + i] > floor_of(p, i) ? HOLDS : OPENS;
+    for (long f = 0; f < D->frictions; f++) {
+        long i = row_of(D, f), size = rows_of(D, f), law = asked[D->gaps + f];
+        if (law != MAY_HOLD && law != MAY_SLIDE) continue;
+        double limit = limit_of(p, f), x = p->push[i] - rate_of(p, i) / W[i * n + i], y = 0;
+        if (size > 1) y = p->push[i + 1] - rate_of(p, i + 1) / W[(i + 1) * n + i + 1];
+        if (law == MAY_HOLD && hypot(x, y) <= limit) {
+            p->law[D->gaps + f] = HOLDS;
+            continue;
+        }
+        double u = rate_of(p, i), v = size > 1 ? rate_of(p, i + 1) : 0, speed = hypot(u, v);
+        p->law[D->gaps + f] = limit > 0 && speed > 0 ? STARTS : OFF;
+        p->along[2 * f] = speed > 0 ? u / speed : 0;
+        p->along[2 * f + 1] = speed > 0 ? v / speed : 0;
+    }
+}
+
+/* x with A x = b, into b; A (n, n) is used up. Rows without a pivot give zero. */
+static void eliminate_dense(double *A, double *b, long n) {
+    for (long k = 0; k < n; k++) {
+        long best = k;
+        for (long i = k + 1; i < n; i++)
+            if (fabs(A[i * n + k]) > fabs(A[best * n + k])) best = i;
+        if (best != k) {
+            for (long j = 0; j < n; j++) {
+                double kept = A[k * n + j];
+                A[k * n + j] = A[best * n + j], A[best * n + j] = kept;
+            }
+            double kept = b[k];
+            b[k] = b[best], b[best] = kept;
+        }
+        if (!(fabs(A[k * n + k]) > 1e-300)) continue;
+        for (long i = k + 1; i < n; i++) {
+            double factor = A[i * n + k] / A[k * n + k];
+            if (factor == 0) continue;
+            for (long j = k + 1; j < n; j++) A[i * n + j] -= factor * A[k * n + j];
+            b[i] -= factor * b[k];
+        }
+    }
+    for (long k = n - 1; k >= 0; k--) {
+        for (long j = k + 1; j < n; j++) b[k] -= A[k * n + j] * b[j];
+        b[k] = fabs(A[k * n + k]) > 1e-300 ? b[k] / A[k * n + k] : 0;
+    }
+}
+
+/* The equations of a choice of laws, in units in which the diagonal of W is one, by Newton's iteration; rows that depend on one another are damped, which
+   iterating takes out again. Returns whether it came to an end. */
+static int solve_choice(const Problem *p) {
+    const Decision *D = p->D;
+    const double *W = D->W;
+    long n = D->n;
+    double *A = p->work, *b = p->work + n * n, *unit = p->work + n * n + n, last = INFINITY;
+    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(W[i * n + i]);
+    for (int again = 0; again < 40; again++) {
+        find_rates(p);
+        memset(A, 0, sizeof(double) * (size_t)(n * n));
+        for (long i = 0; i < D->gaps; i++) {
+            if (p->law[i] == HOLDS) {
+                for (long j = 0; j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
+                A[i * n + i] += p->damping;
+                b[i] = -p->rate[i] * unit[i];
+            } else {
+                A[i * n + i] = 1;
+                b[i] = ((p->law[i] == OPENS ? floor_of(p, i) : 0) - p->push[i]) / unit[i];
+            }
+        }
+        for (long f = 0; f < D->frictions; f++) {
+            long first = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
+            const double *by = (law == HOLDS || law == OFF ? D->hold_by : D->slide_by) + f * n;
+            double limit = limit_of(p, f), *e = p->along + 2 * f, speed = 0;
+            if (law == STARTS) {
+                if (size == 1) e[0] = e[0] < 0 ? -1 : 1, e[1] = 0;
+                else {
+                    speed = hypot(p->rate[first], p->rate[first + 1]);
+                    if (!(speed > 0)) return 0;
+                    e[0] = p->rate[first] / speed, e[1] = p->rate[first + 1] / speed;
+                }
+            }
+            for (long k = 0; k < size; k++) {
+                long i = first + k;
+                if (law == HOLDS) {
+                    for (long j = 0; j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
+                    A[i * n + i] += p->damping;
+                    b[i] = -p->rate[i] * unit[i];
+                    continue;
+                }
+                A[i * n + i] = 1;
+                b[i] = -p->push[i] / unit[i];
+                if (law == OFF) continue;
+                b[i] -= limit * e[k] / unit[i];
+                for (long j = 0; j < n; j++) A[i * n + j] += by[j] * e[k] * unit[j] / unit[i];
+                if (law != STARTS || size == 1) continue;
+                for (long j = 0; j < n; j++) { /* the direction turns with the rates: (1 - e e') / speed */
+                    double u = W[first * n + j], v = W[(first + 1) * n + j], w = e[0] * u + e[1] * v;
+                    A[i * n + j] += limit / speed * ((k ? v : u) - w * e[k]) * unit[j] / unit[i];
+                }
+            }
+        }
+        int left = 0; /* more than rounding */
+        for (long i = 0; i < n; i++) {
+            double terms = fabs(b[i]);
+            for (long j = 0; j < n; j++) terms += fabs(A[i * n + j] * p->push[j]) / unit[j];
+            left |= !(fabs(b[i]) <= ROUNDED * EPS * (terms + fabs(p->start[i]) * unit[i]));
+        }
+        if (!left) return 1;
+        eliminate_dense(A, b, n);
+        double changed = 0, most = 0;
+        for (long i = 0; i < n; i++) {
+            if (!isfinite(b[i])) return 0;
+            p->push[i] += b[i] * unit[i];
+            changed = fmax(changed, fabs(b[i]));
+            most = fmax(most, fabs(p->push[i]) / unit[i]);
+        }
+        if (changed <= 4 * EPS * most || (changed <= 1e-12 * most && changed >= 0.5 * last)) {
+            find_rates(p);
+            return 1;
+        }
+        last = changed;
+    }
+    return 0;
+}
+
+/* Whether what has been solved is an answer. */
+static int answers(const Problem *p) {
+    const Decision *D = p->D;
+    long n = D->n;
+    double force = 0, rate = 0;
+    for (long i = 0; i < n; i++) {
+        double unit = unit_of(D->W[i * n + i]);
+        force = fmax(force, fabs(p->push[i]) * unit);
+        rate = fmax(rate, fabs(p->start[i]) / unit);
+    }
+    double far = FITS * fmax(force, rate);
+    for (long i = 0; i < D->gaps; i++) {
+        double unit = unit_of(D->W[i * n + i]);
+        if (p->law[i] == HOLDS && (p->push[i] - floor_of(p, i)) * unit < -far) return 0;
+        if (p->law[i] == OPENS && p->rate[i] / unit < -far) return 0;
+    }
+    for (long f = 0; f < D->frictions; f++) {
+        long i = row_of(D, f), law = p->law[D->gaps + f];
+        double unit = unit_of(D->W[i * n + i]);
+        if (law == HOLDS) {
+            double size = rows_of(D, f) > 1 ? hypot(p->push[i], p->push[i + 1]) : fabs(p->push[i]);
+            if ((size - limit_of(p, f)) * unit > far) return 0;
+        } else if (law == STARTS && rows_of(D, f) == 1 && p->rate[i] * p->along[2 * f] / unit < -far) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* A linear complementarity problem w = M z + q, w, z >= 0, one of each pair zero, by Lemke's method with the lexicographic rule. `table` (n, 2 n + 2): columns of w
+   (-> 1), z (-M), the covering variable (-1) and q. `basis` (n): number of the variable of each row; z k is n + k. 1 where solved, 0 where there is no
+   solution on the way. */
+static int lemke(double *table, long *basis, long n) {
+    long width = 2 * n + 2, cover = 2 * n, last = 2 * n + 1, row = -1;
+    double least = 0;
+    for (long i = 0; i < n; i++) {
+        basis[i] = i;
+        if (table[i * width + last] < least) least = table[i * width + last], row = i;
+    }
+    if (row < 0) return 1;
+    long entering = cover;
+    for (long steps = 0; steps < 50 * (n + 1); steps++) {
+        double *p = table + row * width, pivot = p[entering];
+        for (long j = 0; j < width; j++) p[j] /= pivot;
+        for (long i = 0; i < n; i++) {
+            double factor = table[i * width + entering];
+            if (i == row || factor == 0) continue;
+            for (long j = 0; j < width; j++) table[i * width + j] -= factor * p[j];
+            table[i * width + entering] = 0;
+        }
+        long left = basis[row];
+        basis[row] = entering;
+        if (left == cover) return 1;
+        entering = left < n ? left + n : left - n;
+        row = -1;
+        for (long i = 0; i < n; i++) {
+            double a = table[i * width + entering];
+            if (!(a > 1e-12)) continue;
+            if (row < 0) {
+                row = i;
+                continue;
+            }
+            double b = table[row * width + entering];
+            double here = table[i * width + last] / a, there = table[row * width + last] / b, tie = 1e-13 * (fabs(here) + fabs(there));
+            int less = here < there - tie, more = here > there + tie;
+            if (!less && !more && basis[row] == cover) more = 1; /* the covering variable leaves first */
+            if (!less && !more && basis[i] == cover) less = 1;
+            for (long j = 0; j < n && !less && !more; j++) {
+                here = table[i * width + j] / a, there = table[row * width + j] / b;
+                less = here < there, more = here > there;
+            }
+            if (less) row = i;
+        }
+        if (row < 0) return 0;
+    }
+    return 0;
+}
+
+/* Which rows hold, where friction is along lines only. Unknowns: one-sided reactions above their floors; friction above its lower limit, and its slip
+   downwards. `place` (n), `table` and `basis`: room. */
+static int choose_lines(const Problem *p, long *place, double *table, long *basis) {
+    const Decision *D = p->D;
+    long n = D->n, gaps = D->gaps, in = 0, held = 0;
+    double *unit = p->work;
+    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(D->W[i * n + i]), place[i] = -1;
+    for (long i = 0; i < gaps; i++)
+        if (p->law[i] == MAY_HOLD) place[i] = in++;
+    for (long f = 0; f < D->lines; f++)
+        if (p->law[gaps + f] == MAY_HOLD || p->law[gaps + f] == MAY_SLIDE) place[gaps + f] = in + held++;
+    long size = in + 2 * held, width = 2 * size + 2;
+    double *line = table + size * width;
+    memset(table, 0, sizeof(double) * (size_t)(size * width));
+    for (long i = 0; i < gaps; i++) p->push[i] = p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;
+    for (long i = 0; i < n; i++) {
+        if (place[i] < 0) continue;
+        double q = p->start[i] * unit[i];
+        memset(line, 0, sizeof(double) * (size_t)(in + held + 1));
+        for (long j = 0; j < n; j++) {
+            double w = D->W[i * n + j] * unit[i] * (i == j ? 1 + p->damping : 1);
+            if (place[j] >= 0) line[place[j]] += w * unit[j];
+            if (j < gaps) {
+                q += w * p->push[j];
+                continue;
+            }
+            long f = j - gaps;
+            double part = place[j] >= 0 ? -1 : p->law[j] == AGAINST ? -p->along[2 * f] : 0;
+            if (part == 0) continue;
+            const double *by = (p->law[j] == MAY_HOLD ? D->hold_by : D->slide_by) + f * n;
+            q += w * part * limit_of(p, f);
+            for (long k = 0; k < gaps; k++)
+                if (place[k] >= 0) line[place[k]] += w * part * by[k] * unit[k];
+        }
+        double *first = table + place[i] * width;
+        first[place[i]] = 1;
+        for (long k = 0; k < in + held; k++) first[size + k] = -line[k];
+        if (i >= gaps) first[size + place[i] + held] = -1;
+        first[2 * size] = -1;
+        first[2 * size + 1] = q;
+        if (i < gaps) continue;
+        double *second = table + (place[i] + held) * width;
+        const double *by = (p->law[i] == MAY_HOLD ? D->hold_by : D->slide_by) + (i - gaps) * n;
+        for (long k = 0; k < gaps; k++)
+            if (place[k] >= 0) second[size + place[k]] -= 2 * by[k] * unit[k] / unit[i];
+        second[place[i] + held] = 1;
+        second[size + place[i]] = 1;
+        second[2 * size] = -1;
+        second[2 * size + 1] = 2 * limit_of(p, i - gaps) / unit[i];
+    }
+    if (size && !lemke(table, basis, size)) return 0;
+    double *value = line; /* of unknowns, NAN where they are not in the basis */
+    for (long k = 0; k < size; k++) value[k] = NAN;
+    for (long r = 0; r < size; r++)
+        if (basis[r] >= size && basis[r] < 2 * size) value[basis[r] - size] = table[r * width + 2 * size + 1];
+    for (long i = 0; i < gaps; i++)
+        if (place[i] >= 0) {
+            p->law[i] = value[place[i]] > 0 ? HOLDS : OPENS;
+            p->push[i] = floor_of(p, i) + (value[place[i]] > 0 ? value[place[i]] * unit[i] : 0);
+        }
+    for (long f = 0; f < D->lines; f++) {
+        long i = gaps + f, k = place[i];
+        if (k < 0) continue;
+        int low = isnan(value[k]), high = !isnan(value[k + held]); /* a slip upwards leaves the force at its lower limit, and the other way round */
+        double limit = limit_of(p, f), force = low ? -limit : high ? limit : value[k] * unit[i] - limit;
+        p->push[i] = force;
+        p->along[2 * f] = low ? 1 : -1;
+        p->law[i] = !(limit > 0) ? OFF : low || high ? STARTS : HOLDS;
+    }
+    return 1;
+}
+
+/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `asked` (laws) and `place` (n): room. */
+static int complementary(const Problem *p, long *asked, long *place, double *table, long *basis) {
+    const Decision *D = p->D;
+    long laws = D->gaps + D->frictions;
+    memcpy(asked, p->law, sizeof(long) * (size_t)laws);
+    for (long i = 0; i < D->n; i++) p->push[i] = i < D->gaps && p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;
+    if (D->frictions == D->lines) {
+        int chosen = choose_lines(p, place, table, basis);
+        if (chosen && solve_choice(p) && answers(p)) return 1;
+        memcpy(p->law, asked, sizeof(long) * (size_t)laws);
+        for (long i = 0; i < D->n; i++) p->push[i] = i < D->gaps && p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;
+    }
+    double *kept = p->work + D->n * D->n + 2 * D->n;
+    for (long doubled = 0, sweeps = SWEEPS; doubled < DOUBLINGS; doubled++, sweeps *= 2) {
+        memcpy(p->law, asked, sizeof(long) * (size_t)laws);
+        for (long k = 0; k < sweeps; k++) {
+            double most = 0, changed = sweep(p);
+            for (long i = 0; i < D->n; i++) most = fmax(most, fabs(p->push[i]) * unit_of(D->W[i * D->n + i]));
+            if (!(changed > EPS * most)) break;
+        }
+        memcpy(kept, p->push, sizeof(double) * (size_t)D->n);
+        suggest(p, asked);
+        if (solve_choice(p) && answers(p)) return 1;
+        memcpy(p->push, kept, sizeof(double) * (size_t)D->n);
+    }
+    return 0;
+}
