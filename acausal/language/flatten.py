@@ -46,11 +46,21 @@ class FlatSystem:
     connector_paths: dict[Connector, str]
     connection_sets: tuple[tuple[Connector, ...], ...]
     """Leaf connectors only; a connector that touches nothing is a set of its own."""
-    modes: tuple[Mode, ...] | None = None
+    modes: tuple[Mode, ...] = ()
     """Which way parts behave that hold as long as they can: known as soon as their reactions are solved, and then the last inputs in their place."""
+    solved: bool = False
+    """Whether reactions are."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return FlatSystem, (self.name, self.parts, self.names, self.connector_paths, self.connection_sets, self.modes)
+        return FlatSystem, (
+            self.name,
+            self.parts,
+            self.names,
+            self.connector_paths,
+            self.connection_sets,
+            self.modes,
+            self.solved,
+        )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -66,7 +76,7 @@ class FlatSystem:
     def inputs(self) -> tuple[Input, ...]:
         """All inputs, in the order in which they are met; reactions among them as long as they are not solved."""
         found = tuple(symbol for symbol in self.names if isinstance(symbol, Input) and not isinstance(symbol, Mode))
-        return found if self.modes is None else tuple(i for i in found if not isinstance(i, Reaction)) + self.modes
+        return found if not self.solved else tuple(i for i in found if not isinstance(i, Reaction)) + self.modes
 
     @property
     def reactions(self) -> tuple[Reaction, ...]:

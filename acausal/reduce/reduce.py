@@ -324,7 +324,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     moving = [] if modes is None else [modes.rate, modes.free]
     given = {rate: f"der({system.flat.names.get(rate.of, rate.of.name)})" for rate in _input_rates(system.flat, moving)}
     names = {**system.flat.names, **given, **{mask: mask.name for mask in masks}}
-    flat = dataclasses.replace(system.flat, names=names, modes=masks)
+    flat = dataclasses.replace(system.flat, names=names, modes=masks, solved=True)
     known = np.array([entry.default for entry in flat.inputs])
     own = stacked([entry.sx for entry in flat.inputs])
 
