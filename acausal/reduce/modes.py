@@ -69,16 +69,6 @@ class Modes:
         return self.rows[self.one_sided :]
 
     @property
-    def held_places(self) -> ca.SX:
-        """Of the invariants, gaps that are closed (one_sided, 1)."""
-        return self.invariants[: self.one_sided, :]
-
-    @property
-    def held_speeds(self) -> ca.SX:
-        """Of the invariants, rates of what is closed, and slips that stick (n, 1)."""
-        return self.invariants[self.one_sided :, :]
-
-    @property
     def gaps(self) -> ca.SX:
         """Of the one-sided rows (one_sided, 1)."""
         return ca.vertcat(ca.SX(0, 1), *(row.gated(row.gap, 1) for row in self.rows if row.one_sided))

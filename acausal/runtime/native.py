@@ -53,6 +53,8 @@ from acausal.runtime.load import Runtime, runtime
 
 _Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 _SLICE = 0.05
+_INSTANT = 16 * float(np.finfo(float).eps)
+"""Of a time: steps that are no longer are jumps."""
 _NEAR = 0.05
 """Clearance from singular positions below which states are corrected in twice as many digits: `EXACT` of passage.h."""
 BUDGET = 64 * 2**20
@@ -479,8 +481,8 @@ class Run:
             np.ctypeslib.as_array(part, (count, n)).copy()
             for part, n in ((core.impulses, rows), (core.transition_masks, integrand.masks))
         )
-        jumped = t[np.minimum(steps + 1, t.size - 1)] == t[steps]
-        jumped &= steps + 1 < t.size
+        after = np.minimum(steps + 1, t.size - 1)
+        jumped = (after > steps) & (t[after] - t[steps] <= _INSTANT * np.maximum(np.abs(t[steps]), abs(t[0])))
         return ModesMet(t[steps], masks.T, steps, which, impulses, jumped)
 
     @property
