@@ -291,10 +291,10 @@ def transitions_of(run: Run) -> Transitions:
     first = np.insert(last[:-1], 0, True)
     begin, end = np.flatnonzero(first), np.flatnonzero(last)
     impulses = np.add.reduceat(met.impulses, begin, axis=0)
+    jumped = np.logical_or.reduceat(met.jumped, begin)
     after = met.masks[:, end]
-    before = np.hstack([after[:, :1] if not impulses[0].any() else np.zeros((after.shape[0], 1)), after[:, :-1]])
+    before = np.hstack([after[:, :1] if not jumped[0] else np.zeros((after.shape[0], 1)), after[:, :-1]])
     old, new = (np.array([law.numbers(masks) for law in laws]) for masks in (before, after))
-    jumped = np.asarray(impulses.any(axis=1))
     some = np.flatnonzero(jumped | (old != new).any(axis=0))
     return Transitions(
         run, laws, met.begins[end][some], met.steps[end][some], jumped[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some]
