@@ -243,3 +243,31 @@ def test_what_is_no_pulley_is_refused_in_words(make: Any, words: tuple[str, ...]
         make(World().frame)
     assert all(word in str(caught.value) for word in words), caught.value
     assert "test_pulleys.py" in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [*SIZES, 3.7e-4, 0.013, 27.0])
+def test_a_machine_that_hangs_on_a_machine(size: float) -> None:
+    """The second end of a rope carries a pulley with a rope of its own; by Lagrange. All places are given, exactly, and none contradicts another."""
+    m1, m2, m3, M, pull = 3.0, 1.0, 1.5, 0.5, G * size
+    scene: Any = ac.System()
+    scene.world, scene.rail, scene.block = World((0, 0, -pull)), Prismatic("z"), RigidBody.ball(M, 0.02 * size)
+    scene.one, scene.two, scene.three = Particle(m1), Particle(m2), Particle(m3)
+    scene.above = Cable(3 * size, over=(Pulley(scene.world.frame, 0.3 * size),))
+    scene.below = Cable(2 * size, over=(Pulley(scene.block.frame, 0.1 * size),))
+    scene.connect(scene.world.at((0.3 * size, 0, 0)), scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.block.frame, scene.above.frame_b)
+    scene.connect(scene.above.frame_a, scene.one.point)
+    scene.connect(scene.below.frame_a, scene.two.point)
+    scene.connect(scene.below.frame_b, scene.three.point)
+    z, second = -size, 0.8 * size
+    first, third = 2 * size - np.pi * 0.3 * size, 2 * size - np.pi * 0.1 * size - second
+    start = {
+        scene.rail.q: z,
+        scene.one.point.position: (-0.3 * size, 0, -first),
+        scene.two.point.position: (0.2 * size, 0, z - second),
+        scene.three.point.position: (0.4 * size, 0, z - third),
+    }
+    run = ac.build(scene).simulate(0.3, start, rtol=1e-11)
+    down, over = np.linalg.solve([[m1 + M + m2 + m3, m3 - m2], [m3 - m2, m2 + m3]], [pull * (M + m2 + m3 - m1), pull * (m3 - m2)])
+    assert np.max(np.abs(run[scene.rail.q] - z + down * run.t**2 / 2)) < 1e-12 * size
+    assert np.max(np.abs(run[scene.three.point.position][:, 2] - z + third + (down + over) * run.t**2 / 2)) < 1e-12 * size

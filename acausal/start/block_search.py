@@ -125,6 +125,8 @@ class _Search:
         for _ in range(_STEEP if self._steep else _SIZED):
             there = of
             if self.block.curved:
+                # what rounding left beside zero is no size of anything
+                found = replace(found, y=_without_noise(found.y, self.begun, of.unknowns))
                 there = self.block.sizes_at(found.y, self.data, self.first, self.factors).faster(self.slowest)
             if not (found.converged or self._steep) or not (there.rows < 0.5 * of.rows).any():
                 return found, found.converged and self.block.is_meant(found.y, self.whole)
