@@ -1,9 +1,9 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Sphere,
+CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
-Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb; made of Touching and ContactForce), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
+Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode, Thyristor,
@@ -20,9 +20,23 @@ from components.clutches import Brake, Clutch, Freewheel
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.contact import Contact
 from components.contacts.contact_force import ContactForce
+from components.contacts.hard_contact import HardContact, HardPoint
 from components.contacts.knife_edge import KnifeEdge
-from components.contacts.laws import Apart, Creep, HuntCrossley, Rolling, RollingWithoutPivoting, Sliding, SmoothCoulomb, Viscous
+from components.contacts.laws import (
+    Apart,
+    Coulomb,
+    Creep,
+    Hard,
+    HuntCrossley,
+    Rolling,
+    RollingWithoutPivoting,
+    Sliding,
+    SmoothCoulomb,
+    Viscous,
+)
+from components.contacts.one_sided_point import OneSidedPoint
 from components.contacts.point_on_plane import PointOnPlane
+from components.contacts.point_over import PointOverCurve, PointOverSurface
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_line import RollingCone, RollingCylinder
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
@@ -58,6 +72,7 @@ from components.geometry.surfaces import (
     Parallel,
     ParametricSurface,
     Plane,
+    Plate,
     Revolution,
     Sphere,
     Torus,
@@ -81,6 +96,7 @@ from components.joints.universal import Universal
 from components.motor import DCMotor
 from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 from components.rectifiers import IdealDiode, Thyristor
+from components.rope import LimitedSum, Rope
 from components.rotational import (
     AngleSource,
     AngularAccelerationSource,
@@ -144,6 +160,7 @@ __all__ = [
     "Contact",
     "ContactForce",
     "ConvexShape",
+    "Coulomb",
     "Creep",
     "CurrentSensor",
     "CurrentSource",
@@ -170,6 +187,9 @@ __all__ = [
     "Gear",
     "Ground",
     "Gyro",
+    "Hard",
+    "HardContact",
+    "HardPoint",
     "HeightField",
     "Helix",
     "HuntCrossley",
@@ -179,12 +199,14 @@ __all__ = [
     "Inertia",
     "Integrator",
     "KnifeEdge",
+    "LimitedSum",
     "Line",
     "LineOfAction",
     "MagnusForce",
     "MutualGravitation",
     "NonlinearDamper",
     "NonlinearSpring",
+    "OneSidedPoint",
     "OperationalAmplifier",
     "Parallel",
     "ParametricCurve",
@@ -194,9 +216,12 @@ __all__ = [
     "Planar",
     "Plane",
     "PlanetaryGear",
+    "Plate",
     "PointOnCurve",
     "PointOnPlane",
     "PointOnSurface",
+    "PointOverCurve",
+    "PointOverSurface",
     "PositionSource",
     "PotentialField",
     "PrescribedAngularVelocity",
@@ -219,6 +244,7 @@ __all__ = [
     "RollingEllipsoid",
     "RollingTorus",
     "RollingWithoutPivoting",
+    "Rope",
     "RopeOverWheels",
     "RotatingEarth",
     "RotationSensor",

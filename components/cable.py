@@ -54,14 +54,7 @@ class ConstantSum(Component):
 
     def __init__(self, total: Scalar, number: int) -> None:
         self.total = scalar(total, "ConstantSum's total", unit="m")
-        if isinstance(number, bool) or not isinstance(number, int) or number < 1:  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ParameterError(f"ConstantSum's number is {shown(number)} ({origin()}). Give a whole number of at least 1.")
-        ports: list[Translational] = []
-        for k in range(number):
-            port = Translational(self, f"flange_{k}", must_connect=True, if_unconnected="Connect all its flanges.")
-            setattr(self, port.name, port)
-            ports.append(port)
-        self.flanges = tuple(ports)
+        self.flanges = own_flanges(self, number)
 
     def equations(self) -> Iterable[Equation]:
         yield equal(sum((port.s for port in self.flanges), -1.0 * self.total), 0.0)
@@ -86,14 +79,8 @@ class Cable(System):
 
     def __init__(self, length: Scalar, over: Sequence[Point | Pulley] = ()) -> None:
         total = scalar(length, "Cable's length", positive=True, unit="m")
-        given: Any = over
-        if not isinstance(given, list | tuple) or not all(isinstance(place, Point | Pulley) for place in given):
-            raise ParameterError(
-                f"Cable's over is {shown(over)} ({origin()}). Give a list of points or frames of parts and pulleys, over=(world.at((0, 0, 1)), "
-                "Pulley(block.frame, 0.1))."
-            )
-        places: list[Point | Pulley] = [self.frame_a, *given, self.frame_b]
-        self.pieces = [self._piece(a, b) for a, b in itertools.pairwise(places)]
+        places: list[Point | Pulley] = [self.frame_a, *run_over(over, "Cable"), self.frame_b]
+        self.pieces = [piece_between(self, a, b) for a, b in itertools.pairwise(places)]
         wheels = [(k, place.wheel, place) for k, place in enumerate(places) if isinstance(place, Pulley) and place.wheel]
         borders = [0, *(k for k, _, _ in wheels), len(self.pieces)]
         sections = [b - a for a, b in itertools.pairwise(borders)]
@@ -112,15 +99,40 @@ class Cable(System):
         """Pull [N], positive where it is taut; of each section where there are wheels."""
         return self.tie.tension
 
-    def _piece(self, a: Point | Pulley, b: Point | Pulley) -> LineOfAction | Tangent | CommonTangent:
-        """From one place to the next, connected to both."""
-        ends = [place.frame if isinstance(place, Pulley) else place for place in (a, b)]
-        if isinstance(a, Pulley) and isinstance(b, Pulley):
-            piece = CommonTangent(a, b)
-        elif isinstance(b, Pulley):  # seen from the pulley, the rope runs back
-            piece, ends = Tangent(b.turned_round), ends[::-1]
-        else:
-            piece = Tangent(a) if isinstance(a, Pulley) else LineOfAction()
-        for end, own in zip(ends, (piece.frame_a, piece.frame_b), strict=True):
-            self.connect(end, own)
-        return piece
+
+def own_flanges(part: Component, number: int) -> tuple[Translational, ...]:
+    """So many flanges of a part. Raises `ParameterError`."""
+    if isinstance(number, bool) or not isinstance(number, int) or number < 1:  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise ParameterError(
+            f"{type(part).__name__}'s number is {shown(number)} ({origin()}). Give a whole number of at least 1."
+        )
+    ports: list[Translational] = []
+    for k in range(number):
+        port = Translational(part, f"flange_{k}", must_connect=True, if_unconnected="Connect all its flanges.")
+        setattr(part, port.name, port)
+        ports.append(port)
+    return tuple(ports)
+
+
+def run_over(over: Any, part: str) -> list[Point | Pulley]:
+    """What a rope runs over. Raises `ParameterError`."""
+    if not isinstance(over, list | tuple) or not all(isinstance(place, Point | Pulley) for place in over):
+        raise ParameterError(
+            f"{part}'s over is {shown(over)} ({origin()}). Give a list of points or frames of parts and pulleys, over=(world.at((0, 0, 1)), "
+            "Pulley(block.frame, 0.1))."
+        )
+    return list(over)
+
+
+def piece_between(rope: System, a: Point | Pulley, b: Point | Pulley) -> LineOfAction | Tangent | CommonTangent:
+    """From one place of a rope to the next, connected to both."""
+    ends = [place.frame if isinstance(place, Pulley) else place for place in (a, b)]
+    if isinstance(a, Pulley) and isinstance(b, Pulley):
+        piece = CommonTangent(a, b)
+    elif isinstance(b, Pulley):  # seen from the pulley, the rope runs back
+        piece, ends = Tangent(b.turned_round), ends[::-1]
+    else:
+        piece = Tangent(a) if isinstance(a, Pulley) else LineOfAction()
+    for end, own in zip(ends, (piece.frame_a, piece.frame_b), strict=True):
+        rope.connect(end, own)
+    return piece

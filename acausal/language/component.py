@@ -56,6 +56,8 @@ class Component(metaclass=PartClass):
 
     if_given_arguments: ClassVar[str] = "Leave them out."
     """What is said to who gives arguments to a part that takes none."""
+    if_overlaps: ClassVar[str] = "Move what it keeps apart, or turn its normal round."
+    """What is said where a gap of its laws is negative at the start."""
     created_at: str
     """Where in the user's code it was made, `file:line`."""
 

@@ -40,6 +40,17 @@ def checked_arguments(cls: type[T]) -> type[T]:
     return cls
 
 
+def checked_new(maker: Callable[..., Any]) -> Callable[..., Any]:
+    """`__new__` of a part that is a part of another kind for some arguments, with the same words for wrong ones."""
+
+    @functools.wraps(maker)
+    def make(cls: type, *args: Any, **kwargs: Any) -> Any:
+        _check(cls, cls.__name__, maker, cls, args, kwargs)
+        return maker(cls, *args, **kwargs)
+
+    return make
+
+
 def _checked(maker: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(maker)
     def make(cls: type, *args: Any, **kwargs: Any) -> Any:
@@ -59,8 +70,9 @@ def _check(cls: type, name: str, maker: Callable[..., Any], first: Any, args: Se
         reason = f"it has no argument '{unknown[0]}'" if unknown else f"{error}"
         shown = ", ".join(_declared(p) for p in parameters)
         given = _given((), {key: kwargs[key] for key in unknown}) if unknown else _given(args, kwargs)
+        hint = vars(cls).get("if_given_arguments", "")
         raise ParameterError(
-            f"{name}({given}) ({origin()}): {reason}.{_nearest(cls, unknown)} It takes {name}({shown})."
+            f"{name}({given}) ({origin()}): {reason}.{_nearest(cls, unknown)} It takes {name}({shown}).{hint and ' ' + hint}"
         ) from None
 
 
@@ -77,7 +89,7 @@ def _given(args: Sequence[Any], kwargs: Mapping[str, Any], most: int = 80) -> st
 
 def _nearest(cls: type, unknown: Sequence[str]) -> str:
     """The argument that is spelt most like an unknown one, in words: of its constructor, or of a named one such as `RigidBody.rod`."""
-    for maker in (cls.__init__, *(m for name, m in inspect.getmembers(cls, inspect.ismethod) if not name.startswith("_"))):
+    for maker in (cls, *(m for name, m in inspect.getmembers(cls, inspect.ismethod) if not name.startswith("_"))):
         similar = difflib.get_close_matches(unknown[0], [*inspect.signature(maker).parameters], n=1) if unknown else []
         if similar:
             return f" Did you mean '{similar[0]}'?"

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import casadi as ca
 
-from acausal.language.connector import Frame
+from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, declared_in
 from acausal.parts.constraint import AbstractConstraint
 
@@ -16,15 +16,15 @@ class AbstractTouch(ABC):
     and `pushed`."""
 
     @abstractmethod
-    def ends(self) -> tuple[Frame, Frame]:
-        """Frames of the two bodies, a and b."""
+    def ends(self) -> tuple[Frame, Point]:
+        """Frames of the two bodies, a and b; b may be a point alone."""
 
     @abstractmethod
     def touch(self) -> tuple[Expression, Expression]:
         """The point of frame_b's body that touches, or is nearest (3, 1) [m], and the unit normal (3, 1) from frame_a's body to it."""
 
     @abstractmethod
-    def pushed(self) -> tuple[Frame, ...]:
+    def pushed(self) -> tuple[Point, ...]:
         """Connectors of parts through which frame_b's body is held or pushed."""
 
     @property
@@ -72,15 +72,15 @@ class AbstractTouch(ABC):
     def slip(self) -> Expression:
         """Velocity of frame_b's body where it touches, against frame_a's, across the normal (3, 1) [m/s]."""
         (point, normal), (a, b) = self.touch(), self.ends()
-        moving = b.velocity + _cross(b.angular_velocity, point - b.position)
-        relative = moving - a.velocity - _cross(a.angular_velocity, point - a.position)
+        relative = _carried(b, point) - _carried(a, point)
         return relative - normal @ (normal.T @ relative)
 
     @property
     def pivoting(self) -> Expression:
         """Angular velocity of frame_b's body against frame_a's about the normal [rad/s]."""
         a, b = self.ends()
-        return self.normal.T @ (b.angular_velocity - a.angular_velocity)
+        turning = b.angular_velocity if isinstance(b, Frame) else Expression(ca.SX(3, 1), frozenset())
+        return self.normal.T @ (turning - a.angular_velocity)
 
 
 class AbstractContact(AbstractConstraint, AbstractTouch, ABC):
@@ -107,5 +107,8 @@ def read(formula: ca.SX) -> Expression:
     return Expression(formula, declared_in(formula))
 
 
-def _cross(a: Expression, b: Expression) -> Expression:
-    return read(ca.cross(a.sx, b.sx))
+def _carried(end: Point, point: Expression) -> Expression:
+    """Velocity (3, 1) at a place in the world that moves along with what is at `end`."""
+    if not isinstance(end, Frame):
+        return end.velocity
+    return end.velocity + read(ca.cross(end.angular_velocity.sx, (point - end.position).sx))

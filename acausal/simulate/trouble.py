@@ -199,6 +199,8 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
     if status.kind is StatusKind.SLIDES:
         message = re.sub(r"\b([txup])_(\d+)\b", lambda found: _argument(functions, found[1], int(found[2])), message)
         worst = " Dry friction that sticks is like that: a law that is steep and smooth there, such as tanh(v / 1e-3) in place of sign(v), has a motion."
+    if run is not None and status.kind is StatusKind.OVERLAPS:
+        message = _overlap(functions, run) or message
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
     if run is not None:
@@ -209,6 +211,20 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
         f"{message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
         "The motion until then is in this error's `trajectory`."
     )
+
+
+def _overlap(functions: Functions, run: Trajectory) -> str:
+    """Which gap is the most negative one where a run begins, or where an input has jumped; empty if none is seen."""
+    modes, t = functions.outputs.system.modes, run.steps.t[-1:]
+    assert modes is not None
+    u = run.problem.inputs(t)[:, 0]
+    gaps = np.array(functions.output(modes.gaps, name="gaps")(t[0], run.steps.x[:, -1], u, run.problem.parameters)).ravel()
+    if not gaps.min() < 0:
+        return ""
+    when = "at the start" if run.steps.t.size == 1 else f"at t = {t[0]:g} s, where an input jumps"
+    row = [row for row in modes.rows if row.one_sided][int(np.argmin(gaps))]
+    unit = "rad" if row.reactions[0].unit == "N*m" else "m"
+    return f"The gap of {row.part.where} is negative {when} ({gaps.min():.3g} {unit}). {row.part.component.if_overlaps}"
 
 
 def _argument(functions: Functions, kind: str, k: int) -> str:

@@ -13,7 +13,8 @@ from acausal.parts.contact import AbstractTouch, read
 from acausal.parts.pose import Pose
 from components.contacts.ball_on_surface import RollingBallOnSurface
 from components.contacts.contact_force import ContactForce
-from components.contacts.laws import AbstractFriction, AbstractTouchingLaw, Apart, Law, Rolling, Sliding, checked_law
+from components.contacts.hard_contact import HardContact
+from components.contacts.laws import AbstractFriction, AbstractTouchingLaw, Apart, Hard, Law, Rolling, Sliding, checked_law
 from components.contacts.nearness import nearness, nearness_of_frames, touched
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
@@ -31,11 +32,12 @@ class Contact(System, AbstractTouch):
 
     `law`: Rolling(), RollingWithoutPivoting(), Sliding(): they touch at all times, by a joint in least velocities (`Touching`, or a part made for
     this pair), and without a multiplier; Viscous(...), Creep(...): they slide, with a force against the slip; HuntCrossley(...): they yield, and
-    part. What it is made of: `joint` and `force`, either may be None; `q` and `v` are the joint's. Where the nearest points of two bodies that may
+    part; Hard(...): they do not yield, part and strike, stick and slip. What it is made of: `joint` and `force`, either may be None; `q` and `v` are the joint's. Where the nearest points of two bodies that may
     part have no closed form, a joint of six freedoms follows them: Touching(shape, surface, Apart()).
 
         scene.contact = Contact(Disk(0.3), HeightField(lambda x, y: 0.1 * x**2))
         scene.bump = Contact(Sphere(0.1), Sphere(0.2), HuntCrossley(1e6))
+        scene.floor = Contact(Sphere(0.1), Plane(), Hard(restitution=0.8, friction=Coulomb(0.3)))
     """
 
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
@@ -91,7 +93,7 @@ class Contact(System, AbstractTouch):
         return self.joint
 
 
-def _parts(shape: AbstractSurface, surface: AbstractSurface, law: Law) -> tuple[Joint | None, ContactForce | None]:
+def _parts(shape: AbstractSurface, surface: AbstractSurface, law: Law) -> tuple[Joint | None, ContactForce | HardContact | None]:
     """Joint and force of a contact."""
     if isinstance(law, AbstractTouchingLaw):
         return (_folded(shape, surface) if isinstance(law, Rolling) else None) or Touching(shape, surface, law), None
@@ -100,7 +102,7 @@ def _parts(shape: AbstractSurface, surface: AbstractSurface, law: Law) -> tuple[
     else:
         free = Pose(ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3))
         joint = None if nearness(shape, surface, free) is not None else Touching(shape, surface, Apart())
-    return joint, ContactForce(shape, surface, law, joint)
+    return joint, HardContact(shape, surface, law, joint) if isinstance(law, Hard) else ContactForce(shape, surface, law, joint)
 
 
 def _folded(shape: AbstractSurface, surface: AbstractSurface) -> Joint | None:

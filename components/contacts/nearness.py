@@ -43,6 +43,11 @@ def nearness(shape: AbstractSurface, surface: AbstractSurface, pose: Pose) -> Ne
     over a plane, a ball over a surface whose nearest point is known, and the other way round. Else None: see the law `Apart` of `Touching`.
     """
     R, p = symbolic(pose.rotation), symbolic(pose.position)
+    if isinstance(shape, Sphere):  # first, also over planes: what does not depend on how it is turned
+        arm, found = shape.touching(ca.SX([0, 0, 1])), surface.nearest(p)
+        if arm is not None and found is not None:
+            point = p - arm[2] * found[1]
+            return Nearness(pose, ca.dot(found[1], point - found[0]), point, found[1], surface.across(found[1]))
     if isinstance(surface, Plane):
         arm = shape.touching(-R[2, :].T)
         if arm is None:
@@ -50,12 +55,6 @@ def nearness(shape: AbstractSurface, surface: AbstractSurface, pose: Pose) -> Ne
         point = p + R @ arm
         normal = ca.SX([0, 0, 1])
         return Nearness(pose, point[2], point, normal, surface.across(normal))
-    if isinstance(shape, Sphere):
-        arm, found = shape.touching(ca.SX([0, 0, 1])), surface.nearest(p)
-        if arm is None or found is None:
-            return None
-        point = p - arm[2] * found[1]
-        return Nearness(pose, ca.dot(found[1], point - found[0]), point, found[1], surface.across(found[1]))
     if isinstance(surface, Sphere):
         back = nearness(surface, shape, pose.inverse())
         if back is not None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, Literal, Self, final, overload
 
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Expression, Variable
+from acausal.language.construction import checked_new
+from acausal.language.expression import Expression, Scalar, Variable
 from acausal.parts.contact import AbstractContact
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
 from acausal.parts.steps import AbstractStep, Ball, Slide
+from components.contacts.laws import Coulomb
+from components.contacts.one_sided_point import OneSidedPoint, hard_law
+from components.geometry.surfaces import Plane
 
 _ALONG_X, _ALONG_Y = (rotation_to_axis(np.array(axis)) for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
 
@@ -23,7 +27,10 @@ class PointOnPlane(AbstractStepJoint, AbstractContact):
     Five freedoms; closing a loop, one row. q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in
     frame_a [m]; v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s], x' and y' [m/s]. The contact can pull.
 
-        scene.foot = PointOnPlane()
+    `unilateral`: it does not pull, but may be left, and struck again: see OneSidedPoint. Then the point keeps its own coordinates, `restitution` is 0 (no
+    bounce) ... 1 (no loss), and `friction` Coulomb(...), if any.
+
+        scene.foot = PointOnPlane(unilateral=True, restitution=0.8)
     """
 
     if_given_arguments = (
@@ -31,6 +38,17 @@ class PointOnPlane(AbstractStepJoint, AbstractContact):
     )
     q = Variable("", "unit quaternion, scalar first (4); x and y in frame_a (2) [m]", size=6, start=(1.0, 0, 0, 0, 0, 0))
     v = Variable("", "angular velocity in frame_b (3) [rad/s]; velocity along x and y of frame_a (2) [m/s]", size=5)
+
+    @overload
+    def __new__(cls, *, unilateral: Literal[False] = False) -> Self: ...
+    @overload
+    def __new__(
+        cls, *, unilateral: Literal[True], restitution: Scalar = 0.0, friction: Coulomb | None = None
+    ) -> OneSidedPoint: ...
+    @checked_new
+    def __new__(cls, *, unilateral: bool = False, restitution: Scalar = 0.0, friction: Coulomb | None = None) -> Any:
+        law = hard_law("PointOnPlane", unilateral, restitution, friction)
+        return super().__new__(cls) if law is None else OneSidedPoint(Plane(), law)
 
     def steps(self) -> tuple[AbstractStep, ...]:
         return (

@@ -83,6 +83,11 @@ class ImplicitSurface(AbstractSurface):
         slopes, bend = self.slopes(q), ca.substitute(ca.hessian(self.law, self._p)[0], self._p, q[:3])
         return self.side * (slopes.T @ bend @ slopes) / ca.norm_2(self._gradient(q[:3]))
 
+    def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        gradient = self._gradient(p)
+        length = ca.norm_2(gradient)
+        return self.side * self._law(p) / length, self.side * gradient / length
+
     def _law(self, p: ca.SX) -> ca.SX:
         return ca.substitute(self.law, self._p, p)
 

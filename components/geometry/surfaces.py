@@ -94,6 +94,13 @@ class AbstractSurface(ABC):
         """The point nearest to a place p (3, 1) [m] that is not far off, and the normal there; None where that has no closed form."""
         return None
 
+    def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        """How far a place p (3, 1) [m] is off, positive on the side of the normal, and the unit normal: the distance where `nearest` is known, else a number
+        that is so near to the surface; None where there is no closed form.
+        """
+        found = self.nearest(p)
+        return None if found is None else (ca.dot(found[1], p - found[0]), found[1])
+
     def metric(self, q: ca.SX) -> ca.SX:
         """Products of the slopes, (2, 2)."""
         slopes = self.slopes(q)
@@ -158,6 +165,39 @@ class Plane(AbstractSurface):
 
     def curvature(self, q: ca.SX) -> ca.SX:
         return ca.SX(2, 2)
+
+
+@final
+class Plate(AbstractSurface):
+    """The rectangle |x| <= `length` / 2, |y| <= `width` / 2 [m] of z = 0, without thickness, with its edges and corners: a table that balls roll off.
+
+    For balls, and whatever has a radius, on either side of it; its normal, in the middle of it along z, turns about edges. Coordinates: x and y [m].
+
+        Plate(2.0, 1.0)
+    """
+
+    def __init__(self, length: Scalar, width: Scalar) -> None:
+        self.length = scalar(length, "Plate's length", positive=True, unit="m")
+        self.width = scalar(width, "Plate's width", positive=True, unit="m")
+
+    def point(self, q: ca.SX) -> ca.SX:
+        return ca.vertcat(q, 0)
+
+    def inside(self, q: ca.SX) -> ca.SX:
+        half = ca.vertcat(sx(self.length), sx(self.width)) / 2
+        return 1 - (q / half) ** 2
+
+    def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        half = ca.vertcat(sx(self.length), sx(self.width)) / 2
+        # conditions, not bounds: slopes then switch by the same ones
+        inside = [ca.if_else(p[k] < -half[k], -half[k], ca.if_else(p[k] > half[k], half[k], p[k])) for k in (0, 1)]
+        found = ca.vertcat(*inside, 0)
+        return found, (p - found) / ca.norm_2(p - found)
+
+    def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        raise ParameterError(
+            f"A point has no normal at an edge of a Plate ({origin()}). Give it a radius: Contact(Sphere(0.01), Plate(...), ...)."
+        )
 
 
 @final
@@ -338,6 +378,11 @@ class HeightField(AbstractSurface):
 
     def point(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(q, ca.substitute(self.law, self._q, q))
+
+    def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        height, slope = ca.substitute([self.law, ca.gradient(self.law, self._q)], [self._q], [p[:2]])
+        normal = ca.vertcat(-slope, 1) / ca.sqrt(1 + ca.sumsqr(slope))
+        return (p[2] - height) * normal[2], normal
 
 
 @final

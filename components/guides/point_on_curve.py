@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, Literal, Self, final, overload
 
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Expression, Variable
+from acausal.language.construction import checked_new
+from acausal.language.expression import Expression, Scalar, Variable
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
+from components.contacts.laws import Coulomb
+from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.curves import AbstractCurve, checked_curve
 from components.geometry.laws import at_time, changing
+from components.orientation import Axis, axis_vector
 
 
 @final
@@ -21,6 +25,10 @@ class PointOnCurve(AbstractJoint):
     q: the curve's parameter, v = q'. A particle sits on frame_b; a body's point does with a Spherical between. The curve moves as frame_a does:
     on a free body, on a PrescribedMotion; by numbers that are expressions of `ac.time` it also changes its shape. It holds on both sides.
 
+    `unilateral`: a track that is left and landed on, see OneSidedPoint. It holds on the side of the normal, across the curve (x) and across `side`, a direction
+    of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above. Sideways it stays. `restitution`: 0 (no bounce) ... 1 (no
+    loss); `friction`: Coulomb(...) by that push alone, if any.
+
         scene.wire = PointOnCurve(Helix(radius=0.2, lead=0.05))
     """
 
@@ -28,7 +36,33 @@ class PointOnCurve(AbstractJoint):
     q = Variable("m", "the curve's parameter")
     v = Variable("m/s", "rate of the curve's parameter")
 
-    def __init__(self, curve: AbstractCurve) -> None:
+    @overload
+    def __new__(cls, curve: AbstractCurve, *, unilateral: Literal[False] = False) -> Self: ...
+    @overload
+    def __new__(
+        cls,
+        curve: AbstractCurve,
+        *,
+        unilateral: Literal[True],
+        restitution: Scalar = 0.0,
+        friction: Coulomb | None = None,
+        side: Axis = "y",
+    ) -> OneSidedPoint: ...
+    @checked_new
+    def __new__(
+        cls,
+        curve: AbstractCurve,
+        *,
+        unilateral: bool = False,
+        restitution: Scalar = 0.0,
+        friction: Coulomb | None = None,
+        side: Axis = "y",
+    ) -> Any:
+        across = axis_vector(side, "PointOnCurve's side")
+        law = hard_law("PointOnCurve", unilateral, restitution, friction)
+        return super().__new__(cls, curve) if law is None else OneSidedPoint(checked_curve(curve, "PointOnCurve"), law, across)
+
+    def __init__(self, curve: AbstractCurve, *, unilateral: Literal[False] = False) -> None:
         self.curve = checked_curve(curve, "PointOnCurve")
         self._declare("q", curve.unit)
         self._declare("v", f"{curve.unit or '1'}/s")

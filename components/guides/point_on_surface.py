@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, Literal, Self, final, overload
 
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Expression, Variable, time
+from acausal.language.construction import checked_new
+from acausal.language.expression import Expression, Scalar, Variable, time
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
+from components.contacts.laws import Coulomb
+from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.laws import at_time, changing
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
@@ -22,6 +25,9 @@ class PointOnSurface(AbstractJoint):
     between. The surface moves as frame_a does; by numbers that are expressions of `ac.time` it also changes its shape (not an ImplicitSurface). It
     holds on both sides.
 
+    `unilateral`: it holds on the side of the normal only; the point leaves it and strikes it again, see OneSidedPoint. `restitution`: 0 (no bounce) ... 1
+    (no loss); `friction`: Coulomb(...), if any.
+
         scene.bowl = PointOnSurface(HeightField(lambda x, y: x**2 + y**2))
     """
 
@@ -29,7 +35,30 @@ class PointOnSurface(AbstractJoint):
     q = Variable("m", "coordinates on the surface", size=2)
     v = Variable("m/s", "velocities of the coordinates", size=2)
 
-    def __init__(self, surface: AbstractSurface) -> None:
+    @overload
+    def __new__(cls, surface: AbstractSurface, *, unilateral: Literal[False] = False) -> Self: ...
+    @overload
+    def __new__(
+        cls,
+        surface: AbstractSurface,
+        *,
+        unilateral: Literal[True],
+        restitution: Scalar = 0.0,
+        friction: Coulomb | None = None,
+    ) -> OneSidedPoint: ...
+    @checked_new
+    def __new__(
+        cls,
+        surface: AbstractSurface,
+        *,
+        unilateral: bool = False,
+        restitution: Scalar = 0.0,
+        friction: Coulomb | None = None,
+    ) -> Any:
+        law = hard_law("PointOnSurface", unilateral, restitution, friction)
+        return super().__new__(cls, surface) if law is None else OneSidedPoint(checked_surface(surface, "PointOnSurface"), law)
+
+    def __init__(self, surface: AbstractSurface, *, unilateral: Literal[False] = False) -> None:
         self.surface = checked_surface(surface, "PointOnSurface")
         self._declare("q", surface.unit, len(surface.start), surface.start if any(surface.start) else None)
         self._declare("v", f"{surface.unit or '1'}/s")

@@ -231,7 +231,7 @@ CASES = [
     Wrong("thin rod that flies", thin_rod((1, 0.3, 0), held=False), errors.MasslessError, ("rod", "thin", "radius=")),
     Wrong("disk connected the wrong way round", turned_round(RollingDisk(0.3), RigidBody.disk(1.0, 0.3, "y")), errors.IncompatibleError, ("contact (", HERE, "wrong way round", "Exchange")),
     Wrong("ball connected the wrong way round", turned_round(RollingBall(0.3), RigidBody.ball(1.0, 0.3)), errors.IncompatibleError, ("contact (", "frame_b is on the ground", "wheel")),
-    Wrong("normal of a plane", lambda: PointOnPlane(normal="x"), PARAMETER, ("PointOnPlane() takes no arguments", "normal='x'", HERE, "frame_a")),
+    Wrong("normal of a plane", lambda: PointOnPlane(normal="x"), PARAMETER, ("PointOnPlane(normal='x')", "no argument 'normal'", HERE, "frame_a")),
     Wrong("axis of a ball joint", lambda: Spherical(axis="z"), PARAMETER, ("axis='z'", "no axis")),
     Wrong("angle of a ground", lambda: RotationalGround(3), PARAMETER, ("given 3", HERE)),
     Wrong("parts given to a system", lambda: ac.System(World()), PARAMETER, ("System() takes no arguments", "by name")),

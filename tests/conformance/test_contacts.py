@@ -8,12 +8,28 @@ import pytest
 
 import acausal as ac
 from acausal.parts.contact import AbstractContact
+from acausal.parts.force_check import FreePlacement
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.turning import turning
-from components import Ellipsoid, Force, HeightField, RigidBody, World
+from components import (
+    Coulomb,
+    Cylinder,
+    Ellipsoid,
+    Force,
+    Hard,
+    HardContact,
+    HardPoint,
+    HeightField,
+    Plane,
+    RigidBody,
+    Sphere,
+    Torus,
+    World,
+)  # fmt: skip
+from components.contacts.hard_contact import AbstractHardContact
 from components.orientation import rotation_about
-from tests.conformance.catalogue import made
+from tests.conformance.catalogue import kinds, made
 from tests.conformance.test_joints import ARGUMENTS, catalogue, composed, make, random_state
 
 
@@ -181,3 +197,55 @@ def test_what_is_read_of_a_contact_is_what_it_does(cls):
     assert np.max(np.abs(force - own)) < 1e-12 and np.max(np.abs(np.cross(b - p, force) - torque)) < 1e-12
     assert abs(pivot - n @ w) < 1e-14
     assert np.max(np.abs(slip)) < 1e-14 if v.size == 3 else np.max(np.abs(across)) < 1e-12
+
+
+def moving_freely(part: AbstractHardContact) -> tuple[FreePlacement, list[ca.SX], list[ca.SX]]:
+    """A placement whose ends move freely; what the part reads of them, and what it reads there."""
+    placement = FreePlacement()
+    old: list[ca.SX] = []
+    new: list[ca.SX] = []
+    for end in part.connectors():
+        X = placement.pose(end)
+        R = symbolic(X.rotation)
+        old += [end.position.sx, end.velocity.sx]
+        new += [symbolic(X.position), R @ placement.velocity(end)]
+        if isinstance(end, ac.Frame):
+            old += [end.rotation.sx, end.angular_velocity.sx]
+            new += [R, R @ placement.angular_velocity(end)]
+    return placement, old, new
+
+
+HARD = [
+    HardContact(Sphere(0.3), Plane(), Hard(friction=Coulomb(0.3))), HardContact(Ellipsoid((0.3, 0.2, 0.25)), Plane(), Hard(friction=Coulomb(0.3))),
+    HardContact(Sphere(0.3), Sphere(0.5), Hard(friction=Coulomb(0.3))), HardContact(Sphere(0.3), Torus(0.5, 0.1), Hard(friction=Coulomb(0.3))),
+    HardPoint(Plane(), Hard(friction=Coulomb(0.3))), HardPoint(Cylinder(0.3), Hard(friction=Coulomb(0.3))),
+]  # fmt: skip
+
+
+def test_all_hard_contacts_are_held_to_this():
+    assert {type(part) for part in HARD} == set(kinds(AbstractHardContact))
+
+
+@pytest.mark.parametrize(
+    "part", HARD, ids=lambda part: f"{type(part).__name__}-{type(getattr(part, 'surface', None) or part.place).__name__}"
+)
+def test_power_of_a_hard_contact_is_what_its_reactions_do_along_their_rows(part: AbstractHardContact):
+    """Between bodies that move freely, near or far: pushes by the rate of the gap, friction by the slip; and what acts on one end acts back on the other."""
+    placement, old, new = moving_freely(part)
+    one, two = part.laws()
+    assert isinstance(one, ac.OneSided) and isinstance(two, ac.DryFriction)
+    gap, slip = (ca.substitute([law.sx], old, new)[0] for law in (one.gap, two.slip))
+    rows = part.push.sx * placement.rate(gap) + ca.dot(ca.vertcat(*(drag.sx for drag in two.reactions)), slip)
+    total, moment = ca.SX.zeros(3), ca.SX.zeros(3)
+    for action in part.actions(placement):
+        X = placement.pose(action.connector)
+        push = symbolic(X.rotation) @ action.force
+        total += push
+        moment += ca.cross(symbolic(X.position), push) + symbolic(X.rotation) @ action.torque
+    r = ca.vertcat(part.push.sx, *(drag.sx for drag in two.reactions))
+    power = placement.power(part.actions(placement))
+    f = ca.Function("f", [placement.y, placement.y_dot, r], [power - rows, total, moment, power + part.power_loss(placement)])
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        for left in f(rng.uniform(0.2, 1.0, placement.y.numel()), rng.normal(size=placement.y.numel()), rng.normal(size=3)):
+            assert np.max(np.abs(np.array(left))) < 1e-13

@@ -11,6 +11,7 @@ from acausal.parts.force import AbstractForce, AbstractLineForce, Action
 from acausal.parts.force_check import FreePlacement, unbalanced_power
 from acausal.parts.pose import symbolic
 from components import Ellipsoid, HuntCrossley, Particle, Plane, RigidBody, SmoothCoulomb, World
+from components.contacts.hard_contact import AbstractHardContact
 from components.fields import CentralField, MutualGravitation
 from tests.conformance.catalogue import kinds, made
 
@@ -29,7 +30,10 @@ ARGUMENTS: dict[str, dict[str, object]] = {
     "ContactForce": {"shape": Ellipsoid((2.0, 3.0, 2.5)), "surface": Plane(), "law": HuntCrossley(30.0, 0.1, friction=SmoothCoulomb(0.3, 0.1))},
 }  # fmt: skip
 USUAL = {"stiffness": 30.0, "natural_length": 0.4, "damping": 2.0}
-ALL = [cls(**ARGUMENTS[cls.__name__]) if cls.__name__ in ARGUMENTS else made(cls, USUAL) for cls in kinds(AbstractForce)]
+ALL = [
+    cls(**ARGUMENTS[cls.__name__]) if cls.__name__ in ARGUMENTS else made(cls, USUAL)
+    for cls in kinds(AbstractForce, AbstractHardContact)
+]
 
 
 class SideWind(AbstractForce):

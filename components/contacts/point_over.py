@@ -1,0 +1,128 @@
+"""Points over surfaces and curves: where they are nearest, and how far off."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, final
+
+import casadi as ca
+import numpy as np
+
+from acausal.language.expression import Variable, sx
+from acausal.parts.contact import read
+from acausal.parts.joint import AbstractJoint
+from acausal.parts.pose import Pose
+from components.contacts.nearness import Nearness
+from components.geometry.curves import AbstractCurve, checked_curve
+from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
+from components.orientation import Axis, axis_vector
+
+
+class AbstractPointOver(AbstractJoint, ABC):
+    """frame_b, which does not turn, over something of frame_a; its last coordinate is the gap [m], its last velocity the gap's rate. Must provide
+    `directions` and `axes`.
+    """
+
+    directions: ClassVar[int]
+    """Along what it is over."""
+
+    @abstractmethod
+    def axes(self) -> ca.SX:
+        """(3, directions + 1): tangents where it is nearest, and the normal, in frame_a."""
+
+    @final
+    def nearness(self) -> Nearness:
+        """Where it is nearest."""
+        X, axes, q = self.pose(self.q.sx, ca.SX(0)), self.axes(), self.q.sx
+        return Nearness(X, q[q.numel() - 1], sx(X.position), axes[:, -1], axes[:, : self.directions])
+
+
+@final
+class PointOverSurface(AbstractPointOver):
+    """frame_b at the `gap` [m] over a `surface` of frame_a, on the side of its normal; it does not turn. Three freedoms: nothing is held.
+
+    q: the surface's coordinates where it is nearest, and the gap. Only as far as the surface's centres of curvature, which `domain` says.
+
+        scene.over = PointOverSurface(HeightField(lambda x, y: 0.1 * x**2))
+    """
+
+    directions = 2
+    if_outside = "The point is at a centre of curvature of the surface, where no place is the nearest, or the surface ends there."
+    q = Variable("", "coordinates of the nearest place on the surface; gap [m]", size=3)
+    v = Variable("", "velocities of the coordinates, and of the gap [m/s]", size=3)
+
+    def __init__(self, surface: AbstractSurface) -> None:
+        self.surface = checked_surface(surface, "PointOverSurface")
+        start = (*surface.start, 0.0)
+        self._declare("q", "", len(start), start if any(start) else None)
+
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        place, over = self._parts(q)
+        return Pose(np.eye(3), over.point(place))
+
+    def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
+        return ca.vertcat(self.surface.rates(self._parts(q)[0], v[:2]), v[2])
+
+    def invariants(self, q: ca.SX, t: ca.SX) -> ca.SX:
+        return self.surface.invariants(self._parts(q)[0])
+
+    def domain(self, q: ca.SX) -> ca.SX:
+        place, over = self._parts(q)
+        return over.inside(place)
+
+    def turns(self) -> tuple[bool, ...]:
+        return (*self.surface.turns, False)
+
+    def axes(self) -> ca.SX:
+        place, _ = self._parts(self.q.sx)
+        return ca.horzcat(self.surface.tangents(place), self.surface.normal(place))
+
+    def _parts(self, q: ca.SX) -> tuple[ca.SX, Parallel]:
+        """Coordinates on the surface, and the parallel one that the point is on."""
+        k = q.numel() - 1
+        return q[:k], Parallel(self.surface, read(q[k]))
+
+
+@final
+class PointOverCurve(AbstractPointOver):
+    """frame_b at the gap [m] over a `curve` of frame_a, across it and across `side`; it does not turn. Two freedoms: only sideways it is held.
+
+    q: the curve's parameter where it is nearest, and the gap, along the normal x y': x along the curve, y' the direction `side` as far as it is across.
+    Only as far as the curve's centres of curvature, which `domain` says.
+
+        scene.over = PointOverCurve(Circle(0.5), side="z")
+    """
+
+    directions = 1
+    if_outside = "The point is at a centre of curvature of the curve, where no place is the nearest, or the curve ends there."
+    q = Variable("", "the curve's parameter at the nearest place; gap [m]", size=2)
+    v = Variable("", "rates of the curve's parameter, and of the gap [m/s]", size=2)
+
+    def __init__(self, curve: AbstractCurve, side: Axis = "y") -> None:
+        self.curve, self.side = checked_curve(curve, "PointOverCurve"), axis_vector(side, "PointOverCurve's side")
+
+    def pose(self, q: ca.SX, t: ca.SX) -> Pose:
+        axes, point, _ = self._over(q[0])
+        return Pose(np.eye(3), point + q[1] * axes[:, 1])
+
+    def domain(self, q: ca.SX) -> ca.SX:
+        bend = self._over(q[0])[2]
+        return ca.vertcat(self.curve.inside(q[0]), 1 + q[1] * bend)
+
+    def turns(self) -> tuple[bool, ...]:
+        return (self.curve.unit != "m", False)
+
+    def axes(self) -> ca.SX:
+        return self._over(self.q.sx[0])[0]
+
+    def _over(self, at: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Tangent and normal (3, 2), the curve's point, and its bend [1/m], positive where the normal points away from its centre."""
+        s, side = ca.SX.sym("s"), sx(self.side)
+        point = self.curve.point(s)
+        slope = ca.jacobian(point, s)
+        x = slope / ca.norm_2(slope)
+        normal = ca.cross(x, side)
+        normal = normal / ca.norm_2(normal)
+        bend = ca.dot(ca.jacobian(normal, s), x) / ca.norm_2(slope)
+        axes, found, bent = ca.substitute([ca.horzcat(x, normal), point, bend], [s], [at])
+        return axes, found, bent

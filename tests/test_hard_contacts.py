@@ -1,0 +1,536 @@
+"""What is met in three dimensions: contacts that open and strike, friction that holds, tracks that are left, ropes that go slack; against closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.special import ellipk
+
+import acausal as ac
+from acausal.simulate.trajectory import Trajectory
+from components import (
+    Circle,
+    Contact,
+    Coulomb,
+    Cylinder,
+    Ellipsoid,
+    Hard,
+    HeightField,
+    ImplicitSurface,
+    ParametricCurve,
+    ParametricSurface,
+    Particle,
+    Plane,
+    Plate,
+    PointOnCurve,
+    PointOnPlane,
+    PointOnSurface,
+    Revolute,
+    RigidBody,
+    Rope,
+    Sphere,
+    World,
+)
+
+G = 9.81
+INSTANT = 1e-11
+STATE = 1e-10
+
+
+def times(run: Trajectory) -> list[float]:
+    """When the mode changed, after the start."""
+    met = run.solution.modes
+    assert met is not None
+    return [change.time for change in met.changes if change.row >= 0]
+
+
+def held(guide: ac.Component, gravity: float = G) -> ac.System:
+    """A particle and a guide in the world."""
+    scene = ac.System()
+    scene.world, scene.mass, scene.guide = World((0, 0, -gravity)), Particle(0.7), guide
+    scene.connect(scene.world.frame, scene.guide.frame_a)
+    scene.connect(scene.guide.frame_b, scene.mass.point)
+    return scene
+
+
+@pytest.mark.parametrize(("size", "restitution"), [(1.0, 1.0), (1e-9, 0.8), (1e6, 0.3)])
+def test_a_thrown_ball_bounces_along_parabolas(size: float, restitution: float) -> None:
+    """Falls from h, hits after T = sqrt(2 h / g), then after 2 e T more; what goes along the floor goes on."""
+    scene = ac.System()
+    scene.world, scene.ball = World((0, 0, -G * size)), RigidBody.ball(2.0, 0.1 * size)
+    scene.floor = Contact(Sphere(0.1 * size), Plane(), Hard(restitution))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    fall = np.sqrt(2 / G)
+    end = fall * (1 + 2 * restitution + restitution**2)
+    p, v = scene.ball.frame.position, scene.ball.frame.velocity
+    start = {p: (0, 0, 1.1 * size), v: (2 * size, 0.3 * size, 0)}
+    run = ac.build(scene).simulate(end, start, rtol=1e-12)
+    assert times(run) == pytest.approx([fall, fall * (1 + 2 * restitution)], rel=INSTANT)
+    # at the highest point of the second bounce
+    highest = 0.1 + G / 2 * (restitution**2 * fall) ** 2
+    assert run[p][-1] / size == pytest.approx([2 * end, 0.3 * end, highest], abs=STATE)
+    assert run[v][-1] / size == pytest.approx([2, 0.3, 0], abs=STATE)
+    assert np.min(run[scene.floor.gap]) > -1e-14 * size and np.all(run[scene.floor.normal_force] == 0)
+
+
+def off_a_sphere(guide: ac.Component, radius: float, speed: float) -> None:
+    """From the top with a speed it leaves where m v^2 / R = m g cos: cos = 2/3 + v^2 / (3 g R); then it falls along a parabola."""
+    scene = held(guide)
+    p, v = scene.mass.point.position, scene.mass.point.velocity
+    cosine = 2 / 3 + speed**2 / (3 * G * radius)
+    angle = np.arccos(cosine)
+    leaves = quad(
+        lambda a: 1 / np.sqrt((speed / radius) ** 2 + 4 * G / radius * np.sin(a / 2) ** 2), 0, angle, epsabs=0, epsrel=1e-13
+    )[0]
+    run = ac.build(scene).simulate(leaves + 0.1, {p: (0, 0, radius), v: (speed, 0, 0)}, rtol=1e-12)
+    assert times(run) == pytest.approx([leaves], rel=INSTANT)
+    at = run.at([leaves])
+    assert at[p][0] / radius == pytest.approx([np.sin(angle), 0, cosine], abs=STATE)
+    fast = np.sqrt(G * radius * cosine)
+    flown = [radius * np.sin(angle) + fast * cosine * 0.1, 0, radius * cosine - fast * np.sin(angle) * 0.1 - G / 2 * 0.01]
+    assert run[p][-1] == pytest.approx(flown, abs=STATE)
+    early = run.at(np.linspace(0, leaves, 9)[:-1])
+    along = early[p][:, 2] / radius
+    push = 0.7 * (G * along - speed**2 / radius - 2 * G * (1 - along))
+    assert early[guide.normal_force].ravel() == pytest.approx(push, abs=STATE)
+
+
+SPHERES = {
+    "sphere": lambda r: Sphere(r),
+    "heights": lambda r: HeightField(lambda x, y: ca.sqrt(r**2 - x**2 - y**2)),
+    "implicit": lambda r: ImplicitSurface(lambda x, y, z: x**2 + y**2 + z**2 - r**2, start=(0, 0, r)),
+    "parametric": lambda r: ParametricSurface(
+        lambda a, b: (r * ca.sin(a), r * ca.cos(a) * ca.sin(b), r * ca.cos(a) * ca.cos(b)), "rad"
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SPHERES)
+def test_a_particle_leaves_a_sphere_at_two_thirds_of_its_height(kind: str) -> None:
+    off_a_sphere(PointOnSurface(SPHERES[kind](0.5), unilateral=True), 0.5, 0.1)
+
+
+def test_a_particle_leaves_a_curve_at_two_thirds_of_its_height() -> None:
+    hoop = ParametricCurve(lambda a: (0.5 * ca.sin(a), 0, 0.5 * ca.cos(a)), unit="rad")
+    off_a_sphere(PointOnCurve(hoop, unilateral=True), 0.5, 0.1)
+
+
+def falls_in_a_loop(speed: float, radius: float) -> tuple[float, np.ndarray, float, np.ndarray]:
+    """Time and place where it leaves a loop that it enters below with this speed, and time and place where it strikes again."""
+    # N = m v^2 / R + m g cos a = 0 at the angle a from below: v^2 = u^2 - 2 g R (1 - cos a)
+    cosine = (2 - speed**2 / (G * radius)) / 3
+    angle = np.arccos(cosine)
+    leaves = quad(lambda a: radius / np.sqrt(speed**2 - 4 * G * radius * np.sin(a / 2) ** 2), 0, angle, epsabs=0, epsrel=1e-13)[0]
+    at = radius * np.array([np.sin(angle), -cosine])
+    v = np.sqrt(-G * radius * cosine) * np.array([cosine, np.sin(angle)])
+    place = lambda t: at + v * t + np.array([0, -G / 2 * t * t])  # noqa: E731
+    lands = brentq(lambda t: (place(t) @ place(t) / radius**2 - 1) / t**3, 1e-2, 2.0, xtol=1e-15, rtol=1e-15)
+    return leaves, at, leaves + lands, place(lands)
+
+
+@pytest.mark.parametrize("kind", ["curve", "surface"])
+def test_a_particle_falls_out_of_a_loop_that_is_too_slow(kind: str) -> None:
+    radius, speed = 0.4, np.sqrt(3.5 * G * 0.4)
+    leaves, at, strikes, where = falls_in_a_loop(speed, radius)
+    if kind == "curve":
+        guide = PointOnCurve(Circle(radius), unilateral=True, side=(0, 0, -1))
+    else:
+        guide = PointOnSurface(Cylinder(radius, inside_out=True), unilateral=True)
+    scene = ac.System()
+    scene.world, scene.mass, scene.guide = World((0, -G, 0)), Particle(0.7), guide
+    scene.connect(scene.world.frame, scene.guide.frame_a)
+    scene.connect(scene.guide.frame_b, scene.mass.point)
+    p, v = scene.mass.point.position, scene.mass.point.velocity
+    start = {p[:2]: (0, -radius), v[:2]: (speed, 0)} | ({p[2]: 0, v[2]: 0} if kind == "surface" else {})
+    run = ac.build(scene).simulate(strikes + 1e-3, start, rtol=1e-12)
+    assert times(run)[:2] == pytest.approx([leaves, strikes], rel=INSTANT)
+    found = run.at([leaves, strikes])[p]
+    assert found[0, :2] == pytest.approx(at, abs=STATE) and found[1, :2] == pytest.approx(where, abs=STATE)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_a_pendulum_on_a_string_goes_slack_and_taut(size: float) -> None:
+    """As the loop; where the string is taut again, the velocity along it is lost."""
+    speed = np.sqrt(3.5 * G)
+    leaves, at, strikes, where = falls_in_a_loop(speed, 1.0)
+    scene = held(Rope(size), G * size)
+    p, v = scene.mass.point.position, scene.mass.point.velocity
+    run = ac.build(scene).simulate(strikes + 1e-3, {p: (0, 0, -size), v: (speed * size, 0, 0)}, rtol=1e-12)
+    assert times(run)[:2] == pytest.approx([leaves, strikes], rel=INSTANT)
+    found = run.at([leaves, strikes])[p] / size
+    assert found[0] == pytest.approx([at[0], 0, at[1]], abs=STATE) and found[1] == pytest.approx(
+        [where[0], 0, where[1]], abs=STATE
+    )
+    assert np.min(run[scene.guide.slack]) > -1e-13 * size and np.min(run[scene.guide.tension]) >= 0
+    late = run.at(np.linspace(strikes, run.t[-1], 5)[1:])
+    assert np.max(np.abs(np.linalg.norm(late[p], axis=1) / size - 1)) < 1e-13
+    angle = np.arccos(-at[1])
+    leaving = np.sqrt(G * at[1]) * np.array([-at[1], np.sin(angle)])
+    before = leaving - [0, G * (strikes - leaves)]
+    along = np.array([-where[1], where[0]])
+    kept = along @ before
+    turn = late[v][0] / size
+    assert np.linalg.norm(turn) ** 2 / 2 + G * late[p][0, 2] / size == pytest.approx(kept**2 / 2 + G * where[1], abs=STATE)
+
+
+def row_of_balls(places: list[float], order: list[int], restitution: float = 1.0) -> tuple[ac.System, list[RigidBody]]:
+    """Balls of radius 1/2 along x without gravity, declared in an order."""
+    scene = ac.System()
+    scene.world = World(None)
+    balls = [RigidBody.ball(1.0, 0.5) for _ in places]
+    scene.balls = [balls[k] for k in order]
+    pairs = [Contact(Sphere(0.5), Sphere(0.5), Hard(restitution)) for _ in places[1:]]
+    scene.pairs = [pairs[k] for k in order if k < len(pairs)]
+    for k, pair in enumerate(pairs):
+        scene.connect(balls[k].frame, pair.frame_a)
+        scene.connect(pair.frame_b, balls[k + 1].frame)
+    return scene, balls
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1]])
+@pytest.mark.parametrize("apart", [0.0, 1e-3])
+def test_one_ball_strikes_two(order: list[int], apart: float) -> None:
+    """Two that touch take part in one impact: with e = 1 by Poisson (-1/3, 2/3, 2/3); a little apart it is handed on: (0, 0, 1)."""
+    places = [-0.5, 1.0, 2.0 + apart]
+    scene, balls = row_of_balls(places, order)
+    start = {ball.frame.position: (x, 0, 0) for ball, x in zip(balls, places, strict=True)}
+    start |= {ball.frame.velocity: (float(k == 0), 0, 0) for k, ball in enumerate(balls)}
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-12)
+    assert times(run) == pytest.approx([0.5, 0.5 + apart][: 2 if apart else 1], rel=INSTANT)
+    ends = [run[ball.frame.velocity][-1, 0] for ball in balls]
+    assert ends == pytest.approx([0, 0, 1] if apart else [-1 / 3, 2 / 3, 2 / 3], abs=STATE)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_two_particles_on_a_rope_through_a_hole(restitution: float) -> None:
+    """One on a smooth table goes straight while the other, thrown up below, flies; the rope tightens, and pulls both by one impulse."""
+    m, M, r, up, across = 0.4, 0.9, 0.5, 1.0, 1.0
+    scene = ac.System()
+    scene.world, scene.top, scene.low, scene.table = World(), Particle(m), Particle(M), PointOnPlane(unilateral=True)
+    hole = scene.world.at((0, 0, 0))
+    scene.rope = Rope(1.2, restitution, over=[hole])
+    scene.connect(scene.world.frame, scene.table.frame_a)
+    scene.connect(scene.table.frame_b, scene.top.point, scene.rope.frame_a)
+    scene.connect(scene.rope.frame_b, scene.low.point)
+    p, q = scene.top.point, scene.low.point
+    below = 1.2 - r
+    gap = lambda t: 1.2 - np.hypot(r, across * t) - (below - up * t + G / 2 * t * t)  # noqa: E731
+    taut = brentq(lambda t: gap(t) / t, 1e-3, 1.0, xtol=1e-15, rtol=1e-15)
+    start = {p.position: (r, 0, 0), p.velocity: (0, across, 0), q.position: (0, 0, -below), q.velocity: (0, 0, up)}
+    run = ac.build(scene).simulate(taut, start, rtol=1e-12)
+    assert times(run) == pytest.approx([taut], rel=INSTANT)
+    away = np.array([r, across * taut, 0]) / np.hypot(r, across * taut)
+    v, w = np.array([0, across, 0]), up - G * taut
+    opening = away @ v - w
+    impulse = (1 + restitution) * opening / (1 / m + 1 / M)
+    assert run[p.velocity][-1] == pytest.approx(v - impulse / m * away, abs=STATE)
+    assert run[q.velocity][-1] == pytest.approx([0, 0, w + impulse / M], abs=STATE)
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_a_particle_runs_off_a_table_with_a_round_edge(speed: float) -> None:
+    """At once where v^2 > g R, else further down, where v^2 = g R cos: cos = 2/3 + v^2 / (3 g R)."""
+    R = 0.5
+    curve = ParametricCurve(
+        lambda s: (ca.if_else(s < 0, s, R * ca.sin(s / R)), 0, ca.if_else(s < 0, 0, R * ca.cos(s / R) - R)), unit="m"
+    )
+    guide = PointOnCurve(curve, unilateral=True)
+    scene = held(guide)
+    p = scene.mass.point.position
+    run = ac.build(scene).simulate(0.5, {guide.q: (-0.2, 0), guide.v: (speed, 0)}, rtol=1e-12)
+    cosine = min(2 / 3 + speed**2 / (3 * G * R), 1.0)
+    leaves = (
+        0.2 / speed
+        + quad(lambda a: R / np.sqrt(speed**2 + 4 * G * R * np.sin(a / 2) ** 2), 0, np.arccos(cosine), epsabs=0, epsrel=1e-13)[0]
+    )
+    assert times(run) == pytest.approx([leaves], rel=INSTANT)
+    fast, t, sine = np.sqrt(speed**2 + 2 * G * R * (1 - cosine)), 0.5 - leaves, np.sqrt(1 - cosine**2)
+    flown = [R * sine + fast * cosine * t, 0, R * (cosine - 1) - fast * sine * t - G / 2 * t * t]
+    assert run[p][-1] == pytest.approx(flown, abs=STATE)
+
+
+def test_an_egg_bounces_without_a_loss_and_as_it_does_where_nearest_points_are_followed() -> None:
+    """On a plane by its closed form, and on heights that happen to be level by a joint with the gap as a coordinate: the same motion, and the same instants."""
+    ends: list[np.ndarray] = []
+    for surface in (Plane(), HeightField(lambda x, y: 0.0 * x)):
+        scene = ac.System()
+        scene.world, scene.body = World(), RigidBody(1.0, (0.002, 0.003, 0.004))
+        scene.floor = Contact(Ellipsoid((0.15, 0.1, 0.08)), surface, Hard(restitution=1.0))
+        scene.connect(scene.world.frame, scene.floor.frame_a)
+        scene.connect(scene.floor.frame_b, scene.body.frame)
+        frame = scene.body.frame
+        start = {
+            frame.position: (0, 0, 0.15),
+            frame.rotation: np.eye(3),
+            frame.velocity: (0.1, 0, 0),
+            frame.angular_velocity: (1, 2, 0),
+        }
+        run = ac.build(scene).simulate(0.6, start, rtol=1e-12)
+        assert len(times(run)) >= 3 and run.energy_error() < 1e-11
+        ends.append(np.concatenate([times(run), run[frame.position][-1], run[frame.rotation][-1].ravel()]))
+    assert np.max(np.abs(ends[0] - ends[1])) < 1e-9
+
+
+def test_a_rod_that_falls_on_one_end_is_turned() -> None:
+    """One impulse (1 + e) m u / (1 + 3 cos^2) at the end of a thin rod that comes down without turning, inclined by an angle."""
+    length, angle, fast, restitution = 0.8, 0.4, 2.0, 0.5
+    scene = ac.System()
+    scene.world, scene.rod = World(None), RigidBody.rod(1.5, (length, 0, 0), radius=1e-3)
+    scene.foot = PointOnPlane(unilateral=True, restitution=restitution)
+    scene.connect(scene.world.frame, scene.foot.frame_a)
+    scene.connect(scene.foot.frame_b, scene.rod.frame)
+    frame, c, s = scene.rod.frame, np.cos(angle), np.sin(angle)
+    upwards = ((c, 0, -s), (0, 1, 0), (s, 0, c))
+    start = {
+        frame.position: (0, 0, 0.2),
+        frame.rotation: upwards,
+        frame.velocity: (0, 0, -fast),
+        frame.angular_velocity: (0, 0, 0),
+    }
+    run = ac.build(scene).simulate(0.15, start, rtol=1e-12)
+    inertia = 1.5 * (length**2 / 12 + 1e-6 / 4)
+    impulse = (1 + restitution) * fast / (1 / 1.5 + (length / 2 * c) ** 2 / inertia)
+    assert times(run) == pytest.approx([0.1], rel=INSTANT)
+    assert run[frame.angular_velocity][-1] == pytest.approx([0, impulse * length / 2 * c / inertia, 0], abs=STATE)
+    after = run.at([0.1 + 1e-12])[frame.velocity][0, 2]
+    assert after == pytest.approx(restitution * fast, abs=1e-9)
+
+
+def test_a_string_between_two_particles_tightens_and_slackens_by_its_restitution() -> None:
+    """Apart at 1 m/s they go until it is taut, and come back at e times that: a string that strikes."""
+    scene = ac.System()
+    scene.world, scene.a, scene.b, scene.rope = World(None), Particle(1.0), Particle(3.0), Rope(2.0, restitution=0.5)
+    scene.connect(scene.a.point, scene.rope.frame_a)
+    scene.connect(scene.rope.frame_b, scene.b.point)
+    a, b = scene.a.point, scene.b.point
+    run = ac.build(scene).simulate(
+        1.0, {a.position: (0, 0, 0), b.position: (1.5, 0, 0), a.velocity: (-0.5, 0, 0), b.velocity: (0.5, 0, 0)}, rtol=1e-12
+    )
+    assert times(run) == pytest.approx([0.5], rel=INSTANT)
+    # the centre of mass keeps 1/4
+    assert run[a.velocity][-1] == pytest.approx([0.25 + 0.5 * 0.75, 0, 0], abs=STATE)
+    assert run[b.velocity][-1] == pytest.approx([0.25 - 0.5 * 0.25, 0, 0], abs=STATE)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Coulomb(-0.1), "Coulomb's mu is -0.1"),
+        (lambda: Coulomb(0.4, static=0.3), "static is less than its mu, by 0.1"),
+        (lambda: Coulomb(ac.Parameter(0.4), static=0.3), "static is less than its mu, by 0.1"),
+        (lambda: Coulomb(0.4, static=-0.3), "Coulomb's static is -0.3"),
+        (lambda: Hard(-0.1), "Hard's restitution is -0.1"),
+        (lambda: Hard(1.2), "Hard's restitution is 1.2"),
+        (lambda: Hard(ac.Parameter(1.2)), "Hard's restitution is 1.2"),
+        (lambda: Hard(friction=0.3), "Give Coulomb"),
+        (lambda: PointOnPlane(unilateral=True, restitution=1.5), "PointOnPlane's restitution is 1.5"),
+        (lambda: PointOnPlane(unilateral=1), "PointOnPlane's unilateral is 1"),
+        (lambda: PointOnPlane(restitution=0.5), "nothing strikes"),
+        (lambda: PointOnCurve(Circle(1.0), friction=Coulomb(0.3)), "of two components on a curve, is not known yet"),
+        (lambda: PointOnSurface(Circle(1.0), unilateral=True), "surface is"),
+        (lambda: Rope(1.0, restitution=2.0), "Rope's restitution is 2"),
+        (lambda: Rope(-1.0), "Rope's length is -1"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_line(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(ac.errors.ParameterError, match=rf"{words}.*") as refused:
+        make()
+    assert "test_hard_contacts.py:" in str(refused.value)
+
+
+def test_a_start_inside_of_what_is_hard_is_refused_by_part_and_line() -> None:
+    scene = held(PointOnPlane(unilateral=True))
+    with pytest.raises(
+        ac.errors.SimulationError, match=r"gap of guide.* \(.*test_hard_contacts.py:\d+\) is negative at the start \(-0\.1 m\)"
+    ):
+        ac.build(scene).simulate(1.0, {scene.mass.point.position: (0, 0, -0.1)})
+
+
+def test_a_rope_that_is_shorter_than_its_ends_are_apart_is_refused_by_part_and_line() -> None:
+    scene = held(Rope(1.0))
+    with pytest.raises(
+        ac.errors.SimulationError, match=r"guide.tie \(.*test_hard_contacts.py:\d+\) .*\(-0\.5 m\).*A rope is shorter"
+    ):
+        ac.build(scene).simulate(1.0, {scene.mass.point.position: (0, 0, -1.5)})
+
+
+@pytest.mark.parametrize(("speed", "mu"), [(0.4, 0.0), (1.5, 0.0), (1.5, 30.0)])
+def test_a_ball_goes_over_the_edge_of_a_table(speed: float, mu: float) -> None:
+    """About the edge by an angle with cos = (10 + 7 v^2 / (g r)) / 17 if it rolls, (2 + v^2 / (g r)) / 3 if it slides, or at once if that is over 1."""
+    r, m = 0.1, 0.7
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(m, r)
+    scene.table = Contact(Sphere(r), Plate(2.0, 1.0), Hard(friction=Coulomb(mu) if mu else None))
+    scene.connect(scene.world.at((-1.0, 0, 0)), scene.table.frame_a)
+    scene.connect(scene.table.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    k = 1.4 if mu else 1.0  # kinetic energy over that of sliding
+    cosine = min((2 * G * r / k + speed**2) / (G * r * (1 + 2 / k)), 1.0)
+    rate = lambda a: np.sqrt(speed**2 + 4 * G * r / k * np.sin(a / 2) ** 2) / r  # noqa: E731
+    leaves = 0.1 / speed + quad(lambda a: 1 / rate(a), 0, np.arccos(cosine), epsabs=0, epsrel=1e-13)[0]
+    start = {
+        frame.position: (-0.1, 0, r),
+        frame.velocity: (speed, 0, 0),
+        frame.rotation: np.eye(3),
+        frame.angular_velocity: (0, speed / r if mu else 0, 0),
+    }
+    run = ac.build(scene).simulate(leaves + 0.1, start, rtol=1e-12)
+    sine, fast = np.sqrt(1 - cosine**2), r * rate(np.arccos(cosine))
+    flown = np.array([r * sine + fast * cosine * 0.1, 0, r * cosine - fast * sine * 0.1 - G / 2 * 0.01])
+    assert times(run)[-1] == pytest.approx(leaves, rel=INSTANT)
+    assert run[frame.position][-1] == pytest.approx(flown, abs=STATE)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_a_cradle_of_three_pendulums_hands_on_by_poissons_law(order: tuple[int, ...]) -> None:
+    """The first falls by a quarter of its circle on two that hang still and touch: (-1/3, 2/3, 2/3) of sqrt(2 g l)."""
+    length, m, r = 0.5, 0.2, 0.05
+    scene = ac.System()
+    scene.world = World()
+    hinges = [Revolute("y") for _ in order]
+    balls = [RigidBody(m, (1e-4, 1e-4, 1e-4), (0, 0, -length)) for _ in order]
+    scene.hinges, scene.balls = [hinges[k] for k in order], [balls[k] for k in order]
+    scene.pairs = [Contact(Sphere(r), Sphere(r), Hard(1.0)) for _ in (0, 1)]
+    bobs = [ball.at((0, 0, -length)) for ball in balls]
+    for k, (hinge, ball) in enumerate(zip(hinges, balls, strict=True)):
+        scene.connect(scene.world.at((2 * r * k, 0, 0)), hinge.frame_a)
+        scene.connect(hinge.frame_b, ball.frame)
+    for k, pair in enumerate(scene.pairs):
+        scene.connect(bobs[k], pair.frame_a)
+        scene.connect(pair.frame_b, bobs[k + 1])
+    model = ac.build(scene)
+    inertia = m * length**2 + 1e-4
+    rate = np.sqrt(2 * m * G * length / inertia)
+    run = model.simulate(0.7, {hinges[0].q: np.pi / 2, hinges[1].q: 0.0, hinges[2].q: 0.0}, rtol=1e-12)
+    falls = ellipk(0.5) / np.sqrt(m * G * length / inertia)
+    assert times(run)[0] == pytest.approx(falls, rel=INSTANT)
+    after = run.at([falls + 1e-9])
+    found = [after[hinge.v].item() / -rate for hinge in hinges]
+    assert found == pytest.approx([-1 / 3, 2 / 3, 2 / 3], abs=1e-7)
+    assert run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize(("size", "static"), [(1.0, 0.6), (1e-9, 0.35), (1e6, 0.6)])
+def test_a_block_shot_up_an_incline_stops_and_stays_or_slides_back(static: float, size: float) -> None:
+    """Slowed by g (sin + mu cos); it stays where tan <= static, else it goes back with g (sin - mu cos)."""
+    mu, sine = 0.3, np.sin(0.5)
+    cosine, speed = np.cos(0.5), 3.0
+    scene = ac.System()
+    scene.world, scene.mass = World((-G * size * sine, 0, -G * size * cosine)), Particle(0.7)
+    scene.guide = PointOnPlane(unilateral=True, friction=Coulomb(mu, static=static))
+    scene.connect(scene.world.frame, scene.guide.frame_a)
+    scene.connect(scene.guide.frame_b, scene.mass.point)
+    p, v = scene.mass.point.position, scene.mass.point.velocity
+    run = ac.build(scene).simulate(2.0, {p: (0, 0, 0), v: (speed * size, 0, 0)}, rtol=1e-12)
+    stop = speed / (G * (sine + mu * cosine))
+    back = 0.0 if np.tan(0.5) < static else G * (sine - mu * cosine)
+    assert np.min(np.abs(np.array(times(run)) - stop)) < INSTANT * stop  # its direction is held a little before
+    assert run[p][-1] / size == pytest.approx([speed * stop / 2 - back / 2 * (2.0 - stop) ** 2, 0, 0], abs=STATE)
+    push, drag = run[scene.guide.normal_force].ravel() / size, run[scene.guide.friction_force][-1] / size
+    assert push == pytest.approx(0.7 * G * cosine, rel=STATE)
+    assert drag == pytest.approx([0.7 * G * (mu * cosine if back else sine), 0, 0], rel=STATE)
+
+
+def test_a_block_thrown_across_a_floor_stops_on_a_straight_line() -> None:
+    scene = held(PointOnPlane(unilateral=True, friction=Coulomb(0.3)))
+    p, v = scene.mass.point.position, scene.mass.point.velocity
+    run = ac.build(scene).simulate(3.0, {p: (0, 0, 0), v: (3.0, -4.0, 0)}, rtol=1e-12)
+    assert times(run)[-1] == pytest.approx(5.0 / (0.3 * G), rel=INSTANT)
+    assert run[p][-1] == pytest.approx(np.array([0.6, -0.8, 0]) * 25 / (2 * 0.3 * G), abs=STATE)
+
+
+def test_a_ball_that_slides_begins_to_roll_at_five_sevenths_of_its_speed() -> None:
+    """Its slip falls with 7/2 mu g, whichever way it is turned; then it rolls without a loss."""
+    mu, speed, r = 0.2, 2.0, 0.1
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(0.7, r)
+    scene.floor = Contact(Sphere(r), Plane(), Hard(friction=Coulomb(mu, static=0.3)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    frame, along = scene.ball.frame, np.array([0.6, 0.8, 0])
+    start = {
+        frame.position: (0, 0, r),
+        frame.velocity: speed * along,
+        frame.angular_velocity: (0, 0, 0),
+        frame.rotation: np.eye(3),
+    }
+    run = ac.build(scene).simulate(2.0, start, rtol=1e-12)
+    rolls = 2 * speed / (7 * mu * G)
+    assert times(run)[-1] == pytest.approx(rolls, rel=INSTANT)
+    assert run[frame.velocity][-1] == pytest.approx(5 / 7 * speed * along, abs=STATE)
+    far = speed * rolls - mu * G / 2 * rolls**2 + 5 / 7 * speed * (2.0 - rolls)
+    assert run[frame.position][-1] == pytest.approx([far * 0.6, far * 0.8, r], abs=STATE)
+    assert np.linalg.norm(run[scene.floor.slip][-1]) < STATE
+
+
+@pytest.mark.parametrize("mu", [0.05, 2.0])
+def test_a_ball_that_strikes_the_floor_askew_slips_or_rolls_off(mu: float) -> None:
+    """Impulses (1 + e) m u along the normal, and across it mu times that, or what ends the slip: 2/7 of m times it."""
+    m, r, restitution = 0.7, 0.1, 0.8
+    velocity, spin = np.array([1.0, 2.0, -3.0]), np.array([5.0, 8.0, 7.0])
+    scene = ac.System()
+    scene.world, scene.ball = World(None), RigidBody.ball(m, r)
+    scene.floor = Contact(Sphere(r), Plane(), Hard(restitution, Coulomb(mu)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    start = {frame.position: (0, 0, r + 0.3), frame.velocity: velocity, frame.angular_velocity: spin, frame.rotation: np.eye(3)}
+    run = ac.build(scene).simulate(0.2, start, rtol=1e-12)
+    assert times(run) == pytest.approx([0.1], rel=INSTANT)
+    slip = (velocity + np.cross(spin, [0, 0, -r])) * [1, 1, 0]
+    push = (1 + restitution) * m * 3.0
+    drag = -slip / np.linalg.norm(slip) * min(mu * push, 2 / 7 * m * np.linalg.norm(slip))
+    assert run[frame.velocity][-1] == pytest.approx(velocity + (drag + np.array([0, 0, push])) / m, abs=STATE)
+    assert run[frame.angular_velocity][-1] == pytest.approx(spin + np.cross([0, 0, -r], drag) / (0.4 * m * r * r), abs=STATE)
+
+
+@pytest.mark.parametrize("mu", [0.1, 1.0])
+def test_two_rough_balls_that_collide_askew_exchange_spin(mu: float) -> None:
+    """Equal balls, B at rest: impulses (1 + e)/2 m along the line of centres, and across it mu times that, or m / 7 times the slip."""
+    r, m, restitution = 0.1, 0.5, 0.7
+    scene = ac.System()
+    scene.world, scene.a, scene.b = World(None), RigidBody.ball(m, r), RigidBody.ball(m, r)
+    scene.pair = Contact(Sphere(r), Sphere(r), Hard(restitution, Coulomb(mu)))
+    scene.connect(scene.a.frame, scene.pair.frame_a)
+    scene.connect(scene.pair.frame_b, scene.b.frame)
+    normal = np.array([0.8, 0.6, 0])
+    velocity = np.array([2.0, 0, 0.3])
+    a, b = scene.a.frame, scene.b.frame
+    start = {a.position: -2 * r * normal - 0.1 * velocity, a.velocity: velocity, b.position: (0, 0, 0), b.velocity: (0, 0, 0)}
+    run = ac.build(scene).simulate(0.2, start, rtol=1e-12)
+    assert times(run) == pytest.approx([0.1], rel=INSTANT)
+    closing = normal @ velocity
+    slip = velocity - closing * normal
+    push = (1 + restitution) / 2 * m * closing
+    drag = slip / np.linalg.norm(slip) * min(mu * push, m / 7 * np.linalg.norm(slip))
+    impulse = push * normal + drag
+    assert run[b.velocity][-1] == pytest.approx(impulse / m, abs=STATE)
+    assert run[a.velocity][-1] == pytest.approx(velocity - impulse / m, abs=STATE)
+    turned = np.cross(normal, -drag) * r / (0.4 * m * r * r)
+    assert run[a.angular_velocity][-1] == pytest.approx(turned, abs=STATE)
+    assert run[b.angular_velocity][-1] == pytest.approx(turned, abs=STATE)
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+def test_a_ball_let_go_on_an_incline_rolls_or_slips(mu: float) -> None:
+    """It rolls with 5/7 g sin where mu >= 2/7 tan, else it slips from the first instant, with g (sin - mu cos) and turning by 5/2 mu g cos / r."""
+    sine, cosine, r = np.sin(0.6), np.cos(0.6), 0.1
+    scene = ac.System()
+    scene.world, scene.ball = World((0.6 * G * sine, 0.8 * G * sine, -G * cosine)), RigidBody.ball(0.7, r)
+    scene.floor = Contact(Sphere(r), Plane(), Hard(friction=Coulomb(mu)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    frame, down = scene.ball.frame, np.array([0.6, 0.8, 0])
+    start = {frame.position: (0, 0, r), frame.velocity: (0, 0, 0), frame.angular_velocity: (0, 0, 0), frame.rotation: np.eye(3)}
+    run = ac.build(scene).simulate(1.5, start, rtol=1e-12)
+    rolls = mu >= 2 / 7 * sine / cosine
+    along, turning = (5 / 7 * G * sine, 5 / 7 * G * sine / r) if rolls else (G * (sine - mu * cosine), 2.5 * mu * G * cosine / r)
+    assert run[frame.velocity][-1] == pytest.approx(1.5 * along * down, abs=STATE)
+    assert run[frame.position][-1] == pytest.approx(1.5**2 / 2 * along * down + [0, 0, r], abs=STATE)
+    assert run[frame.angular_velocity][-1] == pytest.approx(1.5 * turning * np.array([-0.8, 0.6, 0]), abs=1e2 * STATE)
