@@ -64,6 +64,9 @@ def test_ball_between_two_stops_strikes_when_it_must(restitution: float, size: f
     assert jumps(run) == pytest.approx(strikes, rel=1e-11)
     sign = (-1) ** len(strikes)
     assert run[scene.ball.v][-1] == pytest.approx(sign * speed * restitution ** len(strikes), rel=1e-11)
+    lost = [0.15 * speed**2 * (1 - restitution**2) * restitution ** (2 * k) for k in range(len(strikes))]
+    assert [change.energy_lost for change in run.transitions] == pytest.approx(lost, rel=1e-10, abs=1e-13 * speed**2)
+    assert run.energy_error() < 1e-11
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -162,6 +165,8 @@ def test_torque_through_play_reaches_the_load_after_it_is_crossed() -> None:
     assert jumps(run) == pytest.approx([met], rel=1e-11)
     assert run[scene.second.w][-1] == pytest.approx(2.0 * 1.0 / 1.6, rel=1e-12)
     assert run[scene.play.at_lower][-1] == pytest.approx(2.0 * 1.2 / 1.6, rel=1e-11)
+    assert run.transitions[0].energy_lost == pytest.approx(0.5 * (5.0 * met) ** 2 * 0.4 * 1.2 / 1.6, rel=1e-11)
+    assert run.energy_error() < 1e-11
 
 
 @pytest.mark.parametrize("swapped", [False, True])

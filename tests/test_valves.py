@@ -164,3 +164,26 @@ def test_thyristor_whose_gate_is_shut_does_not_fire_again() -> None:
     assert len(changes(run)) == 1
     assert 0.01 < changes(run)[0] < 0.03
     assert abs(run[scene.store.v][-1]) < 1e-5
+
+
+def test_thyristor_that_fires_onto_an_empty_store_loses_half_of_what_it_takes() -> None:
+    """The charge flows in no time; as much energy as it stores becomes heat."""
+    C, v = 1e-3, 5.0
+    scene = ac.System()
+    scene.battery, scene.valve, scene.store, scene.load, scene.ground = (
+        VoltageSource(v),
+        Thyristor(ac.Input("V")),
+        Capacitor(C),
+        Resistor(1e2),
+        Ground(),
+    )
+    scene.connect(scene.battery.pin_a, scene.valve.pin_a)
+    scene.connect(scene.valve.pin_b, scene.store.pin_a, scene.load.pin_a)
+    scene.connect(scene.store.pin_b, scene.load.pin_b, scene.battery.pin_b, scene.ground.pin)
+    fires = ac.samples([0, 0.05], [0, 1], kind="constant")
+    run = ac.build(scene).simulate(0.1, {scene.store.v: 0.0}, inputs={scene.valve.fires: fires}, rtol=1e-10)
+    struck = run.transitions[0]
+    assert struck.time == pytest.approx(0.05, rel=1e-12)
+    assert struck.energy_lost == pytest.approx(0.5 * C * v * v, rel=1e-11)
+    assert run[scene.store.v][-1] == pytest.approx(v, rel=1e-12)
+    assert run[scene.valve.i][-1] == pytest.approx(v / 1e2, rel=1e-10)

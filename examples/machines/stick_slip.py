@@ -29,8 +29,7 @@ def main(folder: str = "out") -> float:
     print(model)
     run = model.simulate(10.0, {scene.rail.q: 0.0, scene.rail.v: BELT}, rtol=1e-12)
 
-    met = run.solution.modes
-    slips = np.array([change.time for change in met.changes if change.row >= 0])[::2]
+    slips = run.transitions.times[::2]
     omega, ahead = np.sqrt(STIFFNESS / MASS), (HOLDING - SLIDING) / STIFFNESS
     slip, stick = 2 * (np.pi - np.arctan(omega * ahead / BELT)) / omega, 2 * ahead / BELT
     off = float(np.max(np.abs(np.diff(slips) - slip - stick)))
