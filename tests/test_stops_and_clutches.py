@@ -271,6 +271,25 @@ def test_brake_that_closes_slowly_holds_at_last(capacity: Callable[[Any], Any]) 
     assert changes(run)[-1] == pytest.approx(1 + (1 + math.sqrt(7)) / 3, rel=1e-11)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+def test_clutch_that_closes_again_while_it_slips_goes_on_slipping(size: float) -> None:
+    """Pressed by a mass on a spring: half of the time there is no pressure."""
+    scene = ac.System()
+    scene.first, scene.second, scene.plate = Inertia(size), Inertia(size), SlidingMass(1.0)
+    scene.wall, scene.spring = TranslationalGround(), TranslationalSpring(100.0)
+    scene.connect(scene.wall.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.plate.flange_a)
+    scene.clutch = Clutch(scene.first.flange_b, scene.second.flange_a, capacity=10 * size * scene.plate.s)
+    start = {scene.first.w: 10.0, scene.second.w: 0.0, scene.plate.s: 0.5, scene.plate.v: 0.0}
+    run = ac.build(scene).simulate(2.8, {**start, scene.first.phi: 0.0, scene.second.phi: 0.0}, rtol=1e-12)
+    crossings = math.pi / 10 * (np.arange(9) + 0.5)
+    assert changes(run) == pytest.approx(crossings[crossings < 2.8], rel=1e-11)
+    # 1/2 in the first quarter, then 1 in each half period of pressure
+    slowed = 0.5 + 4.0 - 0.5 * (1 - math.sin(28.0)) if math.cos(28.0) > 0 else 0.5 + 4.0
+    assert run[scene.first.w][-1] == pytest.approx(10 - slowed, rel=1e-11)
+    assert run.energy_error() < 1e-8  # of a quadrature
+
+
 def test_brake_that_opens_at_rest_closes_again() -> None:
     """The capacity is a sine: open while it is negative."""
     scene = ac.System()

@@ -300,7 +300,7 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
         double *mask = T->side + mask_of(I, f), *e = R.along + 2 * f, u = D->rate[i], v = size > 1 ? D->rate[i + 1] : 0, slip = hypot(u, v);
         double nil = D->rate_noise[i] + (size > 1 ? D->rate_noise[i + 1] : 0);
         if (before) nil = fmax(nil, NIL * (fabs(before[i]) + (size > 1 ? fabs(before[i + 1]) : 0)));
-        int held = size > 1 && mask[2] == 1, stops = row == first && mask[0] == 0 && (size == 1 || held), stuck = !before && mask[0] == 1;
+        int held = size > 1 && mask[2] == 1, stops = row == first && mask[0] == 0 && (size == 1 ? mask[1] != 0 : held), stuck = !before && mask[0] == 1;
         for (long k = 0; k < size; k++) stuck &= !has_jumped(I, D, D->gaps + i + k);
         int zero = stuck || stops || slip <= nil;
         R.touching[D->gaps + f] = zero ? 1 : 2;
