@@ -15,7 +15,7 @@ from acausal.integrators.gauss import default_order
 from acausal.integrators.integrate import integrate
 from acausal.runtime.native import Choice
 from acausal.runtime.pattern import jacobian_pattern
-from benchmarks.stiff import SCENES
+from benchmarks.stiff import SCENES, row_of_masses
 from components import (
     Prismatic,
     Revolute,
@@ -220,3 +220,11 @@ def test_a_net_at_rest_in_its_plane_starts_at_any_tolerance(rtol: float, method:
     scene, start, _ = SCENES["stiff_net"]()
     run = ac.build(scene).simulate(0.02, start, rtol=rtol, method=method, samples=2)
     assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau"])
+def test_two_hundred_states_at_rest_start_where_one_is_pulled(method: str) -> None:
+    """Looking for what rounding does comes before steps are nothing, however many states there are."""
+    scene, start, end = row_of_masses(100, 1e5, 1e3)
+    run = ac.build(scene).simulate(end, start, rtol=1e-3, method=method, samples=2)
+    assert run.statistics.steps < 100

@@ -69,7 +69,7 @@ int begin(Integrator *I) {
     if (I->methods > METHODS) return 0;
     struct State *T = I->state = reserve(I, sizeof(struct State));
     if (!T || !make_parts(I)) return 0;
-    T->patience = present(&I->clearance) ? DOUBTS : DOUBTS + I->nx / 4; /* looking costs a rate for each state */
+    T->patience = present(&I->clearance) ? DOUBTS : DOUBTS + (I->nx < 32 ? I->nx / 4 : 8); /* looking costs a rate for each state; many more rejections make steps nothing */
     T->newton_now = I->newton == ALWAYS;
     T->pending = -1;
     T->costs.newton_rate = INFINITY;
