@@ -4,7 +4,7 @@ from components import Contact, Coulomb, Hard, Plane, RigidBody, Sphere, World
 
 scene = ac.System()
 scene.world, scene.ball = World(), RigidBody.ball(1.0, 0.1)
-scene.floor = Contact(Sphere(0.1), Plane(), Hard(restitution=0.7, friction=Coulomb(0.2, static=0.3)))
+scene.floor = Contact(Sphere(0.1), Plane(), Hard(friction=Coulomb(0.2, static=0.3)))
 scene.connect(scene.world.frame, scene.floor.frame_a)
 scene.connect(scene.floor.frame_b, scene.ball.frame)
 
