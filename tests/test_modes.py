@@ -127,7 +127,9 @@ def test_stuck_block_creeps_by_nothing() -> None:
 
 def test_start_below_the_floor_is_refused_with_its_name() -> None:
     scene = bouncing(0.5)
-    with pytest.raises(ac.errors.SimulationError, match=r"The gap of floor \(.*test_modes.py:\d+\) is negative at the start \(-0.1 m\)") as refused:
+    with pytest.raises(
+        ac.errors.SimulationError, match=r"The gap of floor \(.*test_modes.py:\d+\) is negative at the start \(-0.1 m\)"
+    ) as refused:
         ac.build(scene).simulate(1.0, {scene.mass.s: -0.1, scene.mass.v: 0.0})
     run = refused.value.trajectory
     assert run is not None and run.status.kind is StatusKind.OVERLAPS
