@@ -155,6 +155,7 @@ class StatusKind(enum.Enum):
     OVERLAPS = "bodies overlap at the start"
     NO_MODE = "nothing that may happen where bodies touch obeys all laws"
     CHATTERS = "contacts change without end in one instant"
+    NO_DERIVATIVES = "derivatives of the motion are not known from here on"
     BUILTIN_FAILED = "CasADi's integrator gave up"
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.collocation.modes import ModesMet
 from acausal.collocation.problem import Accuracy, Directions, Problem, Status, StatusKind
 from acausal.integrators.automatic import gauss_or_radau
 from acausal.integrators.base import native
@@ -16,13 +17,17 @@ from acausal.runtime.native import Run
 class Sensitive:
     """States x (nx, m) at m times and their derivatives S (m, nx, n) in n directions; NaN after the time of a failing `status`.
 
-    `passages`: number of steps around singular positions of loops, where derivatives of the rates are huge and lose digits.
+    `passages`: number of steps around singular positions of loops, where derivatives of the rates are huge and lose digits. `modes`: as they changed.
+    `grazed`: the law of modes whose guard only touched zero first, None: none; `coincides`: that whose gap closed together with others, each for itself.
     """
 
     x: np.ndarray
     S: np.ndarray
     status: Status
     passages: int = 0
+    modes: ModesMet | None = None
+    grazed: int | None = None
+    coincides: int | None = None
 
 
 def integrate_sensitivities(
@@ -44,4 +49,8 @@ def integrate_sensitivities(
         if status.kind is not StatusKind.SUCCESS:
             break
         x[:, k], S[k] = run.x, run.S.T
-    return Sensitive(x, S, status, run.core.passages)
+    return Sensitive(x, S, status, run.core.passages, run.modes(), _law(run.core.grazed), _law(run.core.coincides))
+
+
+def _law(number: int) -> int | None:
+    return number - 1 if number else None

@@ -188,9 +188,9 @@ int advance(Integrator *I) {
 /* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */
 int exchange(Integrator *I, long which, const Kernel *k) {
     struct State *T = I->state;
-    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change, &I->decision};
-    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in, T->decision_in};
-    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c, &T->decision_c};
+    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change, &I->decision, &I->decision_change};
+    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in, T->decision_in, T->decision_change_in};
+    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c, &T->decision_c, &T->decision_change_c};
     if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
     *kernels[which] = *k;
     return 1;

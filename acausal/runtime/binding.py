@@ -36,6 +36,7 @@ class Code(enum.IntEnum):
     OVERLAPS = 12
     NO_MODE = 13
     CHATTERS = 14
+    NO_DERIVATIVES = 15
 
 
 class Method(ctypes.Structure):
@@ -107,6 +108,7 @@ KERNELS = (
     "sides",
     "row_change",
     "decision",
+    "decision_change",
     "exact_rhs",
     "exact_projection",
     "disturbed_rhs",
@@ -181,6 +183,7 @@ class Integrator(ctypes.Structure):
         ("transition_rows", _Long),
         ("impulses", _Double),
         ("transition_masks", _Double),
+        *((name, ctypes.c_long) for name in ("grazed", "coincides")),
     ]  # fmt: skip
 
 

@@ -152,14 +152,18 @@ class Integrand:
 
     @functools.cached_property
     def variation(self) -> tuple[Wanted, ...]:
-        """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, and that of rows of switches."""
+        """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, and
+        (t, x, u, p, dt, dx, du, dp) -> those of rows of switches, and of what modes are decided by."""
         found = [Wanted("variation", _directional_derivative(self.rates, (1, 2, 3)), (3,))]
         if self.invariants_and_projection is not None:
             project = self.invariants_and_projection[1]
             last = project.n_in() - 1
             found.append(Wanted("projected", _directional_derivative(project, (1, last)), (last,)))
         if self.held:
-            found.append(Wanted("row_change", _directional_derivative(self.rows, (1, 2, 3)), (3,)))
+            found.append(Wanted("row_change", _directional_derivative(self.rows, (0, 1, 2, 3)), (3,)))
+        if self.modes is not None:
+            decision = self.with_sides(self.modes.decision)
+            found.append(Wanted("decision_change", _directional_derivative(decision, (0, 1, 2, 3)), (3,)))
         return tuple(found)
 
     @functools.cached_property

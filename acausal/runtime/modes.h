@@ -31,6 +31,7 @@ static long mask_of(const Integrator *I, long friction) {
 }
 
 static int make_zeno(Integrator *I);
+static int make_saltation(Integrator *I);
 
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
@@ -46,7 +47,7 @@ static int make_modes(Integrator *I) {
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
-    if (!make_zeno(I)) return 0;
+    if (!make_zeno(I) || (I->directions && !make_saltation(I))) return 0;
     return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
 }
 
@@ -61,6 +62,22 @@ static Room room_of(const Integrator *I) {
     double *at = T->push;
     long *k = T->status;
     return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 5 * n + 2 * F, at + 5 * n + 3 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+}
+
+/* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
+static Decision decision_of(const Integrator *I, const double *at, const double *noise) {
+    long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I);
+    Decision D = {.n = n, .gaps = gaps, .lines = I->lines, .frictions = m, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
+    D.rate = at + gaps;
+    D.free = D.rate + n;
+    D.W = D.free + n;
+    D.J = D.W + n * n;
+    D.hold = D.J + I->nx * n;
+    D.hold_by = D.hold + m;
+    D.slide = D.hold_by + m * n;
+    D.slide_by = D.slide + m;
+    D.bounce = D.slide_by + m * n;
+    return D;
 }
 
 /* At (t, x) with the masks there are, and what rounding makes of gaps and rates. 0 when the input function failed. */
@@ -85,17 +102,7 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
                 if (change < INFINITY) T->decided_noise[o] = fmax(T->decided_noise[o], TOUCHES * change);
             }
     }
-    const double *at = T->decided;
-    *D = (Decision){.n = n, .gaps = gaps, .lines = I->lines, .frictions = m, .gap = at, .gap_noise = T->decided_noise, .rate_noise = T->decided_noise + gaps};
-    D->rate = at + gaps;
-    D->free = D->rate + n;
-    D->W = D->free + n;
-    D->J = D->W + n * n;
-    D->hold = D->J + I->nx * n;
-    D->hold_by = D->hold + m;
-    D->slide = D->hold_by + m * n;
-    D->slide_by = D->slide + m;
-    D->bounce = D->slide_by + m * n;
+    *D = decision_of(I, T->decided, T->decided_noise);
     return 1;
 }
 
@@ -158,6 +165,7 @@ static int keep_straight(Integrator *I, const double *rates) {
 }
 
 #include "zeno.h"
+#include "saltation.h"
 
 /* The rate of a gap that is none: rounding, or that of a bounce so low that gaps do not tell it from rounding. */
 static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[i], D->free[i] < 0 ? sqrt(-2 * D->free[i] * RESOLVED * D->gap_noise[i]) : 0); }
@@ -175,6 +183,7 @@ static int impact(Integrator *I, const Decision *D, Room R) {
             p.start = R.before, p.floor = R.floor;
         }
         if (!complementary(&p, R.asked, R.place, T->lemke, T->basis)) return 0;
+        if (I->directions) change_phase(I, &p, phase, R.compressed);
         if (phase == 0) memcpy(R.compressed, R.push, sizeof(double) * (size_t)n);
     }
     for (long i = 0; i < n; i++) T->impulse[i] = R.compressed[i] + R.push[i];
@@ -332,6 +341,10 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         }
         impacts |= R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i]; /* what begins to hold where its speed vanishes strikes nothing */
     }
+    if (I->directions) {
+        if (!meet_directions(I, row, planned)) return INPUT_FAILED;
+        if (row < 0) note_closed(I, &D, R.touching);
+    }
     look_at_slips(I, &D, R, row, 0);
     memset(T->impulse, 0, sizeof(double) * (size_t)n);
     if (impacts) {
@@ -341,6 +354,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         }
         for (long i = 0; i < I->nx; i++)
             for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
+        if (I->directions) strike_directions(I, &D);
         memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
         for (long k = 0; k < I->masks; k++) T->side[k] = 0;
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
@@ -353,6 +367,10 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         }
         foresee_rest(I, row < gaps ? row : -1);
         if (comes_to_rest(I, low)) {
+            if (I->directions) {
+                I->worst = row >= 0 && row < gaps ? row : 0;
+                return NO_DERIVATIVES;
+            }
             if (!note_transition(I, row) || !keep_straight(I, 0) || !bridge_impacts(I)) return OUT_OF_MEMORY;
             memset(T->impulse, 0, sizeof(double) * (size_t)n);
             for (long i = 0; i < gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
@@ -374,6 +392,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         impacts |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
     }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
+    if (I->directions && !leave_directions(I)) return INPUT_FAILED;
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
     if (impacts && !keep_straight(I, 0)) return OUT_OF_MEMORY;
     for (long r = 0; r < I->row_count; r++) T->far[r] = 0;

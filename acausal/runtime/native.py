@@ -83,6 +83,10 @@ _OF_MODES = {
         StatusKind.CHATTERS,
         "{0} changes its mode again and again in one instant: no mode lasts. Other laws at it, or a start that differs a little, may.",
     ),
+    Code.NO_DERIVATIVES: (
+        StatusKind.NO_DERIVATIVES,
+        "{0} comes to rest here by impacts without end, and derivatives through these are not known. Ask for times before, or let it not bounce at all (restitution 0).",
+    ),
 }
 
 
@@ -324,7 +328,7 @@ class Run:
     def _follow(self, directions: Directions) -> None:
         core = self.core
         self.S = np.ascontiguousarray(directions.dx.T, dtype=float)
-        du = np.vstack([directions.du, np.zeros((self.native.held, self.S.shape[0]))])
+        du = np.vstack([directions.du[: self.native.nu - self.native.held], np.zeros((self.native.held, self.S.shape[0]))])
         self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
@@ -456,7 +460,7 @@ class Run:
             sum(spent(kernels, self.started, now) for kernels, _, _ in self._in_use)
             for spent in (Kernels.made_between, Kernels.compiled_between)
         )
-        modes = self._modes()
+        modes = self.modes()
         jumps = 0 if modes is None else np.unique(modes.steps[modes.jumped]).size
         statistics = Statistics(
             self._ran(), tableau.order, core.steps - jumps, core.rejected, core.evaluations, core.iterations,
@@ -467,7 +471,7 @@ class Run:
         crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
         return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept(), modes=modes)
 
-    def _modes(self) -> ModesMet | None:
+    def modes(self) -> ModesMet | None:
         """Masks of all steps, and where they changed."""
         core, integrand = self.core, self.native.integrand
         modes = integrand.modes

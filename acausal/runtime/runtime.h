@@ -66,7 +66,8 @@ enum Code {
     SLIDES,          /* along a switch, number `worst`: both sides lead back to it */
     OVERLAPS,        /* one-sided row `worst` is violated where the motion begins */
     NO_MODE,         /* no masks fit: row `worst` is where it shows */
-    CHATTERS         /* modes change and change again in one instant: row `worst` */
+    CHATTERS,        /* modes change and change again in one instant: row `worst` */
+    NO_DERIVATIVES   /* impacts of row `worst` end that are infinitely many */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
@@ -84,8 +85,9 @@ typedef struct Integrator {
     Kernel formula;     /* t -> inputs that are formulas */
     Kernel rows;        /* t, x, u, p -> values that are positive as long as switches are at their true sides */
     Kernel sides;       /* t, x, u without sides, p -> the true sides */
-    Kernel row_change;  /* t, x, u, p, dx, du, dp -> changes of the rows */
+    Kernel row_change;  /* t, x, u, p, dt, dx, du, dp -> changes of the rows */
     Kernel decision;    /* t, x, u, p -> what masks are decided by, see modes.h */
+    Kernel decision_change; /* t, x, u, p, dt, dx, du, dp -> changes of that */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
     Kernel disturbed_rhs, disturbed_guard; /* the same as programs for rounding.h */
     /* Makes one of these where it is none: disturbed rates (0), guards (1), exact rates (2), projection (3). Null: it stays unknown what rounding does */
@@ -151,6 +153,8 @@ typedef struct Integrator {
        reactions, which are in steps of no length */
     long transitions, *transition_steps, *transition_rows;
     double *impulses, *transition_masks; /* masks from then on */
+    /* Where derivatives are those to one side: 1 + the first law whose guard only touched zero, 1 + the first gap that closed together with others, each for itself; 0: none */
+    long grazed, coincides;
 } Integrator;
 
 EXPORT int begin(Integrator *I);

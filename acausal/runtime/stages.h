@@ -159,6 +159,8 @@ struct State {
     V *decision_in, *decision_out, *decision_c;
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
     double *lemke, *impulse, *push, *later_x; /* work of decisions, see modes.h */
+    V *decision_change_in, *decision_change_out, *decision_change_c;
+    double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     long *basis, *status, *impact_row, *rests;

@@ -166,8 +166,9 @@ static int jump_directions(Integrator *I, long row, double shift, const double *
     if (!inputs_at(I, in[0], 1, in + 1 + n)) return 0;
     for (long b = 0; b < direction_blocks(I); b++) {
         V *D = T->D + b * n;
-        memcpy(in + rest, D, sizeof(V) * (size_t)n);
-        set_directions(I, in + rest + n, b, 1);
+        in[rest] = v_all(0);
+        memcpy(in + rest + 1, D, sizeof(V) * (size_t)n);
+        set_directions(I, in + rest + 1 + n, b, 1);
         run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
         V dt = T->row_change_out[row] / v_all(-slope);
         for (long i = 0; i < n; i++) D[i] = v_fma(v_all(before[i] - after[i]), dt, D[i]);

@@ -89,7 +89,7 @@ def sensitivities(
         directions = replace(directions, dx=space.restricted_change(x0, directions.dx), dp=dp)
         x0 = space.restricted(x0)
     found = integrate_sensitivities(problem, x0, t, directions, accuracy)
-    return Sensitivities(functions, problem, t, tuple(c.name for c in what), directions, found)
+    return Sensitivities(functions, problem.with_modes(found.modes), t, tuple(c.name for c in what), directions, found)
 
 
 @dataclass(frozen=True)

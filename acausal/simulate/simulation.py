@@ -168,7 +168,6 @@ def sensitivity_run(
     functions: Functions, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
 ) -> Sensitivities:
     """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
-    refuse_modes(functions.outputs.system.mechanics.modes, "sensitivities")
     for entry in wrt:
         if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
@@ -185,7 +184,22 @@ def sensitivity_run(
             "to them and lose digits, now and then all but two. Compare with another rtol, or with differences of motions.",
             SingularWarning, stacklevel=callers_level(),
         )  # fmt: skip
+    _warn_of_one_sided(functions, found)
     return found
+
+
+def _warn_of_one_sided(functions: Functions, run: Sensitivities) -> None:
+    """Where derivatives to either side of these values are not the same."""
+    for law, what in (
+        (run.found.grazed, "only just comes to where it changes"),
+        (run.found.coincides, "closes in the same instant as another, or in that of the start"),
+    ):
+        if law is not None and functions.modes is not None:
+            warnings.warn(
+                f"sensitivities: {functions.modes.words[law]} {what}: a little off these values the motion goes on in another way to either side, and its derivatives "
+                "there are not the same; those that are given belong to one side at most. Move the values a little, to the side that is meant.",
+                SingularWarning, stacklevel=callers_level() + 1,
+            )  # fmt: skip
 
 
 def _problem(

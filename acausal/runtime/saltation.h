@@ -1,0 +1,232 @@
+/* Derivatives of motions through changes of mode. A guard r vanishes at a time that moves with the direction, by dt = -dr / r', with r' along the old flow f-. So the
+   state there moves by S + f- dt; impacts are differentiated with the rows that have been found to hold, in both phases; and after it, at a time that does not move,
+   S+ = R' (S + f- dt) - f+ dt, along what holds from then on. Aizerman and Gantmacher, Q. J. Mech. Appl. Math. 11 (1958); Leine and Nijmeijer, Dynamics and
+   Bifurcations of Non-Smooth Mechanical Systems (2004), chapter 7. */
+
+#define GRAZES 1e6     /* roundings of a guard above its least value, where that is no zero to speak of */
+#define TOGETHER 1e-6  /* of what rows change by that vanish together: by how much they may fall apart */
+#define APART 1e-9     /* the same of gaps at the start, and where inputs jump, in units of their terms */
+
+static int make_saltation(Integrator *I) {
+    struct State *T = I->state;
+    long n = reactions_of(I), directions = direction_blocks(I) * LANES;
+    if (!arranged(I, &I->decision_change, &T->decision_change_in, &T->decision_change_out, &T->decision_change_c, 1 + I->nx + I->nu)) return 0;
+    if (!I->counted) give_inputs(I, T->decision_change_in);
+    T->delay = reserve_doubles(I, directions);
+    T->decided_change = reserve_doubles(I, directions * I->decision.outputs);
+    T->impulse_change = reserve_doubles(I, directions * 2 * n);
+    T->choice_change = reserve_doubles(I, 2 * n * n + 6 * n);
+    T->slopes = reserve_doubles(I, 2 * I->mode_rows);
+    T->flow = reserve_doubles(I, I->nx + 1);
+    T->input_rate = reserve_doubles(I, I->nu + 1);
+    return I->counted || (T->delay && T->decided_change && T->impulse_change && T->choice_change && T->slopes && T->flow && T->input_rate);
+}
+
+static Decision change_of_decision(const Integrator *I, long direction) { return decision_of(I, I->state->decided_change + direction * I->decision.outputs, 0); }
+
+/* Time, state and inputs where a kernel of changes has them, and rates of the inputs into T->input_rate. Returns 0 when the input function failed. */
+static int put_place(Integrator *I, double t, const double *x, double little, V *in) {
+    struct State *T = I->state;
+    V times = v_all(t), *u = in + 1 + I->nx;
+    times[1] = t - little, times[2] = t + little;
+    if (!inputs_at(I, times, 3, u)) return 0;
+    in[0] = v_all(t);
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+    for (long k = 0; k < I->nu; k++) {
+        T->input_rate[k] = (u[k][2] - u[k][1]) / (times[2] - times[1]);
+        u[k] = v_all(u[k][0]);
+    }
+    return 1;
+}
+
+/* Derivatives of rows along the flow at (t, x), which is left in T->flow. Returns 0 when the input function failed. */
+static int find_slopes(Integrator *I, double t, const double *x, double little, double *slopes) {
+    struct State *T = I->state;
+    V *in = T->row_change_in, *change = in + 1 + I->nx + I->nu + I->np;
+    if (!rate_at(I, t, x, T->flow) || !put_place(I, t, x, little, in)) return 0;
+    *change++ = v_all(1);
+    for (long i = 0; i < I->nx; i++) *change++ = v_all(T->flow[i]);
+    for (long k = 0; k < I->nu; k++) *change++ = v_all(T->input_rate[k]);
+    for (long k = 0; k < I->np; k++) *change++ = v_all(0);
+    run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
+    for (long r = 0; r < I->mode_rows; r++) slopes[r] = T->row_change_out[r][0];
+    return 1;
+}
+
+/* The first law whose row it was, counted from one. */
+static void note_law(const Integrator *I, long *first, long row) {
+    long gaps = I->one_sided;
+    if (!*first) *first = 1 + (row < gaps ? row : gaps + (row - gaps) / 2);
+}
+
+/* Whether a row tells where the direction of a slip in a plane begins to be held: there the flow is the same to either side. */
+static int only_turns(const Integrator *I, long row) {
+    long first = I->one_sided + 2 * I->lines;
+    return row >= first && I->state->side[mask_of(I, I->lines + (row - first) / 2) + 1] == 1;
+}
+
+/* How much later the row vanishes, direction by direction, into T->delay. Returns 0 when the input function failed. */
+static int find_delays(Integrator *I, long row, double planned) {
+    struct State *T = I->state;
+    double little = BACK * planned, *x = T->later_x, *slopes = T->slopes, *earlier = slopes + I->mode_rows;
+    memset(T->delay, 0, sizeof(double) * (size_t)(direction_blocks(I) * LANES));
+    if (row < 0) return 1;
+    if (!rate_at(I, I->t, I->x, T->flow)) return 0;
+    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - little * T->flow[i];
+    if (!find_slopes(I, I->t - little, x, little, earlier) || !find_slopes(I, I->t, I->x, little, slopes) || !rows_at(I, I->t, I->x)) return 0;
+    double slope = slopes[row], bend = (slope - earlier[row]) / little; /* what bends down goes through zero, however slowly */
+    if (slope == 0 || (!only_turns(I, row) && !(slope * slope > GRAZES * T->row_noise[row] * bend))) {
+        note_law(I, &I->grazed, row);
+        return 1;
+    }
+    V *in = T->row_change_in, *change = in + 1 + I->nx + I->nu + I->np;
+    for (long b = 0; b < direction_blocks(I); b++) {
+        change[0] = v_all(0);
+        memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
+        set_directions(I, change + 1 + I->nx, b, 1);
+        run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
+        for (long l = 0; l < LANES; l++) T->delay[b * LANES + l] = -T->row_change_out[row][l] / slope;
+        for (long r = 0; r < I->mode_rows; r++) {
+            if (I->row_switch[r] == I->row_switch[row] || !(fabs(T->one_row[r]) <= MET * T->row_noise[r])) continue;
+            for (long l = 0; l < LANES; l++) { /* what vanishes here, too, goes on vanishing together with it, or not */
+                double change = T->row_change_out[r][l], along = slopes[r] * T->delay[b * LANES + l];
+                if (fabs(change + along) > TOGETHER * (fabs(change) + fabs(along))) note_law(I, &I->coincides, r);
+            }
+        }
+    }
+    return 1;
+}
+
+/* All directions move along a flow, for so many delays. */
+static void move_directions(Integrator *I, const double *flow, double factor) {
+    struct State *T = I->state;
+    for (long b = 0; b < direction_blocks(I); b++)
+        for (long i = 0; i < I->nx; i++)
+            for (long l = 0; l < LANES; l++) T->D[b * I->nx + i][l] += factor * flow[i] * T->delay[b * LANES + l];
+}
+
+/* To where the row vanishes, with changes of what is decided by there. Returns 0 when the input function failed. */
+static int meet_directions(Integrator *I, long row, double planned) {
+    struct State *T = I->state;
+    if (!find_delays(I, row, planned)) return 0;
+    if (row >= 0) move_directions(I, T->flow, 1);
+    V *in = T->decision_change_in, *change = in + 1 + I->nx + I->nu + I->np;
+    if (!put_place(I, I->t, I->x, BACK * planned, in)) return 0;
+    for (long b = 0; b < direction_blocks(I); b++) {
+        memcpy(change, T->delay + b * LANES, sizeof(V));
+        memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
+        set_directions(I, change + 1 + I->nx, b, 1);
+        for (long k = 0; k < I->nu; k++) change[1 + I->nx + k] += v_all(T->input_rate[k]) * change[0];
+        run_kernel(&I->decision_change, in, T->decision_change_c, T->decision_change_out, T->work);
+        for (long l = 0; l < LANES; l++)
+            for (long o = 0; o < I->decision.outputs; o++) T->decided_change[(b * LANES + l) * I->decision.outputs + o] = T->decision_change_out[o][l];
+    }
+    return 1;
+}
+
+/* Gaps that touch at the start, or where inputs jump, and would not if the motion were another one: its derivatives are then others to either side. */
+static void note_closed(Integrator *I, const Decision *D, const long *touching) {
+    struct State *T = I->state;
+    for (long d = 0; d < I->directions; d++) {
+        double part = 0;
+        for (long i = 0; i < I->nx; i++)
+            if (T->size[i] > 0) part = fmax(part, fabs(T->D[d / LANES * I->nx + i][d % LANES]) / T->size[i]);
+        Decision change = change_of_decision(I, d);
+        for (long k = 0; k < D->gaps; k++) {
+            if (!touching[k] || T->side[k] == 1 || D->rate[k] > D->rate_noise[k]) continue;
+            if (fabs(change.gap[k]) > APART * part * D->gap_noise[k] / (TOUCHES * EPS)) note_law(I, &I->coincides, k);
+        }
+    }
+}
+
+/* Changes of reactions that are solved for by a choice of laws (`solve_choice`), where what decides changes by `d`, start and floors by these. */
+static void change_choice(const Problem *p, const Decision *d, const double *start, const double *floor, double *room, double *push) {
+    const Decision *D = p->D;
+    const double *W = D->W;
+    long n = D->n;
+    double *M = room, *A = M + n * n, *right = A + n * n, *b = right + n, *y = b + n, *rate = y + n;
+    memset(M, 0, sizeof(double) * (size_t)(n * n));
+    for (long i = 0; i < n; i++) {
+        rate[i] = start[i];
+        for (long j = 0; j < n; j++) rate[i] += d->W[i * n + j] * p->push[j];
+    }
+    for (long i = 0; i < n; i++) right[i] = y[i] = 0, M[i * n + i] = 1;
+    for (long law = 0; law < D->gaps + D->frictions; law++) {
+        long f = law - D->gaps, first = f < 0 ? law : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), is = p->law[law];
+        double limit = f < 0 ? 0 : limit_of(p, f), change = 0, *e = p->along + 2 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]);
+        for (long k = 0; k < n && f >= 0; k++) change += d->slide_by[f * n + k] * p->push[k];
+        for (long k = 0; k < size; k++) {
+            long i = first + k;
+            double unit = 1 / unit_of(W[i * n + i]);
+            if (is == HOLDS) {
+                for (long j = 0; j < n; j++) M[i * n + j] = W[i * n + j] * unit / unit_of(W[j * n + j]);
+                right[i] = -rate[i] * unit;
+            } else if (f < 0) {
+                right[i] = is == OPENS && floor ? floor[i] / unit : 0;
+            } else if (is != OFF && limit > 0) {
+                right[i] = -change * e[k] / unit;
+                for (long j = 0; j < n; j++) M[i * n + j] += D->slide_by[f * n + j] * e[k] / (unit * unit_of(W[j * n + j]));
+                if (is != STARTS || size == 1) continue;
+                double along = e[0] * rate[first] + e[1] * rate[first + 1];
+                right[i] -= limit / speed * (rate[i] - along * e[k]) / unit;
+                for (long j = 0; j < n; j++) {
+                    double w = e[0] * W[first * n + j] + e[1] * W[(first + 1) * n + j];
+                    M[i * n + j] += limit / speed * (W[i * n + j] - w * e[k]) / (unit * unit_of(W[j * n + j]));
+                }
+            }
+        }
+    }
+    for (int again = 0; again < (p->damping > 0 ? 8 : 2); again++) {
+        memcpy(A, M, sizeof(double) * (size_t)(n * n));
+        for (long i = 0; i < n; i++) {
+            b[i] = right[i];
+            for (long j = 0; j < n; j++) b[i] -= M[i * n + j] * y[j];
+            A[i * n + i] *= 1 + p->damping;
+        }
+        eliminate_dense(A, b, n);
+        for (long i = 0; i < n; i++) y[i] += b[i];
+    }
+    for (long i = 0; i < n; i++) push[i] = y[i] / unit_of(W[i * n + i]);
+}
+
+/* Changes of the impulses of a phase that has just been solved; `compressed`: impulses of the first. */
+static void change_phase(Integrator *I, const Problem *p, int phase, const double *compressed) {
+    struct State *T = I->state;
+    const Decision *D = p->D;
+    long n = D->n;
+    double *room = T->choice_change, *start = room + 2 * n * n + 4 * n, *floor = start + n;
+    for (long d = 0; d < I->directions; d++) {
+        double *first = T->impulse_change + 2 * n * d, *push = first + phase * n;
+        Decision change = change_of_decision(I, d);
+        for (long i = 0; i < n; i++) {
+            start[i] = change.rate[i];
+            for (long j = 0; j < n && phase; j++) start[i] += change.W[i * n + j] * compressed[j] + D->W[i * n + j] * first[j];
+        }
+        for (long i = 0; i < D->gaps; i++) floor[i] = phase && compressed[i] > 0 ? change.bounce[i] * compressed[i] + D->bounce[i] * first[i] : 0;
+        change_choice(p, &change, start, floor, room, push);
+    }
+}
+
+/* x jumps by J times the impulses. */
+static void strike_directions(Integrator *I, const Decision *D) {
+    struct State *T = I->state;
+    long n = D->n;
+    for (long d = 0; d < I->directions; d++) {
+        const double *change = T->impulse_change + 2 * n * d;
+        Decision dD = change_of_decision(I, d);
+        for (long i = 0; i < I->nx; i++) {
+            double sum = 0;
+            for (long j = 0; j < n; j++) sum += dD.J[i * n + j] * T->impulse[j] + D->J[i * n + j] * (change[j] + change[n + j]);
+            T->D[d / LANES * I->nx + i][d % LANES] += sum;
+        }
+    }
+}
+
+/* Back to a time that does not move, in the new mode. Returns 0 when the input function failed. */
+static int leave_directions(Integrator *I) {
+    struct State *T = I->state;
+    if (!rate_at(I, I->t, I->x, T->flow)) return 0;
+    move_directions(I, T->flow, -1);
+    if (I->ng) project_directions(I);
+    return 1;
+}

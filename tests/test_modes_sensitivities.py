@@ -1,0 +1,325 @@
+"""Derivatives of motions through impacts, stops and slips: against closed forms, and differences of motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import SingularWarning
+from acausal.language.mode_laws import ModeLaw
+from acausal.parts.force import AbstractForce, Action
+from acausal.parts.placement import Placement
+from acausal.parts.pose import symbolic
+from components import Particle, Revolute, RigidBody, World
+from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+
+EXACT = {"rtol": 1e-12}
+
+
+class Floor(ac.Component):
+    """Keeps s >= height."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self, restitution: ac.Scalar, height: ac.Scalar = 0.0) -> None:
+        self.push, self.restitution, self.height = ac.Reaction("N"), restitution, height
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -self.push)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.OneSided(self.push, self.flange.s - self.height, self.restitution)
+
+
+class Rub(ac.Component):
+    """Dry friction on a belt."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self, sliding: ac.Scalar, holding: ac.Scalar, belt: ac.Scalar = 0.0) -> None:
+        self.drag, self.sliding, self.holding, self.belt = ac.Reaction("N"), sliding, holding, belt
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -self.drag)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.DryFriction(self.drag, ac.der(self.flange.s) - self.belt, self.sliding, self.holding)
+
+
+class Ball(ac.System):
+    """Falls, and bounces."""
+
+    def __init__(self, restitution: float, mass: float = 2.0, gravity: float = 9.81) -> None:
+        self.restitution, self.weight, self.height = (
+            ac.Parameter(restitution),
+            ac.Parameter(mass * gravity, "N"),
+            ac.Parameter(0.0, "m"),
+        )
+        self.mass, self.floor, self.pull = SlidingMass(mass), Floor(self.restitution, self.height), ForceSource(-self.weight)
+        self.connect(self.mass.flange_a, self.floor.flange)
+        self.connect(self.mass.flange_b, self.pull.flange)
+
+
+class Block(ac.System):
+    """Slides on a belt, on a spring."""
+
+    def __init__(self, sliding: float, holding: float, belt: float = 0.0, force: float = 0.0, stiffness: float = 0.0) -> None:
+        self.sliding, self.holding = ac.Parameter(sliding, "N"), ac.Parameter(holding, "N")
+        self.speed, self.force, self.stiffness = (
+            ac.Parameter(belt, "m/s"),
+            ac.Parameter(force, "N"),
+            ac.Parameter(stiffness, "N/m"),
+        )
+        self.mass, self.rub, self.push = SlidingMass(1.0), Rub(self.sliding, self.holding, self.speed), ForceSource(self.force)
+        self.connect(self.mass.flange_a, self.rub.flange, self.push.flange)
+        self.wall, self.spring = TranslationalGround(), TranslationalSpring(self.stiffness, 0.0)
+        self.connect(self.wall.flange, self.spring.flange_a)
+        self.connect(self.spring.flange_b, self.mass.flange_b)
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.8, 0.4])
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+def test_bounces_depend_on_restitution_start_gravity_and_floor_as_parabolas_do(restitution: float, size: float) -> None:
+    scene = Ball(restitution, mass=2.0, gravity=9.81 * size)
+    fall = np.sqrt(2 / 9.81)
+    t = fall * (1 + 2 * restitution + restitution**2)
+    wrt = [scene.restitution, scene.mass.s, scene.weight, scene.height]
+    found = ac.build(scene).sensitivities([0.0, 0.3 * fall, t], wrt, {scene.mass.s: size, scene.mass.v: 0.0}, **EXACT)
+
+    def motion(e: complex, h: complex, g: complex, floor: complex) -> np.ndarray:
+        fall = np.sqrt(2 * (h - floor) / g)
+        left, speed = t - fall * (1 + 2 * e), g * fall * e**2
+        return np.array([floor + speed * left - g / 2 * left**2, speed - g * left])
+
+    at = np.array([restitution, size, 9.81 * size, 0.0])
+    steps = 1e-30 * np.array([1, size, size, size])
+    exact = np.column_stack([motion(*(at + 1j * step)).imag / step.sum() for step in np.diag(steps)]) / [1, 1, 2.0, 1]
+    scale = np.array([[size, 1, 1, 1]])
+    assert found.S[-1] / scale == pytest.approx(exact / scale, rel=1e-9, abs=1e-9)
+
+
+def test_where_a_block_stops_depends_on_friction_and_its_start() -> None:
+    scene = Block(2.0, 2.0, force=-0.5)
+    wrt = [scene.sliding, scene.mass.v, scene.mass.s, scene.holding, scene.force]
+    found = ac.build(scene).sensitivities([0.0, 2.0], wrt, {scene.mass.s: 0.1, scene.mass.v: 3.0}, **EXACT)
+    # s = s0 + v0^2 / (2 (f - F)), and no speed
+    assert found.x[:, -1] == pytest.approx([0.1 + 9 / 5, 0.0], abs=1e-12)
+    assert found.S[-1, 0] == pytest.approx([-9 / (2 * 2.5**2), 3 / 2.5, 1.0, 0.0, 9 / (2 * 2.5**2)], rel=1e-9, abs=1e-10)
+    assert found.S[-1, 1] == pytest.approx(0.0, abs=1e-10)
+    assert found[scene.rub.drag][-1] == pytest.approx([0, 0, 0, 0, -1.0], abs=1e-10)
+
+
+def test_block_turns_back_where_friction_does_not_hold_it() -> None:
+    scene = Block(2.0, 2.0, force=-3.0)
+    found = ac.build(scene).sensitivities(
+        [0.0, 2.0], [scene.sliding, scene.mass.v], {scene.mass.s: 0.0, scene.mass.v: 3.0}, **EXACT
+    )
+    stop = 3 / 5
+    # s = v0^2 / (2 (f + 3)) - (3 - f) (2 - v0 / (f + 3))^2 / 2
+    left = 2 - stop
+    by_friction = -9 / 50 + left**2 / 2 - 1 * left * 3 / 25
+    assert found.S[-1, 0] == pytest.approx([by_friction, 3 / 5 + left / 5], rel=1e-9)
+
+
+def test_block_on_a_belt_sticks_and_slips_later_as_its_parameters_say() -> None:
+    scene = Block(2.0, 3.0, belt=0.5, stiffness=4.0)
+    wrt = [scene.sliding, scene.holding, scene.stiffness]
+    t = 9.0
+    found = ac.build(scene).sensitivities([0.0, t], wrt, {scene.mass.s: 0.6, scene.mass.v: 0.5}, **EXACT)
+
+    def motion(k: complex, h: complex, c: complex) -> np.ndarray:
+        """Sticks at first where it is; slips from h / c with speed v, around k / c, until its speed is v again."""
+        v = 0.5
+        w = np.sqrt(c)
+        begin, x = (h / c - 0.6) / v, h / c
+        while True:
+            away = (h - k) / c
+            slip = 2 * (np.pi - np.arctan(w * away / v)) / w
+            if (begin + slip).real > t:
+                s = t - begin
+                return np.array(
+                    [k / c + away * np.cos(w * s) + v / w * np.sin(w * s), -w * away * np.sin(w * s) + v * np.cos(w * s)]
+                )
+            x = k / c - away
+            begin = begin + slip
+            rest = (h / c - x) / v
+            if (begin + rest).real > t:
+                return np.array([x + v * (t - begin), v])
+            begin = begin + rest
+
+    at = np.array([2.0, 3.0, 4.0], dtype=complex)
+    assert found.x[:, -1] == pytest.approx(motion(*at).real, rel=1e-10)
+    exact = np.column_stack([motion(*(at + 1e-30j * step)).imag / 1e-30 for step in np.eye(3)])
+    assert found.S[-1] == pytest.approx(exact, rel=1e-9, abs=1e-9)
+
+
+class Touch(AbstractForce):
+    """A point above the plane z = height, with friction in its two directions."""
+
+    point = ac.Point.port()
+
+    def __init__(self, friction: ac.Scalar, restitution: ac.Scalar = 0.0, height: ac.Scalar = 0.0) -> None:
+        self.push, self.rub = ac.Reaction("N"), (ac.Reaction("N"), ac.Reaction("N"))
+        self.friction, self.restitution, self.height = friction, restitution, height
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        force = ca.vertcat(self.rub[0].sx, self.rub[1].sx, self.push.sx)
+        return (Action(self.point, symbolic(placement.pose(self.point).rotation).T @ force, ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.OneSided(self.push, self.point.position[2] - self.height, self.restitution)
+        yield ac.DryFriction(self.rub, self.point.velocity[:2], self.friction * self.push, self.friction * self.push)
+
+
+class Tether(AbstractForce):
+    """A string from the origin to a point, no longer than its length."""
+
+    point = ac.Point.port()
+
+    def __init__(self, length: ac.Scalar) -> None:
+        self.pull, self.length = ac.Reaction("N"), length
+
+    def actions(self, placement: Placement) -> tuple[Action, ...]:
+        pose = placement.pose(self.point)
+        place = symbolic(pose.position)
+        force = -self.pull.sx * place / ca.norm_2(place)
+        return (Action(self.point, symbolic(pose.rotation).T @ force, ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def power_loss(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.OneSided(self.pull, self.length - ac.norm(self.point.position), 0.0)
+
+
+class FourBar(ac.System):
+    """Falls on a corner of its coupler."""
+
+    def __init__(self) -> None:
+        self.floor = -0.62
+        self.friction, self.restitution = ac.Parameter(0.3), ac.Parameter(0.5)
+        self.length, self.height = ac.Parameter(1.2, "m"), ac.Parameter(self.floor, "m")
+        self.world = World()
+        self.crank, self.coupler, self.rocker = (
+            RigidBody.rod(1.0, (0.4, 0, 0)),
+            RigidBody(2.0, (0.01, 0.24, 0.24), (0.6, 0, 0)),
+            RigidBody.rod(1.5, (0.8, 0, 0)),
+        )
+        self.a, self.b, self.c, self.d = (Revolute("y") for _ in range(4))
+        self.touch = Touch(self.friction, self.restitution, self.height)
+        self.connect(self.world.frame, self.a.frame_a)
+        self.connect(self.a.frame_b, self.crank.frame)
+        self.connect(self.crank.tip, self.b.frame_a)
+        self.connect(self.b.frame_b, self.coupler.frame)
+        self.connect(self.coupler.at((self.length, 0, 0)), self.c.frame_a)
+        self.connect(self.c.frame_b, self.rocker.frame)
+        self.connect(self.rocker.tip, self.d.frame_a)
+        self.connect(self.d.frame_b, self.world.at((1.0, 0, 0)))
+        self.connect(self.coupler.at((0.5, 0, -0.1)), self.touch.point)
+
+
+def differences(
+    model: ac.Model,
+    end: float,
+    start: dict[ac.Expression, float],
+    wanted: list[ac.Expression],
+    values: dict[ac.Expression, float],
+    step: float,
+) -> np.ndarray:
+    """(outputs, parameters or start values): of motions to either side, to the fourth order."""
+    columns = []
+    for key, value in values.items():
+        found = []
+        for k in (-2, -1, 1, 2):
+            moved = value + k * step
+            parameters = {key: moved} if isinstance(key, ac.Parameter) else {}
+            run = model.simulate(end, start if parameters else start | {key: moved}, parameters=parameters, rtol=1e-13)
+            found.append(np.concatenate([np.atleast_1d(run[one][-1]) for one in wanted]))
+        columns.append((found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * step))
+    return np.column_stack(columns)
+
+
+@pytest.mark.parametrize("velocity", [(1.0, 0.0), (1.0, 0.8), (-0.3, 2.0)])
+def test_slide_in_a_plane_stops_where_friction_and_its_start_say(velocity: tuple[float, float]) -> None:
+    scene = ac.System()
+    scene.friction = ac.Parameter(0.5)
+    scene.world, scene.particle, scene.touch = World(gravity=(0, 0, -9.81)), Particle(0.7), Touch(scene.friction)
+    scene.connect(scene.particle.point, scene.touch.point)
+    start = {scene.particle.point.position: np.zeros(3), scene.particle.point.velocity: np.array([*velocity, 0.0])}
+    wrt = [scene.friction, scene.particle.point.velocity]
+    found = ac.build(scene).sensitivities([0.0, 2.0], wrt, start, **EXACT)
+    # x = v |v| / (2 mu g)
+    v, speed, slow = np.array(velocity), np.hypot(*velocity), 2 * 0.5 * 9.81
+    by_start = (np.outer(v, v) / speed + speed * np.eye(2)) / slow
+    assert found[scene.particle.point.position][-1, :2, :3] == pytest.approx(
+        np.column_stack([-v * speed / (slow * 0.5), by_start]), rel=1e-9, abs=1e-9
+    )
+    assert found[scene.particle.point.velocity][-1, :2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_string_that_goes_taut_passes_on_what_is_across_it() -> None:
+    scene = ac.System()
+    scene.length = ac.Parameter(1.25, "m")
+    scene.world, scene.particle, scene.tether = World(gravity=(0, 0, 0)), Particle(0.7), Tether(scene.length)
+    scene.connect(scene.particle.point, scene.tether.point)
+    start = {scene.particle.point.position: np.array([0.75, 0.0, 0.0]), scene.particle.point.velocity: np.array([0.0, 2.0, 0.0])}
+    found = ac.build(scene).sensitivities([0.0, 1.5], [scene.length], start, **EXACT)
+
+    def motion(length: complex) -> np.ndarray:
+        taut = np.sqrt(length**2 - 0.75**2) / 2
+        angle = np.arctan(2 * taut / 0.75) + 2.0 * 0.75 / length * (1.5 - taut) / length
+        return length * np.array([np.cos(angle), np.sin(angle)])
+
+    place = scene.particle.point.position
+    assert found[place][-1, :2, 0] == pytest.approx(motion(1.25 + 1e-30j).imag / 1e-30, rel=1e-9)
+
+
+def test_impacts_of_a_loop_with_friction_have_the_derivatives_that_differences_show() -> None:
+    scene = FourBar()
+    model, start = ac.build(scene), {scene.a.q: 0.9, scene.a.v: 0.0}
+    wrt = [scene.friction, scene.restitution, scene.length, scene.height, scene.a.q]
+    values = dict(zip(wrt, (0.3, 0.5, 1.2, scene.floor, 0.9), strict=True))
+    for end in (0.2, 0.22, 1.0):  # bounces, slides back, rests
+        found = model.sensitivities([0.0, end], wrt, start, **EXACT)
+        shown = differences(model, end, start, [scene.a.q, scene.a.v], values, 1e-4)
+        mine = np.vstack([found[scene.a.q][-1], found[scene.a.v][-1]])
+        assert mine == pytest.approx(shown, rel=1e-8, abs=1e-8)
+
+
+def test_impacts_without_end_are_refused() -> None:
+    scene = Ball(0.3)
+    with pytest.raises(ac.errors.SimulationError, match=r"floor .* comes to rest here by impacts without end"):
+        ac.build(scene).sensitivities([0.0, 2.0], [scene.restitution], {scene.mass.s: 1.0, scene.mass.v: 0.0})
+
+
+def test_impacts_of_bodies_that_fall_together_are_named() -> None:
+    scene = ac.System()
+    scene.one, scene.other = Ball(0.5), Ball(0.5)
+    start = {part.mass.s: 1.0 for part in (scene.one, scene.other)} | {part.mass.v: 0.0 for part in (scene.one, scene.other)}
+    with pytest.warns(SingularWarning, match="closes in the same instant as another"):
+        ac.build(scene).sensitivities([0.0, 0.6], [scene.one.mass.s], start)
+
+
+def test_ball_that_only_touches_is_named() -> None:
+    scene = Ball(0.5, gravity=-8.0)
+    with pytest.warns(SingularWarning, match="only just comes to where it changes"):
+        ac.build(scene).sensitivities([0.0, 1.0], [scene.mass.s], {scene.mass.s: 1.0, scene.mass.v: -4.0 * (1 + 1e-12)})
+
+
+def test_start_at_rest_on_the_floor_is_named_where_it_is_to_be_raised() -> None:
+    scene = Ball(0.0)
+    with pytest.warns(SingularWarning, match="closes in the same instant"):
+        ac.build(scene).sensitivities([0.0, 1.0], [scene.mass.s], {scene.mass.s: 0.0, scene.mass.v: 0.0})
