@@ -29,7 +29,7 @@ def mode_functions(
 
     size = [row.size for row in m.frictions]
     return ModeFunctions(
-        m.one_sided, size.count(1), size.count(2), m.redundant, function("mode_guards", m.guards), function("decision", _decided_by(m, space)),
+        m.one_sided, size.count(1), size.count(2), m.redundant, function("mode_guards", m.guards), function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy())),
         masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows),
     )  # fmt: skip
 

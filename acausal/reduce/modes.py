@@ -359,9 +359,10 @@ class _Masked:
                 continue
             slides, frozen, least = mask.slides.sx, mask.frozen.sx, mask.threshold.sx
             along = ca.vertcat(*(entry.sx for entry in mask.along))
-            inside = holds * (limit**2 - ca.sumsqr(force)) + frozen * ca.dot(along, slip) + slides * (ca.sumsqr(slip) - least**2)
+            force_size, speed = ca.sqrt(ca.sumsqr(force)), ca.sqrt(ca.sumsqr(slip))
+            inside = holds * (limit - force_size) + frozen * ca.dot(along, slip) + slides * (speed - least)
             guards.append(inside - (1 - holds - frozen - slides) * limit)
-            guards.append(frozen * (4 * least**2 - ca.sumsqr(slip)) + slides * limit + (1 - frozen - slides))
+            guards.append(frozen * (2 * least - speed) + slides * limit + (1 - frozen - slides))
         return ca.vertcat(*guards)
 
 

@@ -129,7 +129,7 @@ static void suggest(const Problem *p, const long *asked) {
         double limit = limit_of(p, f), x = p->push[i] - rate_of(p, i) / W[i * n + i], y = 0;
         if (size > 1) y = p->push[i + 1] - rate_of(p, i + 1) / W[(i + 1) * n + i + 1];
         if (law == MAY_HOLD && hypot(x, y) <= limit) {
-            p->law[D->gaps + f] = HOLDS;
+            p->law[D->gaps + f] = limit > 0 ? HOLDS : OFF;
             continue;
         }
         double u = rate_of(p, i), v = size > 1 ? rate_of(p, i + 1) : 0, speed = hypot(u, v);

@@ -2,7 +2,7 @@
    them becomes negative. Then all rows are decided together, from what `decision` gives at that place, in this order, row by row:
 
    gaps (one_sided); rates of gaps, slips (n); accelerations of both without reactions (n); W (n, n): accelerations by reactions; J (nx, n): x' by
-   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; restitution (one_sided).
+   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; restitution (one_sided); kinetic energy.
 
    First impacts, where a gap that is closed closes with speed: Poisson's, in two phases, compression and expansion (Glocker and Pfeiffer, Nonlinear Dynamics 7, 1995).
    Then accelerations, looked at a little later, where what is exactly at its threshold has passed it.
@@ -103,6 +103,9 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
             }
     }
     *D = decision_of(I, T->decided, T->decided_noise);
+    double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
+    for (long i = 0; i < n && energy > 0; i++)
+        if (D->W[i * n + i] > 0) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * sqrt(2 * D->W[i * n + i] * energy));
     return 1;
 }
 
@@ -244,7 +247,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double planned) 
         }
         double slip = hypot(D->rate[i], D->rate[i + 1]), gain = hypot(R.rate[i], R.rate[i + 1]) * planned;
         R.met[f] = fmax(R.met[f], fmax(slip, law == STARTS ? gain : 0));
-        double least = NEAR_ZERO * R.met[f];
+        double least = fmax(NEAR_ZERO * R.met[f], 4 * (D->rate_noise[i] + D->rate_noise[i + 1]));
         int held = law == STARTS || (law == AGAINST && slip < 2 * least);
         mask[1] = law == AGAINST && !held;
         mask[2] = held;

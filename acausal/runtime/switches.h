@@ -272,14 +272,16 @@ static double first_switch(Path *p, struct Landing *L) {
         if (T->overs[I->row_switch[r]] > ENDLESS) continue;
         p->guard = r;
         p->noise = T->row_noise[r];
-        if (r < I->mode_rows && p->t == T->changed_at) p->noise = fmax(p->noise, -2 * v[0]); /* it has just been decided that it holds */
+        int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
+        if (decided) p->noise = fmax(p->noise, -2 * v[0]);
+        for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
         p->searches = 0;
         double here = first_below(p, 0, 1, T->row_values, 0);
         if (here < 0) return -1;
         if (v[0] > 100 * p->noise) T->far[r] = 1;
         if (here == 2 && fabs(v[POINTS - 1]) <= p->noise && T->far[r]) here = 1; /* the step ends there */
         if (here > 1 || here >= first) continue;
-        if (v[0] <= p->noise && here > 0 && one_value(p, 0.5 * here) <= 2 * p->noise) here = 0;
+        if (!decided && v[0] <= p->noise && here > 0 && one_value(p, 0.5 * here) <= 2 * p->noise) here = 0;
         first = here;
         L->row = r;
     }
