@@ -534,3 +534,30 @@ def test_a_ball_let_go_on_an_incline_rolls_or_slips(mu: float) -> None:
     assert run[frame.velocity][-1] == pytest.approx(1.5 * along * down, abs=STATE)
     assert run[frame.position][-1] == pytest.approx(1.5**2 / 2 * along * down + [0, 0, r], abs=STATE)
     assert run[frame.angular_velocity][-1] == pytest.approx(1.5 * turning * np.array([-0.8, 0.6, 0]), abs=1e2 * STATE)
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.0, 3.0])
+def test_a_ball_that_rolls_over_a_sphere_begins_to_slip_before_it_leaves(mu: float) -> None:
+    """m v^2 / R = m g cos - N, and rolling needs F = 2/7 m g sin = mu N; v^2 = v0^2 + 10/7 g R (1 - cos)."""
+    r, radius, v = 0.1, 1.1, 0.4
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(0.7, r)
+    scene.table = Contact(Sphere(r), Sphere(1.0), Hard(friction=Coulomb(mu)))
+    scene.connect(scene.world.at((0, 0, -1.0)), scene.table.frame_a)
+    scene.connect(scene.table.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    start = {
+        frame.position: (0, 0, r),
+        frame.velocity: (v, 0, 0),
+        frame.rotation: np.eye(3),
+        frame.angular_velocity: (0, v / r, 0),
+    }
+    run = ac.build(scene).simulate(2.0, start, rtol=1e-12)
+    changes = [(transition.time, transition.changes[0].new) for transition in run.transitions]
+    assert [word for _, word in changes] == ["slides", "open"]
+    up = run.at([changes[0][0]])[frame.position][0] + [0, 0, 1.0]
+    cosine = up[2] / radius
+    sine = np.sqrt(1 - cosine**2)
+    push = G * cosine - (v**2 + 10 / 7 * G * radius * (1 - cosine)) / radius
+    assert 2 / 7 * G * sine == pytest.approx(mu * push, abs=1e-9)
+    assert run.energy_error() < 1e-9

@@ -300,6 +300,8 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
             if (asked[k] == MAY_HOLD && R.law[k] == STARTS) asked[k] = MAY_SLIDE, begun = 1;
         if (!begun) break; /* what slips has another limit */
     }
+    for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
+        if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
     set_masks(I, &D, R, planned);
     return REACHED_END;
 }
