@@ -359,10 +359,15 @@ class _Masked:
                 continue
             slides, frozen, least = mask.slides.sx, mask.frozen.sx, mask.threshold.sx
             along = ca.vertcat(*(entry.sx for entry in mask.along))
-            force_size, speed = ca.sqrt(ca.sumsqr(force)), ca.sqrt(ca.sumsqr(slip))
-            inside = holds * (limit - force_size) + frozen * ca.dot(along, slip) + slides * (speed - least)
+            # what is added changes no digit where it counts, and leaves a derivative where the root is zero
+            size = ca.sqrt(ca.sumsqr(force) + (_LITTLE * limit) ** 2 + (1 - holds))
+            speed, slow = (
+                ca.sqrt(ca.sumsqr(slip) + (1 - slides)),
+                ca.sqrt(ca.sumsqr(slip) + (_LITTLE * least) ** 2 + (1 - frozen)),
+            )
+            inside = holds * (limit - size) + frozen * ca.dot(along, slip) + slides * (speed - least)
             guards.append(inside - (1 - holds - frozen - slides) * limit)
-            guards.append(frozen * (2 * least - speed) + slides * limit + (1 - frozen - slides))
+            guards.append(frozen * (2 * least - slow) + slides * limit + (1 - frozen - slides))
         return ca.vertcat(*guards)
 
 
@@ -382,6 +387,7 @@ def _may_depend(W: np.ndarray) -> bool:
 
 
 _NEARLY = 1e-3
+_LITTLE = 1e-9
 _NEVER = 1e-12
 """Part of the largest compliance that is none."""
 
