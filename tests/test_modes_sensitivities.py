@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import Particle, Revolute, RigidBody, World
+from components import Contact, Coulomb, Hard, Particle, Plane, Revolute, RigidBody, Sphere, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
 
 EXACT = {"rtol": 1e-12}
@@ -299,10 +299,38 @@ def test_impacts_of_a_loop_with_friction_have_the_derivatives_that_differences_s
         assert mine == pytest.approx(shown, rel=1e-8, abs=1e-8)
 
 
-def test_impacts_without_end_are_refused() -> None:
-    scene = Ball(0.3)
-    with pytest.raises(ac.errors.SimulationError, match=r"floor .* comes to rest here by impacts without end"):
-        ac.build(scene).sensitivities([0.0, 2.0], [scene.restitution], {scene.mass.s: 1.0, scene.mass.v: 0.0})
+@pytest.mark.parametrize("restitution", [0.9, 0.5, 0.2])
+@pytest.mark.parametrize("size", [1.0, 1e-4])
+def test_impacts_without_end_pass_on_derivatives(restitution: float, size: float) -> None:
+    scene = ac.System()
+    scene.friction, scene.restitution = ac.Parameter(0.1), ac.Parameter(restitution)
+    scene.world, scene.particle, scene.touch = (
+        World(gravity=(0, 0, -9.81 * size)),
+        Particle(0.7),
+        Touch(scene.friction, scene.restitution),
+    )
+    scene.connect(scene.particle.point, scene.touch.point)
+    place, speed = scene.particle.point.position, scene.particle.point.velocity
+    start = {place: np.array([0.0, 0.0, size]), speed: np.array([20.0 * size, 0.0, 0.0])}
+    g, end = 9.81, np.sqrt(2 / 9.81) * (1 + restitution) / (1 - restitution) + 0.3
+    found = ac.build(scene).sensitivities([0.0, end], [scene.friction, scene.restitution, place, speed], start, **EXACT)
+
+    def motion(at: np.ndarray) -> np.ndarray:
+        mu, e, h, v = at
+        falls = np.sqrt(2 * g * h)
+        rest, loss = falls / g * (1 + e) / (1 - e), mu * (1 + e) * falls / (1 - e)
+        far = v * falls / g + 2 * falls / g * (v * e / (1 - e) - loss * (e / (1 - e) - e**2 / (1 - e**2)))
+        left = end - rest
+        return np.array([far + (v - loss) * left - mu * g * left**2 / 2, v - loss - mu * g * left])
+
+    at = np.array([0.1, restitution, 1.0, 20.0])
+    exact = by_complex_step(motion, at)
+    later = by_complex_step(
+        lambda at: np.sqrt(2 * at[2:3] / g) * (1 + at[1]) / (1 - at[1]), at
+    )  # what the end of the impacts moves by
+    mine = np.vstack([found[place][-1, 0], found[speed][-1, 0]])[:, [0, 1, 4, 5]] / np.array([size, size, 1, 1])
+    assert np.all(np.abs(mine - exact) < 1e-9 * (1 + np.abs(exact) + 20.0 * np.abs(later)))
+    assert found[place][-1, 2] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_impacts_of_bodies_that_fall_together_are_named() -> None:
@@ -323,3 +351,91 @@ def test_start_at_rest_on_the_floor_is_named_where_it_is_to_be_raised() -> None:
     scene = Ball(0.0)
     with pytest.warns(SingularWarning, match="closes in the same instant"):
         ac.build(scene).sensitivities([0.0, 1.0], [scene.mass.s], {scene.mass.s: 0.0, scene.mass.v: 0.0})
+
+
+def ball_on_floor(friction: float, restitution: float, gravity: float, static: float | None = None) -> ac.System:
+    scene = ac.System()
+    scene.friction, scene.restitution = ac.Parameter(friction), ac.Parameter(restitution)
+    scene.world, scene.ball = World((0, 0, -gravity) if gravity else None), RigidBody.ball(0.7, 0.1)
+    scene.floor = Contact(Sphere(0.1), Plane(), Hard(scene.restitution, Coulomb(scene.friction, static=static)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    return scene
+
+
+def by_complex_step(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+    return np.column_stack([function(at + 1e-30j * unit).imag / 1e-30 for unit in np.eye(at.size)])
+
+
+def test_instant_at_which_a_ball_begins_to_roll_moves_what_follows() -> None:
+    scene = ball_on_floor(0.2, 0.0, 9.81, static=0.3)
+    frame, velocity, spin = scene.ball.frame, np.array([1.2, 1.6, 0.0]), np.array([0.0, 3.0, 0.0])
+    start = {frame.position: (0, 0, 0.1), frame.velocity: velocity, frame.angular_velocity: spin, frame.rotation: np.eye(3)}
+    found = ac.build(scene).sensitivities([0.0, 2.0], [scene.friction, frame.velocity, frame.angular_velocity], start, **EXACT)
+
+    def motion(at: np.ndarray) -> np.ndarray:
+        mu, v, w = at[0], at[1:3], at[4:6]
+        slip = v - 0.1 * np.array([w[1], -w[0]])
+        speed = np.sqrt(slip @ slip)
+        rolls, slow = 2 * speed / (7 * mu * 9.81), mu * 9.81 * slip / speed
+        end = v - slow * rolls
+        return np.concatenate([v * rolls - slow * rolls**2 / 2 + end * (2.0 - rolls), end])
+
+    exact = by_complex_step(motion, np.array([0.2, *velocity[:2], 0.0, *spin]))
+    columns = [0, 1, 2, 4, 5]
+    mine = np.vstack([found[frame.position][-1, :2], found[frame.velocity][-1, :2]])
+    assert mine[:, columns] == pytest.approx(exact[:, columns], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.05, 2.0])
+def test_impact_of_a_ball_askew_is_differentiated_with_its_slip(friction: float) -> None:
+    """See the impact itself in test_hard_contacts.py."""
+    scene = ball_on_floor(friction, 0.8, 0.0)
+    frame, velocity, spin = scene.ball.frame, np.array([1.0, 2.0, -3.0]), np.array([5.0, 8.0, 7.0])
+    start = {frame.position: (0, 0, 0.4), frame.velocity: velocity, frame.angular_velocity: spin, frame.rotation: np.eye(3)}
+    wrt = [scene.friction, scene.restitution, frame.velocity, frame.angular_velocity]
+    found = ac.build(scene).sensitivities([0.0, 0.25], wrt, start, **EXACT)
+
+    def motion(at: np.ndarray) -> np.ndarray:
+        mu, e, v, w = at[0], at[1], at[2:5], at[5:8]
+        slip = np.array([v[0] - 0.1 * w[1], v[1] + 0.1 * w[0], 0])
+        speed, push, strikes = np.sqrt(slip @ slip), -(1 + e) * v[2], -0.3 / v[2]
+        after = v - slip * (mu * push / speed if friction < 1 else 2 / 7) + np.array([0, 0, push])
+        return np.concatenate([np.array([0, 0, 0.4]) + v * strikes + after * (0.25 - strikes), after])
+
+    exact = by_complex_step(motion, np.array([friction, 0.8, *velocity, *spin]))
+    mine = np.vstack([found[frame.position][-1], found[frame.velocity][-1]])
+    assert mine == pytest.approx(exact, rel=1e-9, abs=1e-9)
+
+
+def test_bounces_on_a_floor_that_shakes_have_the_derivatives_that_differences_show() -> None:
+    scene = ac.System()
+    scene.restitution, scene.far, scene.often = ac.Parameter(0.6), ac.Parameter(0.05, "m"), ac.Parameter(20.0, "1/s")
+    scene.mass, scene.pull = SlidingMass(2.0), ForceSource(-19.62)
+    scene.floor = Floor(scene.restitution, scene.far * ac.sin(scene.often * ac.time))
+    scene.connect(scene.mass.flange_a, scene.floor.flange)
+    scene.connect(scene.mass.flange_b, scene.pull.flange)
+    start, values = (
+        {scene.mass.s: 1.0, scene.mass.v: 0.0},
+        {scene.restitution: 0.6, scene.far: 0.05, scene.often: 20.0, scene.mass.s: 1.0},
+    )
+    model = ac.build(scene)
+    found = model.sensitivities([0.0, 1.1], list(values), start, **EXACT)
+    shown = differences(model, 1.1, start, [scene.mass.s, scene.mass.v], values, 1e-5)
+    assert found.S[-1] == pytest.approx(shown, rel=1e-8, abs=1e-8)
+
+
+def test_box_that_falls_on_one_of_its_feet_and_then_another() -> None:
+    scene = ac.System()
+    scene.friction, scene.restitution = ac.Parameter(0.3), ac.Parameter(0.4)
+    scene.world, scene.box = World(), RigidBody(mass=2.0, inertia=(0.1, 0.12, 0.08))
+    for k, (x, y) in enumerate(((0.4, 0.3), (0.4, -0.3), (-0.4, 0.3), (-0.4, -0.3))):
+        foot = Touch(scene.friction, scene.restitution)
+        setattr(scene, f"foot{k}", foot)
+        scene.connect(scene.box.at((x, y, -0.5)), foot.point)
+    frame, model = scene.box.frame, ac.build(scene)
+    start = {frame.position: (0, 0, 0.6), frame.velocity: (1.0, 0.3, 0), frame.angular_velocity: (0.5, 0.2, 1.0)}
+    values, wanted = {scene.friction: 0.3, scene.restitution: 0.4}, [frame.position, frame.velocity, frame.angular_velocity]
+    found = model.sensitivities([0.0, 0.2], list(values), start, **EXACT)
+    shown = differences(model, 0.2, start, wanted, values, 1e-5)
+    assert np.vstack([found[one][-1] for one in wanted]) == pytest.approx(shown, rel=1e-7, abs=1e-7)
