@@ -412,7 +412,7 @@ def test_bounces_on_a_floor_that_shakes_have_the_derivatives_that_differences_sh
     scene = ac.System()
     scene.restitution, scene.far, scene.often = ac.Parameter(0.6), ac.Parameter(0.05, "m"), ac.Parameter(20.0, "1/s")
     scene.mass, scene.pull = SlidingMass(2.0), ForceSource(-19.62)
-    scene.floor = Floor(scene.restitution, scene.far * ac.sin(scene.often * ac.time))
+    scene.floor = Floor(scene.restitution, scene.far * np.sin(scene.often * ac.time))
     scene.connect(scene.mass.flange_a, scene.floor.flange)
     scene.connect(scene.mass.flange_b, scene.pull.flange)
     start, values = (
