@@ -561,3 +561,19 @@ def test_a_ball_that_rolls_over_a_sphere_begins_to_slip_before_it_leaves(mu: flo
     push = G * cosine - (v**2 + 10 / 7 * G * radius * (1 - cosine)) / radius
     assert 2 / 7 * G * sine == pytest.approx(mu * push, abs=1e-9)
     assert run.energy_error() < 1e-9
+
+
+def test_a_box_on_four_feet_with_more_friction_at_rest_comes_to_rest() -> None:
+    scene = ac.System()
+    scene.world, scene.box = World(), RigidBody.box(mass=2.0, size=(0.4, 0.3, 0.2))
+    scene.feet = [PointOnPlane(unilateral=True, restitution=0.3, friction=Coulomb(0.3, static=0.4)) for _ in range(4)]
+    for foot, x, y in zip(scene.feet, (0.2, 0.2, -0.2, -0.2), (0.15, -0.15, 0.15, -0.15), strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x, y, -0.1)))
+    frame = scene.box.frame
+    start = {frame.position: (0, 0, 0.3), frame.velocity: (1, 0, 0), frame.angular_velocity: (0.5, 0.2, 1)}
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-10)
+    assert run.transitions[-1].changes[0].new == "sticks"
+    assert np.all(np.abs(run[frame.velocity][-1]) < 1e-12)
+    assert sum(run[foot.normal_force][-1] for foot in scene.feet) == pytest.approx(2 * G, rel=1e-10)
+    assert run.energy_error() < 1e-8

@@ -34,9 +34,9 @@ enum Law {
 typedef struct {
     const Decision *D;
     const double *start, *floor;
-    int constants;
+    int constants, kinetic;
     double damping;
-    long *law;
+    long *law, *asked;
     double *along, *push, *rate, *work;
 } Problem;
 
@@ -49,13 +49,18 @@ static long row_of(const Decision *D, long friction) {
 static long rows_of(const Decision *D, long friction) { return friction < D->lines ? 1 : 2; }
 static double floor_of(const Problem *p, long i) { return p->floor ? p->floor[i] : 0; }
 
-/* Which limit of a friction counts, without reactions (if `by` is null), or by them. */
+/* Whether the limit of sliding counts for a friction, by what was asked of it. */
+static int is_kinetic(const Problem *p, long f) {
+    long asked = p->asked[p->D->gaps + f];
+    return p->kinetic || asked == AGAINST || asked == MAY_SLIDE;
+}
+
+/* The limit of a friction, and what it grows by with each reaction. */
+static const double *limit_by(const Problem *p, long f) { return (is_kinetic(p, f) ? p->D->slide_by : p->D->hold_by) + f * p->D->n; }
 static double limit_of(const Problem *p, long f) {
-    const Decision *D = p->D;
-    int sliding = p->law[D->gaps + f] == AGAINST || p->law[D->gaps + f] == MAY_SLIDE || p->law[D->gaps + f] == STARTS;
-    const double *by = (sliding ? D->slide_by : D->hold_by) + f * D->n;
-    double limit = p->constants ? (sliding ? D->slide : D->hold)[f] : 0;
-    for (long k = 0; k < D->gaps; k++) limit += by[k] * p->push[k];
+    const double *by = limit_by(p, f);
+    double limit = p->constants ? (is_kinetic(p, f) ? p->D->slide : p->D->hold)[f] : 0;
+    for (long k = 0; k < p->D->gaps; k++) limit += by[k] * p->push[k];
     return fmax(limit, 0);
 }
 
@@ -190,7 +195,7 @@ static int solve_choice(const Problem *p) {
         }
         for (long f = 0; f < D->frictions; f++) {
             long first = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
-            const double *by = (law == HOLDS || law == OFF ? D->hold_by : D->slide_by) + f * n;
+            const double *by = limit_by(p, f);
             double limit = limit_of(p, f), *e = p->along + 2 * f, speed = 0;
             if (law == STARTS) {
                 if (size == 1) e[0] = e[0] < 0 ? -1 : 1, e[1] = 0;
@@ -351,7 +356,7 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
             long f = j - gaps;
             double part = place[j] >= 0 ? -1 : p->law[j] == AGAINST ? -p->along[2 * f] : 0;
             if (part == 0) continue;
-            const double *by = (p->law[j] == MAY_HOLD ? D->hold_by : D->slide_by) + f * n;
+            const double *by = limit_by(p, f);
             q += w * part * limit_of(p, f);
             for (long k = 0; k < gaps; k++)
                 if (place[k] >= 0) line[place[k]] += w * part * by[k] * unit[k];
@@ -364,7 +369,7 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
         first[2 * size + 1] = q;
         if (i < gaps) continue;
         double *second = table + (place[i] + held) * width;
-        const double *by = (p->law[i] == MAY_HOLD ? D->hold_by : D->slide_by) + (i - gaps) * n;
+        const double *by = limit_by(p, i - gaps);
         for (long k = 0; k < gaps; k++)
             if (place[k] >= 0) second[size + place[k]] -= 2 * by[k] * unit[k] / unit[i];
         second[place[i] + held] = 1;
@@ -394,9 +399,10 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
     return 1;
 }
 
-/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `asked` (laws) and `place` (n): room. */
-static int complementary(const Problem *p, long *asked, long *place, double *table, long *basis) {
+/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. */
+static int complementary(const Problem *p, long *place, double *table, long *basis) {
     const Decision *D = p->D;
+    long *asked = p->asked;
     long laws = D->gaps + D->frictions;
     memcpy(asked, p->law, sizeof(long) * (size_t)laws);
     for (long i = 0; i < D->n; i++) p->push[i] = i < D->gaps && p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;

@@ -177,7 +177,7 @@ static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[
 static int impact(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n;
-    Problem p = {.D = D, .start = D->rate, .damping = I->redundant ? DAMPED : 0, .law = R.law, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    Problem p = {.D = D, .start = D->rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
     for (int phase = 0; phase < 2; phase++) {
         for (long k = 0; k < D->gaps + D->frictions; k++) R.law[k] = R.touching[k] ? MAY_HOLD : OFF;
         if (phase) {
@@ -185,7 +185,7 @@ static int impact(Integrator *I, const Decision *D, Room R) {
             for (long i = 0; i < D->gaps; i++) R.floor[i] = D->bounce[i] * fmax(R.compressed[i], 0);
             p.start = R.before, p.floor = R.floor;
         }
-        if (!complementary(&p, R.asked, R.place, T->lemke, T->basis)) return 0;
+        if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
         if (I->directions) change_phase(I, &p, phase, R.compressed);
         if (phase == 0) memcpy(R.compressed, R.push, sizeof(double) * (size_t)n);
     }
@@ -286,10 +286,10 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     if (!decision_at(I, I->t + (moved ? later : 0), moved ? x : I->x, &D)) return INPUT_FAILED;
     for (long f = 0; f < D.frictions; f++)
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
-    Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
     for (long again = 0; again <= D.frictions; again++) {
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
-        if (!complementary(&p, R.asked, R.place, T->lemke, T->basis)) {
+        if (!complementary(&p, R.place, T->lemke, T->basis)) {
             I->worst = 0;
             for (long k = 0; k < laws; k++)
                 if (asked[k] != OFF) I->worst = k;
