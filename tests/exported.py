@@ -20,7 +20,7 @@ WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconvers
 FLAGS = ("-O1", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fPIC")
 """Compiled in a hurry: optimisation does not change bits."""
 SUCCESS, AT_EVENT, STOPPED, STEP_UNDERFLOW, NON_FINITE, NOT_CONVERGED, MAX_STEPS, FAILED_INPUT = range(8)
-OUT_OF_MEMORY, BAD_ARGUMENT, OPEN_START, OTHER_MODEL, SLIDES = range(8, 13)
+OUT_OF_MEMORY, BAD_ARGUMENT, OPEN_START, OTHER_MODEL, SLIDES, OVERLAPS, NO_MODE, CHATTERS = range(8, 16)
 STATE, INPUT, PARAMETER, CONDITION, OUTPUT, EVENT = range(6)
 GAUSS, RADAU, AUTO = range(3)
 
@@ -91,6 +91,12 @@ class Crossing(ctypes.Structure):
     _fields_ = [("event", ctypes.c_long), ("direction", ctypes.c_int), ("time", ctypes.c_double)]
 
 
+class Change(ctypes.Structure):
+    """`simulator_transition`."""
+
+    _fields_ = [("count", ctypes.c_long), ("part", ctypes.c_char_p), ("time", ctypes.c_double)]
+
+
 class Report(ctypes.Structure):
     """`simulator_report`."""
 
@@ -121,6 +127,7 @@ class Library:
             ("get", real, pointer, status, number), ("get_all", status, pointer, status, pointer), ("start", status, pointer, real),
             ("start_at", status, pointer, real, pointer), ("set_end", status, pointer, real), ("advance", status, pointer, real),
             ("step", status, pointer, real), ("renew", status, pointer), ("time", real, pointer), ("event", Crossing, pointer),
+            ("change", Change, pointer),
             ("message", ctypes.c_char_p, pointer), ("summary", Report, pointer), ("index", number, status, ctypes.c_char_p),
             ("name", ctypes.c_char_p, status, number), ("unit", ctypes.c_char_p, status, number), ("count", number, status),
             ("exported", real, status, number), ("mistake", ctypes.c_char_p, pointer), ("title", ctypes.c_char_p),

@@ -81,16 +81,15 @@ def model_c(
         for w in (*wanted, Wanted("outputs", shown_function, (3,)))
     }
     pattern, switching = integrand.pattern, integrand.switching
-    held = [0.0] * integrand.held
     longs: dict[str, _Values] = {
         "copy_to": integrand.copies[0], "copy_from": integrand.copies[1], "formula_input": [i for i, _ in inputs.formulas],
         "guard_direction": [e.sign for e in events], "guard_stops": [int(e.stop) for e in events],
         "start": pattern.start, "row": pattern.row, "colour": pattern.colour, "order": pattern.order,
     }  # fmt: skip
     doubles: dict[str, _Values] = {}
-    if switching is not None:
-        longs["row_switch"] = switching.switch
-        doubles |= {"row_factor": switching.factor, "row_plus": switching.plus}
+    if integrand.held:
+        longs["row_switch"] = integrand.row_switch
+        doubles |= dict(zip(("row_factor", "row_plus"), integrand.row_steps, strict=True))
     if integrand.usual is not None:
         doubles["usual"] = integrand.usual
     tables = [_table(k, i, course) for k, (i, course) in enumerate(inputs.tables)]
@@ -101,6 +100,7 @@ def model_c(
         f"static const Table table_list[] = {array([entry for _, entry in tables] or ['{0}'])};",
         f"static const Clock clock_list[] = {array([f'{{{hex_of(v)}, {hex_of(s)}, {c}}}' for v, s, c in inputs.clocks] or ['{0}'])};",
         f"static const char *const switch_words[] = {array([*map(string, switching.words if switching else ()), '0'])};",
+        f"static const char *const law_words[] = {array([*map(string, integrand.modes.words if integrand.modes else ()), '0'])};",
         f"static const char given[] = {array([*(str(int(callable(c))) for c in inputs.courses), '0'])};",
         f"static const char depends[] = {array([str(int(d)) for d in start.depends] or ['0'])};",
     ]
@@ -117,10 +117,10 @@ def model_c(
         f".pattern = {{{', '.join(in_pattern)}, {pattern.colours}, {pattern.fill}, {hex_of(pattern.work)}, {pattern.most}}}",
     ]
     fields = [
-        f".title = {string(title)}, .width = LANES, .constants = {start.assembly.numel_out(1)}, .held = {len(held)}",
+        f".title = {string(title)}, .width = LANES, .constants = {start.assembly.numel_out(1)}",
         f".outputs = {_kernel(sources['outputs'])}",
         f".quantities = {array([_quantities(kind) for kind in kinds.values()])}",
-        f".depends = depends, .given = given, .switches = switch_words, .assembly = {_plain(start.assembly)}",
+        f".depends = depends, .given = given, .switches = switch_words, .laws = law_words, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
         *([] if start.holds is None else [f".holds = {_plain(start.holds)}"]),
         f".motion = {{\n        {(',' + chr(10) + ' ' * 8).join(motion)}}}",

@@ -24,7 +24,6 @@ from acausal.outputs.clocks import clocks
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
-from acausal.reduce.modes import refuse_modes
 from acausal.simulate.events import when
 from acausal.start.initial import InitialState
 
@@ -76,7 +75,6 @@ def export_simulator(
     of time. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
-    refuse_modes(model.outputs.system.mechanics.modes, "export_simulator")
     target, named_by = Path(folder), model.outputs.system.flat.symbols
     outputs = {key: named_by(value) for key, value in (outputs or {}).items()}
     events = [replace(event, expression=named_by(event.expression)) for event in events]
@@ -172,6 +170,7 @@ def _kinds(
                 f"export_simulator: {event.expression!r} in `events` is not a scalar; give one event for each entry."
             )
     flat = model.outputs.system.flat
+    own = len(flat.inputs) - model.integrand.masks
     watched = flat.symbols([event.expression for event in events])
     constants = model.space.elimination.constants.numel()
     entries = {key: model.outputs.resolve(value).numel() for key, value in outputs.items()}
@@ -180,9 +179,9 @@ def _kinds(
         Kind("state", model.state_names, state_units(model), tuple(initial.x.tolist())),
         Kind(
             "input",
-            model.input_names,
-            tuple(i.unit for i in flat.inputs),
-            tuple(inputs(np.zeros(1))[:, 0].tolist()),
+            model.input_names[:own],
+            tuple(i.unit for i in flat.inputs[:own]),
+            tuple(inputs(np.zeros(1))[:own, 0].tolist()),
         ),
         Kind(
             "parameter", model.parameter_names, (*(p.unit for p in flat.parameters), *[""] * constants), tuple(initial.p.tolist())

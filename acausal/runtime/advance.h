@@ -137,21 +137,46 @@ static int arrives(Integrator *I, double stop) {
     return 1;
 }
 
+static enum Code begin_motion(Integrator *I) {
+    struct State *T = I->state;
+    T->start = I->t;
+    T->knot = next_knot(I, I->t - aside(I, I->t));
+    if (!keep(I, 0)) return OUT_OF_MEMORY;
+    if (I->held && !begin_sides(I)) return INPUT_FAILED;
+    enum Code code = I->masks ? begin_modes(I) : REACHED_END;
+    T->begun = code == REACHED_END;
+    return code;
+}
+
+/* Modes where the last step has ended. */
+static enum Code decide_here(Integrator *I) {
+    struct State *T = I->state;
+    if (T->crossed) T->pending = -1;
+    if (T->crossed) return decide_modes(I, -1, I->h);
+    return I->masks && T->pending >= 0 ? decide_modes(I, T->pending, T->pending_planned) : REACHED_END;
+}
+
+/* Where only the last step is kept, what happens at its end is decided when it has been read: by `settle_modes`, or with the next step. */
+int settle_modes(Integrator *I) { return (int)(I->state->begun ? decide_here(I) : begin_motion(I)); }
+
+/* Whether modes are still to be decided before the motion is read at time t. */
+int unsettled(const Integrator *I, double t) {
+    const struct State *T = I->state;
+    if (!I->masks || !T->begun) return I->masks > 0;
+    return (T->crossed || T->pending >= 0) && t >= I->times[I->steps - I->first];
+}
+
+Transition last_transition(const Integrator *I) { return I->state->last; }
+
 static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
-    double deadline = I->slice > 0 ? now() + I->slice : 0;
-    if (!T->begun) {
-        T->start = I->t;
-        T->knot = next_knot(I, I->t - aside(I, I->t));
-        if (!keep(I, 0)) return OUT_OF_MEMORY;
-        if (I->held && !begin_sides(I)) return INPUT_FAILED;
-        if (I->masks) {
-            enum Code code = begin_modes(I);
-            if (code != REACHED_END) return code;
-        }
-        if (I->end > I->t && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
-        T->begun = 1;
+    double deadline = I->slice > 0 ? now() + I->slice : 0, t = I->t;
+    if (I->block || !T->begun) {
+        enum Code code = (enum Code)settle_modes(I);
+        if (code != REACHED_END) return code;
+        if (I->block && I->t > t) return PAUSED; /* what has been bridged is read before the next step */
     }
+    if (I->t < I->end && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
     while (I->t < I->end && I->nx) {
         if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
@@ -170,8 +195,7 @@ static enum Code run_steps(Integrator *I) {
         if (code == REACHED_END && stop < end && I->t >= stop) {
             if (!cross_knot(I)) return INPUT_FAILED;
         }
-        if (code == REACHED_END && T->crossed) T->pending = -1, code = decide_modes(I, -1, I->h);
-        if (code == REACHED_END && I->masks && T->pending >= 0) code = decide_modes(I, T->pending, T->pending_planned);
+        if (code == REACHED_END && !I->block) code = decide_here(I);
         if (code != REACHED_END) return code;
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }

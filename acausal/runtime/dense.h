@@ -144,17 +144,23 @@ int dense(Integrator *I, long n, const double *t, double *x) {
     return REACHED_END;
 }
 
+/* Masks at a time that the last step reaches to: those it was made with, and at its end those that have been decided there. */
+const double *masks_at(const Integrator *I, double t) {
+    long last = I->steps - I->first;
+    return last > 0 && t < I->times[last] ? I->step_sides + (last - 1) * I->held : I->state->side;
+}
+
 /* The state (nx) at a time that the steps which are kept reach to, back on the invariants. Steps to come do not see it. */
 int state_at(Integrator *I, double t, double *x) {
     struct State *T = I->state;
     V *in = T->projection_in, *out = T->projection_out;
     int good = 1;
-    if (I->steps == I->first) memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
+    if (!T->begun) memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
     else if (dense(I, 1, &t, x) != REACHED_END) return INPUT_FAILED;
     if (!I->ng) return REACHED_END;
     in[0] = v_all(t);
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-    give_masks(I);
+    if (I->masks) give_masks(I, masks_at(I, t));
     for (int pass = 0; pass < PASSES; pass++) {
         if (has_exact(I) && !I->masks) run_exact(I, 1, in, out);
         else run_kernel(&I->projection, in, T->projection_c, out, T->work);

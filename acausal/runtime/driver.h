@@ -542,8 +542,10 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
     if (*part < 0) return INPUT_FAILED;
     if (*part > 0) return REACHED_END;
     enum Code code = go_over(I, L);
+    double t = I->t;
     L->row = -1;
-    return code == REACHED_END && I->state->pending >= 0 ? decide_modes(I, I->state->pending, I->state->pending_planned) : code;
+    if (code == REACHED_END && I->state->pending >= 0) code = decide_modes(I, I->state->pending, I->state->pending_planned);
+    return code == REACHED_END && I->block && I->t > t ? PAUSED : code; /* what has been bridged is read before the next step */
 }
 
 static enum Code one_adaptive(Integrator *I) {

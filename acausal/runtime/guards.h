@@ -211,6 +211,7 @@ static void rescale_step(Integrator *I, double theta) {
     long k = I->steps - 1 - I->first, s = I->stage_count[k];
     double P[64], K[64], values[64 * 64], *a = I->coefficients + I->offset[k];
     const Method *m = I->method_list;
+    if (s == 1) return; /* a constant */
     while (m->stages != s) m++; /* the next step may have another one */
     for (long j = 0; j < s; j++) legendre_values(theta * m->c[j], s, values + j * s);
     for (long i = 0; i < I->nx; i++) {

@@ -135,6 +135,9 @@ static int note_transition(Integrator *I, long row) {
             return 0;
     }
     I->transitions++;
+    T->last.count++;
+    T->last.time = I->t;
+    if (row != BRIDGE) T->last.row = row;
     if (I->block) return 1;
     I->transition_steps[k] = I->steps - I->first;
     I->transition_rows[k] = row;
@@ -164,6 +167,7 @@ static int keep_straight(Integrator *I, const double *rates) {
     I->kinds[k - 1] = RADAU;
     I->offset[k - 1] = at;
     T->coefficient_count = at + 2 * n;
+    T->last.jumps += !rates;
     return 1;
 }
 
@@ -400,7 +404,8 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
     if (I->directions && !leave_directions(I)) return INPUT_FAILED;
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
-    if (impacts && !keep_straight(I, 0)) return OUT_OF_MEMORY;
+    if (row == BRIDGE) end_bridge(I);
+    else if (impacts && !keep_straight(I, 0)) return OUT_OF_MEMORY;
     for (long r = 0; r < I->row_count; r++) T->far[r] = 0;
     forget_rates(I);
     I->h = planned;
@@ -409,8 +414,18 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     return REACHED_END;
 }
 
+/* A part of the time in which states change by their sizes [s], where it is not known how long the motion is. */
+static double part_of_motion(Integrator *I) {
+    struct State *T = I->state;
+    double time = INFINITY;
+    if (!rate_at(I, I->t, I->x, T->rate)) return 0;
+    for (long i = 0; i < I->nx; i++)
+        if (T->size[i] > 0 && isfinite(T->rate[i])) time = fmin(time, T->size[i] / fabs(T->rate[i]));
+    return time < INFINITY ? 1e-3 * time : 1e-3;
+}
+
 static enum Code begin_modes(Integrator *I) {
-    double planned = I->step > 0 ? I->step : 1e-3 * (I->end - I->t), h = I->h;
+    double planned = I->step > 0 ? I->step : I->end > I->t ? 1e-3 * (I->end - I->t) : part_of_motion(I), h = I->h;
     enum Code code = decide_modes(I, -1, planned);
     I->h = h;
     I->state->changed_at = -INFINITY;

@@ -1,8 +1,8 @@
 /* Back onto the invariants after a step: Hairer and Wanner, Solving ODEs II, section VII.2. */
 
 /* Masks where the kernel of the projection has them. */
-static void give_masks(Integrator *I) {
-    for (long k = 0; k < I->masks; k++) I->state->projection_in[1 + I->nx + k] = v_all(I->state->side[k]);
+static void give_masks(Integrator *I, const double *masks) {
+    for (long k = 0; k < I->masks; k++) I->state->projection_in[1 + I->nx + k] = v_all(masks[k]);
 }
 
 /* Corrects x until the corrections, in units of the largest states so far, stop shrinking; ten times at most. Returns whether x was
@@ -14,7 +14,7 @@ static int project(Integrator *I, double t, double *x) {
     V *in = T->projection_in, *out = T->projection_out;
     double last = INFINITY;
     int changed = 0;
-    give_masks(I);
+    give_masks(I, T->side);
     for (int k = 0; k < 10; k++) {
         in[0] = v_all(t);
         for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);

@@ -157,6 +157,12 @@ typedef struct Integrator {
     long grazed, coincides;
 } Integrator;
 
+/* Of changes of mode: how many, when the last one was, of which row of masks (-1: the start, or a jump of inputs); steps of no length so far. */
+typedef struct {
+    long count, row, jumps;
+    double time;
+} Transition;
+
 EXPORT int begin(Integrator *I);
 EXPORT size_t needed(const Integrator *I);
 EXPORT void moved_integration(Integrator *I, const char *block);
@@ -166,6 +172,10 @@ EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void finish(Integrator *I);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int state_at(Integrator *I, double t, double *x);
+EXPORT int settle_modes(Integrator *I);
+EXPORT int unsettled(const Integrator *I, double t);
+EXPORT const double *masks_at(const Integrator *I, double t);
+EXPORT Transition last_transition(const Integrator *I);
 EXPORT double table_value(const Table *T, double t);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS

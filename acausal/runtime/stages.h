@@ -222,6 +222,7 @@ struct State {
     int thinned;             /* whether only steps that are read are kept */
     long stride;             /* of the ends of other steps one in so many is kept; 0: all */
     long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
+    Transition last; /* of mode */
     double changed_at, pending_planned, first_impact, rest_t, rest_error;
     int crossed; /* whether a knot has been crossed since modes were decided */
     long impacts, period; /* one after the other, without another change of mode; how many take turns */

@@ -203,7 +203,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     if (jump <= 1) T->last_h = last; /* they only bend */
     I->switched++;
     if (++T->overs[k] > ENDLESS && jump > 1) {
-        I->worst = k;
+        I->worst = k - I->masks;
         return SLIDES;
     }
     return REACHED_END;

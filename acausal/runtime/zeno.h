@@ -3,7 +3,7 @@
    nearly all of the time is over; the rest is bridged. */
 
 #define REMEMBERED 32 /* impacts */
-#define SAMPLES 7     /* of a sequence that is extrapolated, at most */
+#define SEQUENCE 7     /* of a sequence that is extrapolated, at most */
 #define FEWEST 4
 #define PERIODS 4     /* impacts of different rows take turns: so many at most */
 #define AGREES 1e-9   /* in units of the sizes of states: how well extrapolations must agree */
@@ -25,7 +25,7 @@ static int make_zeno(Integrator *I) {
 
 /* The limit of a sequence of so many values, and by how much the last two guesses differ. */
 static double limit_of_sequence(const double *s, int count, double *error) {
-    double old[SAMPLES + 1] = {0}, now[SAMPLES], next[SAMPLES], best = s[count - 1];
+    double old[SEQUENCE + 1] = {0}, now[SEQUENCE], next[SEQUENCE], best = s[count - 1];
     memcpy(now, s, sizeof(double) * (size_t)count);
     *error = fabs(s[count - 1] - s[count - 2]);
     if (*error == 0) return best;
@@ -109,10 +109,10 @@ static void foresee_rest(Integrator *I, long row) {
     memcpy(T->impact_x + at % REMEMBERED * n, I->x, sizeof(double) * (size_t)n);
     for (long period = 1; period <= PERIODS; period++) {
         long repeated = 0;
-        while (repeated + period <= at && repeated < (SAMPLES - 1) * period && T->impact_row[(at - repeated) % REMEMBERED] == T->impact_row[(at - repeated - period) % REMEMBERED]) repeated++;
+        while (repeated + period <= at && repeated < (SEQUENCE - 1) * period && T->impact_row[(at - repeated) % REMEMBERED] == T->impact_row[(at - repeated - period) % REMEMBERED]) repeated++;
         int count = (int)(repeated / period) + 1;
         if (count < FEWEST) continue;
-        double s[SAMPLES], error, worst = 0;
+        double s[SEQUENCE], error, worst = 0;
         for (int k = 0; k < count; k++) s[k] = T->impact_t[(at - (count - 1 - k) * period) % REMEMBERED] - T->first_impact;
         if (!(s[count - 1] - s[count - 2] < 0.999 * (s[count - 2] - s[count - 3]))) return;
         double rest = limit_of_sequence(s, count, &error), *x = T->later_x;
@@ -149,4 +149,12 @@ static int bridge_impacts(Integrator *I) {
     memcpy(I->x, T->rest_x, sizeof(double) * (size_t)I->nx);
     I->t = T->rest_t;
     return keep_straight(I, T->later_x);
+}
+
+/* It leads to the state that there is now, which has been put where everything that holds is closed. */
+static void end_bridge(Integrator *I) {
+    long k = I->steps - I->first, n = I->nx;
+    double h = I->times[k] - I->times[k - 1], *rates = I->coefficients + I->offset[k - 1];
+    for (long i = 0; i < n; i++) rates[i] = (I->x[i] - I->states[(k - 1) * n + i]) / h;
+    memcpy(I->states + k * n, I->x, sizeof(double) * (size_t)n);
 }

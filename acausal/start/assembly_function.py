@@ -241,6 +241,8 @@ class _Way:
     def step(self, q: ca.MX, data: ca.MX) -> tuple[ca.MX, ca.MX]:
         """q at the data, begun at another, and whether it is right."""
         moved, right = self.positions.step(q, data)
+        if not self.turns.numel():  # scalar states only
+            return moved, right
         return moved, ca.logic_and(right, ca.mmax(ca.fabs(self.turns * (moved - q))) < _JUMP)
 
     def travelled(self, q0: ca.MX, here: ca.MX, asked: ca.MX, steps: int) -> ca.MX:

@@ -21,13 +21,13 @@ typedef struct {
     Integrator motion;              /* what all motions of the model have in common */
     Kernel outputs;                 /* t, x, u, p -> outputs */
     long width;                     /* LANES of model.c */
-    long held;                      /* inputs of the kernels that are sides of switches */
     Quantities quantities[SIMULATOR_EVENT + 1];
     const char *given;              /* which inputs are tables or formulas */
     const char *const *switches;    /* what switches, in words */
+    const char *const *laws;        /* parts that open, stick or slide: one-sided laws, then friction */
     long constants;                 /* parameters that follow from the start; they come last */
     PlainFunction assembly;         /* data (conditions, t, u, p without constants) -> x, constants; NaN where there is no such start */
-    PlainFunction gaps;             /* t, x, u, p -> gaps of positions, of velocities; size of velocities. run is 0 without constraints */
+    PlainFunction gaps;             /* t, x, u (masks among them), p -> gaps of positions, of velocities; size of velocities. run is 0 without constraints */
     PlainFunction holds;            /* t, x, u, p -> not negative where what the model decided holds. run is 0 where nothing can change it */
     const char *depends;            /* on which of the data the start depends */
 } Model;

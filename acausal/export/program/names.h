@@ -18,6 +18,10 @@
 #define finish simulator_hidden_finish
 #define dense simulator_hidden_dense
 #define state_at simulator_hidden_state_at
+#define settle_modes simulator_hidden_settle_modes
+#define unsettled simulator_hidden_unsettled
+#define masks_at simulator_hidden_masks_at
+#define last_transition simulator_hidden_last_transition
 #define table_value simulator_hidden_table_value
 #define lanes simulator_hidden_lanes
 #define model simulator_hidden_model

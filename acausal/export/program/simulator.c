@@ -25,8 +25,9 @@ struct simulator_instance {
     double present, end;
     long told;    /* events of the last step that have been told */
     simulator_crossing crossing;
+    simulator_transition change; /* of the pieces before the present one */
     simulator_report report; /* the last status; the rest: of the pieces before the present one */
-    double *values[KINDS]; /* the present ones of each kind */
+    double *values[KINDS]; /* the present ones of each kind; masks behind inputs */
     double *x, *met, *data; /* where the piece began, then the end of the last step; sizes that states have had; for the assembly */
     V *in, *out, *c, *w;    /* of outputs, and of inputs that are formulas */
     const double **arguments;
@@ -140,11 +141,14 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
         integers = larger(integers, plain[k]->iw);
         work = larger(work, plain[k]->w);
     }
-    long data = count_of(SIMULATOR_CONDITION) + 1 + count_of(SIMULATOR_INPUT) + I->np;
+    long data = count_of(SIMULATOR_CONDITION) + 1 + count_of(SIMULATOR_INPUT) + I->masks + I->np;
     const Kernel *o = &model.outputs, *f = &model.motion.formula;
     if (!s) s = &counted;
     take(block, &used, sizeof *s);
-    for (int kind = 0; kind < KINDS; kind++) s->values[kind] = take(block, &used, sizeof(double) * (size_t)count_of((simulator_kind)kind));
+    for (int kind = 0; kind < KINDS; kind++) {
+        long count = count_of((simulator_kind)kind) + (kind == SIMULATOR_INPUT ? I->masks : 0);
+        s->values[kind] = take(block, &used, sizeof(double) * (size_t)count);
+    }
     s->x = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->met = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->data = take(block, &used, sizeof(double) * (size_t)data);
@@ -189,6 +193,7 @@ void simulator_reset(simulator_instance *s) {
     s->present = 0;
     s->end = INFINITY;
     s->crossing = (simulator_crossing){-1, 0, NAN};
+    s->change = (simulator_transition){0, 0, NAN};
     memset(&s->report, 0, sizeof s->report);
 }
 
@@ -247,6 +252,9 @@ static const char *in_words(simulator_status status) {
     case SIMULATOR_OUT_OF_MEMORY: return "Not enough memory.";
     case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
     case SIMULATOR_SLIDES: return "The motion slides along a switch of the rates: from both sides it is led back there, so that no side lasts.";
+    case SIMULATOR_OVERLAPS: return "The gap of a one-sided contact is negative.";
+    case SIMULATOR_NO_MODE: return "Nothing obeys the laws of all contacts.";
+    case SIMULATOR_CHATTERS: return "A contact changes its mode again and again.";
     case SIMULATOR_OTHER_MODEL: return "With these values other equations are needed: export a model that is built with them.";
     default: return "The call makes no sense.";
     }
@@ -277,6 +285,15 @@ static int gave_up(simulator_instance *s, enum Code code) {
         snprintf(message, sizeof message, "The motion slides along a switch of the rates, %.80s: from both sides it is led back there, so that no side lasts.",
                  model.switches[I->worst]);
         return failed(s, SIMULATOR_SLIDES, message);
+    case OVERLAPS:
+        snprintf(message, sizeof message, "The gap of %.120s is negative at the start, or after a jump of an input.", model.laws[I->worst]);
+        return failed(s, SIMULATOR_OVERLAPS, message);
+    case NO_MODE:
+        snprintf(message, sizeof message, "Whether %.120s and what touches with it hold, slide or open: nothing obeys the laws of all of them.", model.laws[I->worst]);
+        return failed(s, SIMULATOR_NO_MODE, message);
+    case CHATTERS:
+        snprintf(message, sizeof message, "%.120s changes its mode again and again in one instant: no mode lasts.", model.laws[I->worst]);
+        return failed(s, SIMULATOR_CHATTERS, message);
     default: break;
     }
     if (I->worst >= 0 && I->worst < I->nx) s->report.failed_state = model.quantities[SIMULATOR_STATE].names[I->worst];
@@ -289,13 +306,26 @@ double simulator_time(const simulator_instance *s) { return s->present; }
 
 simulator_crossing simulator_event(const simulator_instance *s) { return s->crossing; }
 
+simulator_transition simulator_change(const simulator_instance *s) {
+    const Integrator *I = &s->I;
+    simulator_transition change = s->change;
+    if (!I->state || s->stage == NEW) return change;
+    Transition last = last_transition(I);
+    if (!last.count) return change;
+    long friction = last.row - I->one_sided; /* two rows each */
+    change.part = last.row < 0 ? 0 : model.laws[friction < 0 ? last.row : I->one_sided + friction / 2];
+    change.time = last.time;
+    change.count += last.count;
+    return change;
+}
+
 /* What the present piece of the motion has cost so far, and all before. */
 simulator_report simulator_summary(const simulator_instance *s) {
     const Integrator *I = &s->I;
     simulator_report r = s->report;
     r.time = s->present;
     r.reached = s->stage == NEW ? s->present : I->t;
-    r.steps += I->steps;
+    r.steps += I->steps - (I->state ? last_transition(I).jumps : 0);
     r.rejected += I->rejected;
     r.newton_steps += I->newton_steps;
     r.radau_steps += I->radau_steps;
@@ -345,7 +375,9 @@ static void run_at(simulator_instance *s, const Kernel *k, const double *const *
 /* Inputs at the present time. Returns 0 when they could not be computed. */
 static int present_inputs(simulator_instance *s) {
     const Integrator *I = &s->I;
-    double *u = s->values[SIMULATOR_INPUT];
+    double *u = s->values[SIMULATOR_INPUT], *masks = u + count_of(SIMULATOR_INPUT);
+    const double *known = I->masks && s->stage != NEW ? masks_at(I, s->present) : 0;
+    for (long k = 0; k < I->masks; k++) masks[k] = known ? known[k] : 0;
     if (I->input) return I->input(I->user, s->present, u);
     for (long k = 0; k < I->tables; k++) u[I->table_list[k].input] = table_value(&I->table_list[k], s->present);
     if (I->formulas) run_at(s, &I->formula, (const double *const[]){&s->present}, (const long[]){1}, 1);
@@ -355,16 +387,32 @@ static int present_inputs(simulator_instance *s) {
 
 static int find_outputs(simulator_instance *s) {
     const double *const arguments[] = {&s->present, s->values[SIMULATOR_STATE], s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]};
-    const long counts[] = {1, s->I.nx, count_of(SIMULATOR_INPUT), s->I.np};
+    const long counts[] = {1, s->I.nx, count_of(SIMULATOR_INPUT) + s->I.masks, s->I.np};
     run_at(s, &model.outputs, arguments, counts, 4);
     for (long i = 0; i < model.outputs.outputs; i++) s->values[SIMULATOR_OUTPUT][i] = s->out[i][0];
     return SIMULATOR_SUCCESS;
+}
+
+/* What the integrator could not do ended the motion where it stands. */
+static int ended(simulator_instance *s, enum Code code) {
+    const Integrator *I = &s->I;
+    s->present = I->t;
+    memcpy(s->values[SIMULATOR_STATE], I->x, sizeof(double) * (size_t)I->nx);
+    return gave_up(s, code);
+}
+
+/* What holds, sticks or opens where the last step has ended is decided. */
+static int settle_here(simulator_instance *s) {
+    if (isfinite(s->end)) s->I.end = s->end;
+    enum Code code = (enum Code)settle_modes(&s->I);
+    return code == REACHED_END ? SIMULATOR_SUCCESS : ended(s, code);
 }
 
 /* Brings the numbers of a kind up to the present time. */
 static int find(simulator_instance *s, simulator_kind kind) {
     if (kind != SIMULATOR_INPUT && kind != SIMULATOR_OUTPUT) return SIMULATOR_SUCCESS;
     if (s->stage == NEW && kind == SIMULATOR_OUTPUT) return said(s, SIMULATOR_BAD_ARGUMENT, "Outputs need a start.");
+    if (kind == SIMULATOR_OUTPUT && s->stage == STARTED && unsettled(&s->I, -INFINITY) && settle_here(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
     if (s->stage != NEW && !present_inputs(s)) return said(s, SIMULATOR_FAILED_INPUT, 0);
     return kind == SIMULATOR_OUTPUT && count_of(kind) ? find_outputs(s) : SIMULATOR_SUCCESS;
 }
@@ -398,20 +446,20 @@ static int differs(long first, long count, const double *values, const double *e
 
 /* The state at which a motion starts at the present time, and the constants in p that belong to it. */
 static simulator_status assemble(simulator_instance *s) {
-    const long c = count_of(SIMULATOR_CONDITION), nu = count_of(SIMULATOR_INPUT), own = s->I.np - model.constants;
+    const long c = count_of(SIMULATOR_CONDITION), nu = count_of(SIMULATOR_INPUT), own = s->I.np - model.constants, rest = c + 1 + nu + s->I.masks;
     const double *conditions = s->values[SIMULATOR_CONDITION], *u = s->values[SIMULATOR_INPUT], zero = 0;
     double *p = s->values[SIMULATOR_PARAMETER], *x = s->values[SIMULATOR_STATE], *data = s->data;
     const double *exported = model.quantities[SIMULATOR_PARAMETER].values;
     if (!differs(0, c, conditions, model.quantities[SIMULATOR_CONDITION].values) && !differs(c, 1, &s->present, &zero) &&
-        !differs(c + 1, nu, u, model.quantities[SIMULATOR_INPUT].values) && !differs(c + 1 + nu, own, p, exported)) {
+        !differs(c + 1, nu, u, model.quantities[SIMULATOR_INPUT].values) && !differs(rest, own, p, exported)) {
         memcpy(x, model.quantities[SIMULATOR_STATE].values, sizeof(double) * (size_t)s->I.nx);
         memcpy(p + own, exported + own, sizeof(double) * (size_t)model.constants);
         return SIMULATOR_SUCCESS;
     }
     memcpy(data, conditions, sizeof(double) * (size_t)c);
     data[c] = s->present;
-    memcpy(data + c + 1, u, sizeof(double) * (size_t)nu);
-    memcpy(data + c + 1 + nu, p, sizeof(double) * (size_t)own);
+    memcpy(data + c + 1, u, sizeof(double) * (size_t)(nu + s->I.masks));
+    memcpy(data + rest, p, sizeof(double) * (size_t)own);
     run_plain(s, &model.assembly, (const double *const[]){data}, 1, (double *const[]){x, p + own}, 2);
     for (long i = 0; i < s->I.nx; i++)
         if (!isfinite(x[i])) return SIMULATOR_OPEN_START;
@@ -440,6 +488,13 @@ static int read_present(simulator_instance *s) {
     return state_at(&s->I, s->present, s->values[SIMULATOR_STATE]) == REACHED_END ? SIMULATOR_SUCCESS : failed(s, SIMULATOR_FAILED_INPUT, 0);
 }
 
+/* At a time that steps have come to: what happens there has happened. */
+static int arrive(simulator_instance *s, double t) {
+    s->present = t;
+    if (unsettled(&s->I, t) && settle_here(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
+    return read_present(s);
+}
+
 /* A piece of the motion begins at the present time and states; h: size of its first step, 0: not known; `met`: sizes that states have had. */
 static int begin_piece(simulator_instance *s, double h, const double *met) {
     const Integrator old = s->I;
@@ -448,7 +503,7 @@ static int begin_piece(simulator_instance *s, double h, const double *met) {
     arrange(s, (char *)s, I);
     memcpy(s->x, s->values[SIMULATOR_STATE], sizeof(double) * (size_t)I->nx);
     I->max_steps = s->options.max_steps - s->report.steps;
-    I->t = s->present;
+    I->t = I->end = s->present;
     I->h = h;
     I->method = h > 0 ? old.method : I->method;
     if (!begin(I)) return failed(s, SIMULATOR_OUT_OF_MEMORY, 0);
@@ -465,6 +520,8 @@ static int start_from(simulator_instance *s, double t, const double *states) {
     if (!isfinite(t)) return said(s, SIMULATOR_BAD_ARGUMENT, "The start must be at a finite time.");
     memset(&s->report, 0, sizeof s->report);
     s->crossing = (simulator_crossing){-1, 0, NAN};
+    s->change = (simulator_transition){0, 0, NAN};
+    s->I.state = 0;
     s->I.steps = s->I.rejected = s->I.newton_steps = s->I.radau_steps = s->I.evaluations = s->I.factorisations = 0;
     s->renewed = NOTHING_NEW;
     s->stage = NEW;
@@ -496,6 +553,7 @@ static int renew(simulator_instance *s) {
     s->report.radau_steps = r.radau_steps;
     s->report.evaluations = r.evaluations;
     s->report.factorisations = r.factorisations;
+    s->change = simulator_change(s);
     memcpy(s->met, s->I.size, sizeof(double) * (size_t)s->I.nx);
     return begin_piece(s, s->I.h, s->met);
 }
@@ -516,9 +574,7 @@ static int take_step(simulator_instance *s, double towards) {
     enum Code code = I->nx ? (enum Code)advance(I) : REACHED_END;
     if (!I->nx) I->t = I->end;
     if (code == PAUSED || code == REACHED_END || code == EVENT) return SIMULATOR_SUCCESS;
-    s->present = I->t;
-    memcpy(s->values[SIMULATOR_STATE], I->x, sizeof(double) * (size_t)I->nx);
-    return gave_up(s, code);
+    return ended(s, code);
 }
 
 /* To the next event that has not been told, if it comes by time t. */
@@ -529,8 +585,8 @@ static int next_event(simulator_instance *s, double t) {
     s->crossing = (simulator_crossing){guard, (int)I->event_directions[s->told], I->event_times[s->told]};
     s->told++;
     s->present = fmin(s->crossing.time, I->t);
-    int status = read_present(s);
-    return status != SIMULATOR_SUCCESS ? status : said(s, model.motion.guard_stops[guard] ? SIMULATOR_STOPPED : SIMULATOR_AT_EVENT, 0);
+    int stops = model.motion.guard_stops[guard] != 0, status = stops ? read_present(s) : arrive(s, s->present);
+    return status != SIMULATOR_SUCCESS ? status : said(s, stops ? SIMULATOR_STOPPED : SIMULATOR_AT_EVENT, 0);
 }
 
 /* What keeps an instance from moving to time t; SIMULATOR_SUCCESS when it may go on. */
@@ -549,10 +605,7 @@ int simulator_advance(simulator_instance *s, double t) {
     while (status == SIMULATOR_SUCCESS) {
         status = next_event(s, t);
         if (status != SIMULATOR_SUCCESS) break;
-        if (t <= s->I.t) {
-            s->present = t;
-            return read_present(s);
-        }
+        if (t <= s->I.t) return arrive(s, t);
         status = take_step(s, t);
     }
     return status;
@@ -563,10 +616,7 @@ int simulator_step(simulator_instance *s, double t) {
     while (status == SIMULATOR_SUCCESS) {
         status = next_event(s, t);
         if (status != SIMULATOR_SUCCESS) break;
-        if (taken || t <= s->I.t || s->present < s->I.t) {
-            s->present = fmin(t, s->I.t);
-            return read_present(s);
-        }
+        if (taken || t <= s->I.t || s->present < s->I.t) return arrive(s, fmin(t, s->I.t));
         status = take_step(s, t);
         taken = 1;
     }

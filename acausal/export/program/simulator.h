@@ -55,7 +55,10 @@ typedef enum {
     SIMULATOR_BAD_ARGUMENT,   /* the call makes no sense; nothing was done */
     SIMULATOR_OPEN_START,     /* the states do not close the loops, or there are none that do for these values */
     SIMULATOR_OTHER_MODEL,    /* with these values other equations would be needed, e.g. other constraints are independent */
-    SIMULATOR_SLIDES          /* the rates switch back and forth without end */
+    SIMULATOR_SLIDES,         /* the rates switch back and forth without end */
+    SIMULATOR_OVERLAPS,       /* the gap of a one-sided contact is negative at the start, or where an input jumps */
+    SIMULATOR_NO_MODE,        /* whether contacts hold, slide or open: nothing obeys the laws of all of them */
+    SIMULATOR_CHATTERS        /* a contact changes its mode again and again in one instant */
 } simulator_status;
 
 #define SIMULATOR_EVENTS_OF_A_STEP 256
@@ -87,6 +90,14 @@ typedef struct {
     int direction; /* 1 rising, -1 falling, 0 touching */
     double time;   /* [s] */
 } simulator_crossing;
+
+/* When contacts, stops and frictions began or ceased to hold: how often that was decided since the start, which counts, too; the part at which it was the last time, 0:
+   the start, or a jump of inputs; and when. */
+typedef struct {
+    long count;
+    const char *part;
+    double time; /* [s]; NaN where there is nothing to decide */
+} simulator_transition;
 
 /* What a motion has cost since it was started. */
 typedef struct {
@@ -165,7 +176,8 @@ SIMULATOR_API int simulator_start(simulator_instance *s, double t);
 SIMULATOR_API int simulator_start_at(simulator_instance *s, double t, const double *states);
 
 /* The end of the motion [s], no step goes beyond it: steps are as long as accuracy allows, and times on the way are read between their
-   ends. Without one (INFINITY) each `simulator_advance` ends a step at its time. Set it before the start or later. */
+   ends. Without one (INFINITY) each `simulator_advance` ends a step at its time. Set it before the start or later, and before outputs that depend on
+   contacts are read for the first time. */
 SIMULATOR_API int simulator_set_end(simulator_instance *s, double end);
 
 /* Moves to time t [s], not before the present one. SIMULATOR_AT_EVENT, SIMULATOR_STOPPED: events come first; call again to go on. */
@@ -180,6 +192,9 @@ SIMULATOR_API int simulator_renew(simulator_instance *s);
 /* The present time [s]. The last event that the motion came to; number -1 before the first. */
 SIMULATOR_API double simulator_time(const simulator_instance *s);
 SIMULATOR_API simulator_crossing simulator_event(const simulator_instance *s);
+
+/* The last change of mode that steps have come to. At its time states and outputs are those after it. */
+SIMULATOR_API simulator_transition simulator_change(const simulator_instance *s);
 
 /* The last status in words, "" after success; and what the motion has cost. */
 SIMULATOR_API const char *simulator_message(const simulator_instance *s);
