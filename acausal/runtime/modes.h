@@ -376,12 +376,11 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         }
         foresee_rest(I, row < gaps ? row : -1);
         if (comes_to_rest(I, low)) {
-            if (I->directions && !foresee_directions(I)) {
+            if (I->directions) {
                 I->worst = row >= 0 && row < gaps ? row : 0;
                 return NO_DERIVATIVES;
             }
             if (!note_transition(I, row) || !keep_straight(I, 0) || !bridge_impacts(I)) return OUT_OF_MEMORY;
-            if (I->directions) bridge_directions(I);
             memset(T->impulse, 0, sizeof(double) * (size_t)n);
             for (long i = 0; i < gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
             if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;

@@ -67,7 +67,7 @@ enum Code {
     OVERLAPS,        /* one-sided row `worst` is violated where the motion begins */
     NO_MODE,         /* no masks fit: row `worst` is where it shows */
     CHATTERS,        /* modes change and change again in one instant: row `worst` */
-    NO_DERIVATIVES   /* impacts of row `worst` end that are infinitely many, and directions do not converge */
+    NO_DERIVATIVES   /* impacts of row `worst` end that are infinitely many */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are

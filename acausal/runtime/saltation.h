@@ -128,7 +128,9 @@ static int meet_directions(Integrator *I, long row, double planned) {
 static void note_closed(Integrator *I, const Decision *D, const long *touching) {
     struct State *T = I->state;
     for (long d = 0; d < I->directions; d++) {
-        double part = part_changed(I, d);
+        double part = 0;
+        for (long i = 0; i < I->nx; i++)
+            if (T->size[i] > 0) part = fmax(part, fabs(T->D[d / LANES * I->nx + i][d % LANES]) / T->size[i]);
         Decision change = change_of_decision(I, d);
         for (long k = 0; k < D->gaps; k++) {
             if (!touching[k] || T->side[k] == 1 || D->rate[k] > D->rate_noise[k]) continue;

@@ -160,7 +160,7 @@ struct State {
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
     double *lemke, *impulse, *push, *later_x; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
-    double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *impact_directions, *rest_directions, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
+    double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     long *basis, *status, *impact_row, *rests;
@@ -225,7 +225,7 @@ struct State {
     Transition last; /* of mode */
     double changed_at, pending_planned, first_impact, rest_t, rest_error;
     int crossed; /* whether a knot has been crossed since modes were decided */
-    long impacts, period; /* one after the other, without another change of mode; how many take turns */
+    long impacts; /* one after the other, without another change of mode */
     long pending; /* row of masks at which the last step ended; -1: none */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };

@@ -7,7 +7,6 @@
 #define FEWEST 4
 #define PERIODS 4     /* impacts of different rows take turns: so many at most */
 #define AGREES 1e-9   /* in units of the sizes of states: how well extrapolations must agree */
-#define DERIVED 1e-6   /* of their sizes: how well those of directions must agree */
 #define BRIDGED 1e-6  /* of the time since the first impact: what is left when it is bridged */
 
 static int make_zeno(Integrator *I) {
@@ -17,10 +16,7 @@ static int make_zeno(Integrator *I) {
     T->impact_row = reserve(I, sizeof(long) * REMEMBERED);
     T->rest_x = reserve_doubles(I, I->nx + 1);
     T->rests = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
-    long kept = I->directions * (I->nx + 1);
-    T->impact_directions = reserve_doubles(I, REMEMBERED * kept + 1);
-    T->rest_directions = reserve_doubles(I, kept + 1);
-    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->rest_x && T->rests && T->impact_directions && T->rest_directions);
+    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->rest_x && T->rests);
 }
 
 /* The limit of a sequence of so many values, and by how much the last two guesses differ. */
@@ -46,63 +42,10 @@ static double limit_of_sequence(const double *s, int count, double *error) {
     return best;
 }
 
-/* What a direction changes, in units of what states have been. */
-static double part_changed(const Integrator *I, long d) {
-    const struct State *T = I->state;
-    double part = 0;
-    for (long i = 0; i < I->nx; i++)
-        if (T->size[i] > 0) part = fmax(part, fabs(T->D[d / LANES * I->nx + i][d % LANES]) / T->size[i]);
-    return part;
-}
-
-/* Directions at the instants of impacts, and how much later these are, converge, too, as k r^k: the change of what shrinks as r^k. That is taken out twice, with r
-   from the times. Returns whether what comes of the last impacts agrees with what comes of those before. */
-static int foresee_directions(Integrator *I) {
-    struct State *T = I->state;
-    long kept = I->directions * (I->nx + 1), last = T->impacts - 1;
-    double part = 0, *found = T->rest_directions;
-    for (long q = 0; q < kept; q++) {
-        long d = q / (I->nx + 1), i = q % (I->nx + 1);
-        if (i == 0) part = part_changed(I, d);
-        double limit[2], size = part * (i < I->nx ? T->size[i] : I->t - T->first_impact);
-        for (int k = 0; k < 2; k++) {
-            double t[3], s[3];
-            for (int j = 0; j < 3; j++) {
-                long at = (last - (k + j) * T->period) % REMEMBERED;
-                t[j] = T->impact_t[at], s[j] = T->impact_directions[at * kept + q];
-            }
-            double r = (t[0] - t[1]) / (t[1] - t[2]);
-            limit[k] = (s[0] - 2 * r * s[1] + r * r * s[2]) / ((1 - r) * (1 - r));
-        }
-        found[q] = limit[0];
-        if (!(fabs(limit[1] - limit[0]) <= DERIVED * (size + fabs(limit[0])))) return 0;
-    }
-    return 1;
-}
-
-static void remember_directions(Integrator *I, long at) {
-    struct State *T = I->state;
-    double *to = T->impact_directions + at % REMEMBERED * I->directions * (I->nx + 1);
-    for (long d = 0; d < I->directions; d++) {
-        for (long i = 0; i < I->nx; i++) *to++ = T->D[d / LANES * I->nx + i][d % LANES];
-        *to++ = T->delay[d];
-    }
-}
-
-static void bridge_directions(Integrator *I) {
-    struct State *T = I->state;
-    const double *from = T->rest_directions;
-    for (long d = 0; d < I->directions; d++) {
-        for (long i = 0; i < I->nx; i++) T->D[d / LANES * I->nx + i][d % LANES] = *from++;
-        T->delay[d] = *from++;
-    }
-}
-
 /* After an impact of a row: what the impacts converge to, if they do. */
 static void foresee_rest(Integrator *I, long row) {
     struct State *T = I->state;
     long n = I->nx, at = T->impacts++;
-    if (I->directions) remember_directions(I, at);
     if (at == 0) T->rest_error = INFINITY, T->first_impact = I->t;
     T->impact_t[at % REMEMBERED] = I->t;
     T->impact_row[at % REMEMBERED] = row;
@@ -126,7 +69,6 @@ static void foresee_rest(Integrator *I, long row) {
         if (!(worst < T->rest_error)) return;
         T->rest_error = worst;
         T->rest_t = T->first_impact + rest;
-        T->period = period;
         memcpy(T->rest_x, x, sizeof(double) * (size_t)n);
         memset(T->rests, 0, sizeof(long) * (size_t)I->one_sided);
         for (long k = 0; k < period; k++) T->rests[T->impact_row[(at - k) % REMEMBERED]] = 1;
