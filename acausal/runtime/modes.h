@@ -84,7 +84,7 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
 static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     struct State *T = I->state;
     V *in = T->decision_in;
-    long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I), first = gaps + n;
+    long gaps = I->one_sided, n = reactions_of(I), first = gaps + n;
     for (long o = 0; o < first; o++) T->decided_noise[o] = 0;
     for (long from = 0; from < COUNTED; from += LANES) {
         for (long l = 0; l < LANES; l++)

@@ -89,8 +89,8 @@ static int find_delays(Integrator *I, long row, double planned) {
         for (long r = 0; r < I->mode_rows; r++) {
             if (I->row_switch[r] == I->row_switch[row] || !(fabs(T->one_row[r]) <= MET * T->row_noise[r])) continue;
             for (long l = 0; l < LANES; l++) { /* what vanishes here, too, goes on vanishing together with it, or not */
-                double change = T->row_change_out[r][l], along = slopes[r] * T->delay[b * LANES + l];
-                if (fabs(change + along) > TOGETHER * (fabs(change) + fabs(along))) note_law(I, &I->coincides, r);
+                double by = T->row_change_out[r][l], along = slopes[r] * T->delay[b * LANES + l];
+                if (fabs(by + along) > TOGETHER * (fabs(by) + fabs(along))) note_law(I, &I->coincides, r);
             }
         }
     }
