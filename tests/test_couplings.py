@@ -348,7 +348,7 @@ def test_a_constant_speed_needs_no_rate():
 
 
 def test_an_input_without_a_rate_is_told():
-    with pytest.raises(ParameterError, match=r"rate of the input speed is needed.*pair"):
+    with pytest.raises(ParameterError, match=r"rate der\(speed\) is needed.*give its rates with it"):
         driven(lambda t: float(np.interp(float(t), [0, 1, 2], [0, 1, 0])))
 
 

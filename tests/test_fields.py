@@ -210,7 +210,7 @@ def test_a_pendulum_in_a_uniform_field_swings_as_under_gravity():
 def test_a_body_falls_through_air_as_the_closed_forms_say(linear, quadratic):
     scene = free(Particle(0.5), Drag(linear=linear, quadratic=quadratic), gravity=(0, 0, -9.81))
     scene.connect(scene.others[0].point, scene.body.point)
-    run = ac.build(scene).simulate(3.0, rtol=1e-12)
+    run = ac.build(scene).simulate(3.0, rtol=1e-13)
     if linear:
         expected = -0.5 * 9.81 / linear * (1 - np.exp(-linear / 0.5 * run.t))
     else:

@@ -32,7 +32,7 @@ def test_linear_system_where_something_strikes_is_refused() -> None:
     scene = bouncing(0.5)
     with pytest.raises(OptionError, match="linearize: floor closes with speed at this point"):
         ac.build(scene).linearize({scene.mass.s: 0.0, scene.mass.v: -1.0})
-    with pytest.raises(OptionError, match="The gap of floor is negative"):
+    with pytest.raises(OptionError, match=r"The gap of floor \(.*\) is negative"):
         ac.build(scene).linearize({scene.mass.s: -1.0, scene.mass.v: 0.0})
 
 

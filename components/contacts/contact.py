@@ -32,8 +32,9 @@ class Contact(System, AbstractTouch):
 
     `law`: Rolling(), RollingWithoutPivoting(), Sliding(): they touch at all times, by a joint in least velocities (`Touching`, or a part made for
     this pair), and without a multiplier; Viscous(...), Creep(...): they slide, with a force against the slip; HuntCrossley(...): they yield, and
-    part; Hard(...): they do not yield, part and strike, stick and slip. What it is made of: `joint` and `force`, either may be None; `q` and `v` are the joint's. Where the nearest points of two bodies that may
-    part have no closed form, a joint of six freedoms follows them: Touching(shape, surface, Apart()).
+    part; Hard(...): they do not yield, part and strike, stick and slip. What it is made of: `joint` and `force`, either may be None; `q` and `v` are
+    the joint's. Where the nearest points of two bodies that may part have no closed form, a joint of six freedoms follows them:
+    Touching(shape, surface, Apart()).
 
         scene.contact = Contact(Disk(0.3), HeightField(lambda x, y: 0.1 * x**2))
         scene.bump = Contact(Sphere(0.1), Sphere(0.2), HuntCrossley(1e6))

@@ -1,4 +1,4 @@
-"""A ball that bounces down endless stairs comes to the same bounce, whatever it began with: what it loses at each it gains from the step.
+"""A ball down endless stairs: it comes to the same bounce, whatever it began with, since what it loses at each it gains from the step.
 
 Where it falls by h from bounce to bounce, v^2 = (e v)^2 + 2 g h: it tends to strike with v = sqrt(2 g h / (1 - e^2)), if it goes one step's depth meanwhile.
 
