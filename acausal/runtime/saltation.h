@@ -27,15 +27,15 @@ static Decision change_of_decision(const Integrator *I, long direction) { return
 /* Time, state and inputs where a kernel of changes has them, and rates of the inputs into T->input_rate. Returns 0 when the input function failed. */
 static int put_place(Integrator *I, double t, const double *x, double little, V *in) {
     struct State *T = I->state;
-    V times = v_all(t), *u = in + 1 + I->nx;
-    times[1] = t - little, times[2] = t + little;
-    if (!inputs_at(I, times, 3, u)) return 0;
+    V *u = in + 1 + I->nx;
+    const double times[] = {t - little, t + little, t};
+    for (int at = 0; at < 3; at++) {
+        if (!inputs_at(I, v_all(times[at]), 1, u)) return 0;
+        for (long k = 0; k < I->nu && at < 2; k++) T->input_rate[k] = at ? (u[k][0] - T->input_rate[k]) / (times[1] - times[0]) : u[k][0];
+    }
     in[0] = v_all(t);
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-    for (long k = 0; k < I->nu; k++) {
-        T->input_rate[k] = (u[k][2] - u[k][1]) / (times[2] - times[1]);
-        u[k] = v_all(u[k][0]);
-    }
+    for (long k = 0; k < I->nu; k++) u[k] = v_all(u[k][0]);
     return 1;
 }
 

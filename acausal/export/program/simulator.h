@@ -193,7 +193,8 @@ SIMULATOR_API int simulator_renew(simulator_instance *s);
 SIMULATOR_API double simulator_time(const simulator_instance *s);
 SIMULATOR_API simulator_crossing simulator_event(const simulator_instance *s);
 
-/* The last change of mode that steps have come to. At its time states and outputs are those after it. */
+/* The last change of mode that steps have come to. At its time states and outputs are those after it, unless it is found
+   only as the next step begins. */
 SIMULATOR_API simulator_transition simulator_change(const simulator_instance *s);
 
 /* The last status in words, "" after success; and what the motion has cost. */
