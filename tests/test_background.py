@@ -36,6 +36,7 @@ import os, signal, threading
 import numpy as np
 from tests.scenes import DoublePendulum
 import acausal as ac
+signal.signal(signal.SIGINT, signal.default_int_handler)  # also where whoever started the tests ignores it
 scene = DoublePendulum()
 model = ac.build(scene)
 for compiled in (True, False):
