@@ -4,9 +4,9 @@ from components import Contact, Creep, Plane, RigidBody, Sphere, Viscous, World
 
 scene = ac.System()
 scene.world = World()
-scene.laws = [Viscous(2.0), Creep(stiffness=4.0, limit=1.0, speed=1.0)]
-scene.contacts = [Contact(Sphere(0.1), Plane(), law) for law in scene.laws]
-scene.balls = [RigidBody.ball(mass=1.0, radius=0.1) for _ in scene.laws]
+scene.both = [Viscous(2.0), Creep(stiffness=4.0, limit=1.0, speed=1.0)]
+scene.contacts = [Contact(Sphere(0.1), Plane(), law) for law in scene.both]
+scene.balls = [RigidBody.ball(mass=1.0, radius=0.1) for _ in scene.both]
 for k, contact in enumerate(scene.contacts):
     scene.connect(scene.world.at((0, 0.3 * k, 0)), contact.frame_a)
     scene.connect(contact.frame_b, scene.balls[k].frame)
