@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from acausal.export.c_source import LoadedModel, load_c
     from acausal.optimal_control.estimation import Recording, estimate
     from acausal.optimal_control.language import at_end, at_start, average, free, integral
+    from acausal.optimal_control.phases import Phases, phases
     from acausal.optimal_control.problem import OptimalControl
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "OneWay",
     "OptimalControl",
     "Parameter",
+    "Phases",
     "Point",
     "Reaction",
     "Recording",
@@ -63,6 +65,7 @@ __all__ = [
     "load_c",
     "near",
     "norm",
+    "phases",
     "rotations",
     "samples",
     "time",
@@ -74,6 +77,7 @@ _LATER = {
     **dict.fromkeys(("LoadedModel", "load_c"), "acausal.export.c_source"),
     **dict.fromkeys(("Recording", "estimate"), "acausal.optimal_control.estimation"),
     **dict.fromkeys(("at_end", "at_start", "average", "free", "integral"), "acausal.optimal_control.language"),
+    **dict.fromkeys(("Phases", "phases"), "acausal.optimal_control.phases"),
     "OptimalControl": "acausal.optimal_control.problem",
 }
 """Where names live that a first result does not need: imported when they are asked for."""

@@ -72,5 +72,3 @@ def test_masks_are_no_inputs_of_a_user() -> None:
         model.inverse_dynamics([0.0, 1.0], {scene.x.q: 0.0}, [scene.x])
     with pytest.raises(OptionError, match=f"step {refused}"):
         model.step("gauss", 4)
-    with pytest.raises(OptionError, match=f"OptimalControl {refused}"):
-        ac.OptimalControl(model, 1.0)

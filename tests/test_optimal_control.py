@@ -244,6 +244,16 @@ def test_a_length_is_found_with_the_motion() -> None:
     assert best.replay_error < 1e-3
 
 
+def test_what_is_given_at_the_start_holds_where_coordinates_are_free() -> None:
+    """Also where the free ones are as many as there are coordinates."""
+    scene = Pendulum()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.bob.point.position[0]: 0.3, scene.hinge.q: ac.free(-1.5, 1.5, -0.5)})
+    ocp.end({scene.hinge.q: 0.0})
+    ocp.minimise(ac.integral(scene.torque**2))
+    assert np.sin(ocp.solve(4, refinements=0).x[0, 0]) == pytest.approx(-0.3 / 0.5, abs=1e-9)
+
+
 def test_a_periodic_motion_ends_as_it_began() -> None:
     scene = DrivenFourBar()
     ocp = ac.OptimalControl(ac.build(scene), ac.free(0.3, 3))

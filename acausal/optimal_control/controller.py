@@ -10,7 +10,8 @@ import numpy as np
 from acausal.errors import OptimalControlError, OptionError
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import through
-from acausal.optimal_control.optimum import Optimum, ipopt_options
+from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.solving import ipopt_options
 
 
 class Controller:
@@ -26,13 +27,14 @@ class Controller:
                 "controller: the problem must say its start (ocp.start), without anything free: the state takes its place."
             )
         self.best, self.rate = best, rate
-        self._solver = transcribed.program.solver("ipopt", {**ipopt_options(warm=True), **options, "error_on_fail": False})
+        self._program = transcribed.program.balanced()
+        self._solver = self._program.solver("ipopt", {**ipopt_options(warm=True), **options, "error_on_fail": False})
         self._multipliers: tuple[ca.DM, ca.DM] | None = None
 
     def __call__(self, x: Any) -> np.ndarray:
         """Raises `OptimalControlError` where no motion is found."""
         transcribed = self.best.transcribed
-        program, nx = transcribed.program, transcribed.asked.stage.sizes[0]
+        program, nx = self._program, transcribed.asked.stage.sizes[0]
         state = np.asarray(x, dtype=float).ravel()
         if state.size != nx or not np.all(np.isfinite(state)):
             raise OptionError(f"controller: give {nx} finite states, not {x!r}.")

@@ -51,10 +51,10 @@ def path_guess(
         x = wanted[k] + (wanted[k + 1] - wanted[k]) * blend[:, None]
     else:
         x = np.repeat(wanted, times.size, axis=0)
-    x[:, :nq] = _closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
+    x[:, :nq] = closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
     t = times * duration
     x[:, nq:] = _moving(stage, x, t, free, duration, steady=steady)[:, nq:]
-    x = _closed(stage, x, times, duration, free, np.ones(x.shape[1]), fresh=False)
+    x = closed(stage, x, times, duration, free, np.ones(x.shape[1]), fresh=False)
     return Guess(times, _driven(stage, x, times, duration, free, units), duration, free)
 
 
@@ -63,7 +63,7 @@ def _arguments(stage: Stage, x: np.ndarray, duration: float, free: np.ndarray) -
     return np.concatenate([x, rest, [duration], free])
 
 
-def _closed(
+def closed(
     stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, easy: np.ndarray, *, fresh: bool = True
 ) -> np.ndarray:
     """States (n, nx) with their loops closed, those rather that are `easy` (nx,) to move; each goes on from the one before where it is `fresh`."""

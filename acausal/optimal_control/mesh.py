@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.collocation.tableau import Tableau
+from acausal.arguments import whole_number
+from acausal.collocation.tableau import Tableau, radau_iia
+from acausal.errors import OptionError
+
+_PLUGINS = ("ipopt",)
+"""Solvers that take the derivatives of a program as they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +63,31 @@ def _slopes(points: np.ndarray) -> np.ndarray:
 def through(points: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Coefficients (n, ...), highest power first, of the polynomial through values (n, ...) at points (n,)."""
     return np.linalg.solve(np.vander(points), values)
+
+
+@dataclass(frozen=True)
+class Mesher:
+    """What is asked of a transcription: the number of `intervals`, the `order` of collocation, "free" or "constant" `controls`, the `solver`. Raises
+    `OptionError` where that makes no sense.
+    """
+
+    intervals: int
+    order: int
+    controls: str
+    solver: str
+
+    def __post_init__(self) -> None:
+        if self.solver not in _PLUGINS:
+            raise OptionError(f"solve: there is no solver {self.solver!r}. Use {', '.join(map(repr, _PLUGINS))}.")
+        if self.controls not in ("free", "constant"):
+            raise OptionError(f"solve: there are no controls {self.controls!r}. Use 'free' or 'constant'.")
+        whole_number(self.order, "solve: the order", 1, 31)
+        if self.order % 2 == 0:
+            raise OptionError(f"solve: Radau collocation has odd order, not {self.order}.")
+        whole_number(self.intervals, "solve: intervals", 1)
+
+    def mesh(self, places: Sequence[float]) -> Mesh:
+        """With nodes at these parts of the duration."""
+        marks = sorted({0.0, 1.0, *places})
+        pieces = np.maximum(1, np.round(self.intervals * np.diff(marks))).astype(int)
+        return Mesh(np.array(marks), radau_iia((self.order + 1) // 2)).refined(pieces)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -11,24 +10,21 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.modes import WithModes
 from acausal.collocation.problem import Accuracy, StatusKind
-from acausal.errors import OptimalControlError
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.language.pieces import PiecewisePolynomial
-from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.guess import Guess, closed
 from acausal.optimal_control.mesh import Mesh, through
-from acausal.optimal_control.transcription import Asked, Transcribed, transcribe
+from acausal.optimal_control.transcription import Transcribed
 from acausal.start.initial import near
 from acausal.start.states import start_values
 
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
 
-_SOLVER_TOLERANCE, _REPLAYED = 1e-9, 1e-10
-"""Of the program in units of its own, and of the replay."""
-_MOST_PIECES = 4
-"""Into which an interval is divided at once."""
+_REPLAYED = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +89,7 @@ class Optimum:
         u = self.motion.values[1:, stage.width - nu :].reshape(mesh.intervals, s, nu)
         lengths = mesh.lengths * self.duration
         found: dict[Input, PiecewisePolynomial] = {}
-        for k, entry in enumerate(stage.functions.outputs.system.flat.inputs):
+        for k, entry in enumerate(stage.mode.inputs):
             pieces = through(mesh.tableau.c, u[:, :, k].T).T / lengths[:, None] ** np.arange(s - 1, -1, -1)
             found[entry] = PiecewisePolynomial(self.t[:-1], pieces)
         return found
@@ -105,12 +101,18 @@ class Optimum:
     @functools.cached_property
     def run(self) -> Trajectory:
         """The motion from the start by the inputs found; it may end early where it is unstable."""
+        return self.replayed(float(self.t[-1]), self.inputs)
+
+    def replayed(self, end: float, inputs: Mapping[Input, PiecewisePolynomial]) -> Trajectory:
+        """The motion from the start by these inputs."""
         stage = self.transcribed.asked.stage
         space, t0 = stage.functions.space, float(self.t[0])
-        whole = space.expanded(t0, self.x[:, 0], space.extended(t0, self.x[:, 0], self._p(stage.functions)))
+        # closed to rounding: what is open by an interior point's last digits would have to strike first
+        first = closed(stage, self.x[:, :1].T, np.zeros(1), self.duration, self.motion.free, np.ones(self.x.shape[0]))[0]
+        whole = space.expanded(t0, first, space.extended(t0, first, self._p(stage.functions)))
         start = {key: near(value) for key, value in start_values(stage.functions, whole).items()}
         return self.model.simulate(
-            float(self.t[-1]), start, t0=t0, inputs=self.inputs, parameters=self.parameters, rtol=_REPLAYED, progress=False, raise_on_failure=False
+            end, start, t0=t0, inputs=inputs, parameters=self.parameters, rtol=_REPLAYED, progress=False, raise_on_failure=False
         )  # fmt: skip
 
     @functools.cached_property
@@ -119,17 +121,19 @@ class Optimum:
         last = self.run.t[-1]
         if last < self.t[-1] * (1 - 1e-9):
             return float("inf")
-        return float(np.max(np.abs(self.run.at(np.clip(self.t, self.run.t[0], last)).x - self.x) / self._spread[:, None]))
+        return float(np.max(np.abs(self.run.at(np.clip(self.t, self.run.t[0], last)).x - self.x) / self.spread[:, None]))
 
     @functools.cached_property
     def defects(self) -> np.ndarray:
         """Of each interval (intervals,), integrated from the node where it begins."""
         found, accuracy = np.zeros(self.mesh.intervals), Accuracy.asked(_REPLAYED)
+        inputs = self.run.problem.inputs
+        given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
         for k in range(self.mesh.intervals):
             t0, t1 = float(self.t[k]), float(self.t[k + 1])
-            problem = replace(self.run.problem, read=np.array([t1]))
+            problem = replace(self.run.problem, inputs=given, read=np.array([t1]))
             solution = integrate(problem, self.x[:, k].copy(), t0, t1, accuracy)
-            off = np.abs(solution.x[:, -1] - self.x[:, k + 1]) / self._spread
+            off = np.abs(solution.x[:, -1] - self.x[:, k + 1]) / self.spread
             found[k] = np.max(off) if solution.status.kind is StatusKind.SUCCESS else np.inf
         return found
 
@@ -141,7 +145,7 @@ class Optimum:
     @functools.cached_property
     def growth(self) -> float:
         """By how much a small error of the states on the way is magnified until a later node, at most; relative to what each state varies by."""
-        maps = [self._map(k) / self._spread[:, None] * self._spread for k in range(self.mesh.intervals)]
+        maps = [self._map(k) / self.spread[:, None] * self.spread for k in range(self.mesh.intervals)]
         largest = 1.0
         carried = np.zeros((0, *maps[0].shape))
         for one in maps:
@@ -157,7 +161,7 @@ class Optimum:
         slopes = np.zeros((s, nx, nx))
         for j in range(s):
             z = self.motion.values[1 + k * s + j]
-            u = z[stage.width - stage.sizes[3] :]
+            u = stage.told(z[stage.width - stage.sizes[3] :])
             slopes[j] = np.array(self._slope(self.t[0] + mesh.points[k, j] * self.duration, z[:nx], u, self._p(f)))
         A = mesh.tableau.A
         block = np.eye(s * nx) - h * np.einsum("ij,jab->iajb", A, slopes).reshape(s * nx, s * nx)
@@ -178,7 +182,7 @@ class Optimum:
         return p
 
     @functools.cached_property
-    def _spread(self) -> np.ndarray:
+    def spread(self) -> np.ndarray:
         """(nx,): what each state varies by; where it does not, what states of its kind do."""
         found = np.ptp(self.x, axis=1)
         nq = self.transcribed.asked.stage.functions.space.nq
@@ -196,87 +200,3 @@ class Optimum:
             f"cost {self.cost:.10g} in {self.duration:g} s{found}: {self.iterations} iterations, {self.seconds:.2f} s, {self.mesh.intervals} intervals; "
             f"replayed to {self.replay_error:.1e} (each interval to {self.defect:.1e}, errors grow {self.growth:.1e} times)"
         )
-
-
-def optimum(
-    model: Any,
-    asked: Asked,
-    mesh: Mesh,
-    guess: Guess,
-    units: np.ndarray,
-    plugin: str,
-    options: dict[str, Any],
-    tolerance: float,
-    refinements: int,
-    given: Mapping[str, Any],
-) -> Optimum:
-    """Solved on a mesh, and again where intervals are off by more than the tolerance. Raises `OptimalControlError`."""
-    iterations, seconds = 0, 0.0
-    for attempt in range(refinements + 1):
-        transcribed = transcribe(asked, mesh, guess, units)
-        begun = time.perf_counter()
-        found, cost, stats = _solved(transcribed, plugin, options, warm=attempt > 0)
-        iterations, seconds = iterations + int(stats["iter_count"]), seconds + time.perf_counter() - begun
-        best = Optimum(model, transcribed, found, cost, iterations, seconds, given)
-        if not stats["success"]:
-            raise OptimalControlError(_failure(transcribed, found, str(stats["return_status"])), best)
-        if attempt == refinements or best.defect <= tolerance:
-            return best
-        order = mesh.tableau.order
-        wanting = np.ceil((best.defects / (0.5 * tolerance)) ** (1 / order))
-        mesh = mesh.refined(np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 1, _MOST_PIECES).astype(int))
-        guess = best.motion
-    raise AssertionError
-
-
-def _solved(
-    transcribed: Transcribed, plugin: str, options: dict[str, Any], *, warm: bool
-) -> tuple[np.ndarray, float, dict[str, Any]]:
-    program = transcribed.program
-    solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
-    (least, most), (lower, upper) = program.bounds, program.limits
-    found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
-    return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()
-
-
-def ipopt_options(*, warm: bool) -> dict[str, Any]:
-    """Quiet, in the units of the program; `warm`: where a solution is near."""
-    options = {
-        "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _SOLVER_TOLERANCE, "ipopt.nlp_scaling_method": "none",
-        "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.mu_strategy": "adaptive",
-    }  # fmt: skip
-    if warm:
-        options |= {"ipopt.mu_init": 1e-4, "ipopt.mu_strategy": "monotone", "ipopt.warm_start_init_point": "yes"}
-    return options
-
-
-def _failure(transcribed: Transcribed, w: np.ndarray, status: str) -> str:
-    """Which constraints are violated most, by part and time."""
-    program = transcribed.program
-    g = np.array(program.values(w)[1]).ravel()
-    off = np.maximum(program.limits[0] - g, g - program.limits[1])
-    worst: dict[str, tuple[float, float, float]] = {}
-    duration, t0 = transcribed.motion(w).duration, transcribed.asked.stage.t0
-    for r in np.argsort(-off)[:200]:
-        if off[r] > 1e-6:
-            name, at = transcribed.labels[r]
-            size, first, last = worst.get(name, (off[r], at, at))
-            worst[name] = max(size, off[r]), min(first, at), max(last, at)
-    reasons = {
-        "Infeasible_Problem_Detected": "no motion meets all that is asked for near where the search ended",
-        "Maximum_Iterations_Exceeded": "the search took too many iterations",
-        "Restoration_Failed": "the search could not come nearer to what is asked for",
-        "Diverging_Iterates": "the cost has no least value, or bounds are missing",
-    }
-    words = [f"No optimum was found: {reasons.get(status, status)}."]
-    if worst:
-        listed = [
-            f"{name} (off by {size:.1e} of its size {'at' if first == last else 'between'} {t0 + first * duration:.3g}"
-            + (" s)" if first == last else f" and {t0 + last * duration:.3g} s)")
-            for name, (size, first, last) in list(worst.items())[:4]
-        ]
-        words.append("What could not be met: " + "; ".join(listed) + ".")
-    words.append(
-        "The last iterate is in the error's `best`. Relax a bound, give more time, or begin elsewhere with ocp.guess(run)."
-    )
-    return " ".join(words)

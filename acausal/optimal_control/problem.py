@@ -8,28 +8,25 @@ from typing import TYPE_CHECKING, Any, Protocol
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary, finite, whole_number
-from acausal.collocation.tableau import radau_iia
+from acausal.arguments import dictionary, finite
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter, Symbol
 from acausal.optimal_control.controller import Controller
 from acausal.optimal_control.guess import Guess, path_guess
 from acausal.optimal_control.language import Cost, free
-from acausal.optimal_control.mesh import Mesh
-from acausal.optimal_control.optimum import Optimum, optimum
+from acausal.optimal_control.mesh import Mesh, Mesher
+from acausal.optimal_control.mode import phase_mode
+from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.solving import Part, best_of
 from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.transcription import Asked, Limits
 from acausal.outputs.functions import Functions
-from acausal.reduce.modes import refuse_modes
 from acausal.start.assembly_function import start_units
 from acausal.start.initial import InitialState, exactly, near
 from acausal.start.states import start_values
 
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
-
-_PLUGINS = ("ipopt",)
-"""Solvers that take the derivatives of a program as they are."""
 
 
 class Simulated(Protocol):
@@ -55,7 +52,8 @@ class OptimalControl:
     """The best motion of a model, and the inputs that make it.
 
     `time`: its length [s], a number or `ac.free(least, most)`. All inputs of the model are found; those not to be found are given as numbers in
-    `inputs`. `parameters`: other values than at build. `t0` [s]: where the model's time begins.
+    `inputs`. `parameters`: other values than at build. `t0` [s]: where the model's time begins. `modes`: what parts that open, stick and slide do
+    all the time, {part: "closed"} ("open" where nothing is said, "sticks", "slides", "slides +", "slides -"); see `ac.phases`.
 
         ocp = ac.OptimalControl(model, time=2.0)
         ocp.start({s.rail.q: 0, s.hinge.q: 0})
@@ -68,14 +66,21 @@ class OptimalControl:
     """
 
     def __init__(
-        self, model: Simulated, time: float | free, *, inputs: Any = None, parameters: Any = None, t0: float = 0.0
+        self,
+        model: Simulated,
+        time: float | free,
+        *,
+        modes: Mapping[Any, str] | None = None,
+        inputs: Any = None,
+        parameters: Any = None,
+        t0: float = 0.0,
     ) -> None:
-        self._model, self._functions = model, model.functions
-        refuse_modes(self._functions.outputs.system.mechanics.modes, "OptimalControl")
+        self.model, self._functions = model, model.functions
+        self._mode = phase_mode(self._functions, dictionary(modes or {}, "modes", "{scene.foot: 'sticks'}"))
         self._t0 = finite(t0, "OptimalControl: t0 [s]")
         self._time = _duration(time)
-        self._parameters: dict[Parameter, float] = dict(self._symbols(parameters or {}, "parameters"))
-        self._inputs: dict[Any, float] = dict(self._symbols(inputs or {}, "inputs"))
+        self._parameters: dict[Parameter, float] = dict(self.symbols(parameters or {}, "parameters"))
+        self._inputs: dict[Any, float] = dict(self.symbols(inputs or {}, "inputs"))
         self._start: dict[Expression, Any] | None = None
         self._opened: dict[Expression, free] = {}
         self._path: list[tuple[Expression, Any, Any]] = []
@@ -95,8 +100,8 @@ class OptimalControl:
         """Start values of variables, as for `simulate`: what is not given is chosen there, velocities zero where they can be. A value
         `ac.free(lower, upper)` is found with the motion. Without any call everything about the start is free.
         """
-        given = self._symbols(values, "start")
-        self._opened = {k: v.checked(self._name(k)) for k, v in given.items() if isinstance(v, free)}
+        given = self.symbols(values, "start")
+        self._opened = {k: v.checked(self.name(k)) for k, v in given.items() if isinstance(v, free)}
         self._start = {k: v for k, v in given.items() if not isinstance(v, free)}
 
     def end(self, values: Any) -> None:
@@ -108,30 +113,30 @@ class OptimalControl:
         where = finite(part, "at: the part of the duration")
         if not 0 <= where <= 1:
             raise OptionError(f"at({part:g}, ...): give a part of the duration between 0 and 1.")
-        self._here.append((where, dict(self._symbols(values, "at" if where < 1 else "end"))))
+        self._here.append((where, dict(self.symbols(values, "at" if where < 1 else "end"))))
 
     def bound(self, expression: Expression | str, lower: Any = -np.inf, upper: Any = np.inf) -> None:
         """Limits that an expression keeps at all points of the mesh: numbers, or one for each entry. Reactions, contact forces, powers, distances."""
-        (wanted,) = self._symbols({expression: 0.0}, "bound")
+        (wanted,) = self.symbols({expression: 0.0}, "bound")
         if np.any(np.asarray(lower, dtype=float) > np.asarray(upper, dtype=float)):
-            raise OptionError(f"bound: {self._name(wanted)} is to stay above {lower} and below {upper}, which cross.")
+            raise OptionError(f"bound: {self.name(wanted)} is to stay above {lower} and below {upper}, which cross.")
         self._path.append((wanted, lower, upper))
 
     def periodic(self, turns: Any = None, drift: Sequence[Expression | str] = ()) -> None:
         """The motion ends as it began, each of `turns` {variable: number} full turns on; states in `drift` may end anywhere."""
-        self._turns = {k: 2 * np.pi * float(v) for k, v in self._symbols(turns or {}, "periodic").items()}
-        self._drifting = tuple(self._symbols(dict.fromkeys(drift, 0.0), "periodic: drift"))
+        self._turns = {k: 2 * np.pi * float(v) for k, v in self.symbols(turns or {}, "periodic").items()}
+        self._drifting = tuple(self.symbols(dict.fromkeys(drift, 0.0), "periodic: drift"))
 
     def optimise(self, parameter: Parameter | str, lower: float, upper: float, guess: float | None = None) -> None:
         """A parameter of the scene (a mass, a length, a stiffness) that is found with the motion, between bounds."""
-        (wanted,) = self._symbols({parameter: 0.0}, "optimise")
+        (wanted,) = self.symbols({parameter: 0.0}, "optimise")
         if not isinstance(wanted, Parameter):
             raise OptionError(
-                f"optimise: {self._name(wanted)} is no parameter. Make it one: scene.length = ac.Parameter(0.4, 'm')."
+                f"optimise: {self.name(wanted)} is no parameter. Make it one: scene.length = ac.Parameter(0.4, 'm')."
             )
         built = float(self._functions.outputs.system.p_values[self._functions.outputs.system.flat.parameters.index(wanted)])
         inside = built if guess is None and lower <= built <= upper else guess
-        self._geometry[wanted] = free(lower, upper, inside).checked(self._name(wanted))
+        self._geometry[wanted] = free(lower, upper, inside).checked(self.name(wanted))
 
     def minimise(self, cost: Cost) -> None:
         """What is to be least: a sum of `ac.integral`, `ac.average`, `ac.at_start`, `ac.at_end` and `duration`."""
@@ -164,20 +169,14 @@ class OptimalControl:
         `refinements` times. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
         CasADi's `ipopt`. Raises `OptimalControlError` with the last iterate where none is found.
         """
-        if solver not in _PLUGINS:
-            raise OptionError(f"solve: there is no solver {solver!r}. Use {', '.join(map(repr, _PLUGINS))}.")
-        if controls not in ("free", "constant"):
-            raise OptionError(f"solve: there are no controls {controls!r}. Use 'free' or 'constant'.")
-        whole_number(order, "solve: the order", 1, 31)
-        if order % 2 == 0:
-            raise OptionError(f"solve: Radau collocation has odd order, not {order}.")
-        marks = sorted({0.0, 1.0, *(at for at, _ in self._here)})
-        count = whole_number(intervals, "solve: intervals", 1)
-        pieces = np.maximum(1, np.round(count * np.diff(marks))).astype(int)
-        mesh = Mesh(np.array(marks), radau_iia((order + 1) // 2)).refined(pieces)
-        asked, stops, units = self._asked(controls == "constant")
-        guess = self._first(asked.stage, stops, mesh, units)
-        return optimum(self._model, asked, mesh, guess, units, solver, dict(options or {}), tolerance, refinements, self._given)
+        part = self.part(Mesher(intervals, order, controls, solver))
+        return best_of([part], [], solver, dict(options or {}), tolerance, refinements).phases[0]
+
+    def part(self, mesher: Mesher, begin: Mapping[Expression, Any] | None = None) -> Part:
+        """As it is given to the solver. `begin`: start values near which the guess begins, where there are none of its own."""
+        mesh = mesher.mesh([at for at, _ in self._here])
+        asked, stops, units = self._asked(mesher.controls == "constant", begin)
+        return Part(self.model, asked, mesh, self._first(asked.stage, stops, mesh, units), units, self._given)
 
     def controller(
         self,
@@ -198,16 +197,19 @@ class OptimalControl:
         """Arguments of `simulate`."""
         return {"parameters": self._parameters, "t0": self._t0}
 
-    def _asked(self, held: bool) -> tuple[Asked, list[tuple[float, np.ndarray]], np.ndarray]:
+    def _asked(
+        self, held: bool, near_start: Mapping[Expression, Any] | None
+    ) -> tuple[Asked, list[tuple[float, np.ndarray]], np.ndarray]:
         """The problem in unknowns of a stage; stops of a path as a guess; what is much for each unknown."""
-        f, model = self._functions, self._model
+        f, model = self._functions, self.model
         if f.space.elimination.constants.numel():
             raise OptionError(
                 "Optimal control of scenes with integrated velocity constraints (a wheel rolling along a line whose place is open) is not supported."
             )
-        starts = {**(self._start or {}), **{k: v.guess for k, v in self._opened.items()}}
+        usual = {} if self._start is not None else near_start or {}
+        starts = {**usual, **(self._start or {}), **{k: near(v.guess) for k, v in self._opened.items()}}
         begin = model.initial_state(starts, inputs=self._inputs, **self._given)
-        stage = Stage(f, self._t0, begin.p[: f.outputs.system.p_values.size], tuple(self._geometry))
+        stage = Stage(self._mode, self._t0, begin.p[: f.outputs.system.p_values.size], tuple(self._geometry))
         here = [(at, self._limits(stage, key, value)) for at, values in self._here for key, value in values.items()]
         # what loops close with other lengths follows from what is given
         following = self._opened or (self._geometry and f.invariants is not None)
@@ -215,6 +217,7 @@ class OptimalControl:
             here.insert(0, (0.0, self._open_start(stage, begin.x)))
         path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._path]
         path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
+        path += [Limits(value, np.zeros(value.numel()), np.full(value.numel(), np.inf), name) for value, name in stage.bounds]
         integrals, averages, starts_cost, ends = (
             self._total(stage, kind) for kind in ("integrals", "averages", "starts", "ends")
         )
@@ -234,7 +237,7 @@ class OptimalControl:
             }
             before = start_values(f, f.space.expanded(self._t0, stops[-1][1], begin.p))
             kept = {key: near(value, 1e-3) for key, value in before.items() if key not in wanted}
-            found = self._model.initial_state({**kept, **self._near_states(stage, wanted)}, inputs=self._inputs, **self._given)
+            found = self.model.initial_state({**kept, **self._near_states(stage, wanted)}, inputs=self._inputs, **self._given)
             if at > 0:
                 stops.append((at, found.x))
         more = self._more_at_the_end()
@@ -248,8 +251,8 @@ class OptimalControl:
         """By what states (nx,) are more than at the start where the motion is periodic, NaN what drifts."""
         if self._turns is None:
             return None
-        drifting = np.isnan(self._by_state(dict.fromkeys(self._drifting, np.nan)))
-        return np.where(drifting, np.nan, self._by_state(self._turns))
+        drifting = np.isnan(self.by_state(dict.fromkeys(self._drifting, np.nan)))
+        return np.where(drifting, np.nan, self.by_state(self._turns))
 
     def _total(self, stage: Stage, kind: str) -> ca.SX:
         """The sum of one kind of costs."""
@@ -261,10 +264,10 @@ class OptimalControl:
         return total
 
     def _open_start(self, stage: Stage, first: np.ndarray) -> Limits:
-        """What is free, between its bounds; then all states as they are at the guess, as far as they do not follow from what is free."""
-        limits = [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
+        """What is given; what is free, between its bounds; then all states as they are at the guess, as far as they do not follow from these."""
         given = {k: v.value if isinstance(v, exactly) else v for k, v in (self._start or {}).items() if not isinstance(v, near)}
-        limits += [self._limits(stage, k, np.asarray(v, dtype=float)) for k, v in given.items()]
+        limits = [self._limits(stage, k, np.asarray(v, dtype=float)) for k, v in given.items()]
+        limits += [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
         limits.append(Limits(self._functions.space.x, first, first, "start values"))
         value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
         return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), "start values")
@@ -283,7 +286,7 @@ class OptimalControl:
             float(self._time.guess or 1.0),
             geometry,
             units,
-            turned=self._by_state(self._turns or {}) != 0,
+            turned=self.by_state(self._turns or {}) != 0,
         )
 
     def _units(self, stage: Stage, begin: InitialState) -> np.ndarray:
@@ -295,7 +298,7 @@ class OptimalControl:
         _, _, loops, inputs = stage.sizes
         drive = np.ones(inputs)
         for expression, lower, upper in self._path:
-            for k, entry in enumerate(system.flat.inputs):
+            for k, entry in enumerate(self._mode.inputs):
                 if expression is entry:
                     size = max(abs(float(v)) for v in (lower, upper) if np.isfinite(v))
                     drive[k] = size if size > 0 else 1.0
@@ -307,12 +310,12 @@ class OptimalControl:
         try:
             lower, upper = (np.broadcast_to(np.asarray(v, dtype=float).ravel(order="F"), (column.numel(),)) for v in (low, high))
         except (TypeError, ValueError):
-            raise OptionError(f"{self._name(key)} has {column.numel()} entries; its value {value!r} does not fit.") from None
+            raise OptionError(f"{self.name(key)} has {column.numel()} entries; its value {value!r} does not fit.") from None
         if np.isnan(lower).any() or np.isnan(upper).any() or np.any(lower > upper):
-            raise OptionError(f"{self._name(key)} is to be between {low} and {high}: give numbers in order.")
-        return Limits(column, lower, upper, self._name(key))
+            raise OptionError(f"{self.name(key)} is to be between {low} and {high}: give numbers in order.")
+        return Limits(column, lower, upper, self.name(key))
 
-    def _by_state(self, values: Mapping[Expression, float]) -> np.ndarray:
+    def by_state(self, values: Mapping[Expression, float]) -> np.ndarray:
         """(nx,): what is said of states, 0 of others."""
         space, outputs = self._functions.space, self._functions.outputs
         found = np.zeros(space.x.numel())
@@ -323,7 +326,7 @@ class OptimalControl:
                 k = numbers.get(column[e].element_hash()) if column[e].is_symbolic() else None
                 if k is None:
                     raise OptionError(
-                        f"periodic: {self._name(key)} is no state of the model. It has: {', '.join(self._functions.state_names[:12])}."
+                        f"periodic: {self.name(key)} is no state of the model. It has: {', '.join(self._functions.state_names[:12])}."
                     )
                 found[k] = value
         return found
@@ -340,7 +343,7 @@ class OptimalControl:
                 found[key] = near(np.broadcast_to(value, (column.numel(),)), 1e3)
         return found
 
-    def _symbols(self, values: Any, what: str) -> dict[Any, Any]:
+    def symbols(self, values: Any, what: str) -> dict[Any, Any]:
         given = dictionary(values, what, "{scene.hinge.q: 0.3}")
         found = self._functions.outputs.system.flat.symbols(given)
         for key in found:
@@ -348,7 +351,7 @@ class OptimalControl:
                 raise UnknownVariableError(f"{what}: {key!r} is no variable or expression of the scene.")
         return dict(found)
 
-    def _name(self, key: Expression) -> str:
+    def name(self, key: Expression) -> str:
         return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
 
 
@@ -382,4 +385,8 @@ def _from_run(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.nda
     p = np.repeat(run.problem.parameters[:, None], times.size, axis=1)
     rates = np.array(f.explicit_dynamics(there.t[None, :], there.x, there.u, p))[nq : nq + nv]
     loops = np.array(f.multipliers(there.t[None, :], there.x, there.u, p))
-    return Guess(times, np.vstack([there.x, rates, loops, there.u]).T, float(last - first), geometry)
+    modes = f.outputs.system.modes
+    pushes = (
+        np.zeros((0, times.size)) if modes is None else np.array(f.output(modes.found)(there.t[None, :], there.x, there.u, p))
+    )
+    return Guess(times, np.vstack([there.x, rates, loops, pushes, there.u[: stage.sizes[3]]]).T, float(last - first), geometry)

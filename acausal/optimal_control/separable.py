@@ -101,6 +101,37 @@ class Program:
     unit: float = 1.0
     """Of the cost."""
 
+    @staticmethod
+    def joined(programs: Sequence[Program]) -> Program:
+        """Side by side: unknowns and rows one after the other, costs added."""
+        column = np.cumsum([0, *(one.size for one in programs)]).tolist()
+        row = np.cumsum([0, *(one.rows for one in programs)]).tolist()
+        terms = [
+            replace(term, places=term.places + j, rows=np.where(term.rows >= 0, term.rows + i, term.rows))
+            for one, i, j in zip(programs, row, column, strict=False)
+            for term in one.terms
+        ]
+        linear = [(one.linear[0] + i, one.linear[1] + j, one.linear[2]) for one, i, j in zip(programs, row, column, strict=False)]
+        a, b, values = (np.concatenate(part) for part in zip(*linear, strict=True))
+        return Program(
+            terms, (a, b, values), np.concatenate([one.cost for one in programs]), np.hstack([one.limits for one in programs]),
+            np.hstack([one.bounds for one in programs]), np.concatenate([one.guess for one in programs]),
+        )  # fmt: skip
+
+    def extended(self, guess: np.ndarray, bounds: np.ndarray, term: Term, limits: np.ndarray) -> Program:
+        """With more unknowns, and a term with rows of its own."""
+        return replace(
+            self, terms=[*self.terms, term], cost=np.append(self.cost, np.zeros(guess.size)), limits=np.hstack([self.limits, limits]),
+            bounds=np.hstack([self.bounds, bounds]), guess=np.append(self.guess, guess),
+        )  # fmt: skip
+
+    def tied(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Program:
+        """With more linear rows that are zero: `rows` (n,) of entries are counted from 0."""
+        a, b, known = self.linear
+        count = int(rows.max()) + 1 if rows.size else 0
+        linear = np.append(a, rows + self.rows), np.append(b, columns), np.append(known, values)
+        return replace(self, linear=linear, limits=np.hstack([self.limits, np.zeros((2, count))]))
+
     @property
     def size(self) -> int:
         """Number of unknowns."""

@@ -13,25 +13,33 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.charts.independent import independent_entries
 from acausal.language.expression import Expression, Parameter
 from acausal.numerics.folding import folded_function
+from acausal.optimal_control.mode import PhaseMode
 from acausal.outputs.functions import Functions
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """`functions` of a model whose time runs from `t0` [s]; `p` (np,): values of parameters; `free`: those that are found with the motion."""
+    """A model in a `mode`, whose time runs from `t0` [s]; `p` (np,): values of parameters; `free`: those that are found with the motion."""
 
-    functions: Functions
+    mode: PhaseMode
     t0: float
     p: np.ndarray
     free: tuple[Parameter, ...]
 
+    @property
+    def functions(self) -> Functions:
+        """Of the model."""
+        return self.mode.functions
+
     @functools.cached_property
     def sizes(self) -> tuple[int, int, int, int]:
-        """Of states, accelerations, multipliers and inputs."""
+        """Of states, accelerations, multipliers (of loops, then reactions) and inputs."""
         space, system = self.functions.space, self.functions.outputs.system
-        return space.x.numel(), space.velocities, system.constraints.jacobian.shape[0], system.u.numel()
+        multipliers = system.constraints.jacobian.shape[0] + self.mode.reactions.numel()
+        return space.x.numel(), space.velocities, multipliers, len(self.mode.inputs)
 
     @property
     def width(self) -> int:
@@ -41,11 +49,19 @@ class Stage:
     @functools.cached_property
     def unknowns(self) -> ca.SX:
         """States, accelerations, multipliers, inputs, then the duration of the motion [s] and free parameters."""
-        _, velocities, loops, _ = self.sizes
-        space, system = self.functions.space, self.functions.outputs.system
-        self_made = ca.SX.sym("acceleration", velocities), ca.SX.sym("multipliers", loops)
+        _, velocities, multipliers, _ = self.sizes
+        reactions = self.mode.reactions
+        self_made = ca.SX.sym("acceleration", velocities), ca.SX.sym("multipliers", multipliers - reactions.numel())
+        given = (entry.sx for entry in self.mode.inputs)
         geometry = ca.SX.sym("free", len(self.free))
-        return ca.vertcat(space.x, *self_made, system.u, ca.SX.sym("duration"), geometry)
+        return ca.vertcat(self.functions.space.x, *self_made, reactions, *given, ca.SX.sym("duration"), geometry)
+
+    @functools.cached_property
+    def bounds(self) -> list[tuple[ca.SX, str]]:
+        """What must not be negative for its mode to go on, and what that is called."""
+        space = self.functions.space
+        found = [pair for law in self.mode.laws for pair in self.mode.bounds(law)]
+        return [(space.put(self._alive(value)), name) for value, name in found]
 
     @functools.cached_property
     def data(self) -> ca.SX:
@@ -77,29 +93,51 @@ class Stage:
     @functools.cached_property
     def rates(self) -> ca.SX:
         """x' (nx, 1): of positions by velocities, of velocities the unknown accelerations, of other states as they are."""
-        space = self.functions.space
-        given = space.put(space.kept(self.functions.outputs.system.x_dot))
+        space = self.mode.free.space
+        given = space.put(space.kept(self._alive(space.system.x_dot)))
         first, last = space.nq, space.nq + space.velocities
         return ca.vertcat(given[:first, :], self._parts[1], given[last:, :])
 
     @functools.cached_property
     def balance(self) -> ca.SX:
-        """What is off of the equations of motion: of forces, then of accelerations of loops."""
-        space = self.functions.space
-        x, _, loops, u, _, _ = self._parts
-        t = self.functions.outputs.system.t
-        residual = self.functions.residual_dynamics(t, x, self.rates, loops, u, space.p)
+        """What is off of the equations of motion: of forces, then of accelerations of loops, and what each reaction is given by."""
+        return ca.vertcat(self.balance_at(self.rates, self._parts[2]), *self._by_laws(self.rates))
+
+    def balance_at(self, rates: ca.SX, multipliers: ca.SX) -> ca.SX:
+        """What is off of forces, then of accelerations of loops, for rates of states (nx, 1) and these multipliers."""
+        f = self.mode.free
+        space, loops = f.space, f.outputs.system.constraints.jacobian.shape[0]
+        everything = ca.substitute(space.system.u, self.mode.reactions, multipliers[loops:, :])
+        residual = f.residual_dynamics(space.system.t, space.x, rates, multipliers[:loops, :], self._alive(everything), space.p)
         first, last, end = space.nq, space.nq + space.velocities, space.x.numel()
         return ca.vertcat(residual[first:last, :], residual[end:, :])
+
+    def _by_laws(self, rates: ca.SX) -> list[ca.SX]:
+        space = self.functions.space
+        return [self.mode.row(law, space.x, rates, lambda v: space.put(self._alive(v))) for law in self.mode.laws]
+
+    def _alive(self, value: ca.SX) -> ca.SX:
+        """Without reactions that move nothing."""
+        known = {s.element_hash() for s in ca.symvar(self.mode.reactions)}
+        dead = [r.sx for r in self.mode.free.outputs.system.flat.reactions if r.sx.element_hash() not in known]
+        return ca.substitute(value, ca.vertcat(*dead), ca.SX.zeros(len(dead))) if dead else value
+
+    @functools.cached_property
+    def acting(self) -> np.ndarray:
+        """(multipliers,): which are given by what acts, and not by accelerations that are held."""
+        held = [self.mode.holds(law) and not self.mode.rate(law).is_constant() for law in self.mode.laws]
+        loops = self.sizes[2] - self.mode.reactions.numel()
+        of_laws = [not hold for law, hold in zip(self.mode.laws, held, strict=True) for _ in law.row.reactions]
+        return np.array([False] * loops + of_laws, dtype=bool)
 
     @functools.cached_property
     def invariants(self) -> tuple[ca.SX, int]:
         """What is off of loops and of lengths of quaternions, and how many of these rows are of positions; the first ones."""
-        f = self.functions
-        if f.invariants is None:
-            return ca.SX(0, 1), 0
-        rows = f.invariants(f.outputs.system.t, f.space.x, f.space.p)
-        return rows, f.constraint_position.numel_out(0)
+        f, mode = self.functions, self.mode
+        positions = 0 if f.invariants is None else f.constraint_position.numel_out(0)
+        rows = ca.SX(0, 1) if f.invariants is None else f.invariants(f.outputs.system.t, f.space.x, f.space.p)
+        gaps, speeds = f.space.put(mode.gaps), f.space.put(mode.speeds)
+        return ca.vertcat(rows[:positions, :], gaps, rows[positions:, :], speeds), positions + gaps.numel()
 
     @functools.cached_property
     def closing(self) -> ca.Function:
@@ -126,16 +164,77 @@ class Stage:
         """A user's expression (n, 1) in t, x, u, p and the other unknowns: reactions by accelerations and multipliers, not by solving for them."""
         if not isinstance(wanted, Expression):
             return ca.SX(float(wanted))
-        f, s = self.functions, self.functions.outputs.system
+        f = self.mode.free
+        s = f.outputs.system
         given, _ = f.outputs.given_by_dynamics
         found = ca.vec(ca.densify(f.outputs.opened(wanted)))
         if ca.depends_on(found, given):
             everything = f.space.put(s.x)
             full = ca.jacobian(everything, f.space.x) @ self.rates + ca.jtimes(everything, s.t, ca.SX(1))
-            found = ca.substitute(found, given, ca.vertcat(full, self._parts[2]))
-        return f.space.put(found)
+            found = ca.substitute(found, given, ca.vertcat(full, self._parts[2][: s.multipliers.numel(), :]))
+        return f.space.put(self._alive(found))
+
+    @staticmethod
+    def slopes_of(f: ca.Function, z: np.ndarray, at: float) -> np.ndarray:
+        """Of one of these functions at a part of the duration."""
+        return np.array(f(z, [at, 0.0])[1])
+
+    def ruling(self, z: np.ndarray, at: float, units: np.ndarray) -> list[int]:
+        """Numbers of the multipliers that are not idle: given by what acts, or holding what others do not."""
+        nx, nv, loops, _ = self.sizes
+        slopes = self.slopes_of(self.driving, z, at)[nv:, :nv] * units[nx : nx + nv]
+        held = np.flatnonzero(~self.acting)
+        ruled = {int(held[r]) for r in independent_rows(slopes[held])}
+        ruled |= {r for r in range(loops) if self.acting[r] and not self.silent[r]}
+        return sorted(ruled)
+
+    @functools.cached_property
+    def silent(self) -> np.ndarray:
+        """(multipliers,): which are reactions of what is open, and zero."""
+        loops = self.sizes[2] - self.mode.reactions.numel()
+        pairs = zip(self.mode.laws, self.mode.words, strict=True)
+        return np.array([False] * loops + [word in ("open", "off") for law, word in pairs for _ in law.row.reactions], dtype=bool)
+
+    @functools.cached_property
+    def equation_names(self) -> list[str]:
+        """Of each row of `balance`, for messages."""
+        loops, (_, nv, _, _) = self.sizes[2] - self.mode.reactions.numel(), self.sizes
+        first = self.functions.space.nq
+        moving = [f"the equations of motion of {self.functions.state_names[first + i]}" for i in range(nv)]
+        ruled = [f"the law of {law.name}" for law in self.mode.laws for _ in law.row.reactions]
+        return [*moving, *(["the equations of motion of loops"] * loops), *ruled]
+
+    def told(self, u: np.ndarray) -> np.ndarray:
+        """Inputs of the model (nu,) or (nu, n): with its masks."""
+        masks = np.broadcast_to(self.mode.masks.reshape(-1, *(1,) * (u.ndim - 1)), (self.mode.masks.size, *u.shape[1:]))
+        return np.concatenate([u, masks])
 
     def used(self, expressions: Sequence[ca.SX]) -> list[int]:
         """Numbers of the `unknowns` that stand in expressions that have been `put`."""
         inside = {s.element_hash() for e in expressions for s in ca.symvar(e)}
         return [k for k in range(self.unknowns.numel()) if self.unknowns[k].element_hash() in inside]
+
+
+def independent_rows(matrix: np.ndarray) -> tuple[int, ...]:
+    """Numbers of rows that do not follow from others, as many as can be."""
+    return independent_entries(matrix.T).dependent if matrix.size else ()
+
+
+def independent_states(
+    stage: Stage, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = ()
+) -> tuple[list[int], list[int]]:
+    """Which states (of all but those that follow) are collocated; and which invariants hold the others: rows that do not follow from others."""
+    n = stage.invariants[1]
+    nx, nv, _, _ = stage.sizes
+    nq = stage.functions.space.nq
+    J = stage.slopes_of(stage.closing, z, at) * units[:nx]
+    kept = list(range(nx))
+    used: list[int] = []
+    for block, columns in (((0, n), range(nq)), ((n, len(J)), range(nq, nq + nv))):
+        own = J[slice(*block)][:, list(columns)]
+        length = np.linalg.norm(own, axis=1)
+        own = own / np.where(length > 0, length, 1.0)[:, None]
+        gone = independent_entries(own, [k - columns.start for k in preferred if k in columns]).dependent
+        kept = [k for k in kept if k - columns.start not in gone or k not in columns]
+        used += [block[0] + r for r in independent_rows(own)]
+    return kept, used

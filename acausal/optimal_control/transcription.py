@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.charts.independent import independent_entries
 from acausal.numerics.folding import folded_function
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
-from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.stage import Stage, independent_rows, independent_states
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +67,11 @@ class Transcribed:
     places: np.ndarray
     labels: list[tuple[str, float]]
 
+    @functools.cached_property
+    def layout(self) -> Layout:
+        """Where unknowns stand."""
+        return Layout(self.asked.stage, self.mesh, self.asked.held)
+
     def motion(self, w: np.ndarray) -> Guess:
         """What the unknowns of the program say of the motion."""
         stage, full = self.asked.stage, w * self.units
@@ -81,7 +85,7 @@ class Transcribed:
 
     def unknowns(self, guess: Guess) -> np.ndarray:
         """Those of the program for a motion."""
-        return _values(_Layout(self.asked.stage, self.mesh, self.asked.held), guess, self.mesh) / self.units
+        return _values(self.layout, guess, self.mesh) / self.units
 
 
 class _Rows:
@@ -102,7 +106,7 @@ class _Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class _Layout:
+class Layout:
     """Where unknowns stand: states at the start, then all of each point, then the duration and free parameters."""
 
     stage: Stage
@@ -145,7 +149,7 @@ class _Layout:
 def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Transcribed:
     """The program on a mesh, beginning at a guess. `units` (width,): what is much for each unknown of a point."""
     stage = asked.stage
-    layout, rows = _Layout(stage, mesh, asked.held), _Rows()
+    layout, rows = Layout(stage, mesh, asked.held), _Rows()
     w = _values(layout, guess, mesh)
     size = np.ones(layout.size)
     size[layout.places] = units
@@ -167,14 +171,14 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
         bounds / size,
         w / size,
     )
-    return Transcribed(asked, mesh, plain.balanced(), size, layout.places, rows.labels)
+    return Transcribed(asked, mesh, plain, size, layout.places, rows.labels)
 
 
 def _scaled(term: Term, size: np.ndarray) -> Term:
     return Term(term.function, term.places, size[term.places], term.data, term.rows, term.weights)
 
 
-def _values(layout: _Layout, guess: Guess, mesh: Mesh) -> np.ndarray:
+def _values(layout: Layout, guess: Guess, mesh: Mesh) -> np.ndarray:
     w = np.zeros(layout.size)
     w[layout.places] = guess.at(mesh.points.ravel()).reshape(layout.places.shape)
     w[: layout.stage.sizes[0]] = guess.at(np.zeros(1))[0, : layout.stage.sizes[0]]
@@ -183,7 +187,7 @@ def _values(layout: _Layout, guess: Guess, mesh: Mesh) -> np.ndarray:
     return w
 
 
-def _bounds(asked: Asked, layout: _Layout, w: np.ndarray) -> np.ndarray:
+def _bounds(asked: Asked, layout: Layout, w: np.ndarray) -> np.ndarray:
     bounds = np.repeat([[-np.inf], [np.inf]], layout.size, axis=1)
     bounds[:, layout.tail] = asked.duration
     bounds[:, layout.tail + 1 :] = asked.geometry.T
@@ -202,36 +206,7 @@ def _bounds(asked: Asked, layout: _Layout, w: np.ndarray) -> np.ndarray:
     return bounds
 
 
-def _slopes(f: ca.Function, z: np.ndarray, at: float) -> np.ndarray:
-    """Of a stage's function at a part of the duration."""
-    return np.array(f(z, [at, 0.0])[1])
-
-
-def _independent(
-    stage: Stage, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = ()
-) -> tuple[list[int], list[int]]:
-    """Which states (of all but those that follow) are collocated; and which invariants hold the others: rows that do not follow from others."""
-    n = stage.invariants[1]
-    nx, nv, _, _ = stage.sizes
-    nq = stage.functions.space.nq
-    J = _slopes(stage.closing, z, at) * units[:nx]
-    kept = list(range(nx))
-    used: list[int] = []
-    for block, columns in (((0, n), range(nq)), ((n, len(J)), range(nq, nq + nv))):
-        own = J[slice(*block)][:, list(columns)]
-        length = np.linalg.norm(own, axis=1)
-        own = own / np.where(length > 0, length, 1.0)[:, None]
-        gone = independent_entries(own, [k - columns.start for k in preferred if k in columns]).dependent
-        kept = [k for k in kept if k - columns.start not in gone or k not in columns]
-        used += [block[0] + r for r in _independent_rows(own)]
-    return kept, used
-
-
-def _independent_rows(matrix: np.ndarray) -> tuple[int, ...]:
-    return independent_entries(matrix.T).dependent if matrix.size else ()
-
-
-def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: np.ndarray, bounds: np.ndarray) -> Term:
+def _dynamics(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, units: np.ndarray, bounds: np.ndarray) -> Term:
     stage, mesh = asked.stage, layout.mesh
     nx, nv, loops, _ = stage.sizes
     K, s = mesh.intervals, mesh.tableau.stages
@@ -252,8 +227,8 @@ def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: 
     extra = np.arange(layout.tail, layout.size)
     for k in range(K):
         middle, half = w[np.append(layout.places[k, s // 2], extra)], float(mesh.points[k, s // 2])
-        kept, used = _independent(stage, middle, half, units)
-        loop_rows = _independent_rows(_slopes(stage.driving, middle, half)[nv:, :nv] * units[nx : nx + nv])
+        kept, used = independent_states(stage, middle, half, units)
+        loop_rows = stage.ruling(middle, half, units)
         idle = [nx + nv + r for r in range(loops) if r not in loop_rows]
         bounds[:, layout.places[k][:, idle]] = 0.0  # multipliers that rigid bodies leave open
         begin = layout.node(k)[:nx]
@@ -265,9 +240,7 @@ def _dynamics(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray, units: 
                 rows.linear += [(row, int(layout.places[k, m, i]), mesh.slopes[j, m + 1]) for m in range(s)]
                 number[i, column], weights[i, column] = row, -1.0
             for i in (*range(nv), *(nv + r for r in loop_rows)):
-                number[nx + i, column] = rows.add(
-                    0.0, 0.0, f"the equations of motion of {labels[stage.functions.space.nq + i] if i < nv else 'loops'}", at
-                )
+                number[nx + i, column] = rows.add(0.0, 0.0, stage.equation_names[i], at)
             for r in used:
                 number[nx + nv + loops + r, column] = rows.add(0.0, 0.0, "closed loops", at)
             for r, (limits, e) in enumerate(path):
@@ -283,7 +256,7 @@ def _is_unknown(stage: Stage, value: ca.SX) -> bool:
     return value.is_symbolic() and any(value.element_hash() == stage.unknowns[k].element_hash() for k in range(stage.width))
 
 
-def _at(layout: _Layout, k: int, value: ca.SX, number: list[int], weights: float = 1.0) -> Term:
+def _at(layout: Layout, k: int, value: ca.SX, number: list[int], weights: float = 1.0) -> Term:
     """A column of values at the node k, of the unknowns that stand in it."""
     stage = layout.stage
     used = stage.used([value])
@@ -293,7 +266,7 @@ def _at(layout: _Layout, k: int, value: ca.SX, number: list[int], weights: float
     return Term(function, places, np.ones(places.shape), data, np.array(number)[:, None], np.full((len(number), 1), weights))
 
 
-def _ends(asked: Asked, layout: _Layout) -> list[Term]:
+def _ends(asked: Asked, layout: Layout) -> list[Term]:
     found: list[Term] = []
     for k, value in ((0, asked.starts), (layout.mesh.intervals, asked.ends)):
         column = asked.stage.put(value)
@@ -302,7 +275,7 @@ def _ends(asked: Asked, layout: _Layout) -> list[Term]:
     return found
 
 
-def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> list[Term]:
+def _conditions(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray) -> list[Term]:
     """What holds at the start, at places of the path and at the end, without what follows from invariants."""
     stage, mesh = asked.stage, layout.mesh
     nx = stage.sizes[0]
@@ -311,7 +284,7 @@ def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> li
     fixed = np.zeros(nx, dtype=bool) if asked.start is None else np.isfinite(asked.start)
     first = np.concatenate([w[:nx], np.zeros(stage.width - nx), w[extra]])
     if not fixed.all() and stage.invariants[0].numel():
-        used = _independent_rows(_slopes(stage.closing, first, 0.0)[:, ~fixed])
+        used = independent_rows(stage.slopes_of(stage.closing, first, 0.0)[:, ~fixed])
         if used:
             number = [rows.add(0.0, 0.0, "closed loops", 0.0) for _ in used]
             terms.append(_at(layout, 0, stage.put(stage.invariants[0][list(used)]), number))
@@ -325,7 +298,7 @@ def _conditions(asked: Asked, layout: _Layout, rows: _Rows, w: np.ndarray) -> li
             terms.append(_at(layout, k, value[needed], number))
     if asked.periodic is not None:
         turned = [int(i) for i in np.flatnonzero(np.nan_to_num(asked.periodic))]
-        kept, _ = _independent(stage, first, 0.0, np.ones(stage.width), turned)
+        kept, _ = independent_states(stage, first, 0.0, np.ones(stage.width), turned)
         end = layout.node(mesh.intervals)
         for i in kept:
             if np.isfinite(asked.periodic[i]):
@@ -338,7 +311,7 @@ def _not_following(stage: Stage, value: ca.SX, z: np.ndarray, at: float, fixed: 
     """Rows of a condition that invariants and rows before them do not imply; bounds that leave room are all kept."""
     slope = ca.Function("slope", [stage.unknowns, stage.data], [ca.densify(ca.jacobian(value, stage.unknowns))])
     own = np.array(slope(z, [at, 0.0])).reshape(value.numel(), -1)
-    of_states = _slopes(stage.closing, z, at)
+    of_states = stage.slopes_of(stage.closing, z, at)
     above = np.pad(of_states, ((0, 0), (0, own.shape[1] - of_states.shape[1])))
     free = np.append(~fixed, np.ones(own.shape[1] - fixed.size, dtype=bool))
     basis = list(above[:, free])

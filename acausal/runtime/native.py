@@ -365,7 +365,8 @@ class Run:
         try:
             if self._functions is None:
                 own = self.native.nu - self.native.held
-                u[:own] = self._inputs(np.array([t]))[:own, 0].tolist()
+                for i, value in enumerate(self._inputs(np.array([t]))[:own, 0].tolist()):  # a pointer takes no slices
+                    u[i] = value
             else:
                 for i, function in self._functions:
                     u[i] = function(t)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tools.parts import markdown
 
-_CHAPTERS = {".": "Examples", "machines": "Machines", "classical": "Classical systems"}
+_CHAPTERS = {".": "Examples", "machines": "Machines", "control": "Optimal control", "classical": "Classical systems"}
 _WORDS = (
     "Each picture is a script of the folder `examples`, which was run when its page was made. Its page has the script, the motion to look at from all sides, "
     "and the numbers by which it was checked: closed forms, references, conserved quantities."

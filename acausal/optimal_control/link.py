@@ -1,0 +1,272 @@
+"""Where one phase ends and another begins: what goes on as it was, what is reset, and what impacts change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.folding import folded_function
+from acausal.optimal_control.mode import PhaseMode
+from acausal.optimal_control.separable import Program, Term
+from acausal.optimal_control.stage import Stage, independent_rows
+from acausal.optimal_control.transcription import Transcribed
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """The end of the phase `before` is the start of the phase `after` (numbers).
+
+    `values`: pairs of columns (n, 1), of the unknowns of the stage after and of that before, and what they are called; None: all states go on, but for those of
+    the numbers `drift`. `impact`: what holds when it strikes, before what is reset; None without one.
+    """
+
+    before: int
+    after: int
+    values: Sequence[tuple[ca.SX, ca.SX, str]] | None
+    drift: Sequence[int]
+    impact: PhaseMode | None
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """States x (nx, 1) of a stage just after a blow by `impulses` (n, 1): all velocities change by what these do, positions stay.
+
+    `rows`: what is zero, and its name, an entry for each impulse; `bounds`: what must not be negative.
+    """
+
+    impulses: ca.SX
+    after: ca.SX
+    rows: list[tuple[ca.SX, str]]
+    bounds: list[tuple[ca.SX, str]]
+
+
+def impact_of(stage: Stage, struck: PhaseMode) -> Impact:
+    """At the end of a stage. What is closed then comes to rest there, what bounces returns with its restitution times its speed (Newton), friction
+    sticks, or slides with its limit. Forces that have limits of their own do nothing in no time.
+    """
+    space, system = stage.functions.space, stage.functions.outputs.system
+    modes = system.modes
+    assert modes is not None
+    R = ca.SX.sym("impulse", modes.reactions.numel())
+    after = space.x + space.put(ca.horzcat(*(space.kept(modes.response[:, k]) for k in range(R.numel())))) @ R
+
+    def then(value: ca.SX) -> ca.SX:
+        return ca.substitute(space.put(value), space.x, after)
+
+    def limit(value: ca.SX) -> ca.SX:
+        return space.put(ca.jacobian(value, modes.reactions)) @ R
+
+    rows: list[tuple[ca.SX, str]] = []
+    bounds: list[tuple[ca.SX, str]] = []
+    for law, was in zip(stage.mode.laws, stage.mode.words, strict=True):
+        own, word = R[law.reactions], struck.word(law)
+        rate, row, name = struck.rate(law), law.row, f"the impact of {law.name}"
+        if row.restitution is not None:
+            if word == "bounces":
+                rows.append((then(rate) + space.put(row.restitution * rate), name))
+            else:
+                rows.append((then(rate) if word == "closed" else own, name))
+            if word != "open":
+                bounds.append((own, name))
+            elif was == "closed":
+                bounds.append((then(rate), f"{law.name} opens in the impact"))
+            continue
+        assert row.sliding is not None and row.holding is not None
+        if word == "sticks" and law.needs:
+            rows.append((then(rate), name))
+            most = limit(row.holding)
+            bounds.append((ca.vertcat(most - own, most + own) if row.size == 1 else most**2 - ca.sumsqr(own), name))
+        elif word.startswith("slides") and law.needs:
+            slip = then(rate)
+            along = {"slides +": ca.SX(1), "slides -": ca.SX(-1)}.get(word, slip / ca.norm_2(slip))
+            rows.append((own + limit(row.sliding) * along, name))
+            if row.size == 1:
+                bounds.append((slip * along, f"{law.name} slides after the impact"))
+        else:
+            rows.append((own, name))
+    return Impact(R, after, rows, bounds)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Where one phase ends and another begins: `symbols` (n, 1) of the point before, of that after, and of impulses, with the `places` (n,) where they stand
+    (-1: nowhere), their `units` (n,) and guesses `at` (n,).
+    """
+
+    old: Transcribed
+    new: Transcribed
+    symbols: ca.SX
+    places: np.ndarray
+    units: np.ndarray
+    at: np.ndarray
+
+    @staticmethod
+    def of(old: Transcribed, new: Transcribed, begins: tuple[int, int], impulses: ca.SX, first: int) -> _Ends:
+        """`begins`: where the unknowns of both phases begin; `first`: that of the impulses."""
+        ends = (old, old.mesh.intervals, begins[0]), (new, 0, begins[1])
+        own = [part.layout.node(k) for part, k, _ in ends]
+        places = [np.where(node >= 0, node + begin, -1) for node, (_, _, begin) in zip(own, ends, strict=True)]
+        units = [np.where(node >= 0, part.units[node], 1.0) for node, (part, _, _) in zip(own, ends, strict=True)]
+        at = [
+            np.where(node >= 0, part.program.guess[node] * part.units[node], 0.0)
+            for node, (part, _, _) in zip(own, ends, strict=True)
+        ]
+        n = impulses.numel()
+        return _Ends(
+            old, new, ca.vertcat(old.asked.stage.unknowns, ca.SX.sym("after", new.asked.stage.unknowns.numel()), impulses),
+            np.concatenate([*places, first + np.arange(n)]), np.concatenate([*units, np.ones(n)]), np.concatenate([*at, np.zeros(n)]),
+        )  # fmt: skip
+
+    def before(self, column: ca.SX) -> ca.SX:
+        """An expression of the stage before, at its end."""
+        stage = self.old.asked.stage
+        return ca.substitute(stage.put(column), stage.data, ca.SX(ca.DM([1.0, 0.0])))
+
+    def after(self, column: ca.SX) -> ca.SX:
+        """An expression of the stage after, at its start."""
+        stage, n = self.new.asked.stage, self.old.asked.stage.unknowns.numel()
+        there = ca.substitute(stage.put(column), stage.data, ca.SX(ca.DM([0.0, 0.0])))
+        return ca.substitute(there, stage.unknowns, self.symbols[n : n + stage.unknowns.numel()])
+
+    def number(self, column: ca.SX, at: np.ndarray | None = None) -> np.ndarray:
+        """At the guess."""
+        return np.array(ca.Function("number", [self.symbols], [ca.densify(column)])(self.at if at is None else at))
+
+
+def linked(program: Program, link: Link, parts: Sequence[Transcribed], begins: Sequence[int]) -> tuple[Program, list[str]]:
+    """With rows, and unknowns for impulses; and names of the rows."""
+    old, new = parts[link.before], parts[link.after]
+    a = old.asked.stage
+    blow = None if link.impact is None else impact_of(a, link.impact)
+    R = ca.SX(0, 1) if blow is None else blow.impulses
+    ends = _Ends.of(old, new, (begins[link.before], begins[link.after]), R, program.size)
+    rows: list[tuple[ca.SX, float, str]] = []  # value, upper limit, name
+    impulses, idle = np.zeros(R.numel()), np.zeros(0, dtype=int)
+    if blow is not None:
+        struck = ends.before(ca.vertcat(*(value for value, _ in blow.rows)))
+        impulses, kept = _impulses(ends, struck, R)
+        names = [name for value, name in blow.rows for _ in range(value.numel())]
+        rows += [(struck[int(r)], 0.0, names[int(r)]) for r in kept]
+        idle = np.setdiff1d(np.arange(R.numel()), kept)
+        rows += [(ends.before(value)[r], np.inf, name) for value, name in blow.bounds for r in range(value.numel())]
+    states = a.functions.space.x
+    values = link.values if link.values is not None else _unchanged(old, new, link.drift)
+    then = states if blow is None else blow.after
+    pairs = [(mine[r], ca.substitute(its, states, then)[r], name) for mine, its, name in values for r in range(mine.numel())]
+    slopes = _Slopes(ends, link)
+    chosen = slopes.adding(ca.vertcat(*(mine for mine, _, _ in pairs)), ca.vertcat(*(its for _, its, _ in _entries(values))))
+    rows += [(ends.after(pairs[r][0]) - ends.before(pairs[r][1]), 0.0, pairs[r][2]) for r in chosen]
+    return _with_rows(program, ends, rows, impulses, idle)
+
+
+def _entries(values: Sequence[tuple[ca.SX, ca.SX, str]]) -> list[tuple[ca.SX, ca.SX, str]]:
+    return [(mine[r], its[r], name) for mine, its, name in values for r in range(mine.numel())]
+
+
+def _unchanged(old: Transcribed, new: Transcribed, drift: Sequence[int]) -> list[tuple[ca.SX, ca.SX, str]]:
+    x, names = old.asked.stage.functions.space.x, old.asked.stage.functions.state_names
+    return [(x[i], x[i], f"{names[i]} goes on") for i in range(x.numel()) if i not in drift]
+
+
+def _impulses(ends: _Ends, rows: ca.SX, R: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the guess (n,), and which rows do not follow from others."""
+    slopes, off = ends.number(ca.jacobian(rows, R)), ends.number(rows).ravel()
+    if not (np.isfinite(slopes).all() and np.isfinite(off).all()):
+        return np.zeros(off.size), np.arange(off.size)
+    size = np.linalg.norm(slopes, axis=1)
+    kept = np.array(independent_rows(slopes / np.where(size > 0, size, 1.0)[:, None]), dtype=int)
+    found = np.zeros(off.size)
+    found[kept] = np.linalg.lstsq(slopes[np.ix_(kept, kept)], -off[kept], rcond=1e-10)[0]
+    return found, kept
+
+
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """What is known of the states before and after, to first order at the guess and in units of their sizes."""
+
+    ends: _Ends
+    link: Link
+
+    def adding(self, mine: ca.SX, its: ca.SX) -> list[int]:
+        """Numbers of the rows mine (after) - its (before) that do not follow from what is known, as well conditioned as they can be."""
+        old, new = self.ends.old, self.ends.new
+        a, b = old.asked.stage, new.asked.stage
+        before, after = self._of(a, its, end=True), self._of(b, mine, end=False)
+        free = self._free()
+        known = self._known_before()
+        rows = np.block([
+            [known, np.zeros((len(known), int(free.sum())))],
+            [np.zeros((len(self._known_after()), before.shape[1])), self._known_after()[:, free]],
+        ])  # fmt: skip
+        wanted = np.hstack([-before, after[:, free]])
+        size = np.linalg.norm(wanted, axis=1)
+        wanted = wanted / np.where(size > 0, size, 1.0)[:, None]
+        size = np.linalg.norm(rows, axis=1)
+        rows = rows[size > 0] / size[size > 0][:, None]
+        if len(rows):
+            wanted = wanted - wanted @ np.linalg.pinv(rows, rcond=_RANK) @ rows
+        return [int(r) for r in independent_rows(wanted)]
+
+    def _of(self, stage: Stage, column: ca.SX, *, end: bool) -> np.ndarray:
+        """Slopes of a column of a stage by its states, times their units."""
+        x = stage.functions.space.x
+        nx, n = x.numel(), self.ends.old.asked.stage.unknowns.numel()
+        first = 0 if end else n
+        inside = (self.ends.before if end else self.ends.after)(ca.jacobian(column, x))
+        found = self.ends.number(inside).reshape(column.numel(), nx)
+        return np.nan_to_num(found * self.ends.units[first : first + nx])
+
+    def _free(self) -> np.ndarray:
+        start = self.ends.new.asked.start
+        nx = self.ends.new.asked.stage.sizes[0]
+        return np.ones(nx, dtype=bool) if start is None else ~np.isfinite(start)
+
+    def _known_before(self) -> np.ndarray:
+        """What holds at the end, after an impact."""
+        asked = self.ends.old.asked
+        stage = asked.stage
+        given = [limits for at, limits in asked.here if at == 1.0]
+        rows = [limits.value[r] for limits in given for r in range(limits.value.numel()) if limits.lower[r] == limits.upper[r]]
+        if self.link.impact is None:
+            rows.append(stage.invariants[0])
+        else:
+            struck = replace(stage, mode=self.link.impact)
+            positions = stage.invariants[1]
+            moving = set(range(stage.functions.space.nq, stage.sizes[0]))
+            rows = [row for row in rows if not moving & set(ca.jacobian(row, stage.functions.space.x).sparsity().get_col())]
+            rows += [stage.invariants[0][:positions, :], struck.invariants[0][struck.invariants[1] :, :]]
+        return self._of(stage, ca.vertcat(ca.SX(0, 1), *rows), end=True)
+
+    def _known_after(self) -> np.ndarray:
+        asked = self.ends.new.asked
+        rows = [asked.stage.invariants[0]]
+        for at, limits in asked.here:
+            if at == 0.0:
+                rows += [limits.value[r] for r in range(limits.value.numel()) if limits.lower[r] == limits.upper[r]]
+        return self._of(asked.stage, ca.vertcat(ca.SX(0, 1), *rows), end=False)
+
+
+_RANK = 1e-9
+
+
+def _with_rows(
+    program: Program, ends: _Ends, rows: Sequence[tuple[ca.SX, float, str]], impulses: np.ndarray, idle: np.ndarray
+) -> tuple[Program, list[str]]:
+    column = ca.densify(ca.vertcat(*(value for value, _, _ in rows)))
+    inside = {s.element_hash() for s in ca.symvar(column)}
+    used = np.array([k for k in range(ends.symbols.numel()) if ends.symbols[k].element_hash() in inside], dtype=int)
+    size = float(np.max(np.abs(impulses), initial=0.0)) or 1.0
+    units = ends.units.copy()
+    units[units.size - impulses.size :] = size
+    n = len(rows)
+    term = Term(
+        folded_function("link", [ends.symbols[used.tolist()], ca.SX.sym("none", 0)], [column]),
+        ends.places[used][:, None], units[used][:, None], np.zeros((0, 1)), program.rows + np.arange(n)[:, None], np.ones((n, 1)),
+    )  # fmt: skip
+    bounds = np.repeat([[-np.inf], [np.inf]], impulses.size, axis=1)
+    bounds[:, idle] = 0.0
+    limits = np.array([np.zeros(n), [upper for _, upper, _ in rows]])
+    return program.extended(impulses / size, bounds, term, limits), [name for _, _, name in rows]

@@ -1,0 +1,168 @@
+"""Programs of one phase or several, solved, replayed, and solved again on finer meshes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from acausal.errors import OptimalControlError
+from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.link import Link, linked
+from acausal.optimal_control.mesh import Mesh
+from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.separable import Program
+from acausal.optimal_control.transcription import Asked, Transcribed, transcribe
+
+_SOLVER_TOLERANCE = 1e-9
+"""Of the program in units of its own."""
+_MOST_PIECES = 4
+"""Into which an interval is divided at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A phase as it is `asked` of a `model`, on a mesh, with a guess. `units` (width,): what is much for each unknown of a point; `given`: arguments of
+    `simulate`.
+    """
+
+    model: Any
+    asked: Asked
+    mesh: Mesh
+    guess: Guess
+    units: np.ndarray
+    given: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """The `program` of all phases `parts`, whose unknowns begin at `begins`; those of links come last. `labels`: of each row what it is, in which
+    phase and when: a part of its duration.
+    """
+
+    parts: tuple[Transcribed, ...]
+    program: Program
+    begins: tuple[int, ...]
+    labels: list[tuple[str, int, float]]
+
+    def unknowns(self, w: np.ndarray, k: int) -> np.ndarray:
+        """Of a phase."""
+        return w[self.begins[k] : self.begins[k] + self.parts[k].program.size]
+
+    def own_cost(self, w: np.ndarray, k: int) -> float:
+        """What a phase adds to the cost."""
+        return float(self.parts[k].program.values(self.unknowns(w, k))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best motions of all phases, their `cost` together, and how they were found."""
+
+    phases: tuple[Optimum, ...]
+    cost: float
+    iterations: int
+    seconds: float
+
+
+def whole(parts: Sequence[Part], links: Sequence[Link]) -> Whole:
+    """The program of phases and links, rows and cost in balance."""
+    made = tuple(transcribe(part.asked, part.mesh, part.guess, part.units) for part in parts)
+    begins = tuple(np.cumsum([0, *(one.program.size for one in made)]).tolist())
+    rows = np.cumsum([0, *(one.program.rows for one in made)]).tolist()
+    program = Program.joined([one.program for one in made])
+    labels = [(name, k, at) for k, one in enumerate(made) for name, at in one.labels]
+    for link in links:
+        program, added = linked(program, link, made, begins)
+        labels += [(name, link.after, 0.0) for name in added]
+    assert len(labels) == program.rows >= rows[-1]
+    return Whole(made, program.balanced(), begins[:-1], labels)
+
+
+def best_of(
+    parts: Sequence[Part], links: Sequence[Link], plugin: str, options: dict[str, Any], tolerance: float, refinements: int
+) -> Found:
+    """Solved on a mesh, and again where intervals are off by more than the tolerance. Raises `OptimalControlError`."""
+    iterations, seconds = 0, 0.0
+    for attempt in range(refinements + 1):
+        problem = whole(parts, links)
+        begun = time.perf_counter()
+        w, cost, stats = _solved(problem.program, plugin, options, warm=attempt > 0)
+        iterations, seconds = iterations + int(stats["iter_count"]), seconds + time.perf_counter() - begun
+        own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
+        phases = tuple(
+            Optimum(part.model, one, problem.unknowns(w, k), own[k], iterations, seconds, part.given)
+            for k, (part, one) in enumerate(zip(parts, problem.parts, strict=True))
+        )
+        found = Found(phases, cost, iterations, seconds)
+        if not stats["success"]:
+            raise OptimalControlError(
+                _failure(problem, w, str(stats["return_status"])), phases[0] if len(phases) == 1 else phases
+            )
+        if attempt == refinements or all(one.defect <= tolerance for one in phases):
+            return found
+        parts = [replace(part, mesh=_finer(one, tolerance), guess=one.motion) for part, one in zip(parts, phases, strict=True)]
+    raise AssertionError
+
+
+def _finer(best: Optimum, tolerance: float) -> Mesh:
+    wanting = np.ceil((best.defects / (0.5 * tolerance)) ** (1 / best.mesh.tableau.order))
+    pieces = np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 1, _MOST_PIECES).astype(int)
+    return best.mesh.refined(pieces)
+
+
+def _solved(program: Program, plugin: str, options: dict[str, Any], *, warm: bool) -> tuple[np.ndarray, float, dict[str, Any]]:
+    solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
+    (least, most), (lower, upper) = program.bounds, program.limits
+    found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
+    return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()
+
+
+def ipopt_options(*, warm: bool) -> dict[str, Any]:
+    """Quiet, in the units of the program; `warm`: where a solution is near."""
+    options = {
+        "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _SOLVER_TOLERANCE, "ipopt.nlp_scaling_method": "none",
+        "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.mu_strategy": "adaptive",
+    }  # fmt: skip
+    if warm:
+        options |= {"ipopt.mu_init": 1e-4, "ipopt.mu_strategy": "monotone", "ipopt.warm_start_init_point": "yes"}
+    return options
+
+
+def _failure(problem: Whole, w: np.ndarray, status: str) -> str:
+    """Which constraints are violated most, by part and time."""
+    program = problem.program
+    g = np.array(program.values(w)[1]).ravel()
+    off = np.maximum(program.limits[0] - g, g - program.limits[1])
+    worst: dict[tuple[str, int], tuple[float, float, float]] = {}
+    for r in np.argsort(-off)[:200]:
+        if off[r] > 1e-6:
+            name, phase, at = problem.labels[r]
+            size, first, last = worst.get((name, phase), (off[r], at, at))
+            worst[name, phase] = max(size, off[r]), min(first, at), max(last, at)
+    reasons = {
+        "Infeasible_Problem_Detected": "no motion meets all that is asked for near where the search ended",
+        "Maximum_Iterations_Exceeded": "the search took too many iterations",
+        "Restoration_Failed": "the search could not come nearer to what is asked for",
+        "Diverging_Iterates": "the cost has no least value, or bounds are missing",
+    }
+    words = [f"No optimum was found: {reasons.get(status, status)}."]
+    if worst:
+        listed = [_where(problem, w, name, phase, entry) for (name, phase), entry in list(worst.items())[:4]]
+        words.append("What could not be met: " + "; ".join(listed) + ".")
+    words.append(
+        "The last iterate is in the error's `best`. Relax a bound, give more time, or begin elsewhere with ocp.guess(run)."
+    )
+    return " ".join(words)
+
+
+def _where(problem: Whole, w: np.ndarray, name: str, phase: int, entry: tuple[float, float, float]) -> str:
+    size, first, last = entry
+    part = problem.parts[phase]
+    duration, t0 = part.motion(problem.unknowns(w, phase)).duration, part.asked.stage.t0
+    a, b = t0 + first * duration, t0 + last * duration
+    when = f"at {a:.3g} s" if first == last else f"between {a:.3g} and {b:.3g} s"
+    of = f" of phase {phase + 1}" if len(problem.parts) > 1 else ""
+    return f"{name} (off by {size:.1e} of its size {when}{of})"

@@ -1,0 +1,214 @@
+"""Optimal control in phases: contact and flight, impacts, releases, motions that repeat themselves, scenes that follow one another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import OptimalControlError, OptionError
+from components import Coulomb, Fixed, ForceSource, Particle, PointOnPlane, Prismatic, Revolute, RigidBody, TorqueSource, World
+
+
+class Hopper(ac.System):
+    """A body on a leg that pushes, above the ground."""
+
+    def __init__(self, restitution: float = 0.0) -> None:
+        self.force = ac.Input("N")
+        self.world, self.rail, self.leg = World(gravity=(0, 0, -9.81)), Prismatic("z"), Prismatic("z")
+        self.body, self.foot = Particle(2.0), Particle(0.2)
+        self.motor, self.ground = ForceSource(self.force), PointOnPlane(unilateral=True, restitution=restitution)
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.foot.point)
+        self.connect(self.rail.frame_b, self.leg.frame_a)
+        self.connect(self.leg.frame_b, self.body.point)
+        self.connect(self.motor.flange, self.leg.flange)
+        self.connect(self.world.frame, self.ground.frame_a)
+        self.connect(self.ground.frame_b, self.foot.point)
+
+
+class Ball(ac.System):
+    """Above the ground, on a rail."""
+
+    def __init__(self, restitution: float) -> None:
+        self.world, self.rail, self.body = World(gravity=(0, 0, -9.81)), Prismatic("z"), Particle(0.3)
+        self.ground = PointOnPlane(unilateral=True, restitution=restitution)
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.body.point)
+        self.connect(self.world.frame, self.ground.frame_a)
+        self.connect(self.ground.frame_b, self.body.point)
+
+
+class Arm(ac.System):
+    """Holds a ball at its end."""
+
+    def __init__(self, length: float, mass: float) -> None:
+        self.torque = ac.Input("N m")
+        self.world, self.shoulder, self.motor = World(gravity=(0, 0, -9.81)), Revolute("y"), TorqueSource(self.torque)
+        self.rod, self.reach, self.ball = RigidBody.rod(1.0, (length, 0, 0)), Fixed((length, 0, 0)), Particle(mass)
+        self.connect(self.world.frame, self.shoulder.frame_a)
+        self.connect(self.shoulder.frame_b, self.rod.frame)
+        self.connect(self.rod.frame, self.reach.frame_a)
+        self.connect(self.reach.frame_b, self.ball.point)
+        self.connect(self.motor.flange, self.shoulder.flange)
+
+
+class Flying(ac.System):
+    """A ball in the air."""
+
+    def __init__(self, mass: float) -> None:
+        self.world, self.ball = World(gravity=(0, 0, -9.81)), Particle(mass)
+
+
+class Block(ac.System):
+    """On a floor, pushed along it."""
+
+    def __init__(self) -> None:
+        self.force = ac.Input("N")
+        self.world, self.x, self.z = World(gravity=(0, 0, -9.81)), Prismatic("x"), Prismatic("z")
+        self.body, self.motor = Particle(1.5), ForceSource(self.force)
+        self.ground = PointOnPlane(unilateral=True, friction=Coulomb(0.4))
+        self.connect(self.world.frame, self.x.frame_a)
+        self.connect(self.x.frame_b, self.z.frame_a)
+        self.connect(self.z.frame_b, self.body.point)
+        self.connect(self.motor.flange, self.x.flange)
+        self.connect(self.world.frame, self.ground.frame_a)
+        self.connect(self.ground.frame_b, self.body.point)
+
+
+def test_a_hopper_hops_and_lands_as_it_began() -> None:
+    """The plan, repeated, is simulated over two hops: the model itself finds the releases and impacts where the plan has them."""
+    scene = Hopper()
+    model = ac.build(scene)
+    stance = ac.OptimalControl(model, ac.free(0.1, 1), modes={scene.ground: "closed"})
+    flight = ac.OptimalControl(model, ac.free(0.1, 1))
+    for phase in (stance, flight):
+        phase.bound(scene.force, -10, 200)
+        phase.bound(scene.leg.q, 0.4, 0.8)
+        phase.minimise(ac.integral(scene.force**2))
+    stance.start({scene.rail.q: 0, scene.leg.q: ac.free(0.4, 0.8, 0.5), scene.leg.v: ac.free(-5, 5, 0)})
+    flight.at(0.5, {scene.rail.q: 0.3})
+    hop = ac.phases(stance, flight)
+    hop.link(flight, stance)
+    best = hop.solve(8)
+    assert best.replay_error < 1e-8 and best.defect < 1e-8
+    period = best.duration
+    push = best.run.u[0]
+    assert np.max(push) < 200 * (1 + 1e-9)
+    start: Any = {scene.rail.q: 0.0, scene.leg.q: best[0].x[1, 0], scene.leg.v: best[0].x[3, 0]}
+    twice = model.simulate(1.9 * period, start, inputs={scene.force: repeated(best, scene.force)})
+    assert [round(one.time / period, 6) for one in twice.transitions][1] == 1.0
+    before, after = best[1].x[:, -1], best[0].x[:, 0]  # the foot stops, and the leg's motor does not act in no time
+    speed = before[2] + before[3]
+    assert after[2:] == pytest.approx([0, speed], abs=1e-7)
+    assert twice.transitions[1].after[scene.leg.v] == pytest.approx(speed, abs=1e-6)
+
+
+def repeated(best: Any, entry: ac.Input) -> Any:
+    """Its input, over and over."""
+    pieces = [one.inputs[entry] for one in best.phases]
+    begins = np.concatenate([pieces[0].begins, pieces[1].begins + best[0].duration])
+    coefficients = np.vstack([one.coefficients for one in pieces])
+    return type(pieces[0])(begins, coefficients, 0.0, best.duration)
+
+
+@pytest.mark.parametrize("restitution", [0.4, 0.9])
+def test_a_ball_bounces_with_its_restitution(restitution: float) -> None:
+    """From a height h to e^2 h."""
+    scene = Ball(restitution)
+    model = ac.build(scene)
+    fall, rise = ac.OptimalControl(model, ac.free(0.01, 2)), ac.OptimalControl(model, ac.free(0.01, 2))
+    fall.start({scene.rail.q: 0.8})
+    fall.end({scene.rail.q: 0})
+    rise.end({scene.rail.v: 0})
+    bounce = ac.phases(fall, rise)
+    bounce.link(fall, rise, impact={scene.ground: "bounces"})
+    best = bounce.solve(2)
+    assert best[1].x[0, -1] == pytest.approx(restitution**2 * 0.8, rel=1e-8)
+    assert best.duration == pytest.approx((1 + restitution) * np.sqrt(2 * 0.8 / 9.81), rel=1e-8)
+    assert best.replay_error < 1e-7
+
+
+def test_a_throw_over_a_wall_goes_on_in_another_scene() -> None:
+    """Flight is a parabola, just over the wall, from where and how fast the hand let go."""
+    hold, air = Arm(0.8, 0.5), Flying(0.5)
+    swing = ac.OptimalControl(ac.build(hold), ac.free(0.2, 1.5))
+    swing.start({hold.shoulder.q: -3.5})
+    swing.bound(hold.torque, -40, 40)
+    swing.end({hold.shoulder.q: (-2.9, -1.6)})
+    swing.minimise(ac.integral(hold.torque**2))
+    model, position = ac.build(air), air.ball.point.position
+    up, down = ac.OptimalControl(model, ac.free(0.1, 3)), ac.OptimalControl(model, ac.free(0.1, 3))
+    up.end({position[0]: 2.0, position[2]: (1.5, 5.0)})
+    down.end({position[0]: 4.0, position[2]: -0.5})
+    throw, hand = ac.phases(swing, up, down), hold.reach.frame_b
+    throw.link(swing, up, {position: hand.position, air.ball.point.velocity: hand.velocity})
+    best = throw.solve([12, 3, 3])
+    assert best.replay_error < 1e-6
+    released = best[0].run.at(best[0].t[-1])
+    p, v, t = (
+        released[hand.position][0],
+        released[hand.velocity][0],
+        (4.0 - released[hand.position][0, 0]) / released[hand.velocity][0, 0],
+    )
+    assert t == pytest.approx(best[1].duration + best[2].duration, abs=1e-6)
+    assert p[2] + v[2] * t - 9.81 / 2 * t**2 == pytest.approx(-0.5, abs=1e-5)
+    over = (2.0 - p[0]) / v[0]
+    assert p[2] + v[2] * over - 9.81 / 2 * over**2 == pytest.approx(1.5, abs=1e-5)
+
+
+def test_a_block_is_pushed_till_it_slides_and_comes_to_rest() -> None:
+    """Rest, slide, stick: with friction mu m g against the slip, and below it where it sticks."""
+    scene = Block()
+    model = ac.build(scene)
+    slide = ac.OptimalControl(model, ac.free(0.3, 2), modes={scene.ground: "slides +"})
+    rest = ac.OptimalControl(model, 0.2, modes={scene.ground: "sticks"})
+    slide.start({scene.x.q: 0.0, scene.z.q: 0.0, scene.x.v: 1.0})
+    slide.end({scene.x.q: 1.2, scene.x.v: 0.0})
+    for phase in (slide, rest):
+        phase.bound(scene.force, -20, 20)
+        phase.minimise(ac.integral(scene.force**2))
+    best = ac.phases(slide, rest).solve(8)
+    limit = 0.4 * 1.5 * 9.81
+    middle = slide_by_hand(best[0].duration, limit / 1.5)
+    assert best[0].inputs[scene.force](0.0) == pytest.approx(1.5 * middle(0.0), abs=1e-5)
+    assert np.allclose(best[1].run[scene.ground.force_part.drag[0]], 0, atol=1e-6)  # nothing pushes, nothing holds
+    with pytest.raises(OptimalControlError, match=r"ground.* sticks .*could not|could not be met: .*ground"):
+        pulled = ac.OptimalControl(model, 0.2, modes={scene.ground: "sticks"}, inputs={scene.force: 1.1 * limit})
+        pulled.start({scene.x.q: 0.0, scene.z.q: 0.0})
+        pulled.solve(4)
+
+
+def slide_by_hand(T: float, friction: float) -> Any:
+    """The force per mass that moves 1.2 m from 1 m/s to rest in T, least in its square, less friction."""
+    # x'' = a + b t with v(T) = 0, x(T) = 1.2
+    a, b = np.linalg.solve([[T, T**2 / 2], [T**2 / 2, T**3 / 6]], [-1.0, 1.2 - T])
+    return lambda t: a + b * t + friction
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda s, m: ac.phases(), "give problems"),
+        (lambda s, m: ac.OptimalControl(m, 1.0, modes={s.leg: "closed"}), "has no laws by which it opens"),
+        (lambda s, m: ac.OptimalControl(m, 1.0, modes={s.ground: "shut"}), "cannot be 'shut'"),
+        (
+            lambda s, m: ac.phases(ac.OptimalControl(m, 1.0)).link(ac.OptimalControl(m, 1.0), ac.OptimalControl(m, 1.0)),
+            "two phases that follow",
+        ),
+        (
+            lambda s, m: ac.phases(ac.OptimalControl(m, 1.0), ac.OptimalControl(ac.build(Flying(1.0)), 1.0)).solve(2),
+            "different models",
+        ),
+        (
+            lambda s, m: ac.phases(ac.OptimalControl(m, 1.0), ac.OptimalControl(m, 1.0)).solve([1, 2, 3]),
+            "3 numbers of intervals for 2 phases",
+        ),
+    ],
+)
+def test_phases_that_make_no_sense_are_refused_in_words(ask: Any, words: str) -> None:
+    scene = Hopper()
+    with pytest.raises(OptionError, match=words):
+        ask(scene, ac.build(scene))
