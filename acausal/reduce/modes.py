@@ -32,7 +32,7 @@ class Modes:
     `rows`: laws, one-sided ones first, then friction in one direction, then in two. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
     without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
     positive as long as the masks are right, one for each one-sided row and two for each friction. `correction` (nx, 1): one Newton step to
-    what is held. `redundant`: whether rows may depend on one another; then the last mask is their damping.
+    what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`.
     """
 
     rows: tuple[ModeRow, ...]
@@ -115,6 +115,32 @@ def _masks(row: ModeRow, names: Mapping[Any, str]) -> _Masks:
 
 
 @dataclass(frozen=True)
+class _Shared:
+    """Of rows that depend on one another. `damping`: of them. Reactions are those nearest to what is carried on: so much at the time `since`, and its rates."""
+
+    damping: Mode
+    since: Mode
+    reactions: tuple[Mode, ...]
+    rates: tuple[Mode, ...]
+
+    @staticmethod
+    def among(count: int) -> _Shared:
+        """So many reactions."""
+        damping, since = Mode("damping", "of reactions that are not unique"), Mode("carried.since", "since when")
+        carried = tuple(Mode(f"carried[{k}]", "reaction that others are nearest to, at that time") for k in range(count))
+        return _Shared(damping, since, carried, tuple(Mode(f"carried.rate[{k}]", "its rate") for k in range(count)))
+
+    @property
+    def all(self) -> tuple[Mode, ...]:
+        """In the order of the inputs."""
+        return (self.damping, self.since, *self.reactions, *self.rates)
+
+    def at(self, t: ca.SX) -> ca.SX:
+        """(n, 1)."""
+        return ca.vertcat(*(a.sx + b.sx * (t - self.since.sx) for a, b in zip(self.reactions, self.rates, strict=True)))
+
+
+@dataclass(frozen=True)
 class Motion:
     """States x with rates x_dot by reactions, which are inputs still, at time t; the first nq are positions. `values`: of t, x, u and p at some places."""
 
@@ -170,9 +196,11 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     free = ca.densify(ca.substitute(acceleration, reactions, ca.SX.zeros(len(owner))))
     redundant = any(_may_depend(found) for found in motion.at_places(W))
     masks = [_masks(row, names) for row in rows]
-    damping = Mode("damping", "of reactions that are not unique")
-    system = _Masked(rows, masks, reactions, W, damping.sx if redundant else None, moves.at_once)
-    values = system.solved(system.matrix(rate), system.right(free, rate))
+    shared = _Shared.among(len(owner)) if redundant else None
+    system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, moves.at_once)
+    M, right = system.matrix(rate), system.right(free, rate)
+    carried = ca.SX.zeros(len(owner)) if shared is None else shared.at(motion.t)
+    values = carried + system.solved(M, right - M @ carried)
     closed = [
         holds * row.gap if row.one_sided and not _inputs_in(row.gap) else ca.SX.zeros(row.size)
         for row, holds in zip(rows, system.by_law, strict=True)
@@ -187,7 +215,7 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     moved = ca.SX.zeros(motion.x.numel())
     if places:
         moved[places] = (along @ pushes[:, 0])[places]
-    everything = [*(mask for own in masks for mask in own.all), *([damping] if redundant else [])]
+    everything = [*(mask for own in masks for mask in own.all), *(() if shared is None else shared.all)]
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
     found = Modes(
         tuple(rows), tuple(everything), reactions, rate, free, W, J, values, system.guards(values, rate), invariants, moved + J @ pushes[:, 1], redundant,
@@ -334,11 +362,15 @@ class _Masked:
         held = ca.vertcat(
             *(holds * entry for holds, entry in zip(self.holds, ca.vertsplit(ca.diag(self.compliance)), strict=True))
         )
-        damped = M + self.damping * ca.diag(held)
+        damping = self.damping * ca.diag(held)
         found = ca.SX.zeros(right.shape)
         for _ in range(1 + _REFINEMENTS):
-            found = found + _eliminated(damped, right - M @ found)
-        return found
+            found = found + _eliminated(M + damping, right - M @ found)
+        # rounding along what M does not see is divided by the damping each time: taken out, since the answer has nothing there
+        alone = found
+        for _ in range(2):
+            alone = _eliminated(M + damping, damping @ alone)
+        return found - alone
 
     def guards(self, found: ca.SX, rate: ca.SX) -> ca.SX:
         """See `Modes`."""

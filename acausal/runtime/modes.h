@@ -32,6 +32,8 @@ static long mask_of(const Integrator *I, long friction) {
 
 static int make_zeno(Integrator *I);
 static int make_saltation(Integrator *I);
+static int make_margin(Integrator *I);
+static long carried_of(const Integrator *I);
 
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
@@ -47,7 +49,7 @@ static int make_modes(Integrator *I) {
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
-    if (!make_zeno(I) || (I->directions && !make_saltation(I))) return 0;
+    if (!make_zeno(I) || !make_margin(I) || (I->directions && !make_saltation(I))) return 0;
     return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
 }
 
@@ -106,6 +108,12 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
     for (long i = 0; i < n && energy > 0; i++)
         if (D->W[i * n + i] > 0) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * sqrt(2 * D->W[i * n + i] * energy));
+    for (long i = 0; i < n; i++) { /* what has been held at rest for a step has moved by the rounding of accelerations that cancel */
+        double cancel = fabs(D->free[i]);
+        for (long j = 0; j < n; j++)
+            if (D->W[j * n + j] > 0) cancel += fabs(D->W[i * n + j] / D->W[j * n + j] * D->free[j]);
+        if (cancel < INFINITY) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * cancel * T->pace);
+    }
     return 1;
 }
 
@@ -173,6 +181,7 @@ static int keep_straight(Integrator *I, const double *rates) {
 
 #include "zeno.h"
 #include "saltation.h"
+#include "margin.h"
 
 /* The rate of a gap that is none: rounding, or that of a bounce so low that gaps do not tell it from rounding. */
 static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[i], D->free[i] < 0 ? sqrt(-2 * D->free[i] * RESOLVED * D->gap_noise[i]) : 0); }
@@ -238,7 +247,8 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double planned) 
         largest = fmax(largest, fmax(fabs(R.push[i]) * w, fabs(D->free[i]) / w));
     }
     for (long i = 0; i < D->gaps; i++) {
-        if (R.law[i] == HOLDS && !(R.push[i] * unit_of(D->W[i * n + i]) > NIL * largest)) R.law[i] = OPENS;
+        int carried = I->redundant && T->side[carried_of(I) + 1 + i] != 0;
+        if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(D->W[i * n + i]) > NIL * largest)) R.law[i] = OPENS;
         T->side[i] = R.law[i] == HOLDS;
     }
     for (long f = 0; f < D->frictions; f++) {
@@ -259,7 +269,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double planned) 
         mask[4] = held ? e[0] : 0;
         mask[5] = held ? e[1] : 0;
     }
-    if (I->redundant) T->side[I->masks - 1] = depend(D, R.law, R.work, R.place) ? DAMPING : 0;
+    if (I->redundant) T->side[carried_of(I) - 1] = depend(D, R.law, R.work, R.place) ? DAMPING : 0;
 }
 
 /* Whether friction has no limit above zero, whatever reactions are: a clutch that is open. */
@@ -273,27 +283,26 @@ static int never_holds(const Decision *D, long f) {
 static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
     Decision D;
-    double *x = T->later_x, later = LATER * planned;
+    double later = LATER * planned;
     long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
+    for (long k = carried_of(I); I->redundant && k < I->masks; k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(&D, i)) ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
-    if (!rate_at(I, I->t, I->x, T->rate)) return INPUT_FAILED;
-    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
-    if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return INPUT_FAILED; /* what is at its threshold by its rate too passes it by the next */
-    int moved = 1;
-    for (long i = 0; i < I->nx; i++) {
-        x[i] = I->x[i] + later * T->rate[i];
-        moved &= isfinite(x[i]) != 0;
-    }
-    if (!decision_at(I, I->t + (moved ? later : 0), moved ? x : I->x, &D)) return INPUT_FAILED;
+    if (!decision_later(I, later, &D)) return INPUT_FAILED;
     for (long f = 0; f < D.frictions; f++)
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
     Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
     for (long again = 0; again <= D.frictions; again++) {
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
-        if (!complementary(&p, R.place, T->lemke, T->basis)) {
+        int solved = complementary(&p, R.place, T->lemke, T->basis), held = 0;
+        if (I->redundant) {
+            held = hold_more(I, &D, asked, R.law, R.along, solved ? R.rate : 0, R.push, later);
+            if (held < 0 || (held && !decision_later(I, later, &D))) return INPUT_FAILED;
+            for (long k = 0; k < laws && held && !solved; k++) held = asked[k] == OFF || R.law[k] == HOLDS;
+        }
+        if (!solved && !held) {
             I->worst = 0;
             for (long k = 0; k < laws; k++)
                 if (asked[k] != OFF) I->worst = k;
@@ -335,6 +344,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     Room R = room_of(I);
     long gaps = I->one_sided, n = reactions_of(I);
     int impacts = 0;
+    T->pace = planned;
     T->changes = fabs(I->t - T->changed_at) <= INSTANT * planned ? T->changes + 1 : 0;
     T->changed_at = I->t;
     if (T->changes > CHANGES) {

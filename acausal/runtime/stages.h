@@ -163,7 +163,8 @@ struct State {
     double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
-    long *basis, *status, *impact_row, *rests;
+    double *margin; /* work, see margin.h */
+    long *basis, *status, *impact_row, *rests, *margin_rows;
     double *side;                   /* of masks, then of switches */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
     double *row_values, *row_noise, *one_row;
@@ -223,7 +224,7 @@ struct State {
     long stride;             /* of the ends of other steps one in so many is kept; 0: all */
     long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
     Transition last; /* of mode */
-    double changed_at, pending_planned, first_impact, rest_t, rest_error;
+    double changed_at, pending_planned, pace, first_impact, rest_t, rest_error;
     int crossed; /* whether a knot has been crossed since modes were decided */
     long impacts; /* one after the other, without another change of mode */
     long pending; /* row of masks at which the last step ended; -1: none */

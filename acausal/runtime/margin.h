@@ -1,0 +1,389 @@
+/* Reactions of rows that depend on one another, as those of a table on four legs: what holds does so as long as any of them would do, and one of them at its limit
+   means nothing. Where those of least norm do not fit, others are carried on from then: those in the middle of all that fit, with their rates, so that all limits are
+   met together where none fits any longer.
+
+   The middle: the least of  |l|^2 / 2 - sum log (what is left to each limit), l measured in units of the largest; by Newton's iteration, damped as it may be for such
+   functions (Nesterov and Nemirovskii, Interior-Point Polynomial Algorithms, 1994). Whether there is any: all limits are moved outwards by s, the least s is looked for. */
+
+#define NO_MARGIN 1e-12 /* of the largest reaction: limits that leave no more than this leave nothing */
+#define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
+#define HARDEST 1e14    /* weight of s */
+
+/* Some of the rows, which are to hold: A l = b in their units, reactions l = least + N z with z (free). `cone`: frictions among them. */
+typedef struct {
+    long rows, free, frictions;
+    long *row, *friction, *order;
+    double size, *A, *b, *least, *N, *found, *y, *gradient, *H, *scratch;
+    double *limit, *by; /* of frictions, (frictions), (frictions, rows) */
+} Held;
+
+static int make_margin(Integrator *I) {
+    struct State *T = I->state;
+    long n = reactions_of(I), F = frictions_of(I);
+    if (!I->redundant) return 1;
+    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 7 * n + 8);
+    T->margin_rows = reserve(I, sizeof(long) * (size_t)(7 * n + F));
+    return I->counted || (T->margin && T->margin_rows);
+}
+
+static Held held_of(const Integrator *I) {
+    struct State *T = I->state;
+    long n = reactions_of(I), F = frictions_of(I), *k = T->margin_rows;
+    double *at = T->margin;
+    Held S = {.row = k, .order = k + n, .friction = k + 2 * n};
+    S.A = at, S.N = at + n * n, S.H = at + 2 * n * n;
+    at += 2 * n * n + (n + 1) * (n + 1);
+    S.by = at, S.limit = at + F * n;
+    at += F * n + F;
+    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2;
+    return S;
+}
+
+/* Rows of these laws which hang together with the first one, by their compliances or limits: HOLDS in `law`. */
+static void gather(const Decision *D, const long *law, long first, Held *S, long *seen) {
+    long n = D->n, laws = D->gaps + D->frictions, count = 0;
+    S->rows = S->frictions = 0;
+    S->order[count++] = first;
+    seen[first] = first + 1;
+    for (long at = 0; at < count; at++) {
+        long a = S->order[at], i = a < D->gaps ? a : row_of(D, a - D->gaps), size = a < D->gaps ? 1 : rows_of(D, a - D->gaps);
+        if (a >= D->gaps) S->friction[S->frictions++] = a - D->gaps;
+        for (long k = 0; k < size; k++) S->row[S->rows++] = i + k;
+        for (long c = 0; c < laws; c++) {
+            if (seen[c] || law[c] != HOLDS) continue;
+            long j = c < D->gaps ? c : row_of(D, c - D->gaps), wide = c < D->gaps ? 1 : rows_of(D, c - D->gaps), near = 0;
+            for (long k = 0; k < size; k++)
+                for (long w = 0; w < wide; w++) near |= fabs(D->W[(i + k) * n + j + w]) > NIL * sqrt(D->W[(i + k) * n + i + k] * D->W[(j + w) * n + j + w]);
+            for (long f = 0; f < D->frictions; f++) near |= law[D->gaps + f] != OFF && ((a < D->gaps && c == D->gaps + f && D->hold_by[f * n + a] != 0) || (c < D->gaps && a == D->gaps + f && D->hold_by[f * n + c] != 0));
+            if (near) seen[c] = first + 1, S->order[count++] = c;
+        }
+    }
+}
+
+/* The equations of these rows, at one place: A and b, with what slides; limits. */
+static void pose_held(const Decision *D, const long *law, const double *along, Held *S) {
+    long n = D->n, m = S->rows;
+    for (long a = 0; a < m; a++) {
+        long i = S->row[a];
+        double unit = 1 / unit_of(D->W[i * n + i]);
+        S->b[a] = -D->free[i] * unit;
+        for (long c = 0; c < m; c++) {
+            long j = S->row[c];
+            S->A[a * m + c] = D->W[i * n + j] * unit / unit_of(D->W[j * n + j]);
+        }
+        for (long f = 0; f < D->frictions; f++) {
+            if (law[D->gaps + f] != AGAINST) continue;
+            for (long k = 0; k < rows_of(D, f); k++) {
+                double part = D->W[i * n + row_of(D, f) + k] * along[2 * f + k] * unit;
+                S->b[a] += part * D->slide[f];
+                for (long c = 0; c < m && part != 0; c++)
+                    if (S->row[c] < D->gaps) S->A[a * m + c] -= part * D->slide_by[f * n + S->row[c]] / unit_of(D->W[S->row[c] * n + S->row[c]]);
+            }
+        }
+    }
+    for (long q = 0; q < S->frictions; q++) {
+        long f = S->friction[q], i = row_of(D, f);
+        double unit = unit_of(D->W[i * n + i]);
+        S->limit[q] = D->hold[f] * unit;
+        for (long c = 0; c < m; c++) S->by[q * m + c] = D->hold_by[f * n + S->row[c]] * unit / unit_of(D->W[S->row[c] * n + S->row[c]]);
+    }
+}
+
+/* S->least and S->N by elimination with complete pivoting; 0 where nothing obeys all rows. */
+static int solve_held(Held *S) {
+    long m = S->rows, rank = 0;
+    double *A = S->A, *b = S->b, most = 0;
+    for (long c = 0; c < m; c++) S->order[c] = c, most = fmax(most, fabs(b[c]));
+    for (; rank < m; rank++) {
+        long row = rank, column = rank;
+        for (long i = rank; i < m; i++)
+            for (long j = rank; j < m; j++)
+                if (fabs(A[i * m + j]) > fabs(A[row * m + column])) row = i, column = j;
+        if (!(fabs(A[row * m + column]) > DEPENDENT)) break;
+        for (long j = 0; j < m; j++) {
+            double kept = A[rank * m + j];
+            A[rank * m + j] = A[row * m + j], A[row * m + j] = kept;
+        }
+        for (long i = 0; i < m; i++) {
+            double kept = A[i * m + rank];
+            A[i * m + rank] = A[i * m + column], A[i * m + column] = kept;
+        }
+        double kept = b[rank];
+        long place = S->order[rank];
+        b[rank] = b[row], b[row] = kept;
+        S->order[rank] = S->order[column], S->order[column] = place;
+        for (long i = 0; i < m; i++) { /* of all rows: what is left is the identity */
+            double factor = A[i * m + rank] / A[rank * m + rank];
+            if (i == rank || factor == 0) continue;
+            for (long j = rank; j < m; j++) A[i * m + j] -= factor * A[rank * m + j];
+            b[i] -= factor * b[rank];
+        }
+    }
+    S->free = m - rank;
+    for (long i = rank; i < m; i++)
+        if (!(fabs(b[i]) <= DEPENDENT * most)) return 0;
+    for (long k = 0; k < m; k++) {
+        long i = S->order[k];
+        S->least[i] = k < rank ? b[k] / A[k * m + k] : 0;
+        for (long z = 0; z < S->free; z++) S->N[i * S->free + z] = k < rank ? -A[k * m + rank + z] / A[k * m + k] : k - rank == z;
+    }
+    return 1;
+}
+
+/* x with H x = g, into g, H (d, d) symmetric and positive, by Cholesky; 0 where it is not. */
+static int solve_positive(double *H, double *g, long d) {
+    for (long j = 0; j < d; j++) {
+        double sum = H[j * d + j];
+        for (long k = 0; k < j; k++) sum -= H[j * d + k] * H[j * d + k];
+        if (!(sum > 0)) return 0;
+        H[j * d + j] = sqrt(sum);
+        for (long i = j + 1; i < d; i++) {
+            double s = H[i * d + j];
+            for (long k = 0; k < j; k++) s -= H[i * d + k] * H[j * d + k];
+            H[i * d + j] = s / H[j * d + j];
+        }
+    }
+    for (long i = 0; i < d; i++) {
+        for (long k = 0; k < i; k++) g[i] -= H[i * d + k] * g[k];
+        g[i] /= H[i * d + i];
+    }
+    for (long i = d - 1; i >= 0; i--) {
+        for (long k = i + 1; k < d; k++) g[i] -= H[k * d + i] * g[k];
+        g[i] /= H[i * d + i];
+    }
+    return 1;
+}
+
+/* Reactions of least norm in place of any, and all of them in units of the largest of these; 0 where there are none. */
+static int take_least(Held *S) {
+    long m = S->rows, d = S->free;
+    for (long a = 0; a < d; a++) {
+        S->y[a] = 0;
+        for (long i = 0; i < m; i++) S->y[a] -= S->N[i * d + a] * S->least[i];
+        for (long c = 0; c < d; c++) {
+            S->H[a * d + c] = 0;
+            for (long i = 0; i < m; i++) S->H[a * d + c] += S->N[i * d + a] * S->N[i * d + c];
+        }
+    }
+    if (!solve_positive(S->H, S->y, d)) return 0;
+    S->size = 0;
+    for (long i = 0; i < m; i++) {
+        for (long a = 0; a < d; a++) S->least[i] += S->N[i * d + a] * S->y[a];
+        S->size = fmax(S->size, fabs(S->least[i]));
+    }
+    for (long i = 0; i < m; i++) S->least[i] /= S->size;
+    for (long q = 0; q < S->frictions; q++) S->limit[q] /= S->size;
+    return S->size > 0;
+}
+
+/* What is left to the limits: the least of all. */
+static double margin_of(const Held *S, const Decision *D, const double *l) {
+    long m = S->rows;
+    double least = INFINITY;
+    for (long i = 0; i < m; i++)
+        if (S->row[i] < D->gaps) least = fmin(least, l[i]);
+    for (long q = 0; q < S->frictions; q++) {
+        long first = row_of(D, S->friction[q]), wide = rows_of(D, S->friction[q]);
+        double c = S->limit[q], t = 0;
+        for (long i = 0; i < m; i++) {
+            c += S->by[q * m + i] * l[i];
+            if (S->row[i] >= first && S->row[i] < first + wide) t = hypot(t, l[i]);
+        }
+        least = fmin(least, c - t);
+    }
+    return least;
+}
+
+/* Adds weight v v' to the lower half of H. */
+static void add_square(double *H, const double *v, long d, double weight) {
+    for (long a = 0; a < d; a++)
+        for (long c = 0; c <= a; c++) H[a * d + c] += weight * v[a] * v[c];
+}
+
+/* One of Newton's steps for the middle, of y = (z, s) with weight tau of s, tau = 0: without s. Returns its length in the metric there, -1 where it fails. */
+static double step_to_middle(Held *S, const Decision *D, double tau) {
+    long m = S->rows, d = S->free, e = d + (tau > 0);
+    double *g = S->gradient, *v = S->scratch, *w = v + e, s = tau > 0 ? S->y[d] : 0, *l = S->found;
+    memset(S->H, 0, sizeof(double) * (size_t)(e * e));
+    memset(g, 0, sizeof(double) * (size_t)e);
+    for (long i = 0; i < m; i++) {
+        const double *N = S->N + i * d;
+        l[i] = S->least[i];
+        for (long a = 0; a < d; a++) l[i] += N[a] * S->y[a];
+        for (long a = 0; a < d; a++) g[a] -= l[i] * N[a], v[a] = N[a];
+        if (e > d) v[d] = 0;
+        add_square(S->H, v, e, 1);
+        if (S->row[i] >= D->gaps) continue;
+        if (e > d) v[d] = 1;
+        double left = l[i] + s;
+        if (!(left > 0)) return -1;
+        for (long a = 0; a < e; a++) g[a] += v[a] / left;
+        add_square(S->H, v, e, 1 / (left * left));
+    }
+    for (long q = 0; q < S->frictions; q++) {
+        long first = row_of(D, S->friction[q]), wide = rows_of(D, S->friction[q]);
+        double c = S->limit[q] + s, left;
+        memset(v, 0, sizeof(double) * (size_t)e);
+        for (long i = 0; i < m; i++) {
+            c += S->by[q * m + i] * l[i];
+            for (long a = 0; a < d && S->by[q * m + i] != 0; a++) v[a] += S->by[q * m + i] * S->N[i * d + a];
+        }
+        if (e > d) v[d] = 1;
+        left = c * c;
+        for (long i = 0; i < m; i++)
+            if (S->row[i] >= first && S->row[i] < first + wide) left -= l[i] * l[i];
+        if (!(left > 0 && c > 0)) return -1;
+        for (long a = 0; a < e; a++) w[a] = c * v[a];
+        add_square(S->H, v, e, -2 / left);
+        for (long i = 0; i < m; i++) {
+            if (S->row[i] < first || S->row[i] >= first + wide) continue;
+            for (long a = 0; a < d; a++) w[a] -= l[i] * S->N[i * d + a], v[a] = S->N[i * d + a];
+            if (e > d) v[d] = 0;
+            add_square(S->H, v, e, 2 / left);
+        }
+        for (long a = 0; a < e; a++) g[a] += 2 / left * w[a];
+        add_square(S->H, w, e, 4 / (left * left));
+    }
+    if (e > d) { /* s does not fall below -1 */
+        g[d] += 1 / (1 + s) - tau;
+        S->H[d * e + d] += 1 / ((1 + s) * (1 + s));
+    }
+    memcpy(w, g, sizeof(double) * (size_t)e);
+    if (!solve_positive(S->H, g, e)) return -1;
+    double length = 0;
+    for (long a = 0; a < e; a++) length += w[a] * g[a];
+    length = sqrt(fmax(length, 0));
+    for (long a = 0; a < e; a++) S->y[a] += g[a] / (length > 0.25 ? 1 + length : 1);
+    return length;
+}
+
+/* Reactions that hold these rows within their limits, into S->found: 2 those of least norm, 1 the middle of all, 0 where there are none to speak of. */
+static int find_middle(Held *S, const Decision *D) {
+    if (!solve_held(S) || S->free == 0 || !take_least(S)) return 0; /* what depends on nothing is left as it is */
+    long d = S->free;
+    memset(S->y, 0, sizeof(double) * (size_t)d);
+    double out = -margin_of(S, D, S->least), length = 1;
+    if (!(out < -NIL)) {
+        S->y[d] = 1.1 * out + 1e-3;
+        for (double tau = 1; !(S->y[d] < -NO_MARGIN);) {
+            length = step_to_middle(S, D, tau);
+            if (length < 0 || tau > HARDEST) return 0;
+            if (length < 0.25) tau *= 10;
+        }
+        length = 1;
+    }
+    if (out < -NIL) { /* those of least norm will do */
+        memcpy(S->found, S->least, sizeof(double) * (size_t)S->rows);
+        return 2;
+    }
+    for (int again = 0; again < 100 && length > 1e-10; again++) length = step_to_middle(S, D, 0);
+    if (length < 0) return 0;
+    for (long i = 0; i < S->rows; i++) {
+        S->found[i] = S->least[i];
+        for (long a = 0; a < d; a++) S->found[i] += S->N[i * d + a] * S->y[a];
+    }
+    return margin_of(S, D, S->found) > NO_MARGIN;
+}
+
+/* Rows at a time that is so much later, or earlier. 0 when the input function failed. */
+static int decision_later(Integrator *I, double later, Decision *D) {
+    struct State *T = I->state;
+    double *x = T->later_x;
+    if (later == 0) return decision_at(I, I->t, I->x, D);
+    if (!rate_at(I, I->t, I->x, T->rate)) return 0;
+    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
+    if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return 0; /* what is at its threshold by its rate too passes it by the next */
+    int moved = 1;
+    for (long i = 0; i < I->nx; i++) {
+        x[i] = I->x[i] + later * T->rate[i];
+        moved &= isfinite(x[i]) != 0;
+    }
+    return decision_at(I, I->t + (moved ? later : 0), moved ? x : I->x, D);
+}
+
+/* Where the masks begin that say what is carried on: since when, reactions (n) at that time, their rates (n). */
+static long carried_of(const Integrator *I) { return I->masks - 1 - 2 * reactions_of(I); }
+
+/* Whether all rows move the same whichever of these reactions there are. */
+static int moves_nothing(const Held *S, const Decision *D, const long *law, const double *along) {
+    long n = D->n;
+    for (long i = 0; i < n; i++) {
+        const double *W = D->W + i * n;
+        double sum = 0;
+        for (long a = 0; a < S->rows; a++) {
+            long j = S->row[a];
+            double by = W[j], change = (S->found[a] - S->least[a]) / unit_of(D->W[j * n + j]);
+            for (long f = 0; f < D->frictions && j < D->gaps; f++)
+                for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == AGAINST; k++) by -= D->slide_by[f * n + j] * along[2 * f + k] * W[row_of(D, f) + k];
+            sum += by * change;
+        }
+        if (!(fabs(sum) <= DEPENDENT * unit_of(W[i]))) return 0;
+    }
+    return 1;
+}
+
+/* Whether rows of these laws that hang together with the first one may all hold, by what is known of them `later`: then they do, carry the middle on, and `push` is that.
+   -1 when the input function failed. */
+static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, long *seen, double *push) {
+    struct State *T = I->state;
+    long n = reactions_of(I), at = carried_of(I);
+    double *carried = T->side + at + 1, *drift = carried + n;
+    Decision D;
+    Held S = held_of(I);
+    if (!decision_later(I, later, &D)) return -1;
+    gather(&D, law, first, &S, seen);
+    pose_held(&D, law, along, &S);
+    int found = find_middle(&S, &D);
+    if (!found || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;
+    for (long a = 0; a < S.rows; a++) {
+        long i = S.row[a];
+        push[i] = S.found[a] * S.size / unit_of(D.W[i * n + i]);
+        if (found == 1) carried[i] = push[i];
+    }
+    if (found == 2) return 1;
+    T->side[at] = I->t + later;
+    for (int back = 0; back < 2; back++) { /* the same a little later, or where nothing fits there, earlier */
+        double by = back ? -little : little, size = S.size;
+        if (!decision_later(I, later + by, &D)) return -1;
+        pose_held(&D, law, along, &S);
+        if (find_middle(&S, &D) != 1) continue;
+        for (long a = 0; a < S.rows; a++) {
+            long i = S.row[a];
+            double unit = unit_of(D.W[i * n + i]), change = S.found[a] * S.size / unit - carried[i];
+            drift[i] = fabs(change) * unit > 10 * NIL * size ? change / by : 0;
+        }
+        break;
+    }
+    return 1;
+}
+
+/* Laws that have been found for accelerations, of which some say that what is at rest is at a limit, or that it moves: where others of its reactions hold it, it holds.
+   `asked`: what may; `rate`: accelerations, null where nothing has been found. Returns how many groups of rows do, -1 when the input function failed. */
+static int hold_more(Integrator *I, const Decision *D, const long *asked, long *law, const double *along, const double *rate, double *push, double later) {
+    struct State *T = I->state;
+    long laws = D->gaps + D->frictions, n = D->n, *seen = T->margin_rows + 3 * n + frictions_of(I), *given = seen + laws, *moves = given + laws, *done = moves + laws, found = 0;
+    double largest = 0;
+    for (long i = 0; i < n; i++) largest = fmax(largest, fmax(fabs(push[i]) * unit_of(D->W[i * n + i]), fabs(D->free[i]) / unit_of(D->W[i * n + i])));
+    for (long k = 0; k < laws; k++) {
+        long i = k < D->gaps ? k : row_of(D, k - D->gaps), size = k < D->gaps ? 1 : rows_of(D, k - D->gaps);
+        moves[k] = done[k] = 0;
+        for (long r = i; r < i + size; r++) moves[k] |= !rate || !(fabs(rate[r]) <= AT_REST * largest * unit_of(D->W[r * n + r]));
+    }
+    for (int pass = 0; pass < 3; pass++) { /* what held goes on to, if that may be; what is found to; whatever might, here and now */
+        memset(seen, 0, sizeof(long) * (size_t)laws);
+        for (long k = 0; k < laws; k++) {
+            int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE, held = T->side[k < D->gaps ? k : mask_of(I, k - D->gaps)] == 1;
+            given[k] = law[k] == STARTS ? AGAINST : law[k];
+            if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (held && pass == 0))))) given[k] = HOLDS;
+        }
+        for (long k = 0; k < laws; k++) {
+            if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !moves[k]))) continue;
+            int held = hold_together(I, given, k, along, pass == 2 ? 0 : later, later, seen, push);
+            if (held < 0) return -1;
+            for (long c = 0; c < laws && held; c++)
+                if (seen[c] == k + 1) law[c] = HOLDS, done[c] = 1;
+            found += held;
+        }
+    }
+    return found;
+}
