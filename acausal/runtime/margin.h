@@ -361,7 +361,8 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
    `asked`: what may; `rate`: accelerations, null where nothing has been found. Returns how many groups of rows do, -1 when the input function failed. */
 static int hold_more(Integrator *I, const Decision *D, const long *asked, long *law, const double *along, const double *rate, double *push, double later) {
     struct State *T = I->state;
-    long laws = D->gaps + D->frictions, n = D->n, *seen = T->margin_rows + 3 * n + frictions_of(I), *given = seen + laws, *moves = given + laws, *done = moves + laws, found = 0;
+    long laws = D->gaps + D->frictions, n = D->n, *seen = T->margin_rows + 3 * n + frictions_of(I), *given = seen + laws, *moves = given + laws, *done = moves + laws;
+    int found = 0;
     double largest = 0;
     for (long i = 0; i < n; i++) largest = fmax(largest, fmax(fabs(push[i]) * unit_of(D->W[i * n + i]), fabs(D->free[i]) / unit_of(D->W[i * n + i])));
     for (long k = 0; k < laws; k++) {
