@@ -7,7 +7,7 @@ from acausal import errors
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
-from acausal.language.expression import Expression, Input, Parameter, Reaction, Variable, time
+from acausal.language.expression import Expression, Input, Magnitude, Parameter, Reaction, Variable, time
 from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
@@ -34,6 +34,7 @@ __all__ = [
     "Frame",
     "Input",
     "LoadedModel",
+    "Magnitude",
     "Model",
     "OneSided",
     "OneWay",

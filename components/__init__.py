@@ -80,7 +80,9 @@ from components.geometry.surfaces import (
 from components.guides.along_curve import AlongCurve
 from components.guides.point_on_curve import PointOnCurve
 from components.guides.point_on_surface import PointOnSurface
+from components.guides.rough_guide import RoughGuide
 from components.imu import Accelerometer, Gyro
+from components.joint_friction import JointFriction
 from components.joints.cartesian_translation import CartesianTranslation
 from components.joints.cylindrical import Cylindrical
 from components.joints.free import Free
@@ -198,6 +200,7 @@ __all__ = [
     "Inductor",
     "Inertia",
     "Integrator",
+    "JointFriction",
     "KnifeEdge",
     "LimitedSum",
     "Line",
@@ -251,6 +254,7 @@ __all__ = [
     "RotationalDamper",
     "RotationalGround",
     "RotationalSpring",
+    "RoughGuide",
     "Screw",
     "Section",
     "ShapeIntegrals",

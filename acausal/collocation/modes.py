@@ -12,10 +12,10 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class ModeFunctions:
     """`masks`: how many of the inputs u are masks, the last ones: one for each of `one_sided` laws, then two for each of `lines`, frictions in one
-    direction, and six for each of `planes`, those in two; and where rows are `redundant` their damping, and the reactions that are carried on: since when, n of them, and
-    their rates.
+    direction, six for each of `planes`, those in two, and three for each of `magnitudes` that limits depend on; and where rows are `redundant` their damping, and the
+    reactions that are carried on: since when, n of them, and their rates.
 
-    `guards`: (t, x, u, p) -> positive as long as the masks are right: one for each one-sided row, two for each friction. `decision`: (t, x, u, p) -> what
+    `guards`: (t, x, u, p) -> positive as long as the masks are right: one for each one-sided row, two for each friction and each magnitude. `decision`: (t, x, u, p) -> what
     modes are decided by, see modes.h. `invariants`, `projection`: (t, x, masks, p) -> everything that stays zero in a mode, and one Newton step
     towards it. `words`: what each law is called.
     """
@@ -23,6 +23,7 @@ class ModeFunctions:
     one_sided: int
     lines: int
     planes: int
+    magnitudes: int
     redundant: bool
     guards: ca.Function
     decision: ca.Function
@@ -33,7 +34,8 @@ class ModeFunctions:
     @property
     def masks(self) -> int:
         """How many there are."""
-        return self.one_sided + 2 * self.lines + 6 * self.planes + self.redundant * (2 + 2 * self.reactions)
+        friction = 2 * self.lines + 6 * self.planes + 3 * self.magnitudes
+        return self.one_sided + friction + self.redundant * (2 + 2 * self.reactions)
 
     @property
     def laws(self) -> int:

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from acausal.dynamics.readings import Readings
 from acausal.errors import ModelError
-from acausal.language.expression import Expression, Reaction, Scalar, sx
+from acausal.language.expression import Expression, Magnitude, Reaction, Scalar, declared, sx
 from acausal.language.flatten import FlatSystem, Part
 from acausal.language.mode_laws import DryFriction, OneSided, OneWay
+
+
+@dataclass(frozen=True)
+class Size:
+    """What stands for a `Magnitude` in limits, `symbol`, and its components `of` (n, 1), n from 1 to 3."""
+
+    symbol: Magnitude
+    of: ca.SX
 
 
 @dataclass(frozen=True)
 class ModeRow:
     """A law of `reactions`, one or two: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
     is the slip [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
-    `gate`: positive where that may close.
+    `gate`: positive where that may close. `sizes`: which the limits depend on.
     """
 
     part: Part
@@ -29,6 +37,7 @@ class ModeRow:
     holding: ca.SX | None = None
     one_way: bool = False
     gate: ca.SX | None = None
+    sizes: tuple[Size, ...] = ()
 
     @property
     def gap(self) -> ca.SX:
@@ -59,7 +68,8 @@ class ModeRow:
         columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
         found = ca.substitute([*columns, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new))
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
-        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, None if self.gate is None else found[-1])
+        sizes = tuple(replace(size, of=ca.substitute([size.of], list(old), list(new))[0]) for size in self.sizes)
+        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, None if self.gate is None else found[-1], sizes)
 
 
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
@@ -78,8 +88,9 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 gate = None if law.gate is None else read(law.gate)
                 found.append(ModeRow(part, (law.reaction,), read(law.speed), ca.SX(0), one_way=True, gate=gate))
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
-                slip = ca.vec(read(law.slip))
-                found.append(ModeRow(part, law.reactions, slip, sliding=read(law.sliding), holding=read(law.holding)))
+                slip, limits = ca.vec(read(law.slip)), (read(law.sliding), read(law.holding))
+                sizes = tuple(Size(symbol, read(symbol.of)) for symbol in _magnitudes(ca.vertcat(*limits)))
+                found.append(ModeRow(part, law.reactions, slip, sliding=limits[0], holding=limits[1], sizes=sizes))
             else:
                 raise ModelError(
                     f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...) and ac.DryFriction(...)."
@@ -95,8 +106,12 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
     return tuple(sorted(found, key=lambda row: (not row.one_sided, row.size)))
 
 
+def _magnitudes(value: ca.SX) -> list[Magnitude]:
+    return [s for s in dict.fromkeys(declared(scalar) for scalar in ca.symvar(value)) if isinstance(s, Magnitude)]
+
+
 def _check_limits(flat: FlatSystem, rows: Sequence[ModeRow]) -> None:
-    """Raises `ModelError` for limits by reactions of friction."""
+    """Raises `ModelError` for limits by reactions of friction, but for magnitudes, and for magnitudes of magnitudes."""
     friction = [reaction for row in rows if not row.one_sided for reaction in row.reactions]
     for row in rows:
         for limit in (row.sliding, row.holding):
@@ -104,5 +119,10 @@ def _check_limits(flat: FlatSystem, rows: Sequence[ModeRow]) -> None:
                 if limit is not None and ca.depends_on(limit, reaction.sx):
                     raise ModelError(
                         f"The limit of {row.part.where} depends on {flat.names[reaction]}, the reaction of a friction. Let it depend on reactions of one-sided laws, "
-                        "positions, velocities, inputs and time."
+                        "positions, velocities, inputs and time, or on an ac.Magnitude."
                     )
+        for size in row.sizes:
+            if _magnitudes(size.of):
+                raise ModelError(
+                    f"A Magnitude that limits {row.part.where} depends on another one. Let it be that of a force alone."
+                )

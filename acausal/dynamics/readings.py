@@ -10,7 +10,7 @@ from acausal.dynamics.placement import TreePlacement
 from acausal.errors import ModelError, UnknownVariableError
 from acausal.language.component import System
 from acausal.language.connector import FLOWS, Point, Quantity
-from acausal.language.expression import Derivative, Input, Parameter, Symbol, declared
+from acausal.language.expression import Derivative, Input, Magnitude, Parameter, Symbol, declared
 from acausal.language.flatten import FlatSystem, Part
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
@@ -78,7 +78,7 @@ class Readings:
         return self._values[symbol]
 
     def _read(self, symbol: Symbol, part: Part) -> ca.SX:
-        if not self.foreign(symbol.sx):
+        if isinstance(symbol, Magnitude) or not self.foreign(symbol.sx):
             return symbol.sx
         if isinstance(symbol, Quantity):
             return self._at_connector(symbol, part)

@@ -381,6 +381,23 @@ class Reaction(Input):
         self.name = "reaction"
 
 
+class Magnitude(Symbol):
+    """How large a force or torque of one to three components is, as limits of friction need it: mu times `ac.Magnitude(hinge.frame_a.force)`. It may depend on
+    reactions, those of joints and of the friction that it limits too.
+    """
+
+    kind = "magnitude"
+
+    def __init__(self, of: Expression | ca.SX | Sequence[Any], unit: str = "N") -> None:
+        super().__init__("magnitude", unit)
+        column = ca.vec(sx(of))
+        if not 1 <= column.numel() <= 3:
+            raise ExpressionError(
+                f"A Magnitude is of one to three components, and was given {column.numel()} ({origin()}). Give those of one force or torque."
+            )
+        self.of = Expression(column, leaves(of))
+
+
 class Mode(Input):
     """An input that nobody gives: which of its ways of behaving a part is in, see `acausal.modes`."""
 

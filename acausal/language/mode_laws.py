@@ -38,7 +38,7 @@ class DryFriction:
 
     `slip`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m); or two of them along two directions, (2, 1), with a
     pair of reactions: then limits are those of the pair's norm. `holding` and `sliding` [N or N*m]: expressions in which also reactions of one-sided laws may
-    stand, as factors. `holding` >= `sliding` >= 0; `sliding` unless given.
+    stand, as factors, and `ac.Magnitude`s of what joints bear. `holding` >= `sliding` >= 0; `sliding` unless given.
     """
 
     reaction: Reaction | tuple[Reaction, Reaction]

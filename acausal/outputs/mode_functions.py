@@ -29,7 +29,8 @@ def mode_functions(
 
     size = [row.size for row in m.frictions]
     return ModeFunctions(
-        m.one_sided, size.count(1), size.count(2), m.redundant, function("mode_guards", m.guards), function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy())),
+        m.one_sided, size.count(1), size.count(2), len(m.magnitudes.sizes), m.redundant, function("mode_guards", m.guards),
+        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m))),
         masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows),
     )  # fmt: skip
 
@@ -37,12 +38,30 @@ def mode_functions(
 def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
     """The column that modes.h reads."""
     n = m.reactions.numel()
-    none = ca.SX.zeros(n)
+    unknown = ca.vertcat(m.reactions, m.magnitudes.symbols)
+    none = ca.SX.zeros(unknown.numel())
     limits: list[ca.SX] = []
-    for column in ([row.holding for row in m.frictions], [row.sliding for row in m.frictions]):
-        limit = ca.vertcat(ca.SX(0, 1), *(entry for entry in column if entry is not None))
-        limits += [ca.substitute(limit, m.reactions, none), ca.vec(ca.jacobian(limit, m.reactions).T)]
+    for limit in _limits(m):
+        limits += [ca.substitute(limit, unknown, none), ca.vec(ca.jacobian(limit, m.reactions).T)]
     bounce = ca.vertcat(ca.SX(0, 1), *(row.restitution for row in m.rows if row.restitution is not None))
     response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(n)))
     parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, bounce]
+    return ca.vertcat(*(ca.densify(part) for part in parts))
+
+
+def _limits(m: Modes) -> tuple[ca.SX, ca.SX]:
+    """Of sticking and of sliding."""
+    columns = ([row.holding for row in m.frictions], [row.sliding for row in m.frictions])
+    holding, sliding = (ca.vertcat(ca.SX(0, 1), *(entry for entry in column if entry is not None)) for column in columns)
+    return holding, sliding
+
+
+def _magnitudes(m: Modes) -> ca.SX:
+    """The rest of that column: forces (3 each), without reactions and by them, and limits by magnitudes."""
+    if not m.magnitudes.sizes:
+        return ca.SX(0, 1)
+    forces = ca.vertcat(*(ca.vertcat(size.of, ca.SX.zeros(3 - size.of.numel())) for size in m.magnitudes.sizes))
+    none = ca.SX.zeros(m.reactions.numel())
+    parts = [ca.substitute(forces, m.reactions, none), ca.vec(ca.jacobian(forces, m.reactions).T)]
+    parts += [ca.vec(ca.jacobian(limit, m.magnitudes.symbols).T) for limit in _limits(m)]
     return ca.vertcat(*(ca.densify(part) for part in parts))

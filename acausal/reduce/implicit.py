@@ -32,7 +32,16 @@ def with_reactions(
     """
     readers = mechanics.readings.implicit
     used = {
-        s.element_hash() for s in ca.symvar(ca.veccat(*mechanics.laws[1:], scalar.tau, scalar.rates, *scalar.solved.values()))
+        s.element_hash()
+        for s in ca.symvar(
+            ca.veccat(
+                *mechanics.laws[1:],
+                scalar.tau,
+                scalar.rates,
+                *scalar.solved.values(),
+                *(size.of for row in mechanics.modes for size in row.sizes),
+            )
+        )
     }
     symbols = [s for s in readers if any(e.element_hash() in used for e in ca.vertsplit(ca.vec(s.sx)))]
     if not symbols:

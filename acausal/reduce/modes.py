@@ -15,10 +15,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.mode_rows import ModeRow
+from acausal.dynamics.mode_rows import ModeRow, Size
 from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
-from acausal.language.expression import Input, Mode, Reaction, declared
+from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
+from acausal.numerics.elimination import eliminated
+from acausal.reduce.magnitudes import Magnitudes
 from acausal.wording import compact
 
 _REFINEMENTS = 4
@@ -31,7 +33,7 @@ class Modes:
 
     `rows`: laws, one-sided ones first, then friction in one direction, then in two. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
     without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
-    positive as long as the masks are right, one for each one-sided row and two for each friction. `correction` (nx, 1): one Newton step to
+    positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
     what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`.
     """
 
@@ -47,6 +49,7 @@ class Modes:
     invariants: ca.SX
     correction: ca.SX
     redundant: bool
+    magnitudes: Magnitudes
 
     @property
     def one_sided(self) -> int:
@@ -183,6 +186,7 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     """
     rows, dead = _living(rows, motion)
     motion = motion.without(dead)
+    rows = [row.put([ca.vertcat(*dead)], [ca.SX.zeros(len(dead))]) for row in rows] if dead else rows
     if not rows:
         return None, ca.vertcat(*dead)
     reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
@@ -197,10 +201,10 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     redundant = any(_may_depend(found) for found in motion.at_places(W))
     masks = [_masks(row, names) for row in rows]
     shared = _Shared.among(len(owner)) if redundant else None
-    system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, moves.at_once)
-    M, right = system.matrix(rate), system.right(free, rate)
+    magnitudes = _magnitudes(rows, names, reactions)
+    system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, moves.at_once, magnitudes)
     carried = ca.SX.zeros(len(owner)) if shared is None else shared.at(motion.t)
-    values = carried + system.solved(M, right - M @ carried)
+    values, guards = system.found(free, rate, carried)
     closed = [
         holds * row.gap if row.one_sided and not _inputs_in(row.gap) else ca.SX.zeros(row.size)
         for row, holds in zip(rows, system.by_law, strict=True)
@@ -215,12 +219,38 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     moved = ca.SX.zeros(motion.x.numel())
     if places:
         moved[places] = (along @ pushes[:, 0])[places]
-    everything = [*(mask for own in masks for mask in own.all), *(() if shared is None else shared.all)]
+    everything = [*(mask for own in masks for mask in own.all), *magnitudes.masks, *(() if shared is None else shared.all)]
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
     found = Modes(
-        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, system.guards(values, rate), invariants, moved + J @ pushes[:, 1], redundant,
+        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, guards, invariants, moved + J @ pushes[:, 1], redundant, magnitudes,
     )  # fmt: skip
     return found, ca.vertcat(ca.SX(0, 1), *dead)
+
+
+def _magnitudes(rows: Sequence[ModeRow], names: Mapping[Any, str], reactions: ca.SX) -> Magnitudes:
+    """Those that limits depend on. Raises `ModelError` where something is not linear in what it should be."""
+    sizes: dict[Magnitude, Size] = {}
+    along: list[tuple[Mode, ...]] = []
+    for row in rows:
+        name = names[row.reactions[0]].removesuffix("[0]")
+        for size in row.sizes:
+            if size.symbol in sizes:
+                continue
+            if ca.depends_on(ca.densify(ca.jacobian(size.of, reactions)), reactions):
+                raise ModelError(
+                    f"What presses at {row.part.where} is not linear in reactions. Let its Magnitude be that of a force or a torque."
+                )
+            sizes[size.symbol] = size
+            along.append(tuple(Mode(f"{name}.pressed[{k}]", "direction that a force is along") for k in range(3)))
+    found = Magnitudes(tuple(sizes.values()), tuple(along))
+    unknown = ca.vertcat(reactions, found.symbols)
+    for row in rows:
+        for limit in (row.sliding, row.holding):
+            if limit is not None and ca.depends_on(ca.densify(ca.jacobian(limit, unknown)), unknown):
+                raise ModelError(
+                    f"The limit of {row.part.where} is not linear in reactions and magnitudes. Let them be factors: mu * self.push."
+                )
+    return found
 
 
 @dataclass(frozen=True)
@@ -300,6 +330,21 @@ class _Masked:
     compliance: ca.SX
     damping: ca.SX | None
     at_once: tuple[bool, ...]
+    magnitudes: Magnitudes
+
+    def found(self, free: ca.SX, rate: ca.SX, carried: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The reactions (n, 1), and guards, see `Modes`; nearest to what is `carried` on, where they are not unique."""
+        symbols, M = self.magnitudes.symbols, self.matrix(rate)
+        by = self.solved(M, ca.horzcat(self.right(free, rate) - M @ carried, self.by_magnitudes(rate)))
+        given, more = carried + by[:, 0], by[:, 1:]
+        if not symbols.numel():
+            return given, self.guards(given, rate, symbols)
+        slopes = [ca.jacobian(size.of, self.reactions) @ more for size in self.magnitudes.sizes]
+        first = self.magnitudes.components(self.reactions, given)
+        s = self.magnitudes.solved(first, slopes)
+        values = given + more @ s
+        forces = self.magnitudes.components(self.reactions, values)
+        return values, ca.vertcat(self.guards(values, rate, s), self.magnitudes.guards(forces, first, slopes, s))
 
     @property
     def by_law(self) -> list[ca.SX]:
@@ -334,13 +379,23 @@ class _Masked:
                 M[i, :] += (1 - self.holds[i]) * part * ca.jacobian(row.sliding, self.reactions)
         return M
 
+    def by_magnitudes(self, rate: ca.SX) -> ca.SX:
+        """(n, m), the other side by each magnitude."""
+        symbols = self.magnitudes.symbols
+        found = ca.SX(self.reactions.numel(), symbols.numel())
+        for i, (row, part) in enumerate(self.against(rate)):
+            if row.sizes and row.sliding is not None:
+                found[i, :] = -(1 - self.holds[i]) * part * ca.jacobian(row.sliding, symbols)
+        return found
+
     def right(self, free: ca.SX, rate: ca.SX) -> ca.SX:
-        """(n, 1), the other side."""
-        none, found = ca.SX.zeros(self.reactions.numel()), ca.SX(free)
+        """(n, 1), the other side, without reactions and magnitudes."""
+        unknown, found = ca.vertcat(self.reactions, self.magnitudes.symbols), ca.SX(free)
+        none = ca.SX.zeros(unknown.numel())
         for i, (row, part) in enumerate(self.against(rate)):
             found[i] = -self.holds[i] * free[i]
             if row.sliding is not None:
-                limit = ca.substitute(row.sliding, self.reactions, none)
+                limit = ca.substitute(row.sliding, unknown, none)
                 found[i] -= (1 - self.holds[i]) * part * limit
         return found
 
@@ -358,23 +413,24 @@ class _Masked:
     def solved(self, M: ca.SX, right: ca.SX) -> ca.SX:
         """M^-1 right; where M has no inverse, of least norm in units of the compliances."""
         if self.damping is None:
-            return _eliminated(M, right)
+            return eliminated(M, right)
         held = ca.vertcat(
             *(holds * entry for holds, entry in zip(self.holds, ca.vertsplit(ca.diag(self.compliance)), strict=True))
         )
         damping = self.damping * ca.diag(held)
         found = ca.SX.zeros(right.shape)
         for _ in range(1 + _REFINEMENTS):
-            found = found + _eliminated(M + damping, right - M @ found)
+            found = found + eliminated(M + damping, right - M @ found)
         # rounding along what M does not see is divided by the damping each time: taken out, since the answer has nothing there
         alone = found
         for _ in range(2):
-            alone = _eliminated(M + damping, damping @ alone)
+            alone = eliminated(M + damping, damping @ alone)
         return found - alone
 
-    def guards(self, found: ca.SX, rate: ca.SX) -> ca.SX:
-        """See `Modes`."""
+    def guards(self, found: ca.SX, rate: ca.SX, sizes: ca.SX) -> ca.SX:
+        """Of laws, see `Modes`."""
         guards: list[ca.SX] = []
+        unknown, values = ca.vertcat(self.reactions, self.magnitudes.symbols), ca.vertcat(found, sizes)
         first = 0
         for row, mask in zip(self.rows, self.masks, strict=True):
             holds, force, slip = mask.holds.sx, found[first : first + row.size, :], rate[first : first + row.size, :]
@@ -383,7 +439,7 @@ class _Masked:
                 apart = row.gated(ca.substitute(row.moved, self.reactions, found), 1) if row.one_way else row.moved
                 guards.append((1 - holds) * apart + holds * force)
                 continue
-            limit = ca.substitute(row.holding, self.reactions, found)
+            limit = ca.substitute(row.holding, unknown, values)
             if mask.slides is None or mask.frozen is None or mask.threshold is None:
                 sign = mask.along[0].sx
                 guards.append(holds * (limit - force) + (1 - holds) * (sign * slip - (1 - sign**2) * limit))
@@ -422,19 +478,3 @@ _NEARLY = 1e-3
 _LITTLE = 1e-9
 _NEVER = 1e-12
 """Part of the largest compliance that is none."""
-
-
-def _eliminated(A: ca.SX, B: ca.SX) -> ca.SX:
-    """A^-1 B (n, m) by elimination in the order of the rows."""
-    A, B = ca.SX(A), ca.densify(ca.SX(B))
-    n = A.shape[0]
-    for k in range(n):
-        for i in range(k + 1, n):
-            if A[i, k].is_zero():
-                continue
-            factor = A[i, k] / A[k, k]
-            A[i, k + 1 :] -= factor * A[k, k + 1 :]
-            B[i, :] -= factor * B[k, :]
-    for k in reversed(range(n)):
-        B[k, :] = (B[k, :] - A[k, k + 1 :] @ B[k + 1 :, :]) / A[k, k]
-    return ca.densify(B)

@@ -129,7 +129,7 @@ class Integrator(ctypes.Structure):
         ("row_switch", _Long),
         ("row_factor", _Double),
         ("row_plus", _Double),
-        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "redundant")),
+        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "magnitudes", "redundant")),
         ("usual", ctypes.c_void_p),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),

@@ -12,10 +12,12 @@
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
 
-/* What is decided by, at one place; frictions: first those along lines. */
+/* What is decided by, at one place; frictions: first those along lines. Limits may grow with `magnitudes` too, those of forces (3 each), which are `force` and
+   what reactions add to it. */
 typedef struct {
-    long n, gaps, lines, frictions;
+    long n, gaps, lines, frictions, magnitudes;
     const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *bounce;
+    const double *force, *force_by, *hold_size, *slide_size;
     const double *gap_noise, *rate_noise;
 } Decision;
 
@@ -30,7 +32,7 @@ enum Law {
 };
 
 /* A problem. law (gaps + frictions); along (2 each): of frictions, the direction of the slip; floor (gaps): least reactions, null: zero; constants: whether limits
-   count that do not grow with reactions. Results: law, along, push (n). work: n n + 4 n. */
+   count that do not grow with reactions. Results: law, along, push (n). work: n n + 5 n. */
 typedef struct {
     const Decision *D;
     const double *start, *floor;
@@ -55,13 +57,40 @@ static int is_kinetic(const Problem *p, long f) {
     return p->kinetic || asked == AGAINST || asked == MAY_SLIDE;
 }
 
-/* The limit of a friction, and what it grows by with each reaction. */
+/* The force whose magnitude limits depend on; its size. */
+static double force_at(const Problem *p, long m, double *force) {
+    const Decision *D = p->D;
+    for (long c = 3 * m; c < 3 * m + 3; c++) {
+        double sum = p->constants ? D->force[c] : 0;
+        for (long k = 0; k < D->n; k++) sum += D->force_by[c * D->n + k] * p->push[k];
+        force[c - 3 * m] = sum;
+    }
+    return sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2]);
+}
+
+/* The limit of a friction, and what it grows by with each reaction, and with each magnitude. */
 static const double *limit_by(const Problem *p, long f) { return (is_kinetic(p, f) ? p->D->slide_by : p->D->hold_by) + f * p->D->n; }
+static const double *limit_by_size(const Problem *p, long f) { return (is_kinetic(p, f) ? p->D->slide_size : p->D->hold_size) + f * p->D->magnitudes; }
 static double limit_of(const Problem *p, long f) {
-    const double *by = limit_by(p, f);
-    double limit = p->constants ? (is_kinetic(p, f) ? p->D->slide : p->D->hold)[f] : 0;
+    const double *by = limit_by(p, f), *by_size = limit_by_size(p, f);
+    double limit = p->constants ? (is_kinetic(p, f) ? p->D->slide : p->D->hold)[f] : 0, force[3];
     for (long k = 0; k < p->D->gaps; k++) limit += by[k] * p->push[k];
+    for (long m = 0; m < p->D->magnitudes; m++)
+        if (by_size[m] != 0) limit += by_size[m] * force_at(p, m, force);
     return fmax(limit, 0);
+}
+
+/* What the limit grows by with each reaction at the reactions there are, magnitudes included, into `by` (n). */
+static void limit_slope(const Problem *p, long f, double *by) {
+    const Decision *D = p->D;
+    const double *by_size = limit_by_size(p, f);
+    double force[3];
+    memcpy(by, limit_by(p, f), sizeof(double) * (size_t)D->n);
+    for (long m = 0; m < D->magnitudes; m++) {
+        double size = by_size[m] != 0 ? force_at(p, m, force) : 0;
+        for (long k = 0; k < D->n && size > 0; k++)
+            for (long c = 0; c < 3; c++) by[k] += by_size[m] * force[c] / size * D->force_by[(3 * m + c) * D->n + k];
+    }
 }
 
 /* Accelerations (or rates) of all rows, without damping. */
@@ -178,7 +207,7 @@ static int solve_choice(const Problem *p) {
     const Decision *D = p->D;
     const double *W = D->W;
     long n = D->n;
-    double *A = p->work, *b = p->work + n * n, *unit = p->work + n * n + n, last = INFINITY;
+    double *A = p->work, *b = p->work + n * n, *unit = p->work + n * n + n, *by = p->work + n * n + 4 * n, last = INFINITY;
     for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(W[i * n + i]);
     for (int again = 0; again < 40; again++) {
         find_rates(p);
@@ -195,8 +224,8 @@ static int solve_choice(const Problem *p) {
         }
         for (long f = 0; f < D->frictions; f++) {
             long first = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
-            const double *by = limit_by(p, f);
             double limit = limit_of(p, f), *e = p->along + 2 * f, speed = 0;
+            if (law != HOLDS && law != OFF) limit_slope(p, f, by);
             if (law == STARTS) {
                 if (size == 1) e[0] = e[0] < 0 ? -1 : 1, e[1] = 0;
                 else {
@@ -406,7 +435,7 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
     long laws = D->gaps + D->frictions;
     memcpy(asked, p->law, sizeof(long) * (size_t)laws);
     for (long i = 0; i < D->n; i++) p->push[i] = i < D->gaps && p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;
-    if (D->frictions == D->lines) {
+    if (D->frictions == D->lines && D->magnitudes == 0) {
         int chosen = choose_lines(p, place, table, basis);
         if (chosen && solve_choice(p) && answers(p)) return 1;
         memcpy(p->law, asked, sizeof(long) * (size_t)laws);

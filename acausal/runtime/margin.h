@@ -39,6 +39,13 @@ static Held held_of(const Integrator *I) {
     return S;
 }
 
+/* Whether a limit does. */
+static int grows_with_magnitudes(const Decision *D, long f) {
+    for (long m = 0; m < D->magnitudes; m++)
+        if (D->hold_size[f * D->magnitudes + m] != 0) return 1;
+    return 0;
+}
+
 /* Rows of these laws which hang together with the first one, by their compliances or limits: HOLDS in `law`. */
 static void gather(const Decision *D, const long *law, long first, Held *S, long *seen) {
     long n = D->n, laws = D->gaps + D->frictions, count = 0;
@@ -332,6 +339,8 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
     Held S = held_of(I);
     if (!decision_later(I, later, &D)) return -1;
     gather(&D, law, first, &S, seen);
+    for (long f = 0; f < D.frictions; f++) /* limits that are not linear: those of least norm are taken */
+        if ((law[D.gaps + f] == AGAINST || (law[D.gaps + f] == HOLDS && seen[D.gaps + f] == first + 1)) && grows_with_magnitudes(&D, f)) return 0;
     pose_held(&D, law, along, &S);
     int found = find_middle(&S, &D);
     if (!found || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;

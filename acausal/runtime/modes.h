@@ -2,7 +2,8 @@
    them becomes negative. Then all rows are decided together, from what `decision` gives at that place, in this order, row by row:
 
    gaps (one_sided); rates of gaps, slips (n); accelerations of both without reactions (n); W (n, n): accelerations by reactions; J (nx, n): x' by
-   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; restitution (one_sided); kinetic energy.
+   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; restitution (one_sided); kinetic energy; where limits depend on
+   magnitudes, their forces (3 each) without reactions and by them (3 each, n), and limits of sticking and of sliding by these (frictions, magnitudes).
 
    First impacts, where a gap that is closed closes with speed: Poisson's, in two phases, compression and expansion (Glocker and Pfeiffer, Nonlinear Dynamics 7, 1995).
    Then accelerations, looked at a little later, where what is exactly at its threshold has passed it.
@@ -30,6 +31,9 @@ static long mask_of(const Integrator *I, long friction) {
     return friction < I->lines ? n + 2 * friction : n + 2 * I->lines + 6 * (friction - I->lines);
 }
 
+/* Where the masks of a magnitude begin: the direction that its force is along, until it is across it. */
+static long mask_of_size(const Integrator *I, long m) { return mask_of(I, frictions_of(I)) + 3 * m; }
+
 static int make_zeno(Integrator *I);
 static int make_saltation(Integrator *I);
 static int make_margin(Integrator *I);
@@ -44,7 +48,7 @@ static int make_modes(Integrator *I) {
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
     T->impulse = reserve_doubles(I, n);
-    T->push = reserve_doubles(I, 5 * n + 2 * F + F + n * n + 4 * n);
+    T->push = reserve_doubles(I, 5 * n + 2 * F + F + n * n + 5 * n);
     T->later_x = reserve_doubles(I, I->nx + 1);
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
@@ -69,7 +73,7 @@ static Room room_of(const Integrator *I) {
 /* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
 static Decision decision_of(const Integrator *I, const double *at, const double *noise) {
     long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I);
-    Decision D = {.n = n, .gaps = gaps, .lines = I->lines, .frictions = m, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
+    Decision D = {.n = n, .gaps = gaps, .lines = I->lines, .frictions = m, .magnitudes = I->magnitudes, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
     D.rate = at + gaps;
     D.free = D.rate + n;
     D.W = D.free + n;
@@ -79,6 +83,10 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.slide = D.hold_by + m * n;
     D.slide_by = D.slide + m;
     D.bounce = D.slide_by + m * n;
+    D.force = D.bounce + gaps + 1;
+    D.force_by = D.force + 3 * I->magnitudes;
+    D.hold_size = D.force_by + 3 * I->magnitudes * n;
+    D.slide_size = D.hold_size + m * I->magnitudes;
     return D;
 }
 
@@ -237,6 +245,15 @@ static int depend(const Decision *D, const long *law, double *A, long *chosen) {
     return 0;
 }
 
+/* Directions of the forces that limits depend on; what has no force keeps the one it has. */
+static void set_directions_of_forces(Integrator *I, const Problem *p) {
+    for (long m = 0; m < I->magnitudes; m++) {
+        double *e = I->state->side + mask_of_size(I, m), force[3], size = force_at(p, m, force);
+        for (long c = 0; c < 3 && size > 0; c++) e[c] = force[c] / size;
+        if (e[0] == 0 && e[1] == 0 && e[2] == 0) e[0] = 1;
+    }
+}
+
 /* Masks for the laws that have been found for accelerations. `planned`: size of the step [s], which tells what slip is near zero where it begins. */
 static void set_masks(Integrator *I, const Decision *D, Room R, double planned) {
     struct State *T = I->state;
@@ -276,7 +293,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double planned) 
 static int never_holds(const Decision *D, long f) {
     for (long k = 0; k < D->n; k++)
         if (D->hold_by[f * D->n + k] != 0) return 0;
-    return D->hold[f] <= 0;
+    return D->hold[f] <= 0 && !grows_with_magnitudes(D, f);
 }
 
 /* Accelerations decide which of the rows that touch hold on, and which way friction acts. */
@@ -316,6 +333,7 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
     set_masks(I, &D, R, planned);
+    set_directions_of_forces(I, &p);
     return REACHED_END;
 }
 
@@ -337,6 +355,19 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
     }
 }
 
+/* Whether friction by magnitudes has one answer in the mode that has been set; else `worst` is the law. REACHED_END, NO_MODE or INPUT_FAILED. */
+static enum Code has_one_answer(Integrator *I, const Decision *D) {
+    if (!I->magnitudes) return REACHED_END;
+    if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
+    for (long m = 0; m < I->magnitudes; m++) {
+        if (I->state->one_row[I->mode_rows - 2 * (I->magnitudes - m) + 1] > 0) continue;
+        I->worst = D->gaps;
+        while (I->worst < D->gaps + D->frictions - 1 && D->slide_size[(I->worst - D->gaps) * D->magnitudes + m] == 0) I->worst++;
+        return NO_MODE;
+    }
+    return REACHED_END;
+}
+
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
 static enum Code decide_modes(Integrator *I, long row, double planned) {
     struct State *T = I->state;
@@ -349,6 +380,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     T->changed_at = I->t;
     if (T->changes > CHANGES) {
         I->worst = row < gaps ? (row < 0 ? 0 : row) : gaps + (row - gaps) / 2;
+        if (I->worst >= gaps + frictions_of(I)) I->worst = gaps;
         return CHATTERS;
     }
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
@@ -403,6 +435,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         T->impacts = 0;
     }
     enum Code code = decide_accelerations(I, R, planned);
+    if (code == REACHED_END) code = has_one_answer(I, &D);
     if (code != REACHED_END) return code;
     memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
     project(I, I->t, I->x);

@@ -98,8 +98,9 @@ typedef struct Integrator {
     const long *row_switch;
     const double *row_factor, *row_plus;
     /* The first `masks` of these say which rows of reactions hold: one for each of `one_sided` laws, two for each friction along a line, six for each in a
-       plane, and the damping of rows that depend on one another, if any do; the first `mode_rows` rows are theirs */
-    long masks, mode_rows, one_sided, lines, planes, redundant;
+       plane, three for each of the magnitudes that their limits depend on, and the damping of rows that depend on one another, if any do; the first
+       `mode_rows` rows are theirs */
+    long masks, mode_rows, one_sided, lines, planes, magnitudes, redundant;
     const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;

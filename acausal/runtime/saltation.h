@@ -15,7 +15,7 @@ static int make_saltation(Integrator *I) {
     T->delay = reserve_doubles(I, directions);
     T->decided_change = reserve_doubles(I, directions * I->decision.outputs);
     T->impulse_change = reserve_doubles(I, directions * 2 * n);
-    T->choice_change = reserve_doubles(I, 2 * n * n + 6 * n);
+    T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->slopes = reserve_doubles(I, 2 * I->mode_rows);
     T->flow = reserve_doubles(I, I->nx + 1);
     T->input_rate = reserve_doubles(I, I->nu + 1);
@@ -62,7 +62,7 @@ static void note_law(const Integrator *I, long *first, long row) {
 /* Whether a row tells where the direction of a slip in a plane begins to be held: there the flow is the same to either side. */
 static int only_turns(const Integrator *I, long row) {
     long first = I->one_sided + 2 * I->lines;
-    return row >= first && I->state->side[mask_of(I, I->lines + (row - first) / 2) + 1] == 1;
+    return row >= first && row < first + 2 * I->planes && I->state->side[mask_of(I, I->lines + (row - first) / 2) + 1] == 1;
 }
 
 /* How much later the row vanishes, direction by direction, into T->delay. Returns 0 when the input function failed. */
@@ -70,7 +70,7 @@ static int find_delays(Integrator *I, long row, double planned) {
     struct State *T = I->state;
     double little = BACK * planned, *x = T->later_x, *slopes = T->slopes, *earlier = slopes + I->mode_rows;
     memset(T->delay, 0, sizeof(double) * (size_t)(direction_blocks(I) * LANES));
-    if (row < 0) return 1;
+    if (row < 0 || row >= I->mode_rows - 2 * I->magnitudes) return 1; /* where a force turns the flow goes on */
     if (!rate_at(I, I->t, I->x, T->flow)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - little * T->flow[i];
     if (!find_slopes(I, I->t - little, x, little, earlier) || !find_slopes(I, I->t, I->x, little, slopes) || !rows_at(I, I->t, I->x)) return 0;
@@ -139,12 +139,26 @@ static void note_closed(Integrator *I, const Decision *D, const long *touching) 
     }
 }
 
+/* What a limit of sliding changes by, where what decides changes by `d` and reactions do not. */
+static double limit_change(const Problem *p, const Decision *d, long f) {
+    const Decision *D = p->D;
+    double change = 0, force[3];
+    for (long k = 0; k < D->n; k++) change += d->slide_by[f * D->n + k] * p->push[k];
+    for (long m = 0; m < D->magnitudes; m++) {
+        double size = force_at(p, m, force);
+        change += d->slide_size[f * D->magnitudes + m] * size;
+        for (long k = 0; k < D->n && size > 0; k++)
+            for (long c = 0; c < 3; c++) change += D->slide_size[f * D->magnitudes + m] * force[c] / size * d->force_by[(3 * m + c) * D->n + k] * p->push[k];
+    }
+    return change;
+}
+
 /* Changes of reactions that are solved for by a choice of laws (`solve_choice`), where what decides changes by `d`, start and floors by these. */
 static void change_choice(const Problem *p, const Decision *d, const double *start, const double *floor, double *room, double *push) {
     const Decision *D = p->D;
     const double *W = D->W;
     long n = D->n;
-    double *M = room, *A = M + n * n, *right = A + n * n, *b = right + n, *y = b + n, *rate = y + n;
+    double *M = room, *A = M + n * n, *right = A + n * n, *b = right + n, *y = b + n, *rate = y + n, *by = rate + 3 * n;
     memset(M, 0, sizeof(double) * (size_t)(n * n));
     for (long i = 0; i < n; i++) {
         rate[i] = start[i];
@@ -153,8 +167,8 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
     for (long i = 0; i < n; i++) right[i] = y[i] = 0, M[i * n + i] = 1;
     for (long law = 0; law < D->gaps + D->frictions; law++) {
         long f = law - D->gaps, first = f < 0 ? law : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), is = p->law[law];
-        double limit = f < 0 ? 0 : limit_of(p, f), change = 0, *e = p->along + 2 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]);
-        for (long k = 0; k < n && f >= 0; k++) change += d->slide_by[f * n + k] * p->push[k];
+        double limit = f < 0 ? 0 : limit_of(p, f), change = f < 0 ? 0 : limit_change(p, d, f), *e = p->along + 2 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]);
+        if (f >= 0) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;
             double unit = 1 / unit_of(W[i * n + i]);
@@ -165,7 +179,7 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
                 right[i] = is == OPENS && floor ? floor[i] / unit : 0;
             } else if (is != OFF && limit > 0) {
                 right[i] = -change * e[k] / unit;
-                for (long j = 0; j < n; j++) M[i * n + j] += D->slide_by[f * n + j] * e[k] / (unit * unit_of(W[j * n + j]));
+                for (long j = 0; j < n; j++) M[i * n + j] += by[j] * e[k] / (unit * unit_of(W[j * n + j]));
                 if (is != STARTS || size == 1) continue;
                 double along = e[0] * rate[first] + e[1] * rate[first + 1];
                 right[i] -= limit / speed * (rate[i] - along * e[k]) / unit;

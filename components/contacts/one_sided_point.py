@@ -103,11 +103,6 @@ def hard_law(part: str, unilateral: Any, restitution: Scalar, friction: Coulomb 
     law = Hard(checked_restitution(restitution, part), friction)
     if unilateral:
         return law
-    if friction is not None:
-        raise ParameterError(
-            f"{part} has a friction of {shown(friction)} and holds on both sides ({origin()}): friction by what it pushes or pulls, of two components on a "
-            "curve, is not known yet. With unilateral=True it holds on the side of the normal alone, and rubs."
-        )
     if isinstance(law.restitution, Expression) or law.restitution != 0:
         raise ParameterError(
             f"{part} has a restitution of {shown(restitution)} and holds on both sides ({origin()}): nothing strikes. With unilateral=True it may be left."

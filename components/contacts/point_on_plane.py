@@ -16,19 +16,20 @@ from acausal.parts.steps import AbstractStep, Ball, Slide
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.surfaces import Plane
+from components.guides.rough_guide import RoughGuide
 
 _ALONG_X, _ALONG_Y = (rotation_to_axis(np.array(axis)) for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
 
 
 @final
 class PointOnPlane(AbstractStepJoint, AbstractContact):
-    """The origin of frame_b slides without friction on the plane z = 0 of frame_a: a foot, a skid, the tip of a top on ice.
+    """The origin of frame_b slides on the plane z = 0 of frame_a: a foot, a skid, the tip of a top on ice.
 
     Five freedoms; closing a loop, one row. q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in
     frame_a [m]; v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s], x' and y' [m/s]. The contact can pull.
 
     `unilateral`: it does not pull, but may be left, and struck again: see OneSidedPoint. Then the point keeps its own coordinates, `restitution` is 0 (no
-    bounce) ... 1 (no loss), and `friction` Coulomb(...), if any.
+    bounce) ... 1 (no loss), and `friction` Coulomb(...), if any. With `friction` alone it holds on both sides, and rubs: see RoughGuide.
 
         scene.foot = PointOnPlane(unilateral=True, restitution=0.8)
     """
@@ -42,13 +43,17 @@ class PointOnPlane(AbstractStepJoint, AbstractContact):
     @overload
     def __new__(cls, *, unilateral: Literal[False] = False) -> Self: ...
     @overload
+    def __new__(cls, *, unilateral: Literal[False] = False, friction: Coulomb) -> RoughGuide: ...
+    @overload
     def __new__(
         cls, *, unilateral: Literal[True], restitution: Scalar = 0.0, friction: Coulomb | None = None
     ) -> OneSidedPoint: ...
     @checked_new
     def __new__(cls, *, unilateral: bool = False, restitution: Scalar = 0.0, friction: Coulomb | None = None) -> Any:
         law = hard_law("PointOnPlane", unilateral, restitution, friction)
-        return super().__new__(cls) if law is None else OneSidedPoint(Plane(), law)
+        if law is not None:
+            return OneSidedPoint(Plane(), law)
+        return super().__new__(cls) if friction is None else RoughGuide(cls(), Plane(), friction)
 
     def steps(self) -> tuple[AbstractStep, ...]:
         return (

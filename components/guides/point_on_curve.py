@@ -15,19 +15,20 @@ from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.curves import AbstractCurve, checked_curve
 from components.geometry.laws import at_time, changing
+from components.guides.rough_guide import RoughGuide
 from components.orientation import Axis, axis_vector
 
 
 @final
 class PointOnCurve(AbstractJoint):
-    """frame_b slides without friction along a `curve` fixed in frame_a, and does not turn. One freedom.
+    """frame_b slides along a `curve` fixed in frame_a, and does not turn. One freedom.
 
     q: the curve's parameter, v = q'. A particle sits on frame_b; a body's point does with a Spherical between. The curve moves as frame_a does:
     on a free body, on a PrescribedMotion; by numbers that are expressions of `ac.time` it also changes its shape. It holds on both sides.
 
     `unilateral`: a track that is left and landed on, see OneSidedPoint. It holds on the side of the normal, across the curve (x) and across `side`, a direction
     of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above. Sideways it stays. `restitution`: 0 (no bounce) ... 1 (no
-    loss); `friction`: Coulomb(...) by that push alone, if any.
+    loss). `friction`: Coulomb(...), if any: by that push alone; where it holds on both sides by the force across, of two components, see RoughGuide.
 
         scene.wire = PointOnCurve(Helix(radius=0.2, lead=0.05))
     """
@@ -38,6 +39,8 @@ class PointOnCurve(AbstractJoint):
 
     @overload
     def __new__(cls, curve: AbstractCurve, *, unilateral: Literal[False] = False) -> Self: ...
+    @overload
+    def __new__(cls, curve: AbstractCurve, *, unilateral: Literal[False] = False, friction: Coulomb) -> RoughGuide: ...
     @overload
     def __new__(
         cls,
@@ -60,7 +63,13 @@ class PointOnCurve(AbstractJoint):
     ) -> Any:
         across = axis_vector(side, "PointOnCurve's side")
         law = hard_law("PointOnCurve", unilateral, restitution, friction)
-        return super().__new__(cls, curve) if law is None else OneSidedPoint(checked_curve(curve, "PointOnCurve"), law, across)
+        if law is not None:
+            return OneSidedPoint(checked_curve(curve, "PointOnCurve"), law, across)
+        return (
+            super().__new__(cls, curve)
+            if friction is None
+            else RoughGuide(cls(curve), checked_curve(curve, "PointOnCurve"), friction)
+        )
 
     def __init__(self, curve: AbstractCurve, *, unilateral: Literal[False] = False) -> None:
         self.curve = checked_curve(curve, "PointOnCurve")

@@ -15,18 +15,19 @@ from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.laws import at_time, changing
 from components.geometry.surfaces import AbstractSurface, checked_surface
+from components.guides.rough_guide import RoughGuide
 
 
 @final
 class PointOnSurface(AbstractJoint):
-    """frame_b slides without friction on a `surface` fixed in frame_a, and does not turn. Two freedoms.
+    """frame_b slides on a `surface` fixed in frame_a, and does not turn. Two freedoms.
 
     q: the surface's coordinates, v (2): their velocities; no multiplier. A particle sits on frame_b; a body's point does with a Spherical
     between. The surface moves as frame_a does; by numbers that are expressions of `ac.time` it also changes its shape (not an ImplicitSurface). It
     holds on both sides.
 
     `unilateral`: it holds on the side of the normal only; the point leaves it and strikes it again, see OneSidedPoint. `restitution`: 0 (no bounce) ... 1
-    (no loss); `friction`: Coulomb(...), if any.
+    (no loss). `friction`: Coulomb(...), if any; where it holds on both sides by the normal force of either sign, see RoughGuide.
 
         scene.bowl = PointOnSurface(HeightField(lambda x, y: x**2 + y**2))
     """
@@ -37,6 +38,8 @@ class PointOnSurface(AbstractJoint):
 
     @overload
     def __new__(cls, surface: AbstractSurface, *, unilateral: Literal[False] = False) -> Self: ...
+    @overload
+    def __new__(cls, surface: AbstractSurface, *, unilateral: Literal[False] = False, friction: Coulomb) -> RoughGuide: ...
     @overload
     def __new__(
         cls,
@@ -56,7 +59,11 @@ class PointOnSurface(AbstractJoint):
         friction: Coulomb | None = None,
     ) -> Any:
         law = hard_law("PointOnSurface", unilateral, restitution, friction)
-        return super().__new__(cls, surface) if law is None else OneSidedPoint(checked_surface(surface, "PointOnSurface"), law)
+        if law is not None:
+            return OneSidedPoint(checked_surface(surface, "PointOnSurface"), law)
+        if friction is not None:
+            return RoughGuide(cls(surface), checked_surface(surface, "PointOnSurface"), friction)
+        return super().__new__(cls, surface)
 
     def __init__(self, surface: AbstractSurface, *, unilateral: Literal[False] = False) -> None:
         self.surface = checked_surface(surface, "PointOnSurface")

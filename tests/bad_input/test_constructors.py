@@ -16,12 +16,14 @@ import acausal as ac
 from acausal.errors import AcausalError, ParameterError
 from acausal.parts.field import FieldForce, PairForce
 from components import (
+    Coulomb,
     Cylinder,
     Damper,
     Ellipsoid,
     Hard,
     Helix,
     HuntCrossley,
+    PointOnSurface,
     Pulley,
     Revolute,
     RigidBody,
@@ -41,14 +43,15 @@ USUAL: dict[str, Any] = {
     "section": Section.circle(0.1), "integrals": ShapeIntegrals.of_masses(np.ones(8), SHAPES[:, :, 0] + 0.3, SHAPES), "semi_axes": (0.3, 0.2, 0.1),
     "potential": lambda s: s**2, "points": (0.0, 1.0), "values": (0.0, 1.0),
     "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
-    "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "place": Cylinder(0.5), "HardContact.law": Hard(), "HardPoint.law": Hard(), "OneSidedPoint.law": Hard(),
+    "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "place": Cylinder(0.5), "HardContact.law": Hard(), "HardPoint.law": Hard(), "OneSidedPoint.law": Hard(), "law": Coulomb(0.2),
+    "JointFriction.joint": Revolute(), "JointFriction": {"radius": 0.1}, "joint": PointOnSurface(Cylinder(0.5)),
     "LimitedSum.number": 2, "PotentialField.potential": lambda p, t: p[2],
     "flange": SlidingMass(1.0).flange_a, "flange_a": SlidingMass(1.0).flange_a, "flange_b": SlidingMass(1.0).flange_a, "EndStop": {"lower": -0.1},
     "pulley": Pulley(World().frame, 0.1), "pulley_a": Pulley(World().frame, 0.1), "pulley_b": Pulley(World().frame, 0.1), "RopeOverWheels.sections": (1, 2), "RopeOverWheels.radii": (0.1,),
     "ConstantSum.number": 2, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
-            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "width", "capacity", "holding", "leakage", "restitution", "linear", "quadratic"}  # fmt: skip
+            "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "width", "capacity", "holding", "leakage", "restitution", "linear", "quadratic", "collar"}  # fmt: skip
 SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
 PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",

@@ -13,7 +13,7 @@ import components
 Kind = TypeVar("Kind")
 
 
-def kinds(base: type[Kind], other_than: type | None = None) -> list[type[Kind]]:
+def kinds(base: type[Kind], other_than: type | tuple[type, ...] | None = None) -> list[type[Kind]]:
     """All final classes derived from `base`, but for those derived from `other_than`, by name."""
     for module in pkgutil.walk_packages(components.__path__, "components."):
         importlib.import_module(module.name)
