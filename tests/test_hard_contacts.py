@@ -332,7 +332,7 @@ def test_a_string_between_two_particles_tightens_and_slackens_by_its_restitution
         (lambda: PointOnPlane(unilateral=True, restitution=1.5), "PointOnPlane's restitution is 1.5"),
         (lambda: PointOnPlane(unilateral=1), "PointOnPlane's unilateral is 1"),
         (lambda: PointOnPlane(restitution=0.5), "nothing strikes"),
-        (lambda: PointOnCurve(Circle(1.0), friction=Coulomb(0.3)), "of two components on a curve, is not known yet"),
+        (lambda: PointOnCurve(Circle(1.0), friction=0.3), "Give Coulomb"),
         (lambda: PointOnSurface(Circle(1.0), unilateral=True), "surface is"),
         (lambda: Rope(1.0, restitution=2.0), "Rope's restitution is 2"),
         (lambda: Rope(-1.0), "Rope's length is -1"),
