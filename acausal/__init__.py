@@ -18,6 +18,7 @@ from acausal.simulate.events import Event, when
 from acausal.start.initial import exactly, near
 
 if TYPE_CHECKING:
+    from acausal.analysis.feedback import kalman, lqr
     from acausal.export.c_source import LoadedModel, load_c
     from acausal.optimal_control.estimation import Recording, estimate
     from acausal.optimal_control.language import at_end, at_start, average, free, integral
@@ -63,7 +64,9 @@ __all__ = [
     "exactly",
     "free",
     "integral",
+    "kalman",
     "load_c",
+    "lqr",
     "near",
     "norm",
     "phases",
@@ -75,6 +78,7 @@ __all__ = [
 ]  # fmt: skip
 
 _LATER = {
+    **dict.fromkeys(("kalman", "lqr"), "acausal.analysis.feedback"),
     **dict.fromkeys(("LoadedModel", "load_c"), "acausal.export.c_source"),
     **dict.fromkeys(("Recording", "estimate"), "acausal.optimal_control.estimation"),
     **dict.fromkeys(("at_end", "at_start", "average", "free", "integral"), "acausal.optimal_control.language"),

@@ -135,9 +135,9 @@ def linearize(
 ) -> Linearization:
     """Of `functions`, at a point of all coordinates of the tree; see `Model.linearize`. Raises `OptionError`, `UnknownVariableError`."""
     own = functions.space.coordinates
-    usual = None if own is None else _Column(own.column, own.names)
-    chosen = usual if states is None else _column(whole, "states", states)
-    return _linearization(whole, point, chosen, _column(whole, "outputs", outputs))
+    usual = None if own is None else Column(own.column, own.names)
+    chosen = usual if states is None else column_of(whole, "states", states)
+    return _linearization(whole, point, chosen, column_of(whole, "outputs", outputs))
 
 
 def linearize_invariants(functions: Functions, point: OperatingPoint, steady: ca.SX) -> Linearization | None:
@@ -159,35 +159,43 @@ def linearize_invariants(functions: Functions, point: OperatingPoint, steady: ca
         kept, last = ca.vertcat(kept, last[fresh]), functions.outputs.rate(last[fresh])
     try:
         names = tuple(f"steady[{i}]" for i in range(kept.numel()))
-        return _linearization(functions, point, _Column(kept, names), _Column.none()) if names else None
+        return _linearization(functions, point, Column(kept, names), Column.none()) if names else None
     except OptionError:
         return None
 
 
+def linear_around(functions: Functions, at: OperatingPoint, outputs: Sequence[Expression]) -> Linear:
+    """The linear system of deviations from a motion through a point, at any point of it near that one; deviations are in axes that go along with it."""
+    wanted = column_of(functions, "outputs", outputs)
+    deviations = deviations_at(functions, at)
+    return Linear(deviations, Wanted(functions, Column.none(), wanted, False), deviations.names, wanted.names)
+
+
 @dataclass(frozen=True)
-class _Column:
+class Column:
     """Expressions (n, 1) with a name for each."""
 
     values: ca.SX
     names: tuple[str, ...]
 
     @staticmethod
-    def none() -> _Column:
-        return _Column(ca.SX(0, 1), ())
+    def none() -> Column:
+        """Nothing."""
+        return Column(ca.SX(0, 1), ())
 
 
-def _column(functions: Functions, what: str, wanted: Sequence[Expression]) -> _Column:
+def column_of(functions: Functions, what: str, wanted: Sequence[Expression]) -> Column:
     entries = expressions(wanted, f"linearize: `{what}`", f"{what}=[scene.hinge.q, scene.hinge.v]")
     values = ca.vertcat(ca.SX(0, 1), *(ca.vec(functions.outputs.resolve(e)) for e in entries))
-    return _Column(values, tuple(name for e in entries for name in labels(functions.outputs, e)))
+    return Column(values, tuple(name for e in entries for name in labels(functions.outputs, e)))
 
 
-def _linearization(functions: Functions, point: OperatingPoint, states: _Column | None, outputs: _Column) -> Linearization:
+def _linearization(functions: Functions, point: OperatingPoint, states: Column | None, outputs: Column) -> Linearization:
     s = functions.outputs.system
     deviations = deviations_at(functions, point)
-    wanted = _Wanted(functions, _Column.none() if states is None else states, outputs, states is not None)
+    wanted = Wanted(functions, Column.none() if states is None else states, outputs, states is not None)
     chosen = deviations.names if states is None else states.names
-    linear = _Linear(deviations, wanted, chosen, outputs.names)
+    linear = Linear(deviations, wanted, chosen, outputs.names)
     found = linear.at(point, check=True)
     noise = ROUNDING * linear.rounding(point)
     still = np.abs(found.rates) <= _STEADY * np.abs(found.A) @ found.sizes + noise
@@ -200,10 +208,10 @@ def _linearization(functions: Functions, point: OperatingPoint, states: _Column 
     )  # fmt: skip
 
 
-class _Wanted:
+class Wanted:
     """What was asked for, as columns: states h and their rates, outputs."""
 
-    def __init__(self, functions: Functions, states: _Column, outputs: _Column, given: bool) -> None:
+    def __init__(self, functions: Functions, states: Column, outputs: Column, given: bool) -> None:
         s = functions.outputs.system
         column = states.values
         if given and not column.numel():
@@ -219,7 +227,9 @@ class _Wanted:
 
 
 @dataclass(frozen=True)
-class _Matrices:
+class Matrices:
+    """Of deviations at one point, see `Linearization`."""
+
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -229,15 +239,16 @@ class _Matrices:
     rates: np.ndarray
 
 
-class _Linear:
+class Linear:
     """The matrices at any point, in the same deviations."""
 
-    def __init__(self, deviations: Deviations, wanted: _Wanted, chosen: tuple[str, ...], output_names: tuple[str, ...]) -> None:
+    def __init__(self, deviations: Deviations, wanted: Wanted, chosen: tuple[str, ...], output_names: tuple[str, ...]) -> None:
         self._deviations, self._wanted, self._chosen, self._output_names = deviations, wanted, chosen, output_names
         self._x_dot = deviations.x_dot
         self._sizes = deviations.free_sizes
 
-    def at(self, at: OperatingPoint, *, check: bool = False) -> _Matrices:
+    def at(self, at: OperatingPoint, *, check: bool = False) -> Matrices:
+        """Raises `OptionError` where a `check` finds states that do not tell all."""
         x_dot = self._x_dot.value(at)
         tangent = self._deviations.tangent(at, x_dot)
         by_input = np.eye(at.u.size)
@@ -250,14 +261,14 @@ class _Linear:
             A, B, expand, sizes = self._chosen_states(at, tangent, by_input, check)
             rates = self._wanted.rates.value(at)
         if self._wanted.outputs is None:
-            return _Matrices(A, B, np.eye(len(A)), np.zeros_like(B), expand, sizes, rates)
+            return Matrices(A, B, np.eye(len(A)), np.zeros_like(B), expand, sizes, rates)
         C_all = self._wanted.outputs.along(at, tangent.expand)
         D = self._wanted.outputs.along(at, du=by_input)
         if check:
             H = self._wanted.states.along(at, tangent.expand) if self._wanted.given else np.eye(len(A))
             noise = self._wanted.outputs.rounding(at, self._deviations.sizes.x)
             self._check_closed(C_all * self._sizes, H * self._sizes, noise, self._output_names, "the output {0} also depends")
-        return _Matrices(A, B, self._wanted.outputs.along(at, expand), D, expand, sizes, rates)
+        return Matrices(A, B, self._wanted.outputs.along(at, expand), D, expand, sizes, rates)
 
     def _chosen_states(
         self, at: OperatingPoint, tangent: Tangent, by_input: np.ndarray, check: bool
@@ -311,7 +322,7 @@ class _Linear:
         pick = self._deviations.tangent(at, self._x_dot.value(at)).pick
         return np.abs(pick) @ self._x_dot.rounding(at, sizes)
 
-    def is_constant(self, at: OperatingPoint, found: _Matrices, noise: np.ndarray) -> bool:
+    def is_constant(self, at: OperatingPoint, found: Matrices, noise: np.ndarray) -> bool:
         """Whether A is the same a little before and after, on the motion through the point, in first and second order."""
         pace, beside = before_and_after(self._x_dot, at, self._deviations.sizes)
         whole = np.max(np.abs(found.A) * found.sizes, axis=1, initial=0.0) + pace * found.sizes
