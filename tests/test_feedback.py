@@ -69,7 +69,7 @@ def test_a_pole_is_held_up_at_the_cost_foretold() -> None:
     scene = CartPole()
     model = ac.build(scene)
     hold = ac.lqr(model.linearize({scene.hinge.q: np.pi}), [10.0, 50, 1, 1], 0.1)
-    assert hold.eigenvalues is not None and np.max(hold.eigenvalues.real) < -1
+    assert hold.eigenvalues is not None and np.max(np.real(hold.eigenvalues)) < -1
     up = np.array([0, np.pi, 0, 0])
     weights = np.array([10.0, 50, 1, 1])
     first = up + np.array([0.001, 0.002, 0, 0.001])
