@@ -287,7 +287,8 @@ def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, An
         ask(scene, ac.build(scene))
 
 
-def test_a_controller_holds_the_pole_up() -> None:
+@pytest.mark.parametrize("solver", ["ipopt", "piqp"])
+def test_a_controller_holds_the_pole_up(solver: str) -> None:
     """Receding horizon from 0.2 rad beside upright: after two seconds the pole stands and the cart is on its way back."""
     scene = CartPole()
     model = ac.build(scene)
@@ -296,7 +297,7 @@ def test_a_controller_holds_the_pole_up() -> None:
     ocp.bound(scene.force, -30, 30)
     upright = scene.hinge.q - np.pi
     ocp.minimise(ac.integral(10 * scene.rail.q**2 + 50 * upright**2 + 0.01 * scene.force**2 + 0.1 * scene.rail.v**2))
-    control = ocp.controller(0.05, 15, controls="constant")
+    control = ocp.controller(0.05, 15, controls="constant", solver=solver)
     names = (scene.rail.q, scene.hinge.q, scene.rail.v, scene.hinge.v)
     x = np.array([0.3, np.pi - 0.2, 0.0, 0.0])
     for k in range(40):
@@ -310,6 +311,25 @@ def test_a_controller_holds_the_pole_up() -> None:
     assert control.best.iterations < 12
     with pytest.raises(OptionError, match="give 4 finite states"):
         control([0.0, np.nan, 0.0, 0.0])
+
+
+def test_one_step_at_a_time_comes_to_what_is_best() -> None:
+    """Called again and again from where its own plan leads; and refused for what is not convex."""
+    scene = CartPole()
+    model = ac.build(scene)
+    ocp = ac.OptimalControl(model, 0.6)
+    ocp.start({scene.rail.q: 0.1, scene.hinge.q: np.pi - 0.1})
+    ocp.bound(scene.force, -6, 6)
+    ocp.minimise(ac.integral(scene.rail.q**2 + 10 * (scene.hinge.q - np.pi) ** 2 + 0.01 * scene.force**2))
+    quick, exact = (ocp.controller(0.05, 12, controls="constant", solver=one) for one in ("piqp", "ipopt"))
+    x = np.array([0.1, np.pi - 0.1, 0.0, 0.0])
+    for _ in range(6):
+        assert quick(x) == pytest.approx(exact(x), abs=0.03 * 6)
+        x = exact.best.x[:, 1]
+    assert quick(x) == pytest.approx(exact(x), abs=1e-3)
+    ocp.minimise(ac.integral(scene.force**2 - 50 * scene.rail.q**2))
+    with pytest.raises(OptionError, match="not convex"):
+        ocp.controller(0.05, 4, solver="piqp")
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import casadi as ca
@@ -11,35 +12,69 @@ from acausal.errors import OptimalControlError, OptionError
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import through
 from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.real_time import RealTime
 from acausal.optimal_control.solving import ipopt_options
 
 
 class Controller:
     """States x (nx,) -> inputs u (nu,): the first inputs of the best motion from x on, which replaces the rest of the one before.
 
-    `best`: the motion planned last; `rate` [s]: the time between two calls, by which plans are shifted. Made by `OptimalControl.controller`.
+    `best`: the motion planned last; `rate` [s]: the time between two calls, by which plans are shifted; `solver`: "ipopt" finds the best motion in each call, a solver of
+    quadratic programs makes one step towards it. Made by `OptimalControl.controller`.
     """
 
-    def __init__(self, best: Optimum, rate: float, options: dict[str, Any]) -> None:
+    def __init__(self, best: Optimum, rate: float, solver: str, options: dict[str, Any]) -> None:
         transcribed = best.transcribed
         if transcribed.asked.start is None:
             raise OptionError(
                 "controller: the problem must say its start (ocp.start), without anything free: the state takes its place."
             )
-        self.best, self.rate = best, rate
+        self._planned, self.rate, self._w, self._iterations = best, rate, best.unknowns, best.iterations
         self._program = transcribed.program.balanced()
-        self._solver = self._program.solver("ipopt", {**ipopt_options(warm=True), **options, "error_on_fail": False})
         self._multipliers: tuple[ca.DM, ca.DM] | None = None
+        self._options = options
+        self._step = None if solver == "ipopt" else RealTime(best, self._program, rate, solver, options)
+
+    @property
+    def best(self) -> Optimum:
+        """The motion planned last."""
+        if self._planned.unknowns is not self._w:
+            cost = float(self._program.values(self._w)[0]) * self._program.unit
+            self._planned = self._planned.again(self._w, cost, self._iterations)
+        return self._planned
 
     def __call__(self, x: Any) -> np.ndarray:
         """Raises `OptimalControlError` where no motion is found."""
-        transcribed = self.best.transcribed
-        program, nx = self._program, transcribed.asked.stage.sizes[0]
+        transcribed = self._planned.transcribed
+        nx = transcribed.asked.stage.sizes[0]
         state = np.asarray(x, dtype=float).ravel()
         if state.size != nx or not np.all(np.isfinite(state)):
             raise OptionError(f"controller: give {nx} finite states, not {x!r}.")
+        found = None if self._step is None else self._step(self._w, state)
+        if found is None:  # also where a step leads nowhere
+            self._solved(state)
+        else:
+            self._w, self._iterations = found, 1
+        stage, mesh = transcribed.asked.stage, transcribed.mesh
+        places = transcribed.places[0, :, stage.width - stage.sizes[3] :]
+        return self._beginning @ (self._w * transcribed.units)[places] if mesh.tableau.stages else np.zeros(0)
+
+    @functools.cached_property
+    def _beginning(self) -> np.ndarray:
+        """(stages,): a polynomial's value at the beginning of an interval, by its values at the points."""
+        c = self._planned.mesh.tableau.c
+        return through(c, np.eye(c.size))[-1]
+
+    @functools.cached_property
+    def _solver(self) -> ca.Function:
+        own = {} if self._step is not None else self._options
+        return self._program.solver("ipopt", {**ipopt_options(warm=True), **own, "error_on_fail": False})
+
+    def _solved(self, state: np.ndarray) -> None:
+        """All the way."""
+        program, transcribed = self._program, self._planned.transcribed
         bounds = program.bounds.copy()
-        bounds[:, :nx] = state / transcribed.units[:nx]
+        bounds[:, : state.size] = state / transcribed.units[: state.size]
         guess = transcribed.unknowns(self._shifted(state))
         (least, most), (lower, upper) = bounds, program.limits
         more: dict[str, Any] = {}
@@ -47,15 +82,10 @@ class Controller:
             more = {"lam_x0": self._multipliers[0], "lam_g0": self._multipliers[1]}
         found = self._solver(x0=np.clip(guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper, **more)
         stats = self._solver.stats()
-        w = np.array(found["x"]).ravel()
-        best = self.best.again(w, float(found["f"]) * program.unit, int(stats["iter_count"]))
+        self._w, self._iterations = np.array(found["x"]).ravel(), int(stats["iter_count"])
         if not stats["success"]:
-            raise OptimalControlError(f"No motion was found from the states {state}: {stats['return_status']}.", best)
-        self.best, self._multipliers = best, (found["lam_x"], found["lam_g"])
-        stage, mesh = transcribed.asked.stage, transcribed.mesh
-        nu = stage.sizes[3]
-        first = best.motion.values[1 : 1 + mesh.tableau.stages, stage.width - nu :]
-        return through(mesh.tableau.c, first)[-1]  # its value at the beginning
+            raise OptimalControlError(f"No motion was found from the states {state}: {stats['return_status']}.", self.best)
+        self._multipliers = (found["lam_x"], found["lam_g"])
 
     def _shifted(self, state: np.ndarray) -> Guess:
         """The plan before, later by the rate, and with its end held."""

@@ -185,12 +185,17 @@ class OptimalControl:
         *,
         order: int = 5,
         controls: str = "free",
+        solver: str = "ipopt",
         options: Mapping[str, Any] | None = None,
     ) -> Controller:
-        """States x -> inputs u, by solving this problem from x on in each call, warm started; `rate` [s]: the time between two calls."""
+        """States x -> inputs u, from this problem from x on in each call, warm started; `rate` [s]: the time between two calls.
+
+        `solver`: "ipopt" solves it each time; "piqp" (or another solver of quadratic programs in CasADi) makes one step from the plan before, in a fraction of that time, for a
+        convex cost and a fixed duration, and falls back to ipopt where such a step fails.
+        """
         every = finite(rate, "controller: the rate [s]")
         best = self.solve(intervals, order=order, controls=controls, refinements=0)
-        return Controller(best, every, dict(options or {}))
+        return Controller(best, every, solver, dict(options or {}))
 
     @property
     def _given(self) -> dict[str, Any]:

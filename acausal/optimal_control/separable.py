@@ -38,6 +38,11 @@ class Term:
         """Number of places."""
         return self.places.shape[1]
 
+    def picked(self, values: np.ndarray) -> ca.Function:
+        """Some of the values alone."""
+        z, c = self._symbols
+        return folded_function("picked", [z, c], [self.function(z, c)[values.tolist()]])
+
     @functools.cached_property
     def slopes(self) -> ca.Function:
         """(z, c) -> values, entries of their Jacobian by columns."""
@@ -152,6 +157,18 @@ class Program:
     def derivatives(self) -> dict[str, ca.Function]:
         """Of cost and constraints, and of the Lagrangian, as `casadi.nlpsol` takes them."""
         return {"grad_f": self._gradient, "jac_g": self._jacobian, "hess_lag": self._hessian}
+
+    def of_cost(self) -> Program:
+        """The cost alone, without constraints."""
+        none = np.zeros(0, dtype=int)
+        terms = [
+            replace(
+                term, function=term.picked(own), rows=np.where(term.rows[own] == COST, COST, NOWHERE), weights=term.weights[own]
+            )
+            for term in self.terms
+            if (own := np.flatnonzero((term.rows == COST).any(axis=1))).size
+        ]
+        return replace(self, terms=terms, linear=(none, none, np.zeros(0)), limits=np.zeros((2, 0)))
 
     def balanced(self) -> Program:
         """With rows, and the cost, in units in which the largest of their slopes at the guess is 1."""
