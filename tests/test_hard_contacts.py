@@ -577,3 +577,24 @@ def test_a_box_on_four_feet_with_more_friction_at_rest_comes_to_rest() -> None:
     assert np.all(np.abs(run[frame.velocity][-1]) < 1e-12)
     assert sum(run[foot.normal_force][-1] for foot in scene.feet) == pytest.approx(2 * G, rel=1e-10)
     assert run.energy_error() < 1e-7  # bridged impacts have no line of their own
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+def test_a_dropped_box_comes_to_rest_in_the_same_place_in_every_order_of_its_feet(restitution: float) -> None:
+    """Four feet strike together, and slide while what each of them carries is not unique."""
+    corners = np.array([(0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15)])
+    found: list[np.ndarray] = []
+    for size, order in ((1.0, (0, 1, 2, 3)), (2.0**-20, (2, 0, 3, 1))):
+        scene = ac.System()
+        scene.world, scene.box = World((0, 0, -G * size)), RigidBody.box(2.0, (0.4 * size, 0.3 * size, 0.2 * size))
+        scene.feet = [PointOnPlane(unilateral=True, restitution=restitution, friction=Coulomb(0.4)) for _ in order]
+        for foot, (x, y) in zip(scene.feet, corners[list(order)], strict=True):
+            scene.connect(scene.world.frame, foot.frame_a)
+            scene.connect(foot.frame_b, scene.box.at((x * size, y * size, -0.1 * size)))
+        frame = scene.box.frame
+        start = {frame.position: (0, 0, 0.6 * size), frame.velocity: (size, 0.3 * size, 0), frame.angular_velocity: (1, 2, 0.5)}
+        run = ac.build(scene).simulate(0.8, start, rtol=1e-12, compiled=False)
+        assert np.all(np.abs(run[frame.velocity][-1]) < 1e-12 * size)
+        found.append(np.concatenate([run[frame.position][-1] / size, run[frame.rotation][-1].ravel()]))
+    assert found[0][2] == pytest.approx(0.1, abs=1e-12)
+    assert found[1] == pytest.approx(found[0], abs=STATE)

@@ -24,7 +24,7 @@ from acausal.reduce.magnitudes import Magnitudes
 from acausal.wording import compact
 
 _REFINEMENTS = 4
-"""Where rows depend on one another and are damped (by 1e-6, in units of each row's compliance): then reactions are those of least norm, in whatever order rows are."""
+"""Where rows depend on one another and are damped (in units of each row's compliance, by a millionth of what they leave independent): then reactions are those of least norm, in whatever order rows are."""
 
 
 @dataclass(frozen=True)

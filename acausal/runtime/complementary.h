@@ -1,14 +1,17 @@
 /* Reactions of rows that hold as long as they can: 0 <= r, 0 <= a, one of them zero, for one-sided rows; friction at most its limit, and against the slip
    where it is at its limit. a = start + W r.
 
-   Friction along lines: Lemke's method finds which rows hold. In planes: projected Gauss-Seidel sweeps suggest it. Then the equations of that choice are solved by
-   Newton's iteration, and what they say is looked at. Rows that depend on one another are damped a little, in units in which the diagonal of W is one: of all
-   answers that is the one of least norm, whatever the order of the rows; the damping is taken out again by refinement. Murty, Linear
-   Complementarity, Linear and Nonlinear Programming (1988), chapter 2; Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Engrg. 155 (1998). */
+   Friction along lines: Lemke's method gives a first answer; in planes: projected Gauss-Seidel sweeps. From there Newton's iteration on the laws written as
+   projections, r = max(floor, r - a / w) and alike. Rows that depend on one another are damped, in units in which the diagonal of W is one, and the damping is
+   taken out by solving again about the last answer, from zero on: of all answers that is the one of least norm, whatever the order of the rows (with friction that
+   slides: the one without a part that moves nothing). Murty, Linear Complementarity, Linear and Nonlinear Programming (1988), chapter 2; Alart, Curnier, Comput.
+   Methods Appl. Mech. Engrg. 92 (1991); Jourdan, Alart, Jean, ibid. 155 (1998); Rockafellar, SIAM J. Control Optim. 14 (1976), for the damping. */
 
-#define DAMPED 1e-8    /* in units of the diagonal */
+#define DAMPED 1e-2    /* in units of the diagonal */
+#define UNDAMPED 60    /* answers about the last one, at most */
 #define SWEEPS 16      /* of Gauss and Seidel at first; doubled so many times */
 #define DOUBLINGS 8
+#define NEWTON 60      /* iterations */
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
 
@@ -32,14 +35,14 @@ enum Law {
 };
 
 /* A problem. law (gaps + frictions); along (2 each): of frictions, the direction of the slip; floor (gaps): least reactions, null: zero; constants: whether limits
-   count that do not grow with reactions. Results: law, along, push (n). work: n n + 5 n. */
+   count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 5 n. */
 typedef struct {
     const Decision *D;
     const double *start, *floor;
     int constants, kinetic;
     double damping;
     long *law, *asked;
-    double *along, *push, *rate, *work;
+    double *along, *push, *rate, *centre, *work;
 } Problem;
 
 /* What a row is measured in: the square root of its compliance; one for what nothing moves here. */
@@ -93,21 +96,17 @@ static void limit_slope(const Problem *p, long f, double *by) {
     }
 }
 
-/* Accelerations (or rates) of all rows, without damping. */
-static void find_rates(const Problem *p) {
-    const Decision *D = p->D;
-    for (long i = 0; i < D->n; i++) {
-        double sum = p->start[i];
-        for (long j = 0; j < D->n; j++) sum += D->W[i * D->n + j] * p->push[j];
-        p->rate[i] = sum;
-    }
-}
-
+/* Accelerations (or rates) of a row, with damping. */
 static double rate_of(const Problem *p, long i) {
     const Decision *D = p->D;
-    double sum = p->start[i] + p->damping * D->W[i * D->n + i] * p->push[i];
+    double sum = p->start[i] + p->damping * D->W[i * D->n + i] * (p->push[i] - p->centre[i]);
     for (long j = 0; j < D->n; j++) sum += D->W[i * D->n + j] * p->push[j];
     return sum;
+}
+
+/* Those of all rows, without damping. */
+static void find_rates(const Problem *p) {
+    for (long i = 0; i < p->D->n; i++) p->rate[i] = rate_of(p, i) - p->damping * p->D->W[i * p->D->n + i] * (p->push[i] - p->centre[i]);
 }
 
 /* One sweep; how much changed, in units of forces over the diagonal. */
@@ -150,29 +149,6 @@ static double sweep(const Problem *p) {
     return changed;
 }
 
-/* Which rows hold, by what a sweep would do next. */
-static void suggest(const Problem *p, const long *asked) {
-    const Decision *D = p->D;
-    const double *W = D->W;
-    long n = D->n;
-    for (long i = 0; i < D->gaps; i++)
-        if (asked[i] == MAY_HOLD) p->law[i] = p->push[i] - rate_of(p, i) / W[i * n + i] > floor_of(p, i) ? HOLDS : OPENS;
-    for (long f = 0; f < D->frictions; f++) {
-        long i = row_of(D, f), size = rows_of(D, f), law = asked[D->gaps + f];
-        if (law != MAY_HOLD && law != MAY_SLIDE) continue;
-        double limit = limit_of(p, f), x = p->push[i] - rate_of(p, i) / W[i * n + i], y = 0;
-        if (size > 1) y = p->push[i + 1] - rate_of(p, i + 1) / W[(i + 1) * n + i + 1];
-        if (law == MAY_HOLD && hypot(x, y) <= limit) {
-            p->law[D->gaps + f] = limit > 0 ? HOLDS : OFF;
-            continue;
-        }
-        double u = rate_of(p, i), v = size > 1 ? rate_of(p, i + 1) : 0, speed = hypot(u, v);
-        p->law[D->gaps + f] = limit > 0 && speed > 0 ? STARTS : OFF;
-        p->along[2 * f] = speed > 0 ? u / speed : 0;
-        p->along[2 * f + 1] = speed > 0 ? v / speed : 0;
-    }
-}
-
 /* x with A x = b, into b; A (n, n) is used up. Rows without a pivot give zero. */
 static void eliminate_dense(double *A, double *b, long n) {
     for (long k = 0; k < n; k++) {
@@ -201,81 +177,92 @@ static void eliminate_dense(double *A, double *b, long n) {
     }
 }
 
-/* The equations of a choice of laws, in units in which the diagonal of W is one, by Newton's iteration; rows that depend on one another are damped, which
-   iterating takes out again. Returns whether it came to an end. */
-static int solve_choice(const Problem *p) {
+/* What is left of the laws, b (n), in units in which the diagonal of W is one, and if A is given its derivative (n, n) with the sign turned. Laws that may hold are
+   found. Returns the norm of b; `open`: by how much more than rounding, in roundings. */
+static double look_at_laws(const Problem *p, const long *asked, double *A, double *b, const double *unit, double *open) {
     const Decision *D = p->D;
     const double *W = D->W;
     long n = D->n;
-    double *A = p->work, *b = p->work + n * n, *unit = p->work + n * n + n, *by = p->work + n * n + 4 * n, last = INFINITY;
-    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(W[i * n + i]);
-    for (int again = 0; again < 40; again++) {
-        find_rates(p);
-        memset(A, 0, sizeof(double) * (size_t)(n * n));
-        for (long i = 0; i < D->gaps; i++) {
-            if (p->law[i] == HOLDS) {
-                for (long j = 0; j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
-                A[i * n + i] += p->damping;
+    double sum = 0, *by = p->work + n * n + 4 * n;
+    *open = 0;
+    if (A) memset(A, 0, sizeof(double) * (size_t)(n * n));
+    for (long i = 0; i < n; i++) p->rate[i] = rate_of(p, i);
+    for (long f = -D->gaps; f < D->frictions; f++) {
+        long first = f < 0 ? f + D->gaps : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), law = asked[D->gaps + f];
+        double w = (1 + p->damping) * (W[first * n + first] + (size > 1 ? W[(first + 1) * n + first + 1] : 0));
+        double limit = f < 0 ? 0 : limit_of(p, f), e[2] = {0, 0}, y[2] = {0, 0}, far = 0;
+        for (long k = 0; k < size && w > 0; k++) y[k] = p->push[first + k] - p->rate[first + k] / w;
+        if (law == MAY_HOLD || law == MAY_SLIDE) {
+            far = hypot(y[0], y[1]);
+            law = f < 0 ? (y[0] > floor_of(p, first) ? HOLDS : OPENS) : !(limit > 0) ? OFF : far <= limit ? HOLDS : STARTS;
+        }
+        p->law[D->gaps + f] = law;
+        if (law == AGAINST) e[0] = -p->along[2 * f], e[1] = size > 1 ? -p->along[2 * f + 1] : 0;
+        if (law == STARTS) e[0] = y[0] / far, e[1] = y[1] / far;
+        if (A && (law == AGAINST || law == STARTS)) limit_slope(p, f, by);
+        for (long k = 0; k < size; k++) {
+            long i = first + k;
+            double terms = fabs(p->push[i]) / unit[i];
+            if (law == HOLDS) {
                 b[i] = -p->rate[i] * unit[i];
+                terms = (fabs(p->start[i]) + p->damping * W[i * n + i] * (fabs(p->push[i]) + fabs(p->centre[i]))) * unit[i];
+                for (long j = 0; j < n; j++) terms += fabs(W[i * n + j] * p->push[j]) * unit[i];
+                for (long j = 0; A && j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
+                if (A) A[i * n + i] += p->damping * W[i * n + i] * unit[i] * unit[i];
             } else {
-                A[i * n + i] = 1;
-                b[i] = ((p->law[i] == OPENS ? floor_of(p, i) : 0) - p->push[i]) / unit[i];
-            }
-        }
-        for (long f = 0; f < D->frictions; f++) {
-            long first = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
-            double limit = limit_of(p, f), *e = p->along + 2 * f, speed = 0;
-            if (law != HOLDS && law != OFF) limit_slope(p, f, by);
-            if (law == STARTS) {
-                if (size == 1) e[0] = e[0] < 0 ? -1 : 1, e[1] = 0;
-                else {
-                    speed = hypot(p->rate[first], p->rate[first + 1]);
-                    if (!(speed > 0)) return 0;
-                    e[0] = p->rate[first] / speed, e[1] = p->rate[first + 1] / speed;
+                double held = law == OPENS ? floor_of(p, i) : law == AGAINST || law == STARTS ? limit * e[k] : 0;
+                b[i] = (held - p->push[i]) / unit[i];
+                if (A) A[i * n + i] += 1;
+                for (long j = 0; A && j < n && limit > 0 && (law == AGAINST || law == STARTS); j++) A[i * n + j] -= by[j] * e[k] * unit[j] / unit[i];
+                if (law == STARTS && size > 1) {
+                    for (long m = 0; m < 2; m++) { /* the direction turns: (1 - e e') / far */
+                        double part = limit / far * ((k == m) - e[k] * e[m]);
+                        if (A) A[i * n + first + m] -= part * unit[first + m] / unit[i];
+                        for (long j = 0; A && j < n; j++) A[i * n + j] += part * W[(first + m) * n + j] / w * unit[j] / unit[i];
+                        if (A) A[i * n + first + m] += part * p->damping * W[(first + m) * (n + 1)] / w * unit[first + m] / unit[i];
+                        terms += fabs(part * p->rate[first + m] / w) / unit[i];
+                    }
                 }
             }
-            for (long k = 0; k < size; k++) {
-                long i = first + k;
-                if (law == HOLDS) {
-                    for (long j = 0; j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
-                    A[i * n + i] += p->damping;
-                    b[i] = -p->rate[i] * unit[i];
-                    continue;
-                }
-                A[i * n + i] = 1;
-                b[i] = -p->push[i] / unit[i];
-                if (law == OFF) continue;
-                b[i] -= limit * e[k] / unit[i];
-                for (long j = 0; j < n; j++) A[i * n + j] += by[j] * e[k] * unit[j] / unit[i];
-                if (law != STARTS || size == 1) continue;
-                for (long j = 0; j < n; j++) { /* the direction turns with the rates: (1 - e e') / speed */
-                    double u = W[first * n + j], v = W[(first + 1) * n + j], w = e[0] * u + e[1] * v;
-                    A[i * n + j] += limit / speed * ((k ? v : u) - w * e[k]) * unit[j] / unit[i];
-                }
-            }
+            sum += b[i] * b[i];
+            if (!(fabs(b[i]) <= ROUNDED * EPS * terms)) *open = fmax(*open, fabs(b[i]) / (EPS * terms));
+            if (!isfinite(b[i])) *open = sum = INFINITY;
         }
-        int left = 0; /* more than rounding */
-        for (long i = 0; i < n; i++) {
-            double terms = fabs(b[i]);
-            for (long j = 0; j < n; j++) terms += fabs(A[i * n + j] * p->push[j]) / unit[j];
-            left |= !(fabs(b[i]) <= ROUNDED * EPS * (terms + fabs(p->start[i]) * unit[i]));
-        }
-        if (!left) return 1;
-        eliminate_dense(A, b, n);
-        double changed = 0, most = 0;
-        for (long i = 0; i < n; i++) {
-            if (!isfinite(b[i])) return 0;
-            p->push[i] += b[i] * unit[i];
-            changed = fmax(changed, fabs(b[i]));
-            most = fmax(most, fabs(p->push[i]) / unit[i]);
-        }
-        if (changed <= 4 * EPS * most || (changed <= 1e-12 * most && changed >= 0.5 * last)) {
-            find_rates(p);
-            return 1;
-        }
-        last = changed;
     }
-    return 0;
+    return sqrt(sum);
+}
+
+/* Newton's iteration on the laws, from the reactions there are. Returns whether it came to an end. */
+static int newton_of_laws(const Problem *p, const long *asked) {
+    long n = p->D->n;
+    double *A = p->work, *b = A + n * n, *unit = b + n, *last = unit + n, open;
+    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(p->D->W[i * n + i]);
+    double left = look_at_laws(p, asked, A, b, unit, &open), least = left;
+    for (long again = 0, since = 0; again < NEWTON && open > 0; again++) {
+        if (!isfinite(left)) return 0;
+        memcpy(last, p->push, sizeof(double) * (size_t)n);
+        eliminate_dense(A, b, n);
+        double part = 1, changed = 0, most = 0, before = left;
+        for (long i = 0; i < n; i++) {
+            b[i] *= unit[i];
+            changed = fmax(changed, fabs(b[i]) / unit[i]);
+            most = fmax(most, fabs(last[i]) / unit[i]);
+        }
+        if (!isfinite(changed)) return 0;
+        double *step = A; /* the factors are used up */
+        memcpy(step, b, sizeof(double) * (size_t)n);
+        for (int halved = 0; halved < 6; halved++, part *= 0.5) {
+            for (long i = 0; i < n; i++) p->push[i] = last[i] + part * step[i];
+            left = look_at_laws(p, asked, 0, b, unit, &open);
+            if (left < (1 - 0.1 * part) * before || changed <= 1e-10 * most) break;
+        }
+        if (open > 0 && changed <= 4 * EPS * most && part == 1) return 1;
+        since = left < 0.9 * least ? 0 : since + 1;
+        least = fmin(least, left);
+        if (since > 12) return changed <= 1e-12 * most;
+        left = look_at_laws(p, asked, A, b, unit, &open);
+    }
+    return open == 0;
 }
 
 /* Whether what has been solved is an answer. */
@@ -428,31 +415,55 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
     return 1;
 }
 
-/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. */
-static int complementary(const Problem *p, long *place, double *table, long *basis) {
-    const Decision *D = p->D;
-    long *asked = p->asked;
-    long laws = D->gaps + D->frictions;
-    memcpy(asked, p->law, sizeof(long) * (size_t)laws);
-    for (long i = 0; i < D->n; i++) p->push[i] = i < D->gaps && p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;
-    if (D->frictions == D->lines && D->magnitudes == 0) {
-        int chosen = choose_lines(p, place, table, basis);
-        if (chosen && solve_choice(p) && answers(p)) return 1;
-        memcpy(p->law, asked, sizeof(long) * (size_t)laws);
-        for (long i = 0; i < D->n; i++) p->push[i] = i < D->gaps && p->law[i] == MAY_HOLD ? floor_of(p, i) : 0;
-    }
-    double *kept = p->work + D->n * D->n + 2 * D->n;
+/* An answer with the damping there is, about `centre`: from what is there, else from sweeps. */
+static int damped_answer(const Problem *p, const long *asked) {
+    long n = p->D->n, laws = p->D->gaps + p->D->frictions;
+    double *kept = p->work + n * n + 3 * n;
+    if (newton_of_laws(p, asked)) return 1;
+    for (long i = 0; i < n; i++) p->push[i] = i < p->D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     for (long doubled = 0, sweeps = SWEEPS; doubled < DOUBLINGS; doubled++, sweeps *= 2) {
         memcpy(p->law, asked, sizeof(long) * (size_t)laws);
         for (long k = 0; k < sweeps; k++) {
             double most = 0, changed = sweep(p);
-            for (long i = 0; i < D->n; i++) most = fmax(most, fabs(p->push[i]) * unit_of(D->W[i * D->n + i]));
+            for (long i = 0; i < n; i++) most = fmax(most, fabs(p->push[i]) * unit_of(p->D->W[i * n + i]));
             if (!(changed > EPS * most)) break;
         }
-        memcpy(kept, p->push, sizeof(double) * (size_t)D->n);
-        suggest(p, asked);
-        if (solve_choice(p) && answers(p)) return 1;
-        memcpy(p->push, kept, sizeof(double) * (size_t)D->n);
+        memcpy(kept, p->push, sizeof(double) * (size_t)n);
+        if (newton_of_laws(p, asked)) return 1;
+        memcpy(p->push, kept, sizeof(double) * (size_t)n);
     }
     return 0;
+}
+
+/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. */
+static int complementary(const Problem *p, long *place, double *table, long *basis) {
+    const Decision *D = p->D;
+    long *asked = p->asked, n = D->n;
+    memcpy(asked, p->law, sizeof(long) * (size_t)(D->gaps + D->frictions));
+    memset(p->centre, 0, sizeof(double) * (size_t)n);
+    if (D->frictions != D->lines || D->magnitudes > 0 || !choose_lines(p, place, table, basis))
+        for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
+    double last = INFINITY;
+    for (long again = 0; again < (p->damping > 0 ? UNDAMPED : 1); again++) {
+        if (!damped_answer(p, asked)) return 0;
+        double changed = 0, most = 0;
+        for (long i = 0; i < n; i++) {
+            changed = fmax(changed, fabs(p->push[i] - p->centre[i]) * unit_of(D->W[i * n + i]));
+            most = fmax(most, fabs(p->push[i]) * unit_of(D->W[i * n + i]));
+        }
+        memcpy(p->centre, p->push, sizeof(double) * (size_t)n);
+        if (changed <= ROUNDED * EPS * most || (changed <= FITS * most && changed >= 0.5 * last)) break;
+        last = changed;
+    }
+    find_rates(p);
+    for (long f = 0; f < D->frictions; f++) { /* the way of the slip; of what would carry more, if others of the rows that depend on it did not have to carry the rest: against the force */
+        long i = row_of(D, f), size = rows_of(D, f), *law = p->law + D->gaps + f;
+        double u = p->rate[i], v = size > 1 ? p->rate[i + 1] : 0, speed = hypot(u, v), force = hypot(p->push[i], size > 1 ? p->push[i + 1] : 0);
+        int full = *law == HOLDS && p->damping > 0 && force > 0 && force >= (1 - FITS) * limit_of(p, f);
+        if (full) *law = STARTS;
+        if (*law != STARTS) continue;
+        p->along[2 * f] = size == 1 ? (p->push[i] > 0 ? -1 : 1) : speed > 0 && !full ? u / speed : -p->push[i] / force;
+        p->along[2 * f + 1] = size == 1 ? 0 : speed > 0 && !full ? v / speed : -p->push[i + 1] / force;
+    }
+    return answers(p);
 }

@@ -19,7 +19,7 @@
 #define BRIDGE -2      /* in place of the row that led to a transition: impacts without end are over */
 #define NIL 1e-11      /* of the largest: a reaction or a rate that is zero */
 #define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
-#define DAMPING 1e-6   /* of these, see acausal/reduce/modes.py */
+#define DAMPING 1e-6   /* of these, in units of the least of the other pivots, see acausal/reduce/modes.py */
 #define NEAR_ZERO 1e-9 /* of the slips met: where their direction is held */
 
 static long frictions_of(const Integrator *I) { return I->lines + I->planes; }
@@ -48,7 +48,7 @@ static int make_modes(Integrator *I) {
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
     T->impulse = reserve_doubles(I, n);
-    T->push = reserve_doubles(I, 5 * n + 2 * F + F + n * n + 5 * n);
+    T->push = reserve_doubles(I, 6 * n + 2 * F + F + n * n + 5 * n);
     T->later_x = reserve_doubles(I, I->nx + 1);
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
@@ -59,7 +59,7 @@ static int make_modes(Integrator *I) {
 
 /* Parts of T->push and T->status. */
 typedef struct {
-    double *push, *rate, *compressed, *floor, *before, *along, *met, *work;
+    double *push, *rate, *compressed, *floor, *before, *centre, *along, *met, *work;
     long *touching, *law, *asked, *place, *wanted;
 } Room;
 static Room room_of(const Integrator *I) {
@@ -67,7 +67,7 @@ static Room room_of(const Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I);
     double *at = T->push;
     long *k = T->status;
-    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 5 * n + 2 * F, at + 5 * n + 3 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 2 * F, at + 6 * n + 3 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
 }
 
 /* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
@@ -198,7 +198,7 @@ static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[
 static int impact(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n;
-    Problem p = {.D = D, .start = D->rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    Problem p = {.D = D, .start = D->rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
     for (int phase = 0; phase < 2; phase++) {
         for (long k = 0; k < D->gaps + D->frictions; k++) R.law[k] = R.touching[k] ? MAY_HOLD : OFF;
         if (phase) {
@@ -214,9 +214,10 @@ static int impact(Integrator *I, const Decision *D, Room R) {
     return 1;
 }
 
-/* Whether the rows that hold depend on one another: a pivot vanishes. */
-static int depend(const Decision *D, const long *law, double *A, long *chosen) {
+/* The least pivot of the rows that hold, in units of their diagonal, but for those that vanish where rows depend on one another; 0: none does. */
+static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
     long n = D->n, m = 0;
+    double least = 1;
     for (long i = 0; i < D->gaps; i++)
         if (law[i] == HOLDS) chosen[m++] = i;
     for (long f = 0; f < D->frictions; f++)
@@ -230,7 +231,8 @@ static int depend(const Decision *D, const long *law, double *A, long *chosen) {
         long best = k;
         for (long i = k + 1; i < m; i++)
             if (A[i * m + i] > A[best * m + best]) best = i;
-        if (!(A[best * m + best] > DEPENDENT)) return 1;
+        if (!(A[best * m + best] > DEPENDENT)) return least;
+        least = fmin(least, A[best * m + best]);
         for (long j = 0; j < m && best != k; j++) {
             double kept = A[k * m + j];
             A[k * m + j] = A[best * m + j], A[best * m + j] = kept;
@@ -286,7 +288,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double planned) 
         mask[4] = held ? e[0] : 0;
         mask[5] = held ? e[1] : 0;
     }
-    if (I->redundant) T->side[carried_of(I) - 1] = depend(D, R.law, R.work, R.place) ? DAMPING : 0;
+    if (I->redundant) T->side[carried_of(I) - 1] = DAMPING * least_pivot(D, R.law, R.work, R.place);
 }
 
 /* Whether friction has no limit above zero, whatever reactions are: a clutch that is open. */
@@ -310,7 +312,7 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
     for (long f = 0; f < D.frictions; f++)
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
-    Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
     for (long again = 0; again <= D.frictions; again++) {
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
         int solved = complementary(&p, R.place, T->lemke, T->basis), held = 0;

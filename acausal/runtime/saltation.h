@@ -153,7 +153,7 @@ static double limit_change(const Problem *p, const Decision *d, long f) {
     return change;
 }
 
-/* Changes of reactions that are solved for by a choice of laws (`solve_choice`), where what decides changes by `d`, start and floors by these. */
+/* Changes of reactions that are solved for by a choice of laws (`complementary`), where what decides changes by `d`, start and floors by these. */
 static void change_choice(const Problem *p, const Decision *d, const double *start, const double *floor, double *room, double *push) {
     const Decision *D = p->D;
     const double *W = D->W;
@@ -167,7 +167,7 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
     for (long i = 0; i < n; i++) right[i] = y[i] = 0, M[i * n + i] = 1;
     for (long law = 0; law < D->gaps + D->frictions; law++) {
         long f = law - D->gaps, first = f < 0 ? law : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), is = p->law[law];
-        double limit = f < 0 ? 0 : limit_of(p, f), change = f < 0 ? 0 : limit_change(p, d, f), *e = p->along + 2 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]);
+        double limit = f < 0 ? 0 : limit_of(p, f), change = f < 0 ? 0 : limit_change(p, d, f), *e = p->along + 2 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]) - p->damping * FITS * hypot(p->start[first], p->start[first + 1]);
         if (f >= 0) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;
@@ -180,7 +180,7 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
             } else if (is != OFF && limit > 0) {
                 right[i] = -change * e[k] / unit;
                 for (long j = 0; j < n; j++) M[i * n + j] += by[j] * e[k] / (unit * unit_of(W[j * n + j]));
-                if (is != STARTS || size == 1) continue;
+                if (is != STARTS || !(speed > 0)) continue;
                 double along = e[0] * rate[first] + e[1] * rate[first + 1];
                 right[i] -= limit / speed * (rate[i] - along * e[k]) / unit;
                 for (long j = 0; j < n; j++) {
@@ -190,7 +190,7 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
             }
         }
     }
-    for (int again = 0; again < (p->damping > 0 ? 8 : 2); again++) {
+    for (int again = 0, left = 1; again < 60 && left; again++) {
         memcpy(A, M, sizeof(double) * (size_t)(n * n));
         for (long i = 0; i < n; i++) {
             b[i] = right[i];
@@ -198,7 +198,12 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
             A[i * n + i] *= 1 + p->damping;
         }
         eliminate_dense(A, b, n);
-        for (long i = 0; i < n; i++) y[i] += b[i];
+        double changed = 0, most = 0;
+        for (long i = 0; i < n; i++) {
+            y[i] += b[i];
+            changed = fmax(changed, fabs(b[i])), most = fmax(most, fabs(y[i]));
+        }
+        left = changed > ROUNDED * EPS * most;
     }
     for (long i = 0; i < n; i++) push[i] = y[i] / unit_of(W[i * n + i]);
 }
