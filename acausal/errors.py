@@ -66,7 +66,7 @@ class AssemblyError(ModelError):
 
 
 class LockedError(ModelError):
-    """The constraints leave the mechanism no freedom."""
+    """The constraints leave the mechanism no freedom, or digits do not tell whether they leave one."""
 
 
 class UnderdeterminedError(ModelError):

@@ -10,12 +10,15 @@ import numpy as np
 from acausal.errors import AssemblyError
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.loops import LoopRows
+from acausal.loops.mobility import nearly_redundant
 from acausal.loops.nearest_loops import nearest_closed
 from acausal.loops.walk import Walk
 from acausal.numerics.assembly import Residual, assemble, brought_near
 from acausal.numerics.thresholds import EDGE
 
 _ATTEMPTS = 12
+_NEARLY = 1e-3
+"""Gaps, as parts of the sizes of rows, at which dimensions may be meant to fit."""
 _INSIDE, _INSIDE_STEPS = 0.5, 8
 """Of a joint's domain, which is 1 well inside."""
 
@@ -61,7 +64,8 @@ def close_loops(walk: Walk, guess: np.ndarray, drawn: Callable[[], Residual]) ->
     worst, own = _worst_loop(group.loops, gaps)
     raise AssemblyError(
         f"The loop closed by joint '{worst.edge.name}' ({worst.edge.joint.created_at}) cannot close: the smallest gap reached is "
-        f"{float(np.max(gaps)):.3g} (m, or sine of an angle){_in_words(worst, own)}. "
+        f"{float(np.max(gaps)):.3g} (m, or sine of an angle){_in_words(worst, own)}."
+        f"{nearly_redundant(group.loops, walk.rows(where)) if np.max(gaps / walk.row_sizes) < _NEARLY else ''} "
         "Check lengths, axes and offsets along the loop, or begin nearer to an assembled position: give joints a start or bodies a rough position."
     )
 

@@ -177,10 +177,11 @@ class Examined:
             return False
         with self.lock:
             there, here = self._rows(self._walk(values)), self._usual_rows
-        allowed = _SHRUNK * self.least
-        return len(there) == len(here) and all(
-            np.linalg.norm(A - B) < allowed and self._margin(A, self.walk).rank == self.rank.rank
-            for A, B in zip(there, here, strict=True)
+        allowed, r = _SHRUNK * self.least, self.rank.rank
+        margins = [self._margin(A, self.walk) for A in there]
+        follow = all(margin.rank == r and margin.follows <= self.walk.follows for margin in margins)
+        return (
+            follow and len(there) == len(here) and all(np.linalg.norm(A - B) < allowed for A, B in zip(there, here, strict=True))
         )
 
     @functools.cached_property
@@ -202,5 +203,5 @@ class Examined:
             z = walk.closed(q / walk.unit)
             if z is None:
                 break
-            rows.append(walk.at(z)[2] / self.scale[:, None])
+            rows.append(walk.at(walk.polished(z))[2] / self.scale[:, None])
         return rows

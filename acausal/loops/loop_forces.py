@@ -41,6 +41,8 @@ from acausal.numerics.sizes import power_of_four
 _DAMPING, _EXACT_DAMPING = 1e-9, 1e-24
 _CLOSED = 1e-4
 _SEEN = 1e-15
+_FAINT = 1e-2
+"""Margin by which rows are independent wherever loops are closed that leaves rates too few digits everywhere."""
 _CORRECTIONS = 2
 _NEWTON_STEPS = 3
 _MASSLESS = 1e-9
@@ -248,9 +250,12 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
         forces = dataclasses.replace(forces, sizes=sizes, light=light)
     if constraints.singular or constraints.narrow:
         usual = forces._own_pivots  # pyright: ignore[reportPrivateUsage]
-        forces = dataclasses.replace(forces, pivot_sizes=_sizes(forces, usual, parameters, values))
+        usually = _sizes(forces, usual, parameters, values)
+        faint = (usually < _FAINT**2 * forces.sizes) & any(part.usual.independent < _FAINT for part in constraints.examined)
+        forces = dataclasses.replace(forces, pivot_sizes=np.where(faint, forces.sizes, usually))
         product = forces._pivot_product  # pyright: ignore[reportPrivateUsage]
-        forces = dataclasses.replace(forces, pivot_product_size=float(_sizes(forces, product, parameters, values)[0]))
+        size = float(_sizes(forces, product, parameters, values)[0]) / float(np.prod((usually / forces.sizes)[faint]))
+        forces = dataclasses.replace(forces, pivot_product_size=size)
     forces.check_inertia(parameters, values)
     return forces
 

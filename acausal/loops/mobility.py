@@ -21,6 +21,15 @@ def locked(loops: Sequence[LoopRows], freedoms: int, A: np.ndarray) -> LockedErr
     )
 
 
+def nearly_fitting(loops: Sequence[LoopRows], A: np.ndarray, between: float) -> LockedError:
+    """Constraints A (m, nv) of which one neither follows from the others nor is independent of them, by a singular value `between`."""
+    return LockedError(
+        f"Whether the loops closed by {_joints(loops)} can move is not to be told: one of their constraints neither follows from the others nor is "
+        f"independent of them, but by {between:.1g} of its size.{nearly_redundant(loops, A)} Linkages that move because their "
+        "dimensions fit do so only where these fit to all digits."
+    )
+
+
 def shaky(loops: Sequence[LoopRows], freedoms: int, rank: int) -> LockedError:
     """Fewer independent constraints than freedoms, but no other position closes the loops."""
     return LockedError(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.numerics.independent import Independent
-from acausal.numerics.thresholds import RANK
+from acausal.numerics.thresholds import INDEPENDENT, RANK
 
 _MOST_CHOICES = 300
 
@@ -40,15 +40,27 @@ def independent_rows(jacobians: list[np.ndarray], tolerance: float = RANK, empty
     m = jacobians[0].shape[0]
     if m == 0:
         return RankReport((), 0, 0)
-    scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
-    scale[scale < empty * np.max(scale, initial=1.0)] = np.inf
-    scale[scale == 0] = 1.0
-    scaled = [J / scale[:, None] for J in jacobians]
+    scaled = _scaled(jacobians, empty)
     ranks = [_rank(J, tolerance) for J in scaled]
     rank = max(ranks)
     generic = [J for J, r in zip(scaled, ranks, strict=True) if r == rank]
     kept = _best_rows(generic, rank) if 0 < rank < m else tuple(range(rank))
     return RankReport(tuple(sorted(kept)), rank, ranks[0])
+
+
+def undecided(jacobians: list[np.ndarray], rank: int, follows: float, empty: float = 1e-12) -> float:
+    """Of rows at closed configurations, `rank` of them independent, the singular value that is too small for another independent row, or for the
+    last of these wherever one looks, and larger than `follows`: for rows that follow from the others. 0 where there is none.
+    """
+    m, scaled = jacobians[0].shape[0], _scaled(jacobians, empty)
+    if m == 0:
+        return 0.0
+    if rank == m and all((plain := Independent.of(J)) is not None and plain.rows.size == m for J in scaled[:1]):
+        return 0.0  # beyond doubt
+    every = [np.linalg.svd(J, compute_uv=False) for J in scaled]
+    last = max((s[rank - 1] for s in every), default=1.0) if rank else 1.0
+    next_ = max((s[rank] for s in every if rank < s.size), default=0.0)
+    return float(next_ if next_ > follows else last if last < INDEPENDENT else 0.0)
 
 
 def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray], tolerance: float = RANK) -> tuple[int, ...]:
@@ -63,6 +75,14 @@ def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray], tolerance: f
         return kept
     together = np.hstack(scaled)
     return tuple(int(rows[k]) for k in sorted(_pivots(together, _rank(together, tolerance))))
+
+
+def _scaled(jacobians: list[np.ndarray], empty: float) -> list[np.ndarray]:
+    """With rows of length 1 at most, nothing of those below `empty` of the largest."""
+    scale = np.max([np.linalg.norm(J, axis=1) for J in jacobians], axis=0)
+    scale[scale < empty * np.max(scale, initial=1.0)] = np.inf
+    scale[scale == 0] = 1.0
+    return [J / scale[:, None] for J in jacobians]
 
 
 def _rank(J: np.ndarray, tolerance: float) -> int:

@@ -13,10 +13,10 @@ from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import Residual, assemble, corrected
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.entries import entries, places
-from acausal.numerics.independent import free_directions, rank_of
+from acausal.numerics.independent import free_directions, inverse, rank_of
 from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
-from acausal.numerics.thresholds import CLOSED, RANK, ROUNDING
+from acausal.numerics.thresholds import CLOSED, DEPENDENT, FOLLOWS, RANK, ROUNDING
 
 _CLOSED = 1e-8
 _CLOSE_ENOUGH = 1e-11
@@ -134,7 +134,7 @@ class Walk:
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
-        self.dependent, self.rank = drawn.dependent(self._rows), drawn.dependent(self._rows, RANK)
+        self.dependent, self.rank, self.follows = (drawn.dependent(self._rows, least) for least in (DEPENDENT, RANK, FOLLOWS))
         terms = np.nan_to_num(
             np.max([np.array(symbolic.terms(q, self.rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
         )
@@ -179,6 +179,11 @@ class Walk:
     def sizes_of_velocities(self) -> tuple[np.ndarray, np.ndarray]:
         """What is much for each velocity (nv,), and for each row in them (m,), infinite for rows of rounding errors."""
         return self.rate, self._velocity
+
+    @property
+    def row_sizes(self) -> np.ndarray:
+        """What is much in each closing residual (n,)."""
+        return self._rows
 
     @property
     def sizes(self) -> Sizes:
@@ -298,6 +303,13 @@ class Walk:
                 found.append(here)
         return found
 
+    def polished(self, z: np.ndarray) -> np.ndarray:
+        """A closed configuration, closed to rounding."""
+        for _ in range(2):
+            c, J = self.closing(z)
+            z = z - inverse(J, self.dependent, rank_of(J, self.rank))(c)
+        return z
+
     def _step(self, here: np.ndarray, ahead: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
         """The next configuration and the direction that led there, first tried along `ahead`; None where nothing moves."""
         _, J, A, N = self.at(here)
@@ -316,7 +328,7 @@ class Walk:
                 ahead_of = here + N @ (stride * along)
                 # from a singular position to others more rows may be independent: all, or some where others are redundant
                 for kept in (rank, None, *range(rank + 1, min(J.shape))):
-                    found = self.closed(ahead_of, _CLOSE_ENOUGH, kept)
+                    found = self.closed(ahead_of, CLOSED, kept)
                     if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
                         return found, along
         return None

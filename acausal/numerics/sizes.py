@@ -169,11 +169,13 @@ def bent_size(terms: np.ndarray, bends: np.ndarray) -> np.ndarray:
 def row_sizes(largest: np.ndarray, unknowns: np.ndarray, terms: np.ndarray, drawn: Drawn | None = None) -> np.ndarray:
     """What is much in each row (m,): what an unknown of its size changes in it at most, and where that is only rounding its `terms`.
 
-    All shifts and turns of loops are measured alike, so that what is least of their gaps has a meaning.
+    All shifts of loops are measured alike, so that what is least of their gaps has a meaning; turns are sines of angles, of which 1 is much
+    also where all axes are nearly parallel.
     """
     changes = np.max(largest * unknowns, axis=1, initial=0.0)
     real = changes > CLOSED * terms
     sizes = np.where(real, changes, terms)
-    for kind in () if drawn is None else (drawn.shifts & real, drawn.turns & real):
-        sizes[kind] = np.max(sizes[kind], initial=0.0)
+    if drawn is not None:
+        sizes[drawn.shifts & real] = np.max(sizes[drawn.shifts & real], initial=0.0)
+        sizes[drawn.turns & real] = 1.0
     return positive(sizes)

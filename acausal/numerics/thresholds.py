@@ -17,6 +17,10 @@ DEPENDENT = 1e-9
 """Singular values below this, of rows and columns brought to size one, count as zero: steps do not go there."""
 RANK = 1e-7
 """The same where rows are counted: configurations are closed to `CLOSED`, and 1e-7 above that no row is independent by accident."""
+FOLLOWS = 1e-12
+"""A row that follows from others does so to this part of its size wherever loops are closed: as lengths that fit to `CLOSED` make it."""
+INDEPENDENT = 4e-6
+"""Rows whose smallest singular value is below this wherever loops are closed are as good as dependent: nearer to `SINGULAR` they look like it."""
 SINGULAR = 1e-6
 """A position is singular where the smallest of the singular values that are usual is below this: lengths that fit to about `CLOSED` do."""
 CROSSING = 1e-6

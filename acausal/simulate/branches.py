@@ -24,7 +24,7 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
     A little ahead and back along the velocities the loops are closed; the motion through these places has the velocities that are asked
     for, or others.
     """
-    passage = passage_of(problem)
+    passage = passage_of(problem) if functions.outputs.system.constraints.singular else None
     if passage is None or not t1 > t0 or not passage.is_crossing(t0, x):
         return
     found = passage.between(t0, x, t1 - t0)
