@@ -26,7 +26,8 @@ def nearly_fitting(loops: Sequence[LoopRows], A: np.ndarray, between: float) -> 
     return LockedError(
         f"Whether the loops closed by {_joints(loops)} can move is not to be told: one of their constraints neither follows from the others nor is "
         f"independent of them, but by {between:.1g} of its size.{nearly_redundant(loops, A)} Linkages that move because their "
-        "dimensions fit do so only where these fit to all digits."
+        "dimensions fit do so only where these fit to all digits; what stops a motion to second order only, a fourth parallel rod for instance, is to "
+        "be left out."
     )
 
 

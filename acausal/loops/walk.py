@@ -328,7 +328,7 @@ class Walk:
                 ahead_of = here + N @ (stride * along)
                 # from a singular position to others more rows may be independent: all, or some where others are redundant
                 for kept in (rank, None, *range(rank + 1, min(J.shape))):
-                    found = self.closed(ahead_of, CLOSED, kept)
+                    found = self.closed(ahead_of, _CLOSE_ENOUGH, kept)
                     if found is not None and np.max(np.abs(found - here)) > _MOVED * stride * np.max(np.abs(N @ along)):
                         return found, along
         return None
