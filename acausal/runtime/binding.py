@@ -113,6 +113,10 @@ KERNELS = (
     "exact_projection",
     "disturbed_rhs",
     "disturbed_guard",
+    "rhs_program",
+    "rows_program",
+    "projection_program",
+    "jvp_program",
 )
 """Kernels of an integration, in the order of runtime.h."""
 

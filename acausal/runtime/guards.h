@@ -21,9 +21,14 @@ typedef struct {
     double t, h, noise;
     int first, searches, memory;
     int rows; /* whether rows of switches are followed, not guards */
+    const double *series; /* Chebyshev coefficients of the guard between theta `from` and `to`, which tell it to rounding; null: it is evaluated itself */
+    double from, to;
 } Path;
 
 static double chebyshev_point(int k) { return 0.5 - 0.5 * cos(PI * k / (POINTS - 1)); }
+
+/* The same by the table of cosines. */
+static double point_in(const double *table, int k) { return 0.5 - 0.5 * table[POINTS + k]; }
 
 /* Guard values at theta, POINTS of them; values (POINTS, guards). Returns 0 when the input function failed. */
 static int guard_values(const Path *p, const double *theta, int count, double *values) {
@@ -47,14 +52,29 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
             in[1 + i] = v_select(m0, v_all(p->start[i]), v_select(m1, v_all(p->stop[i]), x));
         }
         if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
-        run_kernel(p->rows ? &I->rows : &I->guard, in, constants, out, T->work);
+        if (p->rows) run_masked(I, OF_ROWS, in, constants, out);
+        else run_kernel(&I->guard, in, constants, out, T->work);
         for (int l = 0; l < LANES && k + l < count; l++)
             for (long g = 0; g < n; g++) values[(k + l) * n + g] = out[g][l];
     }
     return 1;
 }
 
+/* A Chebyshev series of POINTS terms, by Clenshaw's recursion. */
+static V series_at(const double *c, V y) {
+    V one = v_all(c[POINTS - 1]), other = v_all(0.0), twice = y + y;
+    for (int k = POINTS - 2; k > 0; k--) {
+        V next = v_fma(twice, one, v_all(c[k]) - other);
+        other = one;
+        one = next;
+    }
+    return v_fma(y, one, v_all(c[0]) - other);
+}
+
+static V in_series(const Path *p, V theta) { return (theta - v_all(p->from)) * v_all(2 / (p->to - p->from)) - v_all(1.0); }
+
 static double one_value(const Path *p, double theta) {
+    if (p->series) return series_at(p->series, in_series(p, v_all(theta)))[0];
     double *values = p->rows ? p->I->state->one_row : p->I->state->guard_values;
     return guard_values(p, &theta, 1, values) ? values[p->guard] : NAN;
 }
@@ -80,6 +100,15 @@ static int excludes_zero(const double *c, double noise) {
     double rest = 0;
     for (int k = 1; k < POINTS; k++) rest += fabs(c[k]);
     return fabs(c[0]) > 1.01 * rest + noise;
+}
+
+/* Whether a series ends in what is only rounding of its values. */
+static int is_resolved(const double *c, double noise) {
+    double sum = 0;
+    for (int k = 0; k < POINTS; k++) sum += fabs(c[k]);
+    for (int k = POINTS - 3; k < POINTS; k++)
+        if (!(fabs(c[k]) <= noise + 4 * EPS * sum)) return 0;
+    return 1;
 }
 
 static int is_monotone(const double *c) {
@@ -170,7 +199,7 @@ static int follow(Path *p, double lo, double hi, int depth) {
     Integrator *I = p->I;
     double theta[POINTS], values[POINTS], c[POINTS], *all = I->state->guard_values, largest = 0, middle = 0.5 * (lo + hi);
     int known = 0;
-    for (int k = 0; k < POINTS; k++) theta[k] = k == POINTS - 1 ? hi : lo + (hi - lo) * chebyshev_point(k);
+    for (int k = 0; k < POINTS; k++) theta[k] = k == POINTS - 1 ? hi : lo + (hi - lo) * point_in(I->state->chebyshev, k);
     if (!guard_values(p, theta, POINTS, all)) return 0;
     for (int k = 0; k < POINTS; k++) {
         values[k] = all[k * I->guards + p->guard];
@@ -288,10 +317,10 @@ static enum Code watch(Integrator *I) {
     struct State *T = I->state;
     long k = I->steps - 1 - I->first, n = I->guards;
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
-              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->times[k] == T->start, 0, 1, 0};
+              I->stage_count[k], I->stage_count[k], 0, I->times[k], I->times[k + 1] - I->times[k], 0, I->times[k] == T->start, 0, 1, 0, 0, 0, 1};
     double theta[POINTS], values[POINTS], c[POINTS];
     T->events_before = I->events;
-    for (int j = 0; j < POINTS; j++) theta[j] = chebyshev_point(j);
+    for (int j = 0; j < POINTS; j++) theta[j] = point_in(I->state->chebyshev, j);
     theta[POINTS - 1] = 1;
     int refined = 0;
     for (long g = 0; g < n; g++) {

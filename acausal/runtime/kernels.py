@@ -201,19 +201,24 @@ class Compilation:
 
 
 @dataclass(frozen=True)
-class Paired:
-    """A function as a program whose values take the room of two, for twofold.h or rounding.h."""
+class Interpreted:
+    """A function as a program, and a kernel that runs it."""
 
     kernel: Kernel
     program: Program
 
 
-def paired(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Paired:
+def interpreted(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Interpreted:
     """Raises `ExportError` for functions that cannot be expanded to `SX`."""
-    made = program(function, name, 2 * lanes, parameters=parameters)
-    kernel = _interpreted(made)
-    kernel.constants, kernel.twofold = 2 * kernel.constants, True
-    return Paired(kernel, made)
+    made = program(function, name, lanes, parameters=parameters)
+    return Interpreted(_interpreted(made), made)
+
+
+def paired(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Interpreted:
+    """A program whose values take the room of two, for twofold.h or rounding.h. Raises `ExportError` for functions that cannot be expanded to `SX`."""
+    made = interpreted(function, name, 2 * lanes, parameters=parameters)
+    made.kernel.constants, made.kernel.twofold = 2 * made.kernel.constants, True
+    return made
 
 
 def _interpreted(p: Program) -> Kernel:

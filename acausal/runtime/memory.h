@@ -47,7 +47,10 @@ static void redirect(void *first, void *end, const char *block, size_t size, cha
     }
 }
 
+static void forget_programs(Integrator *I);
+
 void finish(Integrator *I) {
+    forget_programs(I);
     while (I->memory) {
         struct Memory *m = I->memory;
         I->memory = m->next;

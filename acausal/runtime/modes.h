@@ -53,7 +53,7 @@ static int make_modes(Integrator *I) {
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
-    if (!make_zeno(I) || !make_margin(I) || (I->directions && !make_saltation(I))) return 0;
+    if (!make_zeno(I) || !make_margin(I) || !make_thin(I) || (I->directions && !make_saltation(I))) return 0;
     return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
 }
 

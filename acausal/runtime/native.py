@@ -48,11 +48,16 @@ from acausal.runtime.binding import (
     method_table,
 )
 from acausal.runtime.integrand import Integrand
-from acausal.runtime.kernels import How, Kernel, Kernels, Paired, Wanted, paired
+from acausal.runtime.kernels import How, Interpreted, Kernel, Kernels, Wanted, interpreted, paired
 from acausal.runtime.load import Runtime, runtime
 
 _Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 _SLICE = 0.05
+_LACKING = (
+    "disturbed_rhs", "disturbed_guard", "exact_rhs", "exact_projection", "rhs_program", "rows_program", "projection_program", "jvp_program",
+)  # fmt: skip
+_PROGRAMS = 4
+"""See `lacking` in runtime.h."""
 _INSTANT = 16 * float(np.finfo(float).eps)
 """Of a time: steps that are no longer are jumps."""
 _NEAR = 0.05
@@ -143,9 +148,14 @@ class NativeProblem:
         return any(kernels.busy for kernels in self._made)
 
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
-    def paired(self, wanted: Wanted) -> Paired:
+    def paired(self, wanted: Wanted) -> Interpreted:
         """A function as a program on pairs of values."""
         return paired(wanted.function, wanted.name, self.lanes, parameters=wanted.parameters)
+
+    @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
+    def interpreted(self, wanted: Wanted) -> Interpreted:
+        """A function as a program."""
+        return interpreted(wanted.function, wanted.name, self.lanes, parameters=wanted.parameters)
 
     @functools.cached_property
     def jvp(self) -> Kernels:
@@ -376,19 +386,21 @@ class Run:
         return 1
 
     def _lacking(self, which: int) -> int:
-        """A program that is made when it is first needed: of the rates (0) or guards (1) to show what rounding does, of exact rates (2) or projection (3)."""
+        """A program that is made when it is first needed: of the rates (0) or guards (1) to show what rounding does, of exact rates (2) or projection (3); of
+        rates (4), rows (5), projection (6), Jacobian (7) where these are compiled."""
         integrand = self.native.integrand
         try:
-            wanted = (
-                integrand.wanted[0] if which == 0 else integrand.guard(self._guard_function) if which == 1
-                else integrand.exact_rates if which == 2 else integrand.exact_projection
-            )  # fmt: skip
-            assert wanted is not None
-            setattr(
-                self.core,
-                ("disturbed_rhs", "disturbed_guard", "exact_rhs", "exact_projection")[which],
-                self.native.paired(wanted).kernel,
-            )
+            if which < _PROGRAMS:
+                wanted = (
+                    integrand.wanted[0] if which == 0 else integrand.guard(self._guard_function) if which == 1
+                    else integrand.exact_rates if which == 2 else integrand.exact_projection
+                )  # fmt: skip
+                assert wanted is not None
+                made = self.native.paired(wanted)
+            else:
+                known = {w.name: w for w in (*integrand.wanted, integrand.jvp)}
+                made = self.native.interpreted(known[("rhs", "rows", "projection", "jvp")[which - _PROGRAMS]])
+            setattr(self.core, _LACKING[which], made.kernel)
         except ExportError:  # then it is not known
             return 0
         return 1

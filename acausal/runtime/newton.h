@@ -49,7 +49,7 @@ static int jacobian(Integrator *I, double t, const double *x) {
             in[fixed + j] = v_all(0.0);
             if (I->pattern.colour[j] >= d && I->pattern.colour[j] < d + LANES) in[fixed + j][I->pattern.colour[j] - d] = 1.0;
         }
-        run_kernel(&I->jvp, in, T->jvp_c, T->jvp_out, T->work);
+        run_masked(I, OF_JACOBIAN, in, T->jvp_c, T->jvp_out);
         for (long j = 0; j < n; j++) {
             if (I->pattern.colour[j] < d || I->pattern.colour[j] >= d + LANES) continue;
             for (long a = I->pattern.start[j]; a < I->pattern.start[j + 1]; a++) T->J[a] = T->jvp_out[I->pattern.row[a]][I->pattern.colour[j] - d];

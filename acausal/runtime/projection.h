@@ -19,7 +19,7 @@ static int project(Integrator *I, double t, double *x) {
         in[0] = v_all(t);
         for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
         if (exact) run_exact(I, 1, in, out);
-        else run_kernel(&I->projection, in, T->projection_c, out, T->work);
+        else run_masked(I, OF_PROJECTION, in, T->projection_c, out);
         double largest = 0;
         for (long i = 0; i < I->nx; i++) {
             double here = fabs(out[i][0] - x[i]), size = fmax(T->size[i], fabs(x[i]));

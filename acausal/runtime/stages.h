@@ -165,6 +165,7 @@ struct State {
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     double *margin; /* work, see margin.h */
     long *basis, *status, *impact_row, *rests, *margin_rows;
+    struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
     double *row_values, *row_noise, *one_row;
@@ -303,6 +304,8 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
 
 static int inputs_at(Integrator *I, V t, long count, V *u);
 
+#include "thin.h"
+
 /* Times and inputs of the stages. Returns 0 when the input function failed. */
 static int stage_times(Integrator *I, Stages *S, double t, double h) {
     S->t = t;
@@ -333,14 +336,14 @@ static void rates_at(Integrator *I, int exact, V *in, V *out) {
         run_exact(I, 0, in, out);
         return;
     }
-    run_kernel(&I->rhs, in, T->rhs_c, out, T->work);
-    if (!I->held) return;
+    run_masked(I, OF_RATES, in, T->rhs_c, out);
+    if (I->held == I->masks) return;
     V lost = v_all(0.0), *side = in + 1 + I->nx + I->nu - I->held;
     for (long i = 0; i < I->nx; i++) lost += out[i] - out[i];
     if (!i_any(lost != v_all(0.0))) return;
-    memcpy(T->sides_in, in, sizeof(V) * (size_t)(1 + I->nx + I->nu - I->held));
+    memcpy(T->sides_in, in, sizeof(V) * (size_t)(1 + I->nx + I->nu - I->held + I->masks));
     run_kernel(&I->sides, T->sides_in, T->sides_c, T->sides_out, T->work);
-    for (long k = 0; k < I->held; k++) side[k] = v_select(lost != v_all(0.0), T->sides_out[k], side[k]);
+    for (long k = I->masks; k < I->held; k++) side[k] = v_select(lost != v_all(0.0), T->sides_out[k - I->masks], side[k]);
     run_kernel(&I->rhs, in, T->rhs_c, out, T->work);
     for (long k = 0; k < I->held; k++) side[k] = v_all(T->side[k]);
 }

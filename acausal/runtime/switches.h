@@ -49,7 +49,7 @@ static int rows_at(Integrator *I, double t, const double *x) {
             }
         }
         if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
-        run_kernel(&I->rows, in, T->rows_c, T->rows_out, T->work);
+        run_masked(I, OF_ROWS, in, T->rows_c, T->rows_out);
         for (long r = 0; r < I->row_count; r++) {
             if (first == 0) T->one_row[r] = T->rows_out[r][0];
             for (long l = 0; l < LANES; l++) {
@@ -231,26 +231,41 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
     struct State *T = p->I->state;
     double theta[POINTS], v[POINTS], c[POINTS], middle = 0.5 * (lo + hi);
     int finite = 0, below = -1;
-    for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? hi : lo + (hi - lo) * chebyshev_point(j);
-    if (!known && !guard_values(p, theta, POINTS, T->one_row)) return -1;
+    for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? hi : lo + (hi - lo) * point_in(T->chebyshev, j);
+    if (p->series) {
+        for (int j = 0; j < POINTS; j += LANES) {
+            V at;
+            memcpy(&at, theta + j, sizeof at);
+            at = series_at(p->series, in_series(p, at));
+            memcpy(v + j, &at, sizeof at);
+        }
+    } else {
+        if (!known && !guard_values(p, theta, POINTS, T->one_row)) return -1;
+        for (int j = 0; j < POINTS; j++) v[j] = (known ? known : T->one_row)[j * p->I->row_count + p->guard];
+    }
     for (int j = 0; j < POINTS; j++) {
-        v[j] = (known ? known : T->one_row)[j * p->I->row_count + p->guard];
         finite += isfinite(v[j]) != 0;
         if (below < 0 && v[j] < -p->noise) below = j;
     }
-    int deep = depth > 30 || ++p->searches > SEARCHES;
+    int deep = depth > 30 || ++p->searches > SEARCHES, here = 0;
     if (finite == 0 || (finite < POINTS && deep)) return below < 0 ? 2 : theta[below];
     if (finite == POINTS) {
         chebyshev_coefficients(T->chebyshev, v, c);
         if (stays_above(c, p->noise)) return 2;
-        if (is_monotone(c) || deep) {
-            if (below < 0) return 2;
-            if (below == 0 || v[below - 1] <= 0) return below == 0 ? lo : theta[below - 1];
-            return zero_between(p, theta[below - 1], theta[below], v[below - 1], v[below]);
-        }
+        here = !p->series && is_resolved(c, 0.1 * p->noise);
+        if (here) p->series = c, p->from = lo, p->to = hi;
     }
-    double found = first_below(p, lo, middle, 0, depth + 1);
-    return found == 2 ? first_below(p, middle, hi, 0, depth + 1) : found;
+    double found;
+    if (finite == POINTS && (is_monotone(c) || deep)) {
+        if (below < 0) found = 2;
+        else if (below == 0 || v[below - 1] <= 0) found = below == 0 ? lo : theta[below - 1];
+        else found = zero_between(p, theta[below - 1], theta[below], v[below - 1], v[below]);
+    } else {
+        found = first_below(p, lo, middle, 0, depth + 1);
+        if (found == 2) found = first_below(p, middle, hi, 0, depth + 1);
+    }
+    if (here) p->series = 0;
+    return found;
 }
 
 /* The first row that becomes negative in a step, into L, and where; 2 where none does, -1 when the input function failed. */
@@ -259,7 +274,7 @@ static double first_switch(Path *p, struct Landing *L) {
     struct State *T = I->state;
     double theta[POINTS], v[POINTS], first = 2;
     int noise_known = 0;
-    for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? 1 : chebyshev_point(j);
+    for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? 1 : point_in(T->chebyshev, j);
     if (!guard_values(p, theta, POINTS, T->row_values)) return -1;
     for (long r = 0; r < I->row_count; r++) {
         for (int j = 0; j < POINTS; j++) v[j] = T->row_values[j * I->row_count + r];
@@ -307,7 +322,7 @@ static double next_landing(Path *p, struct Landing *L) {
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L) {
     struct State *T = I->state;
     for (long i = 0; i < I->nx; i++) T->aside[i] = I->x[i] + T->increment[i];
-    Path p = {I, S->a, I->x, T->aside, S->s, S->blocks * LANES, 0, I->t, h, 0, 0, 0, 1, 1};
+    Path p = {I, S->a, I->x, T->aside, S->s, S->blocks * LANES, 0, I->t, h, 0, 0, 0, 1, 1, 0, 0, 1};
     double to = 2;
     L->over = 0;
     if (L->row >= 0) to = next_landing(&p, L);

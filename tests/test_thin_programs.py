@@ -1,0 +1,61 @@
+"""Programs that are made for modes which last: the same bits as what serves all modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.runtime.kernels import How
+from acausal.runtime.native import native_problem
+from components import Coulomb, Planar, PointOnPlane, RigidBody, World
+
+Start = dict[ac.Expression, object]
+
+
+def _rocking() -> tuple[ac.System, Start, float]:
+    scene = ac.System()
+    scene.world, scene.box, scene.plane = World(), RigidBody.box(2.0, (0.2, 0.1, 0.6)), Planar("y")
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(0.8)) for _ in range(2)]
+    scene.connect(scene.world.frame, scene.plane.frame_a)
+    scene.connect(scene.plane.frame_b, scene.box.frame)
+    for foot, x in zip(scene.feet, (0.1, -0.1), strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x, 0, -0.3)))
+    lifted = 0.1 * np.sin(0.2) + 0.3 * np.cos(0.2)
+    return scene, {scene.plane.q: (lifted, 0, 0.2), scene.plane.v: (0, 0.3, 0)}, 2.0
+
+
+def _sliding() -> tuple[ac.System, Start, float]:
+    """Four feet, of which the box comes down on one after the other; it turns and slides, and stops."""
+    scene = ac.System()
+    scene.world, scene.box = World(), RigidBody.box(2.0, (0.4, 0.3, 0.2))
+    scene.feet = [PointOnPlane(unilateral=True, restitution=0.3, friction=Coulomb(0.3)) for _ in range(4)]
+    for foot, x, y in zip(scene.feet, (0.2, 0.2, -0.2, -0.2), (0.15, -0.15, 0.15, -0.15), strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x, y, -0.1)))
+    frame = scene.box.frame
+    return scene, {frame.position: (0, 0, 0.2), frame.velocity: (1, 0, 0), frame.angular_velocity: (0.5, 0.2, 1)}, 0.7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [_rocking, _sliding])
+def test_programs_for_a_mode_give_the_bits_of_those_for_all(
+    make: Callable[[], tuple[ac.System, Start, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Interpreted kernels are made thin where modes last; compiled ones not in so short a time."""
+    scene, start, end = make()
+    model = ac.build(scene)
+    found: list[ac.Trajectory] = []
+    for how in (How.INTERPRETED, How.COMPILED):
+        with monkeypatch.context() as patch:
+            functions = model.functions
+            patch.setitem(functions._native._kept, How.AUTO, native_problem(functions.integrand, how))
+            found.append(model.simulate(end, start, rtol=1e-9))
+        assert found[-1].statistics.kernels == how.value
+    assert np.array_equal(found[0].solution.t, found[1].solution.t)
+    assert np.array_equal(found[0].solution.x, found[1].solution.x)
+    between = np.linspace(0, end, 301)  # steps are refined there, in the modes that they had
+    assert np.array_equal(found[0].solution.dense(between), found[1].solution.dense(between))
