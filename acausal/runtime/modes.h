@@ -392,7 +392,9 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
             I->worst = i;
             return OVERLAPS;
         }
-        impacts |= R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i]; /* what begins to hold where its speed vanishes strikes nothing */
+        int strikes = R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i];
+        T->struck[T->impacts % REMEMBERED * gaps + i] = strikes != 0;
+        impacts |= strikes; /* what begins to hold where its speed vanishes strikes nothing */
     }
     if (I->directions) {
         if (!meet_directions(I, row, planned)) return INPUT_FAILED;

@@ -163,6 +163,7 @@ struct State {
     double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
+    char *struck; /* rows in the last impacts */
     double *margin; /* work, see margin.h */
     long *basis, *status, *impact_row, *rests, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */

@@ -16,7 +16,8 @@ static int make_zeno(Integrator *I) {
     T->impact_row = reserve(I, sizeof(long) * REMEMBERED);
     T->rest_x = reserve_doubles(I, I->nx + 1);
     T->rests = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
-    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->rest_x && T->rests);
+    T->struck = reserve(I, (size_t)(REMEMBERED * I->one_sided + 1));
+    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->rest_x && T->rests && T->struck);
 }
 
 /* The limit of a sequence of so many values, and by how much the last two guesses differ. */
@@ -71,7 +72,8 @@ static void foresee_rest(Integrator *I, long row) {
         T->rest_t = T->first_impact + rest;
         memcpy(T->rest_x, x, sizeof(double) * (size_t)n);
         memset(T->rests, 0, sizeof(long) * (size_t)I->one_sided);
-        for (long k = 0; k < period; k++) T->rests[T->impact_row[(at - k) % REMEMBERED]] = 1;
+        for (long k = 0; k < period; k++) /* all that strike together, whichever is noticed first */
+            for (long i = 0; i < I->one_sided; i++) T->rests[i] |= T->struck[(at - k) % REMEMBERED * I->one_sided + i];
         return;
     }
 }
