@@ -64,6 +64,22 @@ def test_kinks_and_jumps_end_steps(force: ca.SX, exact: float, most: int) -> Non
     assert steps <= most
 
 
+def test_numbers_are_compared_as_anywhere() -> None:
+    """`==` and `!=` of an expression and a number are expressions, as `<` is: neither is decided when it is written."""
+    third = np.floor(ac.time / 0.7) == 2
+    assert _speed(5 * third.sx, 5.0)[0] == pytest.approx(3.5, abs=1e-13)
+    assert _speed((np.sign(ac.time - 1.5) != 1).sx, 5.0)[0] == pytest.approx(1.5, abs=1e-13)
+    scene, kind = ac.System(), ac.Parameter(0.0)
+    scene.kind = kind
+    scene.world, scene.rail, scene.bead = World(None), Prismatic("x"), Particle(1.0)
+    scene.push = Force((ca.if_else(kind == 1, 2.0, ca.if_else(kind == np.float64(3), 7.0, 0.5)), 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.bead.point, scene.push.point)
+    model = ac.build(scene)
+    for value, speed in ((0, 0.5), (1, 2.0), (3, 7.0)):
+        assert model.simulate(1.0, parameters={kind: value}, samples=2)[scene.rail.v][-1] == pytest.approx(speed, abs=1e-13)
+
+
 def test_switches_before_the_start_do_not_matter() -> None:
     speed, _ = _speed(ca.if_else(T > 3, 1.0, 5.0), 5.0, t0=3.5, rtol=1e-12)
     assert abs(speed - 1.5) < 1e-13

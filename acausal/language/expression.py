@@ -140,6 +140,16 @@ class Expression:
     def __ge__(self, other: Scalar) -> Expression:
         return _combined(operator.ge, self, other)
 
+    def __eq__(self, other: object) -> Any:
+        """With numbers an expression, as for `<`; with others whether it is the same object, for dictionaries."""
+        return _combined(operator.eq, self, other) if isinstance(other, _NUMBERS) else self is other
+
+    def __ne__(self, other: object) -> Any:
+        return _combined(operator.ne, self, other) if isinstance(other, _NUMBERS) else self is not other
+
+    def __hash__(self) -> int:
+        return id(self)
+
     def __neg__(self) -> Expression:
         return Expression(-self.sx, self.leaves)
 
@@ -178,6 +188,8 @@ class Expression:
     def __repr__(self) -> str:
         return str(self.sx)
 
+
+_NUMBERS = (int, float, np.number, np.ndarray, ca.SX)
 
 Scalar = Expression | ca.SX | float | np.ndarray | Sequence[Any]
 """Anything that can stand in an expression."""
@@ -256,12 +268,6 @@ class Symbol(Expression):
     def is_angle(self) -> bool:
         """Whether it turns something, so that no length is needed to say how much of it is much: its unit says so."""
         return self.unit == "rad"
-
-    def __hash__(self) -> int:
-        return id(self)
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
 
     def __repr__(self) -> str:
         return f"{type(self).__name__} {self.name}" + (f" [{self.unit}]" if self.unit else "")

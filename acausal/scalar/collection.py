@@ -82,7 +82,7 @@ def _written(part: Part) -> Iterable[Equation]:
         raise ModelError(f"{name} gives {found!r}. Give every equation by itself: yield ac.equal(left, right).")
     for k, entry in enumerate(cast("Iterable[Any]", found), start=1):
         if not isinstance(entry, Equation):
-            hint = " '==' compares and gives no equation." if isinstance(entry, bool) else ""
+            hint = " '==' compares and gives no equation." if isinstance(entry, bool | Expression) else ""
             raise ModelError(f"Equation {k} of {part.where} is {entry!r}.{hint} Write yield ac.equal(left, right).")
         yield entry
 

@@ -284,7 +284,7 @@ def _null_vectors(matrix: ca.SX, sample: Sample) -> tuple[list[int], list[int]]:
     for (i, j), value in zip(where, sample([matrix[i, j] for i, j in where]), strict=True):
         numbers[i, j] = np.atleast_1d(value)[0]
     U, s, Vt = np.linalg.svd(equilibrated(numbers))
-    null = s < DEPENDENT * s[0]
+    null = s <= DEPENDENT * s[0]
     rows = np.flatnonzero(np.abs(U[:, null]).max(axis=1, initial=0.0) > 1e-6)
     columns = np.flatnonzero(np.abs(Vt[null]).max(axis=0, initial=0.0) > 1e-6)
     return [int(i) for i in rows], [int(j) for j in columns]
