@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import ascending, finite, listed
+from acausal.arguments import ascending, expressions, finite, truth
 from acausal.collocation.problem import Accuracy
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions, operations
@@ -177,8 +177,10 @@ class AbstractModel(ABC):
         `simulate`. Forward sensitivities of the numerical motion itself, carried along with it: exact to the tolerance.
         """
         t, accuracy = ascending(times, "sensitivities: `times`"), Accuracy.asked(rtol, atol, None, max_steps)
-        by = listed(self._named(wrt), "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
-        return self._sensitivities(self._situation(start, float(t[0]), inputs, parameters), t, by, accuracy, compiled)
+        by = expressions(self._named(wrt), "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
+        return self._sensitivities(
+            self._situation(start, float(t[0]), inputs, parameters), t, by, accuracy, truth(compiled, "sensitivities: compiled")
+        )
 
     def _sensitivities(
         self, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
@@ -208,9 +210,11 @@ class AbstractModel(ABC):
         """
         from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 
-        by = tuple(listed(self._named(wrt), "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
+        by = tuple(expressions(self._named(wrt), "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
         t, accuracy = ascending(times, "trajectory_function: `times`"), Accuracy.asked(rtol, atol)
-        run = functools.partial(self._sensitivities, times=t, wrt=by, accuracy=accuracy, compiled=compiled)
+        run = functools.partial(
+            self._sensitivities, times=t, wrt=by, accuracy=accuracy, compiled=truth(compiled, "trajectory_function: compiled")
+        )
         at = self._situation(start, float(t[0]), inputs, parameters)
         return TrajectoryFunction(name, Motion(self.functions, run, at, t, outputs, by))
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import contextlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -16,9 +19,10 @@ from acausal.language.expression import number as checked_number
 
 def listed(value: Any, what: str, example: str) -> list[Any]:
     """The entries of a list. Raises `OptionError`, which names `what` and gives an `example`, for a single thing."""
-    if isinstance(value, Expression | ca.SX | Component | str) or not isinstance(value, Iterable):
-        raise OptionError(f"{what} must be a list, e.g. {example}; not {value!r}.")
-    return list(value)
+    if not isinstance(value, Expression | ca.SX | Component | str):
+        with contextlib.suppress(TypeError):  # of CasADi's matrices, too
+            return list(value)
+    raise OptionError(f"{what} must be a list, e.g. {example}; not {value!r}.")
 
 
 def expressions(value: Any, what: str, example: str) -> list[Expression]:
@@ -40,6 +44,13 @@ def shown(value: Any, most: int = 60) -> str:
     """`value` in few characters, for messages."""
     text = " ".join(repr(value).split())
     return text if len(text) <= most else text[: most - 2] + " …"
+
+
+def path_of(value: Any, what: str) -> Path:
+    """A path. Raises `OptionError` for what is none."""
+    if not isinstance(value, str | os.PathLike) or not str(value):
+        raise OptionError(f"{what} is {shown(value)}. Give a path, e.g. 'out/{what.split()[-1]}'.")
+    return Path(value)
 
 
 def truth(value: Any, what: str) -> bool:
@@ -70,7 +81,7 @@ def ascending(value: Any, what: str) -> np.ndarray:
     """Times (n,) [s], two or more. Raises `OptionError` for what does not rise or is not finite."""
     try:
         times = np.asarray(value, dtype=float).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         times = np.zeros(0)
     if times.size < 2 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
         raise OptionError(f"{what} are {value!r}; give at least two ascending times [s].")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from acausal.abstract_model import AbstractModel
+from acausal.arguments import listed
 from acausal.dynamics.system import mechanical_system
 from acausal.errors import LockedError, ModelError
 from acausal.language.component import System
@@ -118,7 +119,8 @@ class Model(AbstractModel):
         from acausal.start.assembly_function import assembly_function
 
         at = self._situation(start, t0, inputs, parameters)
-        by = self._named([wrt] if isinstance(wrt, Expression | str) else wrt)
+        single = isinstance(wrt, Expression | str)
+        by = self._named([wrt] if single else listed(wrt, "assembly_function: `wrt`", "wrt=[scene.length]"))
         if outputs is None:
             return assembly_function(self._decided.with_loops_at(at.p).functions, at, None, by, steps, name)
         return self._decided.answer(

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.arguments import shown
 from acausal.errors import ExpressionError, ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Scalar, check_unit, checked, evaluated, leaves, scalar, sx, vector
+from acausal.language.expression import Expression, Scalar, check_unit, checked, evaluated, flag, leaves, scalar, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose, pose
@@ -192,7 +192,7 @@ class RigidBody(AbstractRigidPart):
     def ball(cls, mass: Scalar, radius: Scalar, *, hollow: bool = False, **sketch: Any) -> Self:
         """A solid ball, or a thin spherical shell, of `radius` [m] > 0; `frame` is at its centre."""
         m, r = scalar(mass, "ball's mass", positive=True, unit="kg"), scalar(radius, "ball's radius", positive=True, unit="m")
-        moment = m * r * r * (2 / 3 if hollow else 2 / 5)
+        moment = m * r * r * (2 / 3 if flag(hollow, "RigidBody.ball's hollow") else 2 / 5)
         return cls(m, (moment,) * 3, shapes=(drawn.Sphere(_number(r)),), **sketch)
 
     @classmethod
@@ -211,7 +211,7 @@ class RigidBody(AbstractRigidPart):
     def disk(cls, mass: Scalar, radius: Scalar, axis: Any = "z", *, hoop: bool = False, **sketch: Any) -> Self:
         """A thin uniform disk, or a thin hoop, about `axis`; `radius` [m] > 0; `frame` is at its centre."""
         m, r = scalar(mass, "disk's mass", positive=True, unit="kg"), scalar(radius, "disk's radius", positive=True, unit="m")
-        along = m * r * r * (1 if hoop else 0.5)
+        along = m * r * r * (1 if flag(hoop, "RigidBody.disk's hoop") else 0.5)
         size, about = _number(r), _axis_numbers(axis)
         shapes: tuple[Any, ...] = (drawn.Disk(size, 0.06 * size, about),)
         if hoop:

@@ -36,7 +36,7 @@ class CamFollower(Component):
         try:
             found: Any = of_spline(lift, phi.sx) if is_spline(lift) else lift(phi)
             value = formula(sx(found), "CamFollower's lift")
-        except (TypeError, AttributeError, ValueError, NotImplementedError) as error:
+        except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError) as error:
             raise ParameterError(
                 f"CamFollower's lift cannot be used ({origin()}): {str(error).rstrip('.')}. Give a function of the angle by functions of numpy or CasADi, "
                 "lambda phi: 0.01 * np.sin(phi), or a spline of scipy."

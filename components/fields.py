@@ -93,7 +93,7 @@ def _of_place(potential: Callable[[ca.SX, ca.SX], Any], p: ca.SX) -> ca.SX:
         )
     try:
         found = formula(sx(potential(p, time.sx)), "PotentialField's potential")
-    except (TypeError, NotImplementedError) as error:
+    except (TypeError, ValueError, ArithmeticError, NotImplementedError) as error:
         raise ParameterError(
             f"PotentialField's potential fails with CasADi's symbols ({origin()}): {error}. Use CasADi's functions: ca.sqrt, ca.exp, ca.if_else."
         ) from None

@@ -7,7 +7,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import leaves, scalar
+from acausal.language.expression import scalar
 from acausal.language.origin import origin
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.modal_inertia import ElasticBody, ShapeIntegrals
@@ -83,10 +83,9 @@ class FlexibleBody(AbstractElasticBody):
 
 
 def _positive(value: Any, what: str) -> float:
-    if leaves(value):
-        raise ParameterError(f"{what} is an expression ({origin()}). Give a number; a FlexibleBeam takes parameters.")
     result = scalar(value, what, positive=True)
-    assert isinstance(result, float)
+    if not isinstance(result, float):
+        raise ParameterError(f"{what} is an expression ({origin()}). Give a number; a FlexibleBeam takes parameters.")
     return result
 
 
@@ -100,7 +99,7 @@ def _form(value: Any, what: str) -> tuple[int, ...]:
 def _array(value: Any, shape: tuple[int, ...], what: str) -> np.ndarray:
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{what} must be numbers of shape {shape}, not {value!r} ({origin()}).") from None
     if array.shape != shape:
         raise ParameterError(f"{what} has the shape {array.shape} ({origin()}). It must be {shape}.")

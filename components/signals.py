@@ -67,7 +67,7 @@ class Table(Component):
     def __init__(self, points: Sequence[float], values: Sequence[float]) -> None:
         try:
             self.points, self.values = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ParameterError(f"Table takes two lists of numbers, not {points!r} and {values!r} ({origin()}).") from None
         if self.points.ndim != 1 or self.points.size < 2 or self.points.shape != self.values.shape:
             raise ParameterError(

@@ -144,7 +144,7 @@ def times_of(value: Any) -> np.ndarray:
     """Ascending times (m,) [s]. Raises `OptionError`."""
     try:
         t = np.asarray(value, dtype=float).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         t = np.zeros(0)
     if not t.size or not np.isfinite(t).all() or np.any(np.diff(t) <= 0):
         raise OptionError(f"inverse_dynamics: give finite, ascending times [s], not {value!r}.")

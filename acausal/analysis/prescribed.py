@@ -64,7 +64,7 @@ def _sampled(given: Given, times: np.ndarray, names: tuple[str, ...]) -> list[Ca
 
     try:
         values = np.asarray(cast(Any, given), dtype=float).reshape(times.size, -1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.zeros((0, 0))
     if values.shape != (times.size, len(names)) or not np.isfinite(values).all():
         raise OptionError(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import casadi as ca
 
+from acausal.arguments import path_of
 from acausal.emit.compiler import compiler, run_compiler
 from acausal.emit.library import suffix
 from acausal.errors import ExportError
@@ -48,7 +49,7 @@ def export_c(model: Functions, folder: str | Path) -> Path:
 
     The C is plain C99 with libm and needs nothing of acausal or CasADi. Raises `ExportError` when a file cannot be written.
     """
-    target = Path(folder)
+    target = path_of(folder, "export_c: the folder")
     functions = _exported(model)
     try:
         target.mkdir(parents=True, exist_ok=True)

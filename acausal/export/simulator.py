@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from acausal.arguments import dictionary, path_of
 from acausal.collocation.inputs import Formula, Inputs
 from acausal.emit.library import SOURCES
 from acausal.errors import ExportError
@@ -24,7 +25,7 @@ from acausal.outputs.clocks import clocks
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
-from acausal.simulate.events import when
+from acausal.simulate.events import events_asked, when
 from acausal.start.initial import InitialState
 
 PROGRAM = Path(__file__).resolve().parent / "program"
@@ -75,9 +76,10 @@ def export_simulator(
     of time. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
-    target, named_by = Path(folder), model.outputs.system.flat.symbols
-    outputs = {key: named_by(value) for key, value in (outputs or {}).items()}
-    events = [replace(event, expression=named_by(event.expression)) for event in events]
+    target, named_by = path_of(folder, "export_simulator: the folder"), model.outputs.system.flat.symbols
+    known = dictionary({} if outputs is None else outputs, "outputs", '{"angle": scene.hinge.q}')
+    outputs = {key: named_by(value) for key, value in known.items()}
+    events = [replace(event, expression=named_by(event.expression)) for event in events_asked(events, "export_simulator")]
     _check_inputs(model, inputs)
     start = start_functions(model, initial)
     kinds = _kinds(model, initial, start, outputs, events, inputs)
@@ -148,6 +150,7 @@ def _is_template(path: Path) -> bool:
 
 def _check_name(name: str, templates: Mapping[str, str]) -> None:
     """Raises `ExportError` for what is no identifier of C, or makes names that are in the files already."""
+    name = name if isinstance(name, str) else ""  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
     words = set(re.findall(r"[A-Za-z_]\w*(?:\.[ch]\b)?", "\n".join([*templates, *templates.values()])))
     own = {word for word in words if re.match("simulator[_.]", word.lower())}
     made = {word.replace("simulator", name).replace("SIMULATOR", name.upper()) for word in own}

@@ -62,7 +62,7 @@ def _import_modules() -> None:
 def integrator(name: str, order: int | None = None, step: float | None = None) -> AbstractIntegrator:
     """The integrator of a name, with its options. Raises `OptionError` for a name or an option that does not exist."""
     known = integrators()
-    if name not in known:
+    if not isinstance(name, str) or name not in known:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
         raise OptionError(f"simulate: unknown method '{name}'. Use {', '.join(sorted(known))}.")
     given = {key: value for key, value in (("order", order), ("step", step)) if value is not None}
     options = [field.name for field in dataclasses.fields(known[name])]  # type: ignore[arg-type]  # all are dataclasses

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import finite, whole_number
+from acausal.arguments import finite, shown, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
@@ -39,9 +39,11 @@ def step_function(
     `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite.
     The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
-    order = whole_number(order, "step: the order", 1)
-    if h is not None and not finite(h, "step: h [s]") > 0:
+    order = whole_number(order, "step: the order", 1, 99)
+    if h is not None and not (h := finite(h, "step: h [s]")) > 0:
         raise OptionError(f"step: h is {h!r} s. Give a positive number, or leave it out to have it as an argument.")
+    if not isinstance(method, str):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+        raise OptionError(f"step: the method is {shown(method)}. Give 'gauss' or 'radau'.")
     if method == "gauss" and order >= 2 and order % 2 == 0:
         tableau = gauss_legendre(order // 2)
     elif method == "radau" and order >= 1 and order % 2 == 1:

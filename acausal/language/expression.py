@@ -8,7 +8,7 @@ import operator
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self, overload
+from typing import Any, ClassVar, Self, cast, overload
 
 import casadi as ca
 import numpy as np
@@ -142,10 +142,10 @@ class Expression:
 
     def __eq__(self, other: object) -> Any:
         """With numbers an expression, as for `<`; with others whether it is the same object, for dictionaries."""
-        return _combined(operator.eq, self, other) if isinstance(other, _NUMBERS) else self is other
+        return _combined(operator.eq, self, cast("Any", other)) if isinstance(other, _NUMBERS) else self is other
 
     def __ne__(self, other: object) -> Any:
-        return _combined(operator.ne, self, other) if isinstance(other, _NUMBERS) else self is not other
+        return _combined(operator.ne, self, cast("Any", other)) if isinstance(other, _NUMBERS) else self is not other
 
     def __hash__(self) -> int:
         return id(self)
@@ -436,13 +436,20 @@ def number(value: Any, what: str) -> float:
     """`value` as a finite float; raises `ParameterError` naming `what` and the user's line."""
     try:
         result = float("text" if isinstance(value, str) else value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):
         text = " ".join(repr(value).split())
         text = text if len(text) <= 80 else text[:78] + " …"
         raise ParameterError(f"{what} must be a number, not {text} ({origin()}).") from None
     if not math.isfinite(result):
         raise ParameterError(f"{what} is {result} ({origin()}). Give a finite number.")
     return result
+
+
+def flag(value: Any, what: str) -> bool:
+    """True or False; raises `ParameterError` naming `what` and the user's line for anything else, such as "no", which Python takes for true."""
+    if not isinstance(value, bool | np.bool_):
+        raise ParameterError(f"{what} is {value!r} ({origin()}). Give True or False.")
+    return bool(value)
 
 
 def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bool = False, unit: str = "") -> float | Expression:
@@ -527,7 +534,7 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         return checked(expression, functools.partial(_check_finite, what=what))
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).") from None
     if array.shape != (3,):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).")
@@ -552,7 +559,7 @@ def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
         return [Expression(entry, frozenset((time,))) for entry in found] if isinstance(found, list) else found
     try:
         return value(time)
-    except TypeError as error:
+    except Exception as error:  # whatever the user's function raises
         hint = (
             " A spline of scipy is given itself, not called: TorqueSource(CubicSpline(times, values))."
             if "array of numbers" in str(error)

@@ -96,7 +96,7 @@ def samples(
 def _column(values: Any, what: str) -> np.ndarray:
     try:
         found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"samples: the {what} are no numbers ({origin()}). Give a list of numbers.") from None
     if found.ndim != 1 or not np.isfinite(found).all():
         raise ParameterError(f"samples: the {what} must be finite numbers in one row, not of shape {found.shape} ({origin()}).")

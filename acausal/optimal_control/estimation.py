@@ -203,7 +203,7 @@ def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> 
         raise OptionError(f"The data of {name} must be (times, values) or (times, values, standard deviation).")
     try:
         parts = [np.asarray(part, dtype=float) for part in given]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise OptionError(f"The data of {name} are not numbers.") from None
     times, values = parts[0].ravel(), parts[1]
     size = functions.outputs.resolve(wanted).numel()

@@ -314,7 +314,7 @@ class OptimalControl:
         low, high = _pair(value)
         try:
             lower, upper = (np.broadcast_to(np.asarray(v, dtype=float).ravel(order="F"), (column.numel(),)) for v in (low, high))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise OptionError(f"{self.name(key)} has {column.numel()} entries; its value {value!r} does not fit.") from None
         if np.isnan(lower).any() or np.isnan(upper).any() or np.any(lower > upper):
             raise OptionError(f"{self.name(key)} is to be between {low} and {high}: give numbers in order.")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from acausal.language.expression import Expression, Symbol
+from acausal.language.expression import Expression, Symbol, leaves, sx
 from acausal.wording import entry_names
 
 if TYPE_CHECKING:
@@ -20,12 +20,12 @@ def expression_name(outputs: Outputs, wanted: Expression | ca.SX) -> str:
     return outputs.name(wanted) if isinstance(wanted, Symbol) else _cut(_spelled(outputs, wanted))
 
 
-def expression_unit(expression: Expression) -> str:
+def expression_unit(expression: Expression | ca.SX) -> str:
     """Of a variable, or of entries of variables with one unit; else unknown."""
     if isinstance(expression, Symbol):
         return expression.unit
-    units = {leaf.unit for leaf in expression.leaves}
-    entries = ca.vec(expression.sx)
+    units = {leaf.unit for leaf in leaves(expression)}
+    entries = ca.vec(sx(expression))
     return units.pop() if len(units) == 1 and all(entries[i].is_symbolic() for i in range(entries.numel())) else ""
 
 

@@ -89,7 +89,7 @@ def rotation_matrix(rotation: Rotation | Scalar) -> np.ndarray | Expression | No
     matrix = getattr(rotation, "as_matrix", None)  # scipy's Rotation
     try:
         array = np.asarray(rotation if matrix is None else matrix(), dtype=float)
-    except (TypeError, ValueError, ExpressionError):
+    except (TypeError, ValueError, OverflowError, ExpressionError):
         array = np.zeros(0)
     if array.shape == (4,):
         if isinstance(rotation, np.ndarray):
@@ -155,7 +155,7 @@ def _entries(value: Scalar, count: int, what: str) -> list[ca.SX]:
     """The scalars of a list of this length. Raises `ParameterError`."""
     try:
         column = sx(value if leaves(value) else np.asarray(value, dtype=float))
-    except (TypeError, ValueError, ExpressionError):
+    except (TypeError, ValueError, OverflowError, ExpressionError):
         column = ca.SX(0, 1)
     if column.shape not in ((count, 1), (1, count)) or (column.is_constant() and not np.isfinite(np.array(ca.DM(column))).all()):
         raise ParameterError(f"{what} must be {count} finite numbers or expressions, not {shown(value)} ({origin()}).")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import listed, truth
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
 
@@ -29,7 +31,8 @@ class when:
     stop: bool = False
 
     def __post_init__(self) -> None:
-        if self.direction not in _DIRECTIONS:
+        truth(self.stop, "when: stop")
+        if not isinstance(self.direction, str) or self.direction not in _DIRECTIONS:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
             raise OptionError(f'when: the direction is "rising", "falling" or "both", not {self.direction!r}.')
         if isinstance(self.expression, str):
             return
@@ -55,3 +58,12 @@ class Event:
     time: float
     direction: str
     x: np.ndarray
+
+
+def events_asked(events: Any, call: str) -> tuple[when, ...]:
+    """A list of events. Raises `OptionError` for anything else."""
+    found = tuple(listed(events, f"{call}: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
+    for event in found:
+        if not isinstance(event, when):
+            raise OptionError(f'{call}: {event!r} in `events` is no event. Use ac.when(expression, "rising").')
+    return found

@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import ascending, listed, truth, whole_number
+from acausal.arguments import ascending, truth, whole_number
 from acausal.collocation.inputs import Inputs
 from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Solution, StatusKind
 from acausal.errors import OptionError, SimulationError, SingularWarning
@@ -23,7 +23,7 @@ from acausal.outputs.given_motion import check_given_motions
 from acausal.reduce.modes import refuse_modes
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
-from acausal.simulate.events import when
+from acausal.simulate.events import events_asked, when
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
@@ -66,10 +66,7 @@ class Options:
         events: Any = (),
     ) -> Options:  # fmt: skip
         """Of what a user gives. Raises `OptionError` for what makes no sense."""
-        events = tuple(listed(events, "simulate: `events`", 'events=[ac.when(scene.hinge.q, "rising")]'))
-        for event in events:
-            if not isinstance(event, when):
-                raise OptionError(f'simulate: {event!r} in `events` is no event. Use ac.when(expression, "rising").')
+        events = events_asked(events, "simulate")
         if not callable(progress):
             truth(progress, "simulate: progress")
         return Options(
@@ -101,10 +98,15 @@ class Options:
         return known if known.size else np.array([reached])
 
 
+_MOST_SAMPLES = 10**9
+"""No memory holds more."""
+
+
 def samples_asked(value: Any) -> int | np.ndarray:
     """How many samples, at least 2, or their times [s]. Raises `OptionError`."""
     if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str):
-        return whole_number(value, "simulate: samples", 2)
+        count = whole_number(value, "simulate: samples", 2)
+        return whole_number(count, "simulate: samples", 2, _MOST_SAMPLES)
     return ascending(value, "simulate: `samples`")
 
 

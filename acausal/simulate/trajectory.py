@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import listed
 from acausal.charts.chart import Chart
 from acausal.collocation.inputs import Inputs
 from acausal.collocation.modes import WithModes
@@ -171,7 +172,7 @@ class Trajectory:
         """The motion at other times within the simulated interval [s]. Raises `OptionError` outside of it."""
         try:
             wanted = np.atleast_1d(np.asarray(times, dtype=float))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise OptionError(f"run.at({times!r}): give a time or a list of times [s].") from None
         first, last = self.pieces[0].solution.t[0], self.solution.t[-1]
         slack = 1e-12 * max(abs(first), abs(last))
@@ -302,6 +303,7 @@ class Trajectory:
         """Name and unit for axes and tables."""
         if isinstance(expression, str):
             return self.label(self.outputs.system.flat.named(expression))
+        self.outputs.resolve(expression)  # what it cannot be is said there
         name, unit = expression_name(self.outputs, expression), expression_unit(expression)
         return f"{name} [{unit}]" if unit else name
 
@@ -326,7 +328,13 @@ class Trajectory:
         from acausal.visual.picture import write_png
         from acausal.visual.scene import animation_of
 
-        return Path(write_png(animation_of(self), path, times=tuple(times) or (float(self.t[0]),)))
+        return Path(
+            write_png(
+                animation_of(self),
+                path,
+                times=tuple(listed(times, "picture: `times`", "times=[0.0, 1.0]")) or (float(self.t[0]),),
+            )
+        )
 
     def __len__(self) -> int:
         return self.t.size

@@ -65,7 +65,7 @@ def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
     try:
         raw = np.asarray(number)
         wanted = raw.astype(float).ravel(order="F") if raw.dtype.kind in "biuf" else None
-    except (TypeError, ValueError):  # rows of different lengths
+    except (TypeError, ValueError, OverflowError):  # rows of different lengths
         wanted = None
     if wanted is None:
         raise StartValueError(f"start value of {target.name} is {number!r}, not a number.")
@@ -82,7 +82,7 @@ def start_weight(target: Target, weight: object) -> float:
     """The weight of a near value, a float. Raises `StartValueError` unless it is finite and positive."""
     try:
         number = float(weight)  # pyright: ignore[reportArgumentType]  # users pass anything
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not 0 < number < np.inf:
         raise StartValueError(

@@ -21,7 +21,7 @@ def finite_states(names: Sequence[str], x: Any) -> np.ndarray:
     """States (nx,) with these names from anything like an array. Raises `StartValueError` for another number of them, and for what is not finite."""
     try:
         states = np.array(x, dtype=float).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         states = np.zeros(0)
     if states.size != len(names) or not np.isfinite(states).all():
         raise StartValueError(

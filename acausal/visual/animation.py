@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acausal.arguments import path_of
 from acausal.errors import OptionError
 from acausal.visual.geometry import rotated, support_points, turned_back
 from acausal.visual.shapes import Arrow, Plane, Polygon, Rod, Shape, Vector
@@ -184,7 +185,7 @@ def write_html(animation: Animation, path: str | Path) -> Path:
     """
     from acausal.visual.page import page
 
-    target = Path(path)
+    target = path_of(path, "animate: the page")
     check_ending(target, ("", ".html", ".htm"), "a page for a browser", "motion.html")
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(page(animation), encoding="utf-8")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from acausal.arguments import path_of
 from acausal.errors import OptionError
 from acausal.visual.animation import Animation, MovingBody, MovingLink, Trail, check_ending
 from acausal.visual.geometry import across, arrow_points, rotated, support_points, turned_back
@@ -37,7 +38,7 @@ def write_png(animation: Animation, path: str | Path, *, times: Sequence[float] 
 
     Returns the path. Raises `OptionError` for times outside of the motion, and for names of another kind of file.
     """
-    check_ending(Path(path), ("", ".png"), "a picture", "picture.png")
+    check_ending(path_of(path, "picture: the file"), ("", ".png"), "a picture", "picture.png")
     moments = tuple(times) or (float(animation.times[0]),)
     first, last = float(animation.times[0]), float(animation.times[-1])
     slack = 1e-9 * max(abs(first), abs(last), 1e-300)

@@ -6,6 +6,8 @@ import io
 from pathlib import Path
 from typing import Any
 
+from acausal.arguments import path_of
+
 
 def new_figure(width: float, height: float) -> tuple[Any, Any]:
     """A figure and its axes [inches], not tied to any window. Raises `ImportError` with what to install."""
@@ -35,7 +37,7 @@ def plain(text: str) -> str:
 def saved(figure: Any, path: str | Path | None) -> Any:
     """The figure, written to `path` if given."""
     if path is not None:
-        target = Path(path)
+        target = path_of(path, "the picture's path")
         target.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(target, dpi=150)
     return figure

@@ -8,6 +8,8 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import finite
+from acausal.errors import OptionError
 from acausal.language.component import System
 from acausal.language.expression import Expression
 from acausal.numerics.thresholds import EDGE
@@ -55,7 +57,9 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     """
     begin, end = float(run.t[0]), float(run.t[-1])
     span = end - begin
-    pace = speed if speed is not None else 1.0 if span >= 2 else (span or 1.0) / 8
+    pace = 1.0 if span >= 2 else (span or 1.0) / 8
+    if speed is not None and not (pace := finite(speed, "animate: the speed")) > 0:
+        raise OptionError(f"animate: the speed is {speed!r}. Give a positive number; 1 is real time.")
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
     moving = run.at(np.linspace(begin, end, frames))
     bodies = (*_bodies(moving), *_massless_rods(moving))

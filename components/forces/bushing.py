@@ -50,7 +50,7 @@ def _matrix(value: Scalar, name: str) -> np.ndarray | Expression:
     found = leaves(value)
     try:
         entries = sx(value if found else np.asarray(value, dtype=float))
-    except (TypeError, ValueError, ExpressionError):
+    except (TypeError, ValueError, OverflowError, ExpressionError):
         raise ParameterError(
             f"{what} is {shown(value)} ({origin()}). Give six numbers or a matrix (6, 6): turns first."
         ) from None

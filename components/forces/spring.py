@@ -118,7 +118,7 @@ def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -
     try:
         found = law(*values)
         result = formula(ca.SX(found), what)
-    except (TypeError, AttributeError, NotImplementedError, RuntimeError) as error:
+    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
             f"{what} cannot be used ({origin()}): {str(error).rstrip('.')}. It must be a function of ({arguments}) in numpy's or CasADi's functions, which "
             f"is called with symbols: lambda {arguments}: ..."

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, scalar, sx, vector
+from acausal.language.expression import Scalar, flag, scalar, sx, vector
 from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import origin
 from components.geometry.laws import place
@@ -112,7 +112,7 @@ class SplineCurve(AbstractCurve):
     """
 
     def __init__(self, points: Any, closed: bool = False) -> None:
-        self.spline = points if is_spline(points) else _through(points, closed)
+        self.spline = points if is_spline(points) else _through(points, flag(closed, "SplineCurve's closed"))
         values = of_spline(self.spline, ca.SX.sym("s"))
         if not isinstance(values, list) or len(values) != 3:
             raise ParameterError(f"SplineCurve needs three columns x, y, z ({origin()}).")
@@ -144,7 +144,7 @@ def _through(points: Any, closed: bool) -> Any:
 
     try:
         through = np.asarray(points, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         through = np.zeros(0)
     if through.ndim != 2 or through.shape[1:] != (3,) or len(through) < 3 or not np.isfinite(through).all():
         raise ParameterError(

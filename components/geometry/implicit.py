@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Parameter, Scalar, declared_in, vector
+from acausal.language.expression import Parameter, Scalar, declared_in, flag, vector
 from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
 from components.geometry.laws import place
@@ -34,7 +34,7 @@ class ImplicitSurface(AbstractSurface):
     def __init__(self, law: Callable[[ca.SX, ca.SX, ca.SX], Any], start: Scalar, *, flipped: bool = False) -> None:
         self._p = ca.SX.sym("p", 3)
         self.law = place("ImplicitSurface", law, *ca.vertsplit(self._p), rows=1)
-        self.side = -1.0 if flipped else 1.0
+        self.side = -1.0 if flag(flipped, "ImplicitSurface's flipped") else 1.0
         near = vector(start, "ImplicitSurface's start", unit="m")
         if not isinstance(near, np.ndarray):
             raise ParameterError(

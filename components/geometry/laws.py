@@ -18,7 +18,7 @@ def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) 
         raise ParameterError(f"{what} is given by {law!r} ({origin()}). Give a function, e.g. lambda s: (s, 0, s**2).")
     try:
         found = sx(law(*arguments))
-    except (TypeError, NotImplementedError) as error:
+    except (TypeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
             f"{what}: the function fails with CasADi's symbols ({origin()}): {error}. Use ca.sin, ca.sqrt, ca.if_else and the like."
         ) from None

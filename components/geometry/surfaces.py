@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, scalar, sx
+from acausal.language.expression import Scalar, flag, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion, rotation_to_axis_symbolic
 from components.geometry.curves import within
@@ -215,7 +215,7 @@ class Sphere(AbstractSurface):
 
     def __init__(self, radius: Scalar, *, inside_out: bool = False) -> None:
         self.radius = scalar(radius, "Sphere's radius", positive=True, unit="m")
-        self.side = -1.0 if inside_out else 1.0
+        self.side = -1.0 if flag(inside_out, "Sphere's inside_out") else 1.0
 
     def point(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) * rotation_from_quaternion(q)[:, 2]
@@ -263,7 +263,7 @@ class Cylinder(AbstractSurface):
 
     def __init__(self, radius: Scalar, *, inside_out: bool = False) -> None:
         self.radius = scalar(radius, "Cylinder's radius", positive=True, unit="m")
-        self.side = -1.0 if inside_out else 1.0
+        self.side = -1.0 if flag(inside_out, "Cylinder's inside_out") else 1.0
 
     def point(self, q: ca.SX) -> ca.SX:
         radius = sx(self.radius)
@@ -343,7 +343,7 @@ class Cone(AbstractSurface):
 
     def __init__(self, half_angle: Scalar, *, outside: bool = False) -> None:
         self.half_angle = scalar(half_angle, "Cone's half_angle", positive=True, unit="rad")
-        self.side = -1.0 if outside else 1.0
+        self.side = -1.0 if flag(outside, "Cone's outside") else 1.0
 
     def start_for(self, length: float) -> tuple[float, ...]:
         return (4 * length, 0.0)
@@ -433,7 +433,7 @@ class Revolution(AbstractSurface):
     ) -> None:
         self._s = ca.SX.sym("s")
         self.profile = place("Revolution", profile, self._s, rows=2)
-        self.ends, self.side = ends, 1.0 if flipped else -1.0
+        self.ends, self.side = ends, 1.0 if flag(flipped, "Revolution's flipped") else -1.0
         self.unit, self.start = unit, (start, 0.0)  # pyright: ignore[reportAttributeAccessIssue]
 
     @property

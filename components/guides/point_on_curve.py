@@ -71,7 +71,9 @@ class PointOnCurve(AbstractJoint):
             else RoughGuide(cls(curve), checked_curve(curve, "PointOnCurve"), friction)
         )
 
-    def __init__(self, curve: AbstractCurve, *, unilateral: Literal[False] = False) -> None:
+    def __init__(
+        self, curve: AbstractCurve, *, unilateral: Literal[False] = False, **_: Any
+    ) -> None:  # _: no bounce, no friction
         self.curve = checked_curve(curve, "PointOnCurve")
         self._declare("q", curve.unit)
         self._declare("v", f"{curve.unit or '1'}/s")

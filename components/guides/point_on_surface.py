@@ -65,7 +65,9 @@ class PointOnSurface(AbstractJoint):
             return RoughGuide(cls(surface), checked_surface(surface, "PointOnSurface"), friction)
         return super().__new__(cls, surface)
 
-    def __init__(self, surface: AbstractSurface, *, unilateral: Literal[False] = False) -> None:
+    def __init__(
+        self, surface: AbstractSurface, *, unilateral: Literal[False] = False, **_: Any
+    ) -> None:  # _: no bounce, no friction
         self.surface = checked_surface(surface, "PointOnSurface")
         self._declare("q", surface.unit, len(surface.start), surface.start if any(surface.start) else None)
         self._declare("v", f"{surface.unit or '1'}/s")
