@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import acausal as ac
 from components import (
     Circle,
     Coulomb,
+    Cylindrical,
+    Force,
+    Helix,
     JointFriction,
     Line,
     Particle,
     PointOnCurve,
+    PointOnPlane,
+    PointOnSurface,
+    PrescribedMotion,
+    Prismatic,
     Revolute,
     RigidBody,
     RoughGuide,
+    Screw,
+    Sphere,
     World,
 )
 
@@ -118,3 +129,364 @@ def test_disk_on_a_plain_bearing_spins_down_by_its_weight(size: float) -> None:
     assert run[scene.hinge.q][-1] == pytest.approx(-2.5 * stop, rel=1e-11)
     assert run[scene.bearing.drag[0]][0] == pytest.approx(0.1 * 0.02 * 2.0 * G * size**2, rel=1e-12)
     assert run.energy_error() < 1e-11
+
+
+def test_bead_slides_down_a_rough_helix_to_its_terminal_speed() -> None:
+    radius, lead, mu = 0.2, 0.15, 0.4
+    wire = PointOnCurve(Helix(radius=radius, lead=lead), friction=Coulomb(mu))
+    scene = bead(wire, (0.0, 0.0, -G))
+    run = ac.build(scene).simulate(8.0, {wire.q: 0.0, wire.v: 0.0}, rtol=1e-12)
+    # per turn c along the helix, of slope T: R w = g cos sinh u with w the square of the angular velocity, and cosh u du = 2 R / c (T - mu cosh u) along the angle
+    c, T = np.hypot(radius, lead), lead / radius
+    u = np.arcsinh(radius * run[wire.v] ** 2 / (G * radius / c))
+    root = np.sqrt(T**2 - mu**2)
+    last = 2 * np.arctanh(np.sqrt((T - mu) / (T + mu)))
+    some = u < 0.98 * last
+    assert np.count_nonzero(some) > 10
+    way = -u / mu + T / mu * 2 / root * np.arctanh(np.sqrt((T + mu) / (T - mu)) * np.tanh(u / 2) * some)
+    assert way[some] == pytest.approx(-2 * radius / c * run[wire.q][some], abs=1e-9)
+    assert run[wire.v][-1] == pytest.approx(-np.sqrt(np.sinh(last) * G / c), rel=1e-9)
+    assert run.energy_error() < 1e-10
+
+
+def test_bead_on_a_wire_that_is_turned_is_pressed_by_its_own_speed_alone() -> None:
+    mu, turning = 0.6, 3.0
+    wire = PointOnCurve(Line((1.0, 0.0, 0.0)), friction=Coulomb(mu))
+    scene = ac.System()
+    scene.world, scene.bead, scene.wire = World(gravity=(0.0, 0.0, 0.0)), Particle(0.2), wire
+    scene.drive = PrescribedMotion(rotation=("z", turning * ac.time))
+    scene.connect(scene.world.frame, scene.drive.frame_a)
+    scene.connect(scene.drive.frame_b, wire.frame_a)
+    scene.connect(wire.frame_b, scene.bead.point)
+    run = ac.build(scene).simulate(1.5, {wire.q: 0.3, wire.v: -2.0}, rtol=1e-12)
+    # r'' = W^2 r -+ 2 mu W |r'|: inwards and, from the turn on, outwards the same linear equation
+    roots = turning * (-mu + np.array([1, -1]) * np.sqrt(mu**2 + 1))
+    parts = np.linalg.solve([[1.0, 1.0], roots], [0.3, -2.0])
+    assert run[wire.q] == pytest.approx((parts[:, None] * np.exp(roots[:, None] * run.t)).sum(axis=0), rel=1e-11, abs=1e-11)
+
+
+def test_bead_on_a_rough_sphere_that_holds_it_moves_as_one_on_a_ring() -> None:
+    ends: list[np.ndarray] = []
+    for surface in (False, True):
+        guide = (
+            PointOnSurface(Sphere(0.5), friction=Coulomb(0.3)) if surface else PointOnCurve(Circle(0.5), friction=Coulomb(0.3))
+        )
+        scene = bead(guide, (0.0, -G, 0.0))
+        point = scene.bead.point
+        run = ac.build(scene).simulate(0.9, {point.position: (0.5, 0.0, 0.0), point.velocity: (0.0, 2.2, 0.0)}, rtol=1e-12)
+        ends.append(np.concatenate([run[point.position][-1], run[point.velocity][-1]]))
+    assert ends[0].size == 6
+    assert ends[1] == pytest.approx(ends[0], abs=1e-10)
+
+
+def pendulum(mu: Any = 0.3, radius: float = 0.04) -> ac.System:
+    scene = ac.System()
+    scene.world, scene.hinge = World(gravity=(0.0, 0.0, -G)), Revolute(axis="y")
+    scene.rod = RigidBody(mass=1.5, inertia=(0.02, 0.03, 0.02))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.at((0.0, 0.0, 0.2)))
+    scene.bearing = JointFriction(scene.hinge, Coulomb(mu), radius=radius)
+    return scene
+
+
+def test_pendulum_in_a_plain_bearing_swings_as_its_equation_says() -> None:
+    m, L, J, mr = 1.5, 0.2, 0.03 + 1.5 * 0.04, 0.3 * 0.04
+    scene = pendulum()
+    run = ac.build(scene).simulate(3.0, {scene.hinge.q: 2.5, scene.hinge.v: 0.0}, rtol=1e-12)
+
+    def rates(_: float, y: np.ndarray, slip: float) -> list[float]:
+        # N = m (L w^2 + g cos, L w' + g sin), J w' = -m g L sin - slip mu r |N|: a quadratic equation for |N|
+        radial, across = m * (L * y[1] ** 2 + G * np.cos(y[0])), m * G * np.sin(y[0]) * (1 - m * L * L / J)
+        b = -slip * m * L * mr / J
+        n = (across * b + np.sqrt((across * b) ** 2 + (1 - b * b) * (radial**2 + across**2))) / (1 - b * b)
+        return [y[1], (-m * G * L * np.sin(y[0]) - slip * mr * n) / J]
+
+    def stops(_: float, y: np.ndarray, slip: float) -> float:
+        return slip * y[1]
+
+    y, t, slip, turns = np.array([2.5, 0.0]), 0.0, -1.0, []
+    while True:
+        begin = np.array(rates(t, y, slip))  # a series for the start, which is an event itself
+        little = 1e-5
+        y, t = (
+            y
+            + little * begin
+            + little**2 / 2 * np.array([begin[1], (rates(t, y + little * begin, slip)[1] - begin[1]) / little]),
+            t + little,
+        )
+        stops.terminal = True  # type: ignore[attr-defined]
+        found = solve_ivp(rates, (t, 3.0), y, "DOP853", events=stops, args=(slip,), rtol=1e-13, atol=1e-15)
+        t, y = float(found.t[-1]), found.y[:, -1]
+        if found.status == 0:
+            break
+        turns.append(t)
+        y[1] = 0.0
+        if abs(m * G * L * np.sin(y[0])) <= mr * m * G:
+            break
+        slip = -float(np.sign(np.sin(y[0])))
+    assert len(turns) > 2
+    assert changes(run) == pytest.approx(turns, abs=1e-10)
+    assert run[scene.hinge.q][-1] == pytest.approx(y[0], abs=1e-10)
+    assert run.energy_error() < 1e-11
+
+
+def chain(order: tuple[int, ...]) -> tuple[ac.System, dict[int, Revolute], dict[int, JointFriction]]:
+    """Rods on one another, in bearings that load one another; bearings declared in this order."""
+    scene = ac.System()
+    scene.world = World(gravity=(0.0, 0.0, -G))
+    hinges = {k: Revolute(axis="y") for k in range(3)}
+    rods = {k: RigidBody.rod(0.3 + 0.1 * k, (0.0, 0.0, -0.2)) for k in range(3)}
+    bearings: dict[int, JointFriction] = {}
+    for k in order:
+        bearings[k] = JointFriction(hinges[k], Coulomb(0.3, static=0.35), radius=0.03)
+        setattr(scene, f"bearing{k}", bearings[k])
+    for k in range(3):
+        setattr(scene, f"hinge{k}", hinges[k])
+        setattr(scene, f"rod{k}", rods[k])
+        scene.connect(scene.world.frame if k == 0 else rods[k - 1].at((0.0, 0.0, -0.2)), hinges[k].frame_a)
+        scene.connect(hinges[k].frame_b, rods[k].frame)
+    return scene, hinges, bearings
+
+
+def test_bearings_that_load_one_another_rub_by_what_each_bears_in_any_order() -> None:
+    ends: list[np.ndarray] = []
+    for order in ((0, 1, 2), (2, 0, 1)):
+        scene, hinges, bearings = chain(order)
+        start = {hinge.q: 1.0 + 0.3 * k for k, hinge in hinges.items()} | {hinge.v: 0.5 * k for k, hinge in hinges.items()}
+        run = ac.build(scene).simulate(1.0, start, rtol=1e-12)
+        for k, hinge in hinges.items():
+            force, speed = run[hinge.frame_a.force], run[hinge.v]
+            slips = np.abs(speed) > 1e-6
+            load = 0.03 * np.hypot(force[:, 0], force[:, 2])
+            drag = -0.3 * load * np.sign(speed)
+            assert run[bearings[k].drag[0]][slips] == pytest.approx(drag[slips], rel=1e-12)
+            assert np.all(np.abs(run[bearings[k].drag[0]]) <= 0.35 * load * (1 + 1e-12))
+        assert run.energy_error() < 1e-11
+        ends.append(np.array([run[hinge.q][-1] for hinge in hinges.values()]))
+    assert ends[1] == pytest.approx(ends[0], abs=1e-10)
+
+
+def test_sleeve_slides_and_turns_in_one_direction_until_it_stops() -> None:
+    mass, radius, mu = 2.0, 0.05, 0.3
+    scene = ac.System()
+    scene.world, scene.sleeve = World(gravity=(0.0, 0.0, -G)), Cylindrical(axis="x")
+    scene.body = RigidBody(mass=mass, inertia=(mass * radius**2, 0.1, 0.1))
+    scene.connect(scene.world.frame, scene.sleeve.frame_a)
+    scene.connect(scene.sleeve.frame_b, scene.body.frame)
+    scene.rub = JointFriction(scene.sleeve, Coulomb(mu), radius=radius)
+    run = ac.build(scene).simulate(1.0, {scene.sleeve.v: (30.0, -1.0)}, rtol=1e-12)
+    speed = np.hypot(30.0 * radius, 1.0)
+    assert changes(run) == pytest.approx([speed / (mu * G)], rel=1e-11)
+    assert run[scene.sleeve.q][-1] == pytest.approx(np.array([30.0, -1.0]) * speed / (2 * mu * G), rel=1e-11)
+
+
+def screw(mu: float, turning: float = 1e-3, size: float = 1.0) -> ac.System:
+    """A nut of 2 kg on a thread of slope 1 / (2 pi)."""
+    scene = ac.System()
+    scene.world, scene.screw = World(gravity=(0.0, 0.0, -G * size)), Screw("z", pitch=0.01 * size)
+    scene.nut = RigidBody(mass=2.0, inertia=(turning * size**2,) * 3)
+    scene.connect(scene.world.frame, scene.screw.frame_a)
+    scene.connect(scene.screw.frame_b, scene.nut.frame)
+    scene.thread = JointFriction(scene.screw, Coulomb(mu), radius=0.01 * size)
+    return scene
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("part", [0.5, 1 - 1e-7, 1 + 1e-7, 2.0])
+def test_screw_holds_itself_where_its_slope_is_below_the_coefficient(part: float, size: float) -> None:
+    slope = 1 / (2 * np.pi)
+    scene = screw(part * slope, size=size)
+    model = ac.build(scene)
+    rest = model.simulate(0.5, {scene.screw.q: 0.0, scene.screw.v: 0.0}, rtol=1e-12)
+    assert rest.modes(scene.thread).words == (("sticks",) if part > 1 else ("slides -",))
+    up = model.simulate(0.5, {scene.screw.q: 0.0, scene.screw.v: 10.0}, rtol=1e-12)
+    # along thread and axis: J w' = r (f cos - N sin), m h w' = -m g + N cos + f sin, f = -mu N upwards, mu N downwards
+    angle, h, mu = np.arctan(slope), 0.01 * slope, part * slope
+
+    def acceleration(slip: float) -> float:
+        M = [[1e-3, 0.01 * (np.sin(angle) + slip * mu * np.cos(angle))], [2.0 * h, slip * mu * np.sin(angle) - np.cos(angle)]]
+        return float(np.linalg.solve(M, [0.0, -2.0 * G])[0])
+
+    stop = -10.0 / acceleration(1.0)
+    back = 0.0 if part > 1 else acceleration(-1.0)
+    assert changes(up)[0] == pytest.approx(stop, rel=1e-11)
+    assert up[scene.screw.q][-1] == pytest.approx(5.0 * stop + back / 2 * (0.5 - stop) ** 2, rel=1e-11)
+
+
+def test_light_nut_on_a_thread_that_holds_itself_has_no_motion_and_the_critical_coefficient_is_said() -> None:
+    scene = screw(0.5, turning=1e-8)
+    # by the equations above the force across the thread changes with friction along it, both at once
+    angle, h = np.arctan(1 / (2 * np.pi)), 0.01 / (2 * np.pi)
+    M = [[1e-8, 0.01 * np.sin(angle)], [2.0 * h, -np.cos(angle)]]
+    critical = 1 / abs(np.linalg.solve(M, [0.01 * np.cos(angle), np.sin(angle)])[1])
+    with pytest.raises(
+        ac.errors.SimulationError, match=r"thread \(.*\) slips with a coefficient of 0\.5, and there the critical"
+    ) as said:
+        ac.build(scene).simulate(0.5, {scene.screw.q: 0.0, scene.screw.v: 5.0})
+    found = re.search(r"critical one is ([\d.e-]+):", str(said.value))
+    assert found and float(found[1]) == pytest.approx(critical, rel=1e-5)
+    below = screw(0.999 * critical, turning=1e-8)
+    assert changes(ac.build(below).simulate(0.5, {below.screw.q: 0.0, below.screw.v: 5.0}))
+
+
+@pytest.mark.parametrize("part", [0.9, 1 + 1e-9, 1.5])
+def test_drawer_jams_where_it_is_pulled_too_far_off_its_middle(part: float) -> None:
+    mu, length, pull = 0.25, 0.4, 7.0
+    scene = ac.System()
+    scene.world, scene.slide = World(gravity=(0.0, 0.0, 0.0)), Prismatic(axis="x")
+    scene.drawer, scene.hand = RigidBody(mass=3.0, inertia=(0.1, 0.1, 0.1)), Force((pull, 0.0, 0.0))
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.drawer.frame)
+    scene.connect(scene.drawer.at((0.0, part * length / (2 * mu), 0.0)), scene.hand.point)
+    scene.rub = JointFriction(scene.slide, Coulomb(mu), length=length)
+    run = ac.build(scene).simulate(1.0, {scene.slide.q: 0.0, scene.slide.v: 0.0}, rtol=1e-12)
+    assert run[scene.slide.q][-1] == pytest.approx(max(1 - part, 0.0) * pull / 3.0 / 2, abs=1e-12)
+
+
+def test_rod_between_two_rough_rails_slides_down_as_its_equation_says() -> None:
+    mass, length, mu = 1.2, 0.8, 0.15
+    scene = ac.System()
+    scene.world = World(gravity=(0.0, 0.0, -G))
+    scene.floor, scene.wall = Prismatic(axis="x"), Prismatic(axis="z")
+    scene.foot, scene.head = Revolute(axis="y"), Revolute(axis="y")
+    scene.rod = RigidBody(mass=mass, inertia=(mass * length**2 / 12,) * 3)
+    scene.shoe, scene.block = RigidBody(mass=0.2, inertia=(0.01,) * 3), RigidBody(mass=0.3, inertia=(0.01,) * 3)
+    scene.connect(scene.world.frame, scene.floor.frame_a, scene.wall.frame_a)
+    scene.connect(scene.floor.frame_b, scene.shoe.frame, scene.foot.frame_a)
+    scene.connect(scene.wall.frame_b, scene.block.frame, scene.head.frame_a)
+    scene.connect(scene.foot.frame_b, scene.rod.at((0.0, 0.0, -length / 2)))
+    scene.connect(scene.head.frame_b, scene.rod.at((0.0, 0.0, length / 2)))
+    scene.below, scene.beside = JointFriction(scene.floor, Coulomb(mu)), JointFriction(scene.wall, Coulomb(mu))
+    run = ac.build(scene).simulate(
+        0.4, {scene.floor.q: 0.3, scene.wall.q: np.sqrt(length**2 - 0.09), scene.floor.v: 0.0}, rtol=1e-12
+    )
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        # foot (L sin a, 0), head (0, L cos a); unknown: a'', forces of the floor upwards and of the wall along x, with signs as they turn out to be
+        s, c, w = np.sin(y[0]), np.cos(y[0]), y[1]
+        m, at_foot, at_head, L = mass, 0.2, 0.3, length
+        A = m * L * L / 3 + L * L * (at_foot * c * c + at_head * s * s)
+        for below in (1, -1):
+            for beside in (1, -1):
+                M = [
+                    [(m / 2 + at_foot) * L * c, mu * below, -1.0],  # along x: what is on the right of the wall
+                    [-(m / 2 + at_head) * L * s, -1.0, -mu * beside],  # upwards
+                    [A, mu * below * L * c, mu * beside * L * s],  # by Lagrange
+                ]
+                right = [
+                    (m / 2 + at_foot) * L * s * w * w, (m / 2 + at_head) * L * c * w * w - (m + 0.5) * G,
+                    (m / 2 + at_head) * G * L * s - L * L * s * c * (at_head - at_foot) * w * w,
+                ]  # fmt: skip
+                a, up, out = np.linalg.solve(M, right)
+                if up * below >= 0 and out * beside >= 0:
+                    return [w, a]
+        raise AssertionError
+
+    sol = solve_ivp(rates, (0.0, 0.4), [np.arcsin(0.3 / length), 0.0], "DOP853", rtol=1e-13, atol=1e-13)
+    assert run[scene.floor.q][-1] == pytest.approx(length * np.sin(sol.y[0, -1]), abs=1e-10)
+    assert run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize("part", [0.5, 1 - 1e-6, 1 + 1e-6, 1.5])
+def test_wedge_is_driven_out_where_it_is_steeper_than_its_two_angles_of_friction(part: float) -> None:
+    mu, wedge, above = 0.2, 1.1, 4.0
+    slope = (np.arctan(mu) + np.arctan(mu * (1 + wedge / above))) * part  # the floor bears the wedge, too
+    scene = ac.System()
+    scene.world = World(gravity=(0.0, 0.0, -G))
+    scene.floor, scene.guide = Prismatic(axis="x"), Prismatic(axis="z")
+    scene.wedge, scene.load = RigidBody(mass=wedge, inertia=(0.1,) * 3), RigidBody(mass=above, inertia=(0.1,) * 3)
+    scene.face, scene.rub = PointOnPlane(friction=Coulomb(mu)), JointFriction(scene.floor, Coulomb(mu))
+    scene.connect(scene.world.frame, scene.floor.frame_a, scene.guide.frame_a)
+    scene.connect(scene.floor.frame_b, scene.wedge.frame)
+    scene.connect(scene.guide.frame_b, scene.load.frame)
+    scene.connect(scene.wedge.at((0.0, 0.0, 0.0), rotation=("y", -slope)), scene.face.frame_a)
+    scene.connect(scene.face.frame_b, scene.load.frame)
+    run = ac.build(scene).simulate(0.5, {scene.floor.q: 0.0, scene.floor.v: 0.0}, rtol=1e-12)
+    # the load sinks by T x, x the way of the wedge: N and mu N on the face, up to the floor's U and mu U
+    s, c, T = np.sin(slope), np.cos(slope), np.tan(slope)
+    M = [[wedge, mu * c - s, mu], [above * T, c + mu * s, 0.0], [0.0, -c - mu * s, 1.0]]
+    away = max(float(np.linalg.solve(M, [0.0, above * G, wedge * G])[0]), 0.0) if part > 1 else 0.0
+    assert abs(run[scene.floor.q][-1] - run[scene.floor.q][0]) == pytest.approx(
+        away / 2 * 0.25, rel=1e-6 if abs(part - 1) < 1e-3 else 1e-10, abs=1e-12
+    )
+
+
+def test_stop_of_a_bead_depends_on_the_coefficient_as_its_closed_form_does() -> None:
+    slope, mu = 0.6, ac.Parameter(0.8)
+    scene = bead(PointOnCurve(Line((np.cos(slope), 0.0, np.sin(slope))), friction=Coulomb(mu)), (0.0, 0.0, -G))
+    start = {scene.wire.q: 0.0, scene.wire.v: 4.0}
+    found = ac.build(scene).sensitivities([0.0, 1.0], [mu, scene.wire.v], start, rtol=1e-12)
+    up = G * (np.sin(slope) + 0.8 * np.cos(slope))
+    assert found.S[-1, 0] == pytest.approx([-8.0 / up**2 * G * np.cos(slope), 4.0 / up], rel=1e-9)
+
+
+def test_stop_in_a_rough_ring_depends_on_start_and_coefficient_through_where_its_side_changes() -> None:
+    c, low = G / 0.5, -np.pi / 2
+
+    def rest(speed: float, mu: float) -> float:
+        over = zero(lambda at: ring_speed(2 * mu, c, low, speed**2, at) - c * np.sin(at), 0.0, np.pi / 2)
+        return zero(lambda at: ring_speed(-2 * mu, c, over, c * np.sin(over), at), over, np.pi / 2 + 0.5)
+
+    mu, speed, h = ac.Parameter(0.9), np.sqrt(40 * c), 1e-4
+    scene = bead(PointOnCurve(Circle(0.5), friction=Coulomb(mu, static=50.0)), (0.0, -G, 0.0))
+    start = {scene.wire.q: low, scene.wire.v: speed}
+    found = ac.build(scene).sensitivities([0.0, 1.5], [scene.wire.v, mu], start, rtol=1e-12)
+    # differences of the closed form, to fourth order
+    steps = [(h * speed, 0.0), (0.0, h)]
+    exact = [
+        (8 * (rest(speed + a, 0.9 + b) - rest(speed - a, 0.9 - b)) - rest(speed + 2 * a, 0.9 + 2 * b) + rest(speed - 2 * a, 0.9 - 2 * b))
+        / (12 * (a + b))
+        for a, b in steps
+    ]  # fmt: skip
+    assert found.x[0, -1] == pytest.approx(rest(speed, 0.9), abs=1e-11)
+    assert found.S[-1, 0] == pytest.approx(exact, rel=1e-8)
+
+
+def leaning_rod(mu: float, inertia: float = 1 / 3) -> ac.System:
+    """A rod of half a length of 0.5 m with its foot on the floor."""
+    scene, half, mass = ac.System(), 0.5, 1.3
+    scene.world, scene.foot = World(gravity=(0.0, 0.0, -G)), PointOnPlane(unilateral=True, friction=Coulomb(mu))
+    scene.rod = RigidBody(mass=mass, inertia=(mass * half**2 * inertia, mass * half**2 * inertia, 1e-6 * mass))
+    scene.connect(scene.world.frame, scene.foot.frame_a)
+    scene.connect(scene.foot.frame_b, scene.rod.at((0.0, 0.0, -half)))
+    return scene
+
+
+def leaning(scene: ac.System, angle: float, slip: float, turning: float = 0.0) -> dict[Any, Any]:
+    """At an angle over the floor; slip of its foot to the right."""
+    along = np.array([np.cos(angle), 0.0, np.sin(angle)])
+    R = np.array([[np.sin(angle), 0.0, np.cos(angle)], [0.0, 1.0, 0.0], [-np.cos(angle), 0.0, np.sin(angle)]])
+    w = np.array([0.0, turning, 0.0])
+    frame = scene.rod.frame
+    velocity = np.array([slip, 0.0, 0.0]) + np.cross(w, 0.5 * along)
+    return {frame.position: 0.5 * along, frame.rotation: R, frame.velocity: velocity, frame.angular_velocity: w}
+
+
+@pytest.mark.parametrize("angle", [np.arctan(2.0), 0.9, 1.3])
+def test_slender_rod_is_stopped_at_once_beyond_its_critical_coefficient(angle: float) -> None:
+    s, c = np.sin(angle), np.cos(angle)
+    critical = (1 + 3 * c * c) / (3 * s * c)  # 4 / 3 at least, where tan is 2
+    assert critical >= 4 / 3 - 1e-12
+    below, beyond = leaning_rod(critical * 0.98), leaning_rod(critical * 1.02)
+    run = ac.build(below).simulate(1e-3, leaning(below, angle, -50.0), rtol=1e-12)
+    # N (1 + 3 c^2 - 3 mu s c) = m g
+    assert run[below.foot.normal_force][0] == pytest.approx(1.3 * G / (1 + 3 * c * c) / 0.02, rel=1e-9)
+    run = ac.build(beyond).simulate(1e-3, leaning(beyond, angle, -50.0), rtol=1e-12)
+    struck = run.transitions[0]
+    assert struck.time == 0
+    # the impulse that stops the foot: slip' = (1 + 3 s^2) X + 3 s c Z, 0 = 3 s c X + (1 + 3 c^2) Z, over the mass
+    X, Z = np.linalg.solve([[1 + 3 * s * s, -3 * s * c], [-3 * s * c, 1 + 3 * c * c]], [1.3 * 50.0, 0.0])
+    assert struck.energy_lost == pytest.approx(50.0 / 2 * X, rel=1e-10)
+    assert next(change.impulse for change in struck.changes if np.size(change.impulse) == 1) == pytest.approx(abs(Z), rel=1e-10)
+    assert struck.after[beyond.foot.slip] == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_rod_that_may_fly_or_be_held_names_its_critical_coefficient() -> None:
+    angle = np.arctan(2.0)
+    scene = leaning_rod(1.5)
+    with pytest.raises(
+        ac.errors.SimulationError, match=r"foot.* slips with a coefficient of 1\.5, and there the critical one is 1\.33333:"
+    ):
+        ac.build(scene).simulate(0.05, leaning(scene, angle, -1.0, turning=12.0))
+    scene = leaning_rod(1.3)
+    assert not ac.build(scene).simulate(0.01, leaning(scene, angle, -1.0, turning=12.0)).transitions

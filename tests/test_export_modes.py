@@ -32,6 +32,7 @@ from tests.exported import (
     program,
 )
 from tests.scenes import FourBar
+from tests.test_borne_friction import pendulum
 from tests.test_export_instances import COUNTED
 from tests.test_modes import Touch, bouncing, changes, rubbing, sliding, table
 
@@ -85,7 +86,14 @@ def linkage() -> Case:
     return Case(scene, {scene.a.q: -1.2, scene.a.v: 0.0}, 1.5, {"push": scene.touch.push}, ac.when(scene.a.v))
 
 
-MADE: dict[str, Callable[[], Case]] = {made.__name__: made for made in (ball, belt, slide, box, linkage)}
+def bearing() -> Case:
+    """A pendulum in a plain bearing, which is loaded by its own friction too."""
+    scene = pendulum()
+    q, v = scene.hinge.q, scene.hinge.v
+    return Case(scene, {q: 2.5, v: 0.0}, 3.0, {"drag": scene.bearing.drag[0]}, ac.when(q))
+
+
+MADE: dict[str, Callable[[], Case]] = {made.__name__: made for made in (ball, belt, slide, box, linkage, bearing)}
 BOX = pytest.param("box", marks=pytest.mark.slow)
 NAMES = [BOX if name == "box" else name for name in MADE]
 METHODS = {"auto": AUTO, "gauss": GAUSS, "radau": RADAU}

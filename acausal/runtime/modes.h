@@ -357,8 +357,41 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
     }
 }
 
-/* Whether friction by magnitudes has one answer in the mode that has been set; else `worst` is the law. REACHED_END, NO_MODE or INPUT_FAILED. */
-static enum Code has_one_answer(Integrator *I, const Decision *D) {
+/* How a one-sided row is pushed open by its own reaction, less than none where friction that slips turns it round (Painleve); with all others that hold, in its units. */
+static double yield_of(const Decision *D, Room R, long gap) {
+    long n = D->n, m = 0, *row = R.place;
+    double *A = R.work;
+    for (long i = 0; i < D->gaps; i++)
+        if (i != gap && R.law[i] == HOLDS) row[m++] = i;
+    for (long f = 0; f < D->frictions; f++)
+        for (long k = 0; k < rows_of(D, f) && R.law[D->gaps + f] == HOLDS; k++) row[m++] = row_of(D, f) + k;
+    row[m++] = gap;
+    for (long a = 0; a < m; a++)
+        for (long b = 0; b < m; b++) {
+            double sum = D->W[row[a] * n + row[b]];
+            for (long f = 0; f < D->frictions && row[b] < D->gaps; f++)
+                for (long k = 0; k < rows_of(D, f) && R.touching[D->gaps + f] == 2; k++)
+                    sum -= D->slide_by[f * n + row[b]] * R.along[2 * f + k] * D->W[row[a] * n + row_of(D, f) + k];
+            A[a * m + b] = sum / (unit_of(D->W[row[a] * n + row[a]]) * unit_of(D->W[row[b] * n + row[b]]));
+        }
+    for (long k = 0; k < m - 1; k++)
+        for (long a = k + 1; a < m; a++) {
+            double factor = A[a * m + k] / A[k * m + k];
+            for (long b = k + 1; b < m; b++) A[a * m + b] -= factor * A[k * m + b];
+        }
+    return A[m * m - 1];
+}
+
+/* Whether friction that slips has one answer in the mode that has been set; else `worst` is the law. REACHED_END, NO_MODE or INPUT_FAILED. */
+static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
+    for (long f = 0; f < D->frictions; f++)
+        for (long i = 0; i < D->gaps && R.touching[D->gaps + f] == 2; i++) {
+            double by = D->slide_by[f * D->n + i], alone = D->W[i * D->n + i];
+            for (long k = 0; k < rows_of(D, f); k++) alone -= by * R.along[2 * f + k] * D->W[i * D->n + row_of(D, f) + k];
+            if (by == 0 || alone > 0 || !R.touching[i] || I->redundant || yield_of(D, R, i) > 0) continue;
+            I->worst = D->gaps + f;
+            return NO_MODE;
+        }
     if (!I->magnitudes) return REACHED_END;
     if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
     for (long m = 0; m < I->magnitudes; m++) {
@@ -368,6 +401,34 @@ static enum Code has_one_answer(Integrator *I, const Decision *D) {
         return NO_MODE;
     }
     return REACHED_END;
+}
+
+/* Where friction that slips leaves no acceleration that is possible, what touches is stopped by an impact, plastic, though nothing closes with speed (Genot and Brogliato,
+   European Journal of Mechanics A 18, 1999). Whether friction can do that. */
+static int strike_without_closing(Integrator *I, Room R) {
+    struct State *T = I->state;
+    Decision D;
+    long n = reactions_of(I);
+    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    Problem p = {.D = &D, .start = D.rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    for (long i = 0; i < D.gaps; i++) R.law[i] = R.asked[i] = R.touching[i] ? HOLDS : OFF;
+    for (long f = 0; f < D.frictions; f++) {
+        long *law = R.law + D.gaps + f;
+        *law = OFF;
+        for (long i = 0; i < D.gaps; i++)
+            if (R.touching[i] && D.slide_by[f * n + i] != 0) *law = HOLDS;
+        R.asked[D.gaps + f] = *law;
+    }
+    memset(R.push, 0, sizeof(double) * (size_t)n);
+    if (!solve_choice(&p) || !answers(&p)) return 0;
+    memcpy(T->impulse, R.push, sizeof(double) * (size_t)n);
+    for (long i = 0; i < I->nx; i++)
+        for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
+    memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
+    for (long k = 0; k < I->masks; k++) T->side[k] = 0;
+    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    look_at_slips(I, &D, R, -1, R.before);
+    return 1;
 }
 
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
@@ -439,7 +500,11 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         T->impacts = 0;
     }
     enum Code code = decide_accelerations(I, R, planned);
-    if (code == REACHED_END) code = has_one_answer(I, &D);
+    if (code == NO_MODE && !impacts && !I->directions && strike_without_closing(I, R)) {
+        impacts = 1;
+        code = decide_accelerations(I, R, planned);
+    }
+    if (code == REACHED_END) code = has_one_answer(I, &D, R);
     if (code != REACHED_END) return code;
     memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
     project(I, I->t, I->x);

@@ -13,6 +13,7 @@ from acausal.collocation.problem import Status, StatusKind
 from acausal.errors import AcausalError, AccuracyWarning, AssemblyError, ContactWarning, JumpWarning, SingularWarning
 from acausal.outputs.functions import Functions
 from acausal.simulate.looks import MOST, at_steps, least_spectrum, matrices_at_steps, spread
+from acausal.simulate.paradox import paradox
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
 from acausal.wording import callers_level, compact
@@ -201,6 +202,8 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
         worst = " Dry friction that sticks is like that: a law that is steep and smooth there, such as tanh(v / 1e-3) in place of sign(v), has a motion."
     if run is not None and status.kind is StatusKind.OVERLAPS:
         message = _overlap(functions, run) or message
+    if run is not None and status.kind is StatusKind.NO_MODE:
+        message = paradox(functions, run) or message
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
     if run is not None:
