@@ -410,7 +410,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     Decision D;
     long n = reactions_of(I);
     if (!decision_at(I, I->t, I->x, &D)) return 0;
-    Problem p = {.D = &D, .start = D.rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .work = R.work};
+    Problem p = {.D = &D, .start = D.rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.asked[i] = R.touching[i] ? HOLDS : OFF;
     for (long f = 0; f < D.frictions; f++) {
         long *law = R.law + D.gaps + f;
@@ -420,7 +420,10 @@ static int strike_without_closing(Integrator *I, Room R) {
         R.asked[D.gaps + f] = *law;
     }
     memset(R.push, 0, sizeof(double) * (size_t)n);
-    if (!solve_choice(&p) || !answers(&p)) return 0;
+    memset(R.centre, 0, sizeof(double) * (size_t)n);
+    if (!newton_of_laws(&p, R.asked)) return 0;
+    find_rates(&p);
+    if (!answers(&p)) return 0;
     memcpy(T->impulse, R.push, sizeof(double) * (size_t)n);
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
