@@ -77,7 +77,7 @@ def _worst(at: _Place, own: np.ndarray, friction: int) -> tuple[float, float]:
     slip, found = at.rate[own], (0.0, 0.0)
     along = [slip / np.linalg.norm(slip)] if np.linalg.norm(slip) > 0 else []
     for gap in np.flatnonzero(at.by_reaction[friction]):
-        W = _held(at, [gap, *own], [gap, *own])
+        W = _held(at, np.concatenate([[gap], own]))
         for e in (*along, W[0, 1:] / (np.linalg.norm(W[0, 1:]) or 1.0))[:1]:
             found = max(
                 found,
@@ -93,23 +93,24 @@ def _worst(at: _Place, own: np.ndarray, friction: int) -> tuple[float, float]:
     return max(found, (float(at.by_magnitude[friction, sizes[0]]) if sizes.size else 0.0, part), key=lambda pair: pair[1])
 
 
-def _others(at: _Place, own: np.ndarray | list[int]) -> np.ndarray:
+def _others(at: _Place, own: np.ndarray) -> np.ndarray:
     held = at.holds.copy()
-    held[np.asarray(own)] = False
+    held[own] = False
     return np.flatnonzero(held)
 
 
-def _held(at: _Place, own: list[int], rows: list[int]) -> np.ndarray:
+def _held(at: _Place, rows: np.ndarray) -> np.ndarray:
     """Compliances of some rows, while all others hold that do."""
-    others = _others(at, own)
-    W = at.W[np.ix_(rows, rows)]
-    return (
-        W - at.W[np.ix_(rows, others)] @ np.linalg.lstsq(at.W[np.ix_(others, others)], at.W[np.ix_(others, rows)], rcond=None)[0]
-    )
+    others = _others(at, rows)
+    return at.W[rows][:, rows] + at.W[rows][:, others] @ _answers(at, others, rows)
 
 
 def _answer(at: _Place, own: np.ndarray) -> np.ndarray:
     """Reactions of all that holds, by those of some rows."""
     others, found = _others(at, own), np.zeros((at.W.shape[0], own.size))
-    found[others] = -np.linalg.lstsq(at.W[np.ix_(others, others)], at.W[np.ix_(others, own)], rcond=None)[0]
+    found[others] = _answers(at, others, own)
     return found[at.holds]
+
+
+def _answers(at: _Place, others: np.ndarray, own: np.ndarray) -> np.ndarray:
+    return -np.linalg.lstsq(at.W[others][:, others], at.W[others][:, own], rcond=None)[0]
