@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -228,3 +230,42 @@ def test_two_hundred_states_at_rest_start_where_one_is_pulled(method: str) -> No
     scene, start, end = row_of_masses(100, 1e5, 1e3)
     run = ac.build(scene).simulate(end, start, rtol=1e-3, method=method, samples=2)
     assert run.statistics.steps < 100
+
+
+def rows_of_masses(count: int, damping: float, spread: float, seed: int) -> np.ndarray:
+    """(2 n, 2 n) for places and speeds of masses of 10 g in a row, the first one tied to a wall: springs of 1e5 N/m, dampers in parallel, both times `spread` more or less."""
+    rng = np.random.default_rng(seed)
+    J = np.zeros((2 * count, 2 * count))
+    places = np.arange(count)
+    J[places, count + places] = 1.0
+    for k in range(count):
+        for of, size in ((0, 1e5), (count, damping)):
+            force = 100 * size * spread ** rng.uniform(-1, 1)
+            J[count + k, of + k] -= force
+            if k:
+                J[count + k, of + k - 1] += force
+                J[count + k - 1, of + k] += force
+                J[count + k - 1, of + k - 1] -= force
+    return J
+
+
+@functools.cache
+def pulled(count: int, damping: float, spread: float) -> tuple[Problem, np.ndarray, np.ndarray]:
+    """Such a row, its start with the last mass pulled, and its states 20 ms later by the matrix exponential."""
+    J, start = rows_of_masses(count, damping, spread, seed=count), np.zeros(2 * count)
+    start[count - 1] = 0.1
+    return linear(J), start, scipy.linalg.expm(0.02 * J) @ start
+
+
+@pytest.mark.parametrize("row", [(40, 1e4, 1.0), (150, 1e3, 3.0), (300, 1e3, 1.0)])
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau"])
+def test_however_many_states_are_at_rest_behind_what_is_stiff_the_motion_is_exact(
+    row: tuple[int, float, float], method: str
+) -> None:
+    """What states far away may be off by does not grow from neighbour to neighbour, nor must all of them be found from nothing."""
+    problem, start, exact = pulled(*row)
+    for rtol in (1e-3, 1e-7):
+        solution = integrate(problem, start, 0.0, 0.02, Accuracy(rtol, max_steps=2000), method=method)
+        assert solution.status.kind is StatusKind.SUCCESS and solution.statistics.steps < 500
+        for off, whole in zip(np.split(solution.x[:, -1] - exact, 2), np.split(exact, 2), strict=True):
+            assert np.max(np.abs(off)) < 30 * rtol * np.max(np.abs(whole))

@@ -226,6 +226,8 @@ class Solution:
     kept: Kept | None = None
     modes: ModesMet | None = None
     """Of problems with modes."""
+    coarse: Callable[[np.ndarray], np.ndarray] | None = None
+    """`dense` for a first look, where that is cheaper."""
 
     @property
     def known(self) -> np.ndarray:
@@ -235,7 +237,7 @@ class Solution:
     def __reduce__(self) -> tuple[Any, ...]:
         """For copies and files: the integrator's memory stays behind, polynomials through its dense output take its place."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return Solution, tuple((values | {"dense": Interpolant.of(self)}).values())
+        return Solution, tuple((values | {"dense": Interpolant.of(self), "coarse": None}).values())
 
 
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(33) / 32)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.collocation.problem import Problem
-from acausal.numerics.bound import BoundFunction
 
 _CROSSING = 5e-5
 _AHEAD = 0.016
@@ -31,6 +30,9 @@ class Passage:
 
     def clearances(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n,) at states X (n, nx)."""
+        native = self.problem.native
+        if native is not None:
+            return native.clearances(t, X, self.problem.parameters)
         assert self.problem.clearance is not None
         return np.array(self.problem.clearance(t[None, :], X.T, self._p(t.size)))[0]
 
@@ -85,10 +87,7 @@ class Passage:
 
     def is_crossing(self, t: float, x: np.ndarray) -> bool:
         """Whether a state is next to a singular position, where closing loops only adds rounding errors."""
-        clearance = self.problem.clearance
-        assert clearance is not None
-        at = (np.array([t]), np.ascontiguousarray(x), np.ascontiguousarray(self.problem.parameters))
-        return bool(BoundFunction(clearance, at, np.empty(clearance.numel_out(0)))()[0] < _CROSSING)
+        return bool(self.clearances(np.array([t]), x[None, :])[0] < _CROSSING)
 
     def _ahead(self, t: float, x: np.ndarray) -> np.ndarray:
         """Rates of t and x (1 + nx,), those of velocities left out."""

@@ -62,7 +62,7 @@ class FlatSystem:
             self.solved,
         )
 
-    @property
+    @functools.cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """All adjustable numbers, in the order in which they are met."""
         return tuple(symbol for symbol in self.names if isinstance(symbol, Parameter))
@@ -72,7 +72,7 @@ class FlatSystem:
         """What the parameters must fulfil, whatever values they are given."""
         return ParameterConditions(self.parameters, {part.component.created_at for part in self.parts})
 
-    @property
+    @functools.cached_property
     def inputs(self) -> tuple[Input, ...]:
         """All inputs, in the order in which they are met; reactions among them as long as they are not solved."""
         found = tuple(symbol for symbol in self.names if isinstance(symbol, Input) and not isinstance(symbol, Mode))
@@ -103,6 +103,8 @@ class FlatSystem:
 
     def symbols(self, given: Any) -> Any:
         """What a user gives, one, a list, or a dictionary's keys, with names replaced by what they stand for."""
+        if isinstance(given, Expression):
+            return given
         if isinstance(given, str):
             return self.named(given)
         if isinstance(given, list | tuple):

@@ -95,7 +95,18 @@ class Constraints:
 
     def margins(self, q: np.ndarray, time: float, values: np.ndarray) -> list[Margin]:
         """Of each group of loops, at a configuration (nq,) with closed loops and for these values of the parameters."""
-        return [part.margin(q[list(part.group.q_places)], time, values) for part in self.examined]
+        key = q.tobytes() + np.array(time).tobytes() + values.tobytes()
+        found = self._margins.get(key)
+        if found is None:
+            found = [part.margin(q[list(part.group.q_places)], time, values) for part in self.examined]
+            self._margins.clear()
+            self._margins[key] = found
+        return found
+
+    @functools.cached_property
+    def _margins(self) -> dict[bytes, list[Margin]]:
+        """What was found last."""
+        return {}
 
     def decides_as(self, other: Constraints) -> bool:
         """Whether the same rows are kept, and singular positions are met or not."""

@@ -49,6 +49,8 @@ class Reactions:
     multipliers: ca.SX
     solved: Mapping[Symbol, ca.SX] = field(default_factory=dict[Symbol, ca.SX])
     """Values of scalar variables, among them the efforts at flanges of spans."""
+    borne: ca.SX | None = None
+    """Symbols for the multipliers of all rows, which many reactions share; None where `balanced` is to stand in them itself."""
 
     @functools.cached_property
     def motion(self) -> NewtonEuler:
@@ -68,19 +70,24 @@ class Reactions:
     @functools.cached_property
     def cut_wrenches(self) -> CutWrenches:
         """For each cut joint: the places of frame_a and frame_b and the wrench that the joint exerts there, in those axes."""
-        multipliers = self._all_multipliers
-        if self.constraints.redundant or self.constraints.vanishing:
-            loops = loop_reactions(self.system, self.constraints)
-            motion = self._motion(self._cut_wrenches(multipliers))
-            joints = {item.edge.name: item for item in self.system.tree.joints}
-            felt = [ca.vertcat(*motion.transmitted[joints[e.name].link]) for e in loops.edges if e.name in joints]
-            felt = [wrench_on_b(self.system, joints[e.name], w) for e, w in zip(loops.edges, felt, strict=False)]
-            felt.append(loops.change[6 * len(felt) :, :] @ multipliers)
-            multipliers = loops.balanced(multipliers, ca.vertcat(*felt))
-        return self._cut_wrenches(multipliers)
+        return self._cut_wrenches(self.balanced if self.borne is None else self.borne)
+
+    @functools.cached_property
+    def balanced(self) -> ca.SX:
+        """Multipliers of all rows, with the smallest reactions where rigid bodies do not determine them."""
+        multipliers = self.all_multipliers
+        if not (self.constraints.redundant or self.constraints.vanishing):
+            return multipliers
+        loops = loop_reactions(self.system, self.constraints)
+        motion = self._motion(self._cut_wrenches(multipliers))
+        joints = {item.edge.name: item for item in self.system.tree.joints}
+        felt = [ca.vertcat(*motion.transmitted[joints[e.name].link]) for e in loops.edges if e.name in joints]
+        felt = [wrench_on_b(self.system, joints[e.name], w) for e, w in zip(loops.edges, felt, strict=False)]
+        felt.append(loops.change[6 * len(felt) :, :] @ multipliers)
+        return loops.balanced(multipliers, ca.vertcat(*felt))
 
     @property
-    def _all_multipliers(self) -> ca.SX:
+    def all_multipliers(self) -> ca.SX:
         """Of all rows of the cut joints, zero for those that are not used; vanishing rows come last in each joint."""
         kept = {row: k for k, row in enumerate(self.constraints.kept_index)}
         entries: list[ca.SX] = []

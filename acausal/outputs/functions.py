@@ -45,12 +45,13 @@ _KEPT, _DEPTH = 512, 100
 @dataclass(frozen=True)
 class Reading:
     """How an expression is read of a motion: `series` gives its column, `shape` says what it is. `of_dynamics`: its inputs are followed by what
-    the dynamics give. `angle`: known up to full turns.
+    the dynamics give; `of_loops`: and then by what redundant loops bear. `angle`: known up to full turns.
     """
 
     series: Series
     shape: tuple[int, int]
     of_dynamics: bool
+    of_loops: bool
     angle: bool
 
 
@@ -391,14 +392,16 @@ class Functions:
         return found
 
     def _reading(self, wanted: Expression | ca.SX) -> Reading:
-        opened = self.outputs.opened(wanted)
+        shared = self.outputs.shared(wanted)
         given, _ = self.outputs.given_by_dynamics
-        column = ca.vec(ca.densify(self.space.put(opened)))
-        of_dynamics = ca.depends_on(column, given)
+        borne = self.outputs.borne
+        column = ca.vec(ca.densify(self.space.put(shared)))
+        of_loops = borne.numel() > 0 and ca.depends_on(column, borne)
+        of_dynamics = of_loops or ca.depends_on(column, given)
         t, x, u, p = self.space.arguments
-        inputs = ca.vertcat(u, given) if of_dynamics else u
+        inputs = ca.vertcat(u, *(given,) * of_dynamics, *(borne,) * of_loops)
         angle = isinstance(wanted, Expression) and self.outputs.is_angle(wanted)
-        return Reading(Series(folded_function("series", [t, x, inputs, p], [column])), opened.shape, of_dynamics, angle)
+        return Reading(Series(folded_function("series", [t, x, inputs, p], [column])), shared.shape, of_dynamics, of_loops, angle)
 
     @functools.cached_property
     def _readings(self) -> dict[Any, list[tuple[Expression, Reading]]]:
@@ -408,6 +411,13 @@ class Functions:
     def given_by_dynamics(self) -> ca.Function:
         """(t, x, u, p) -> rates of all states of the reduced system, and multipliers."""
         return self._function("given_by_dynamics", [self.outputs.given_by_dynamics[1]], ["given"])
+
+    @functools.cached_property
+    def given_by_loops(self) -> ca.Function:
+        """(t, x, (u, what the dynamics give), p) -> what redundant loops bear."""
+        t, x, u, p = self.space.arguments
+        found = self.space.put(self.outputs.given_by_loops)
+        return folded_function("given_by_loops", [t, x, ca.vertcat(u, self.outputs.given_by_dynamics[0]), p], [found])
 
     def series(self, function: ca.Function) -> Series:
         """One of these functions (t, x, u, p), at many points at once."""

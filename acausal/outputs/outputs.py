@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -41,9 +41,25 @@ class Outputs:
 
     @functools.cached_property
     def reactions(self) -> Reactions:
-        """Flows at connectors, in symbols for what the dynamics give."""
+        """Flows at connectors, in symbols for what the dynamics and loops give."""
+        return replace(self._reactions, borne=self.borne if self.borne.numel() else None)
+
+    @functools.cached_property
+    def _reactions(self) -> Reactions:
         r = self.system
         return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers, r.solved)
+
+    @functools.cached_property
+    def borne(self) -> ca.SX:
+        """Symbols (n, 1) that may stand in what `shared` gives, for multipliers of all rows of loops with redundant constraints."""
+        constraints = self.system.constraints
+        several = constraints.redundant or constraints.vanishing
+        return ca.SX.sym("borne", self._reactions.all_multipliers.numel() if several else 0)
+
+    @functools.cached_property
+    def given_by_loops(self) -> ca.SX:
+        """What these stand for, in t, x, u, p, and symbols for rates and multipliers."""
+        return ca.densify(self._reactions.balanced)
 
     @functools.cached_property
     def _rates(self) -> ca.SX:
@@ -62,8 +78,9 @@ class Outputs:
         return ca.vertcat(self._rates, self._multipliers, reactions), ca.densify(ca.vertcat(s.x_dot, s.multipliers, found))
 
     def closed(self, expression: ca.SX) -> ca.SX:
-        """An opened expression in t, x, u and p."""
+        """An opened or shared expression in t, x, u and p."""
         symbols, values = self.given_by_dynamics
+        expression = self._without_borne(expression)
         return ca.substitute(expression, symbols, values) if ca.depends_on(expression, symbols) else expression
 
     @functools.cached_property
@@ -76,10 +93,19 @@ class Outputs:
 
     def resolve(self, value: Expression | ca.SX | str) -> ca.SX:
         """The expression, or what a name stands for, in t, x, u and p. Raises `UnknownVariableError` for a variable of another scene."""
-        return self.closed(self.opened(self.system.flat.named(value) if isinstance(value, str) else value))
+        return self.closed(self.shared(self.system.flat.named(value) if isinstance(value, str) else value))
 
     def opened(self, value: Expression | ca.SX) -> ca.SX:
-        """The expression in t, x, u, p, and symbols for rates and multipliers (see `given_by_dynamics`), which many expressions share.
+        """The expression in t, x, u, p, and symbols for rates and multipliers (see `given_by_dynamics`). Raises `UnknownVariableError`."""
+        return self._without_borne(self.shared(value))
+
+    def _without_borne(self, expression: ca.SX) -> ca.SX:
+        if not self.borne.numel() or not ca.depends_on(expression, self.borne):
+            return expression
+        return ca.substitute(expression, self.borne, self.given_by_loops)
+
+    def shared(self, value: Expression | ca.SX) -> ca.SX:
+        """The expression in t, x, u, p, and symbols for what many expressions share: rates and multipliers, and what redundant loops bear.
 
         Raises `UnknownVariableError` for a variable of another scene.
         """
@@ -176,7 +202,7 @@ class Outputs:
                 raise UnknownVariableError(f"'{entry.name()}' is not a variable of the scene '{self.system.flat.name}'.")
             if found is not None:
                 used[id(found)] = found
-        return self.opened(Expression(value, frozenset(used.values())))
+        return self.shared(Expression(value, frozenset(used.values())))
 
     def _quantities(self) -> list[Symbol]:
         return [q for connector in self.system.flat.connector_paths for q in connector.quantities]

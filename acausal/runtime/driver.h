@@ -485,11 +485,12 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
 }
 
 /* States at zero that are reached only through others at zero move as a high power of the step, of which no step size resolves a part. What
-   the errors that others may have move such a state by in a step of size h is allowed to it, too, from neighbour to neighbour. 1 where there is such
-   a state, -1 when the input function failed. */
+   the errors that others may have move such a state by in a step of size h is allowed to it, too, from neighbour to neighbour: less where it is held
+   back by what depends on itself (`own`, with states that are reached at the same time moved either way), as implicit steps see it. Otherwise what
+   is stiff were allowed more and more from neighbour to neighbour. 1 where there is such a state, -1 when the input function failed. */
 static int follows_others(Integrator *I, double h) {
     struct State *T = I->state;
-    double *allowed = T->most, *rate = T->factor, *moved = T->increment;
+    double *allowed = T->most, *rate = T->factor, *moved = T->increment, *again = T->rate; /* allowed: minus what a state is moved by that is reached now */
     int explains = 0, reached = 1;
     if (!rate_at(I, I->t, I->x, rate)) return -1;
     for (long i = 0; i < I->nx; i++) allowed[i] = T->unit * T->size[i];
@@ -498,8 +499,16 @@ static int follows_others(Integrator *I, double h) {
         for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + allowed[i];
         if (!rate_at(I, I->t, T->before, moved)) return -1;
         for (long i = 0; i < I->nx; i++) {
-            double change = fabs(h * (moved[i] - rate[i])) / PART;
-            if (allowed[i] == 0 && change > 0 && change < INFINITY) allowed[i] = change, reached = 1;
+            double change = fabs(h * (moved[i] - rate[i]));
+            if (allowed[i] == 0 && change > 0 && change < INFINITY) allowed[i] = -change, reached = 1;
+            T->before[i] = I->x[i] + (allowed[i] < 0 && drawn(i) & 1 ? -allowed[i] : allowed[i]);
+        }
+        if (!reached) break;
+        if (!rate_at(I, I->t, T->before, again)) return -1;
+        for (long i = 0; i < I->nx; i++) {
+            if (!(allowed[i] < 0)) continue;
+            double own = 0.5 * fabs(h * (again[i] - moved[i]) / allowed[i]);
+            allowed[i] = -allowed[i] / (PART + (own < INFINITY ? own : 0));
         }
     }
     for (long i = 0; i < I->nx; i++) {

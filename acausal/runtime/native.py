@@ -225,15 +225,18 @@ class NativeProblem:
 
     def _near(self, times: np.ndarray, rows: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(n,): which states (n, nx) are so near to singular positions that corrections take twice as many digits; all where that is not known."""
+        return np.ones(times.size, dtype=bool) if self.integrand.clearance is None else ~(self.clearances(times, rows, p) > _NEAR)
+
+    def clearances(self, times: np.ndarray, rows: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """(n,) at states (n, nx), of problems that have one."""
         clearance = self.integrand.clearance
-        if clearance is None:
-            return np.ones(times.size, dtype=bool)
-        found, x = np.empty((clearance.numel_out(0), times.size)), np.ascontiguousarray(rows.T)
-        at = [part.ctypes.data for part in (p, times, x, found)]
+        assert clearance is not None
+        found, t, x = np.empty((clearance.numel_out(0), times.size)), np.ascontiguousarray(times), np.ascontiguousarray(rows.T)
+        at = [part.ctypes.data for part in (p, t, x, found)]
         kernel = self.kernels.current[[wanted.name for wanted in self.integrand.wanted].index("clearance")]
         if self.library.columns(ctypes.byref(kernel), self.nx, 0, p.size, at[0], times.size, at[1], at[2], None, at[3]):
             raise MemoryError(f"clearance at {times.size} points: not enough memory.")
-        return ~(found[0] > _NEAR)
+        return found[0]
 
     def integrate(
         self,
@@ -466,7 +469,7 @@ class Run:
         if nx == 0:
             t, x = np.array([core.t, core.end] if core.end > core.t else [core.t]), np.zeros((0, 2 if core.end > core.t else 1))
         else:
-            t, x = self._times().copy(), np.ctypeslib.as_array(core.states, (self._ends, nx)).T.copy()
+            t, x = self._times().copy(), self._states().T.copy()
         tableau = self.choice.tableaus[core.method]
         now = time.perf_counter()
         waited, worked = (
@@ -482,7 +485,7 @@ class Run:
         events = (core.event_times, core.event_guards, core.event_directions)
         found = [np.ctypeslib.as_array(e, (core.events,)).tolist() for e in events] if core.events else [[], [], []]
         crossings = tuple(Crossing(*event) for event in zip(*found, strict=True))
-        return Solution(t, x, self.dense, statistics, status, crossings, stopped, located=True, kept=self._kept(), modes=modes)
+        return Solution(t, x, self.dense, statistics, status, crossings, stopped, True, self._kept(), modes, self.coarse)
 
     def modes(self) -> ModesMet | None:
         """Masks of all steps, and where they changed."""
@@ -508,14 +511,17 @@ class Run:
         return self.core.steps - self.core.first + 1
 
     def _times(self) -> np.ndarray:
-        return np.ctypeslib.as_array(self.core.times, (self._ends,))
+        return _view(self.core.times, self._ends)
+
+    def _states(self) -> np.ndarray:
+        return _view(self.core.states, self._ends * self.native.nx).reshape(self._ends, self.native.nx)
 
     def _kept(self) -> Kept | None:
         """What of the steps; None where all of all."""
         n = self._ends - 1
         if not n:
             return None
-        offset, stages = (np.ctypeslib.as_array(part, (n,)) for part in (self.core.offset, self.core.stage_count))
+        offset, stages = (_view(part, n, np.int_) for part in (self.core.offset, self.core.stage_count))
         return None if (offset >= 0).all() else Kept(np.where(stages < 0, -stages, 1), offset >= 0)
 
     def _ran(self) -> str:
@@ -542,6 +548,17 @@ class Run:
         result = np.empty((nx, wanted.size))
         result[:, order] = found.T
         return result
+
+    def coarse(self, times: np.ndarray) -> np.ndarray:
+        """The same by the steps' own polynomials, of lower order inside of steps; by one thread only, as long as nobody else has the run."""
+        fine = (
+            ctypes.pointer(self.core.fine.contents) if self.core.fine else None
+        )  # another pointer: the field's own changes with it
+        self.core.fine = None
+        try:
+            return self.dense(times)
+        finally:
+            self.core.fine = fine
 
     def _dense(self, wanted: np.ndarray, found: np.ndarray) -> bool:
         """States into `found` (n, nx) at ascending times; whether all the steps are kept in which they lie."""
@@ -578,7 +595,7 @@ class Run:
 
     def _is_at(self, other: Run, row: int) -> bool:
         """Whether this run stands where another one stood."""
-        mine, its = (np.ctypeslib.as_array(run.core.states, (run._ends, self.native.nx)) for run in (self, other))
+        mine, its = self._states(), other._states()
         return bool(self._times()[-1] == other._times()[row]) and np.array_equal(mine[-1], its[row])
 
 
@@ -597,6 +614,11 @@ def interrupts_noted() -> Generator[list[int], None, None]:
         yield noted
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _view(pointer: Any, count: int, kind: Any = float) -> np.ndarray:
+    """So many numbers of eight bytes (count,) in the runtime's memory."""
+    return np.frombuffer((ctypes.c_char * (8 * count)).from_address(ctypes.addressof(pointer.contents)), kind)
 
 
 def _address(array: np.ndarray) -> int:

@@ -7,11 +7,12 @@ What it misses it by is known to more digits than its rates tell, from where it 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.collocation.problem import Solution
 from acausal.errors import AccuracyWarning
 from acausal.integrators.passage import Passage, passage_of
 from acausal.loops.examined import Examined
@@ -20,12 +21,12 @@ from acausal.simulate.piece import Piece
 from acausal.simulate.trajectory import Trajectory
 from acausal.wording import callers_level
 
-_PARTS, _POINTS = 64, 4096
+_PARTS, _POINTS = 32, 4096
 """Places of a step, and of all steps, at which is looked for the nearest one."""
 _NEAR, _MOST = 0.1, 256
 """Clearances there of passes that are looked at, and how many of these."""
-_CUTS = 30
-_GOLDEN = 0.5 * (5**0.5 - 1)
+_CUTS, _SURE = 64, 1 / 32
+"""Places between two times at which is looked for the nearest one; part of the time between them in which it is known to lie before steps are refined."""
 _STRAIGHT, _GROWTH, _UNTOLD = 1e-13, 4.0, 1e-9
 """Misses that are nothing but rounding, as parts of the size of the loops, at the first pass; times as much at each further one; at most."""
 _NEARER = np.array([1.0, 4.0])
@@ -93,21 +94,27 @@ def _passes(piece: Piece, passage: Passage) -> Iterator[_Pass]:
     t = np.append((begin[:, None] + h[:, None] * np.arange(parts) / parts).ravel(), solution.t[-1] if h.size else [])
     if t.size < 2:
         return
-    clear = passage.clearances(t, solution.dense(t).T)
+    clear = passage.clearances(t, (solution.coarse or solution.dense)(t).T)
     inner = np.flatnonzero((clear[1:-1] <= clear[:-2]) & (clear[1:-1] < clear[2:])) + 1
-    for k in inner[clear[inner] < _NEAR][:_MOST]:
-        at = _least(passage, piece, float(t[k - 1]), float(t[k + 1]))
-        x = solution.dense(np.array([at]))[:, 0]
+    near = inner[clear[inner] < _NEAR][:_MOST]
+    if not near.size:
+        return
+    for at, x in _least(passage, solution, t[near - 1], t[near + 1]):
         if passage.is_crossing(at, x):
             step = min(int(np.searchsorted(begin, at, side="right")) - 1, h.size - 1)
             yield _Pass(at, x, float(h[step]))
 
 
-def _least(passage: Passage, piece: Piece, a: float, b: float) -> float:
-    """Time of the least clearance between two others, by golden section."""
-    dense = piece.solution.dense
-    for _ in range(_CUTS):
-        two = np.array([b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)])
-        first, second = passage.clearances(two, dense(two).T)
-        a, b = (a, float(two[1])) if first < second else (float(two[0]), b)
-    return 0.5 * (a + b)
+def _least(passage: Passage, solution: Solution, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    """Times and states (nx,) of the least clearances between times a and b (n,). Steps are refined once only, for all of them together."""
+    number = np.arange(a.size)
+
+    def nearest(a: np.ndarray, b: np.ndarray, dense: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        looks = a[:, None] + (b - a)[:, None] * np.arange(1, _CUTS + 1) / (_CUTS + 1)
+        X = dense(looks.ravel()).T
+        best = np.argmin(passage.clearances(looks.ravel(), X).reshape(looks.shape), axis=1)
+        return looks[number, best], X.reshape(*looks.shape, -1)[number, best]
+
+    about, aside = nearest(a, b, solution.coarse or solution.dense)[0], (b - a) * _SURE
+    times, X = nearest(np.maximum(a, about - aside), np.minimum(b, about + aside), solution.dense)
+    return zip(times.tolist(), X, strict=True)

@@ -182,7 +182,8 @@ class Trajectory:
 
     def __getitem__(self, wanted: Expression | ca.SX | str) -> np.ndarray:
         reading = self.functions.reading(self.outputs.system.flat.named(wanted) if isinstance(wanted, str) else wanted)
-        values = self._evaluate(reading.series, self._given_by_dynamics if reading.of_dynamics else None)
+        given = self._given_by_loops if reading.of_loops else self._given_by_dynamics if reading.of_dynamics else None
+        values = self._evaluate(reading.series, given)
         if reading.angle:
             values = np.unwrap(values, axis=1)
         rows, columns = reading.shape
@@ -202,6 +203,12 @@ class Trajectory:
     @functools.cached_property
     def _given_by_dynamics(self) -> np.ndarray:
         return self._evaluate(self.functions.series(self.functions.given_by_dynamics))
+
+    @functools.cached_property
+    def _given_by_loops(self) -> np.ndarray:
+        """With what the dynamics give before it."""
+        given = self._given_by_dynamics
+        return np.concatenate((given, self._evaluate(self.functions.series(self.functions.given_by_loops), given)))
 
     @functools.cached_property
     def kinetic_energy(self) -> np.ndarray:

@@ -159,7 +159,9 @@ def _look_at_energy(
     functions: Functions, run: Trajectory, sizes: Sizes, some: np.ndarray, T: np.ndarray, V: np.ndarray, spreads: np.ndarray
 ) -> None:
     """Warn if the energy balance is off by more than what is forgiven, and by more than rounding makes of it."""
-    balance = T + V - T[0] - V[0] + run.transitions.lost_at_ends(run.steps.t.size)[some]
+    balance = T + V - T[0] - V[0]
+    if run.solution.modes is not None:
+        balance += run.transitions.lost_at_ends(run.steps.t.size)[some]
     scale = max(float(T.max()), float(V.max() - V.min()))
     if functions.outputs.power_loss.is_zero():
         doubtful = bool((np.abs(balance) > np.maximum(sizes.part * scale, spreads)).any())

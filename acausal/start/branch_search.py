@@ -20,7 +20,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.start.branches import Branch, Branches
 from acausal.start.coordinates import Coordinates
-from acausal.start.initial import InitialState, finished, start_data
+from acausal.start.initial import Account, InitialState, finished, start_data
 from acausal.start.same_branch import Walks
 from acausal.start.situation import Situation
 from acausal.start.start_problem import StartProblem
@@ -47,12 +47,12 @@ def branches(functions: Functions, at: Situation, by: Expression | Sequence[Expr
     told = expressions([by] if isinstance(by, Expression) else by, "branches: `by`", "by=[scene.elbow.q]")
     first, u = at.initial(functions), at.u(functions)
     problem = first.account.problem
-    wanted, weights, data = start_data(problem, at.start, at.t0, at.p, u)
+    weights, data = start_data(problem, at.start, at.t0, at.p, u)
     with problem.lock:
         seen = _seen(functions.outputs, told, at.t0, at.p, u) if told else None
         clusters, used, closed = _searched(first, seen, searches, seed)
         hunt = _Hunt(problem, clusters.coordinates, data, weights, np.random.default_rng(0))
-        made, stopped = _branches(hunt, wanted, clusters, first)
+        made, stopped = _branches(hunt, clusters, first)
     return Branches(tuple(made), used, closed, stopped)
 
 
@@ -251,7 +251,7 @@ def _seen(outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, 
     return ca.Function("seen", [free], [fixed(free, t0, u, p)])
 
 
-def _branches(hunt: _Hunt, wanted: list[np.ndarray], clusters: _Clusters, first: InitialState) -> tuple[list[Branch], int]:
+def _branches(hunt: _Hunt, clusters: _Clusters, first: InitialState) -> tuple[list[Branch], int]:
     problem, data, weights = hunt.problem, hunt.data, hunt.weights
     ordered: list[tuple[float, float, _Cluster, Found]] = []
     for c in clusters.all:
@@ -262,7 +262,7 @@ def _branches(hunt: _Hunt, wanted: list[np.ndarray], clusters: _Clusters, first:
     result: list[Branch] = []
     for _, distance, c, moving in ordered:
         position = Found(c.y, problem.positions.first(data), first.account.positions.gap, first.account.positions.part, True)
-        state = finished(problem, wanted, weights, data, position, moving)
+        state = finished(Account(problem, data, weights, position, moving))
         words = _words(clusters.coordinates, ordered[0][2].y, c.y) if result else "(nearest to the sketch)"
         result.append(Branch(state, distance, c.count, c.freedoms, words))
     return result, len(clusters.all) - len(ordered)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NoReturn
@@ -18,6 +19,9 @@ from acausal.start.unknowns import Found
 
 if TYPE_CHECKING:
     from acausal.outputs.outputs import Outputs
+
+_PLAIN = {float, int, np.float64}
+"""Types of start values in which nothing can be wrong but that they are not finite."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,20 @@ class Account:
     positions: Found
     velocities: Found
 
+    @property
+    def x(self) -> np.ndarray:
+        """All states of the tree and of scalar parts (nx,)."""
+        return np.concatenate([self.positions.y, self.velocities.y])
+
+    def met(self) -> tuple[Met, ...]:
+        """One by one."""
+        problem, data = self.problem, self.data
+        if problem.got is None:
+            return ()
+        with problem.lock:
+            got = problem.got.at(np.concatenate([self.x, data])).copy()
+        return tuple(Met(t.name, data[t.place], got[t.place], t.exact, t.unit, t.periodic) for t in problem.targets)
+
 
 @dataclass(frozen=True)
 class InitialState:
@@ -59,8 +77,12 @@ class InitialState:
 
     x: np.ndarray
     p: np.ndarray
-    met: tuple[Met, ...]
     account: Account = field(repr=False, compare=False)
+
+    @functools.cached_property
+    def met(self) -> tuple[Met, ...]:
+        """What became of the start values."""
+        return self.account.met()
 
     def __str__(self) -> str:
         from acausal.start.start_report import start_report
@@ -76,7 +98,7 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """
     problem = start_problem(outputs, start)
-    wanted, weights, data = start_data(problem, start, t0, p, u)
+    weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
         found = problem.positions.solve(data, weights)
         if not found.converged:
@@ -85,7 +107,7 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
         moving = problem.velocities.solve(data_v, weights)
         if not moving.converged:
             _complain(problem.velocities, moving, data_v)
-        return finished(problem, wanted, weights, data, found, moving)
+    return finished(Account(problem, data, weights, found, moving))
 
 
 def _complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:
@@ -94,31 +116,23 @@ def _complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:
     complain(search, found, data)
 
 
-def finished(
-    problem: StartProblem, wanted: list[np.ndarray], weights: np.ndarray, data: np.ndarray, found: Found, moving: Found
-) -> InitialState:
-    """The state of found positions and velocities, and what became of the start values; `problem.lock` must be held."""
-    x = np.concatenate([found.y, moving.y])
-    account = Account(problem, data, weights, found, moving)
-    p = data[data.size - problem.outputs.system.p_values.size :]
-    if problem.got is None:
-        return InitialState(x, p, (), account)
-    got = problem.got.at(np.concatenate([x, data])).copy()
-    met = tuple(Met(t.name, w, got[t.place], t.exact, t.unit, t.periodic) for t, w in zip(problem.targets, wanted, strict=True))
-    return InitialState(x, p, met, account)
+def finished(account: Account) -> InitialState:
+    """The state of found positions and velocities."""
+    problem, data = account.problem, account.data
+    return InitialState(account.x, data[data.size - problem.outputs.system.p_values.size :], account)
 
 
-def start_data(
-    problem: StartProblem, start: Start, t0: float, p: np.ndarray, u: np.ndarray
-) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Start values one by one, the weights of all their entries, and what the searches take: values, t0, inputs, parameters."""
+def start_data(problem: StartProblem, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The weights of all entries of the start values, and what the searches take: these values, t0, inputs, parameters."""
+    values, weights = start.values(), np.ones(problem.size)
+    if problem.scalars and _PLAIN.issuperset(map(type, values)) and np.isfinite(numbers := np.array(list(values), float)).all():
+        return weights, np.concatenate([numbers, [t0], u, p])
     wanted: list[np.ndarray] = []
-    weights = np.ones(problem.targets[-1].place.stop if problem.targets else 0)
-    for target, value in zip(problem.targets, start.values(), strict=True):
+    for target, value in zip(problem.targets, values, strict=True):
         wanted.append(start_numbers(target, value))
         if isinstance(value, near):
             weights[target.place] = start_weight(target, value.weight)
-    return wanted, weights, np.concatenate([*wanted, [t0], u, p])
+    return weights, np.concatenate([*wanted, [t0], u, p])
 
 
 def initial_derivatives(
@@ -138,7 +152,7 @@ def initial_derivatives(
     """
     found = initial_state(outputs, start, t0, p, u)
     problem = found.account.problem
-    n = sum(met.wanted.size for met in found.met)
+    n = problem.size
     count = len(starts)
     du, dp, change = np.zeros((u.size, count)), np.zeros((p.size, count)), np.zeros((n + 1 + u.size + p.size, count))
     for k, (at, i, j) in enumerate(zip(starts, inputs, parameters, strict=True)):

@@ -61,14 +61,14 @@ def situation(
     system = outputs.system
     flat = system.flat
     values = system.p_values.copy()
-    known = {k: i for i, k in enumerate(flat.parameters)}
     given = dictionary({} if parameters is None else parameters, "parameters", "{scene.mass: 2.0}")
-    for parameter, value in _by_symbol(flat, given, "parameter", known).items():
-        values[known[parameter]] = number(value, outputs.name(parameter))
     if given:
+        known = {k: i for i, k in enumerate(flat.parameters)}
+        for parameter, value in _by_symbol(flat, given, "parameter", known).items():
+            values[known[parameter]] = number(value, outputs.name(parameter))
         flat.conditions.check(values[: len(known)])
     driven = dictionary({} if inputs is None else inputs, "inputs", INPUTS)
-    own = [k for k in flat.inputs if not isinstance(k, InputRate | Mode)]
+    own = (k for k in flat.inputs if not isinstance(k, InputRate | Mode))
     return Situation(named_start(flat, start), finite(t0, f"The {clock} [s]"), _by_symbol(flat, driven, "input", own), values)
 
 
@@ -82,6 +82,8 @@ def named_start(flat: FlatSystem, start: Any) -> Start:
 
 def _by_symbol(flat: FlatSystem, given: Mapping[Any, Any], kind: str, known: Iterable[Symbol]) -> dict[Any, Any]:
     """Values by symbol. Raises `UnknownVariableError` for what is not among those `known`, `OptionError` for one that is given twice."""
+    if not given:
+        return {}
     names = {flat.names[k]: k for k in known}
     found = {names.get(key, key) if isinstance(key, str) else key: value for key, value in given.items()}
     for key in found:

@@ -56,6 +56,16 @@ class StartProblem:
         return self if outputs is self.outputs else _start_problem(outputs, copy.deepcopy(self.asked, memo))
 
     @functools.cached_property
+    def size(self) -> int:
+        """How many numbers the start values are."""
+        return self.targets[-1].place.stop if self.targets else 0
+
+    @functools.cached_property
+    def scalars(self) -> bool:
+        """Whether each is one number."""
+        return self.size == len(self.targets)
+
+    @functools.cached_property
     def coordinates(self) -> Coordinates:
         """Kinds and names of the entries of q, lengths measured by the whole mechanism as built."""
         r = self.outputs.system
@@ -84,19 +94,21 @@ def _turns_fully(r: ReducedSystem, k: int) -> bool:
 
 def start_problem(outputs: Outputs, start: Start) -> StartProblem:
     """The searches for start values of these variables; made when first asked for. Raises `StartValueError`."""
+    known, same = outputs.start_problems, (tuple(start), tuple(map(type, start.values())))
+    if same in known:
+        return known[same]
     for key in start:
         if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
             raise StartValueError(
                 f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
             )
-    known = outputs.start_problems
     what = tuple((key, not isinstance(value, near)) for key, value in start.items())
     asked = tuple((_identity(key), exact) for key, exact in what)
     problem = known.get(asked)
     if problem is None:
         if len(known) >= _KEPT:
             known.clear()
-        problem = known[asked] = _start_problem(outputs, what)
+        problem = known[asked] = known[same] = _start_problem(outputs, what)
     return problem
 
 
