@@ -25,8 +25,9 @@ _PARTS, _POINTS = 32, 4096
 """Places of a step, and of all steps, at which is looked for the nearest one."""
 _NEAR, _MOST = 0.1, 256
 """Clearances there of passes that are looked at, and how many of these."""
-_CUTS, _SURE = 64, 1 / 32
-"""Places between two times at which is looked for the nearest one; part of the time between them in which it is known to lie before steps are refined."""
+_CUTS, _SURE, _ROUNDS = 64, 1 / 32, 2
+"""Places between two times at which is looked for the nearest one; part of the time between them in which it is known to lie before steps are refined;
+how often is looked again between the neighbours of the nearest one."""
 _STRAIGHT, _GROWTH, _UNTOLD = 1e-13, 4.0, 1e-9
 """Misses that are nothing but rounding, as parts of the size of the loops, at the first pass; times as much at each further one; at most."""
 _NEARER = np.array([1.0, 4.0])
@@ -100,21 +101,26 @@ def _passes(piece: Piece, passage: Passage) -> Iterator[_Pass]:
     if not near.size:
         return
     for at, x in _least(passage, solution, t[near - 1], t[near + 1]):
-        if passage.is_crossing(at, x):
-            step = min(int(np.searchsorted(begin, at, side="right")) - 1, h.size - 1)
-            yield _Pass(at, x, float(h[step]))
+        step = min(int(np.searchsorted(begin, at, side="right")) - 1, h.size - 1)
+        yield _Pass(at, x, float(h[step]))
 
 
 def _least(passage: Passage, solution: Solution, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
-    """Times and states (nx,) of the least clearances between times a and b (n,). Steps are refined once only, for all of them together."""
-    number = np.arange(a.size)
+    """Times and states (nx,) of the least clearances between times a and b (n,), where these are next to singular positions. Each call of the dense output
+    refines steps anew: they are looked at together, first as they are, and to the last digits only what is that near."""
 
     def nearest(a: np.ndarray, b: np.ndarray, dense: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         looks = a[:, None] + (b - a)[:, None] * np.arange(1, _CUTS + 1) / (_CUTS + 1)
         X = dense(looks.ravel()).T
-        best = np.argmin(passage.clearances(looks.ravel(), X).reshape(looks.shape), axis=1)
+        number, best = np.arange(a.size), np.argmin(passage.clearances(looks.ravel(), X).reshape(looks.shape), axis=1)
         return looks[number, best], X.reshape(*looks.shape, -1)[number, best]
 
     about, aside = nearest(a, b, solution.coarse or solution.dense)[0], (b - a) * _SURE
-    times, X = nearest(np.maximum(a, about - aside), np.minimum(b, about + aside), solution.dense)
+    a, b = np.maximum(a, about - aside), np.minimum(b, about + aside)
+    times, X = nearest(a, b, solution.dense)
+    crossing = np.array([passage.is_crossing(at, x) for at, x in zip(times, X, strict=True)])
+    times, X, aside = times[crossing], X[crossing], (b - a)[crossing]
+    for _ in range(_ROUNDS if times.size else 0):
+        aside = aside / _CUTS
+        times, X = nearest(times - aside, times + aside, solution.dense)
     return zip(times.tolist(), X, strict=True)
