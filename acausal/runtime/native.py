@@ -618,7 +618,7 @@ def interrupts_noted() -> Generator[list[int], None, None]:
 
 def _view(pointer: Any, count: int, kind: Any = float) -> np.ndarray:
     """So many numbers of eight bytes (count,) in the runtime's memory."""
-    return np.frombuffer((ctypes.c_char * (8 * count)).from_address(ctypes.addressof(pointer.contents)), kind)
+    return np.frombuffer(memoryview((ctypes.c_char * (8 * count)).from_address(ctypes.addressof(pointer.contents))), kind)
 
 
 def _address(array: np.ndarray) -> int:

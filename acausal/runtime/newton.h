@@ -20,7 +20,9 @@ static int make_newton(Integrator *I) {
         if (I->method_list[k].eigenvalues > m) m = I->method_list[k].eigenvalues;
     T->J = reserve_doubles(I, I->pattern.start[n] + 1);
     T->row = reserve_doubles(I, n);
-    if (!make_sparse(I, (m + LANES - 1) / LANES)) return 0;
+    if (!make_sparse(I)) return 0;
+    for (long b = 0; b < (m + LANES - 1) / LANES; b++)
+        if (!make_factors(I, &T->sparse.blocks[b])) return 0;
     T->jvp_in = reserve_lanes(I, I->jvp.inputs);
     T->jvp_out = reserve_lanes(I, I->jvp.outputs);
     long s = 0;
@@ -75,7 +77,7 @@ static V in_lanes(const double *values, long stride, long e, long count) {
 
 /* The factors of 1 - h lambda J. 0 when it is singular, or memory is short. */
 static int factor_shifted(Integrator *I, const Method *m, double h) {
-    measure_sparse_rows(I, h * m->eigen_re[0], h * m->eigen_im[0]);
+    measure_sparse_rows(I, h * m->eigen_re[0], h * m->eigen_im[0], I->state->scale);
     struct Factors *first = I->state->sparse.blocks;
     for (long e = 0; e < m->eigenvalues; e += LANES) {
         struct Factors *F = &first[e / LANES];

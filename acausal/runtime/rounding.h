@@ -70,9 +70,9 @@ static int make_pairs(Integrator *I, const Kernel *k) {
         all = all && *pairs[p];
     }
     if (T->forgotten) return I->counted || all;
-    T->forgotten = reserve_doubles(I, I->nx * I->nx + 3 * I->nx + 1);
-    T->exchanged = reserve(I, sizeof(long) * (size_t)(I->nx + 1));
-    return I->counted || (all && T->forgotten && T->exchanged);
+    T->forgotten = reserve_doubles(I, I->pattern.start[I->nx] + 3 * I->nx + 1);
+    all = make_sparse(I) && make_factors(I, &T->forgetting) && all;
+    return I->counted || (all && T->forgotten);
 }
 
 /* The program of the rates (0) or guards (1) for which pairs have room; null where there is none. */
@@ -108,71 +108,49 @@ static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x
     return 1;
 }
 
-/* M (n, n) = (1 - h df/dx) w at (t, x), by differences of 1e-7 of each state's size w, and 1 / the largest entry in each of its rows, by which it is
-   multiplied. States without a size are not moved, and w is 1. 0 when the input function failed. */
-static int forgetting(Integrator *I, double t, const double *x, double h, const double *size, double *M, double *row) {
+/* J = df/dx at (t, x), entry by entry of the pattern, by differences of 1e-7 of each state's size: columns that share no row together, LANES of these side
+   by side. States without a size are not moved. 0 when the input function failed. */
+static int slopes_of_rates(Integrator *I, double t, const double *x, const double *size, double *J) {
     struct State *T = I->state;
+    const Pattern *P = &I->pattern;
     long n = I->nx;
     V *in = T->point_in, *out = T->point_out;
     if (!rate_at(I, t, x, T->rate)) return 0;
     int exact = is_near(I, in);
-    for (long first = 0; first < n; first += LANES) {
-        long count = n - first < LANES ? n - first : LANES;
-        double step[LANES] = {0};
-        for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
-        for (long l = 0; l < count; l++) {
-            double moved = x[first + l] + 1e-7 * size[first + l];
-            step[l] = moved - x[first + l];
-            in[1 + first + l][l] = moved;
+    for (long first = 0; first < P->colours; first += LANES) {
+        for (long i = 0; i < n; i++) {
+            long lane = P->colour[i] - first;
+            in[1 + i] = v_all(x[i]);
+            if (lane >= 0 && lane < LANES) in[1 + i][lane] += 1e-7 * size[i];
         }
         rates_at(I, exact, in, out);
-        I->evaluations += count;
-        for (long l = 0; l < count; l++)
-            for (long i = 0; i < n; i++) {
-                double slope = step[l] > 0 ? (out[i][l] - T->rate[i]) / step[l] : 0, own = i == first + l ? 1 : 0;
-                M[i * n + first + l] = (own - h * slope) * (size[first + l] > 0 ? size[first + l] : 1);
-            }
-    }
-    for (long i = 0; i < n; i++) {
-        double most = 0;
-        for (long j = 0; j < n; j++) most = fmax(most, fabs(M[i * n + j]));
-        row[i] = most > 0 ? 1 / most : 1;
-        for (long j = 0; j < n; j++) M[i * n + j] *= row[i];
-    }
-    return 1;
-}
-
-/* LU with row exchanges, in place. 0 when it is singular, or something in it not finite. */
-static int factor_real(double *M, long n, long *pivot) {
-    for (long k = 0; k < n; k++) {
-        pivot[k] = k;
-        for (long i = k; i < n; i++) {
-            if (!isfinite(M[i * n + k])) return 0;
-            if (fabs(M[i * n + k]) > fabs(M[pivot[k] * n + k])) pivot[k] = i;
-        }
-        if (M[pivot[k] * n + k] == 0) return 0;
-        for (long j = 0; j < n && pivot[k] != k; j++) {
-            double a = M[k * n + j];
-            M[k * n + j] = M[pivot[k] * n + j], M[pivot[k] * n + j] = a;
-        }
-        for (long i = k + 1; i < n; i++) {
-            double factor = M[i * n + k] /= M[k * n + k];
-            for (long j = k + 1; j < n && factor != 0; j++) M[i * n + j] -= factor * M[k * n + j];
+        I->evaluations += P->colours - first < LANES ? P->colours - first : LANES;
+        for (long j = 0; j < n; j++) {
+            long lane = P->colour[j] - first;
+            if (lane < 0 || lane >= LANES) continue;
+            double step = in[1 + j][lane] - x[j];
+            for (long a = P->start[j]; a < P->start[j + 1]; a++) J[a] = step > 0 ? (out[P->row[a]][lane] - T->rate[P->row[a]]) / step : 0;
         }
     }
     return 1;
 }
 
-static void solve_real(const double *M, long n, const long *pivot, double *b) {
-    for (long k = 0; k < n; k++) {
-        double a = b[k];
-        b[k] = b[pivot[k]], b[pivot[k]] = a;
-    }
-    for (long i = 1; i < n; i++)
-        for (long j = 0; j < i; j++) b[i] -= M[i * n + j] * b[j];
-    for (long i = n - 1; i >= 0; i--) {
-        for (long j = i + 1; j < n; j++) b[i] -= M[i * n + j] * b[j];
-        b[i] /= M[i * n + i];
+/* Adds to `sum` what disturbances `rates` (n), one state's after the other, come to: |(1 - h J)^-1 r| for each. Nothing where the matrix is singular. */
+static void add_remembered(Integrator *I, double h, const double *rates, double *sum) {
+    struct Sparse *S = &I->state->sparse;
+    struct Factors *F = &I->state->forgetting;
+    long n = I->nx;
+    if (!factor_anew(I, F, v_all(h), v_all(0.0))) return;
+    for (long j = 0; j < n;) {
+        memset(S->re, 0, sizeof(V) * (size_t)n);
+        memset(S->im, 0, sizeof(V) * (size_t)n);
+        for (long l = 0; l < LANES && j < n; j++)
+            if (rates[j] != 0) S->re[j][l++] = rates[j];
+        solve_sparse(I, F);
+        for (long i = 0; i < n; i++) {
+            V here = v_abs(S->re[n + i]);
+            for (long l = 0; l < LANES; l++) sum[i] += here[l];
+        }
     }
 }
 
@@ -181,23 +159,24 @@ static void solve_real(const double *M, long n, const long *pivot, double *b) {
 static int rounding_of_rates(Integrator *I, const Kernel *k, double t, const double *x, double h, double *rates) {
     struct State *T = I->state;
     long n = I->nx;
-    double *M = T->forgotten, *size = M + n * n, *one = size + n, *row = one + n, *sum = T->rate;
+    double *size = T->forgotten, *row = size + n, *sum = row + n, *own_J = T->J, *own_row = T->row;
     for (long i = 0; i < n; i++) size[i] = fabs(x[i]);
     if (!rounding_of(I, k, t, x, size, rates)) return 0;
     for (long i = 0; i < n; i++) {
         if (!isfinite(rates[i])) rates[i] = 0;
         size[i] = fmax(size[i], fabs(h) * rates[i]);
+        sum[i] = 0;
     }
-    if (!forgetting(I, t, x, h, size, M, row)) return 0;
-    if (!factor_real(M, n, T->exchanged)) return 1;
-    for (long i = 0; i < n; i++) sum[i] = 0;
-    for (long j = 0; j < n; j++) {
-        if (rates[j] == 0) continue;
-        for (long i = 0; i < n; i++) one[i] = 0;
-        one[j] = rates[j] * row[j];
-        solve_real(M, n, T->exchanged, one);
-        for (long i = 0; i < n; i++) sum[i] += fabs(one[i]) * (size[i] > 0 ? size[i] : 1);
+    T->J = sum + n;
+    T->row = row;
+    int given = slopes_of_rates(I, t, x, size, T->J);
+    for (long i = 0; i < n; i++) size[i] = size[i] > 0 ? size[i] : 1;
+    if (given) {
+        measure_sparse_rows(I, h, 0, size);
+        add_remembered(I, h, rates, sum);
     }
-    for (long i = 0; i < n; i++) rates[i] = fmax(rates[i], sum[i]);
-    return 1;
+    T->J = own_J;
+    T->row = own_row;
+    for (long i = 0; i < n && given; i++) rates[i] = fmax(rates[i], sum[i]);
+    return given;
 }

@@ -23,40 +23,43 @@ static int room_for(Integrator *I, long used, long more, long *room, long **row,
     return 1;
 }
 
-static int make_sparse(Integrator *I, long blocks) {
-    struct State *T = I->state;
-    struct Sparse *S = &T->sparse;
-    long n = I->nx, room = I->block || I->counted ? I->pattern.most : (long)I->pattern.fill;
+/* The work that all factors share. */
+static int make_sparse(Integrator *I) {
+    struct Sparse *S = &I->state->sparse;
+    long n = I->nx;
+    if (S->re) return 1;
     S->re = reserve_lanes(I, 2 * n);
     S->im = reserve_lanes(I, 2 * n);
     S->stack = reserve(I, sizeof(long) * (size_t)(3 * n));
     S->seen = reserve(I, (size_t)n + 1);
-    if (!I->counted && (!S->re || !S->im || !S->stack || !S->seen)) return 0;
-    for (long b = 0; b < blocks; b++) {
-        struct Factors *F = &S->blocks[b];
-        F->L_start = reserve(I, sizeof(long) * (size_t)(4 * n + 2));
-        F->D_re = reserve_lanes(I, 2 * n);
-        if (!room_for(I, 0, room, &F->L_room, &F->L_row, &F->L_re, &F->L_im) || !room_for(I, 0, room, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
-        if (I->counted) continue;
-        if (!F->L_start || !F->D_re) return 0;
-        F->U_start = F->L_start + n + 1;
-        F->pivot_row = F->U_start + n + 1;
-        F->pivot_of = F->pivot_row + n;
-        F->D_im = F->D_re + n;
-    }
     if (I->counted) return 1;
+    if (!S->re || !S->im || !S->stack || !S->seen) return 0;
     S->at = S->stack + n;
     S->pattern = S->at + n;
     return 1;
 }
 
-/* What is much in each row of 1 - z J, each state counted by its scale: rows have the units of the states. */
-static void measure_sparse_rows(Integrator *I, double re, double im) {
+static int make_factors(Integrator *I, struct Factors *F) {
+    long n = I->nx, room = I->block || I->counted ? I->pattern.most : (long)I->pattern.fill;
+    F->L_start = reserve(I, sizeof(long) * (size_t)(4 * n + 2));
+    F->D_re = reserve_lanes(I, 2 * n);
+    if (!room_for(I, 0, room, &F->L_room, &F->L_row, &F->L_re, &F->L_im) || !room_for(I, 0, room, &F->U_room, &F->U_row, &F->U_re, &F->U_im)) return 0;
+    if (I->counted) return 1;
+    if (!F->L_start || !F->D_re) return 0;
+    F->U_start = F->L_start + n + 1;
+    F->pivot_row = F->U_start + n + 1;
+    F->pivot_of = F->pivot_row + n;
+    F->D_im = F->D_re + n;
+    return 1;
+}
+
+/* What is much in each row of 1 - z J, each state counted by its `scale`: rows have the units of the states. */
+static void measure_sparse_rows(Integrator *I, double re, double im, const double *scale) {
     struct State *T = I->state;
-    for (long i = 0; i < I->nx; i++) T->row[i] = T->scale[i];
+    for (long i = 0; i < I->nx; i++) T->row[i] = scale[i];
     for (long j = 0; j < I->nx; j++)
         for (long a = I->pattern.start[j]; a < I->pattern.start[j + 1]; a++) {
-            double here = (fabs(re) + fabs(im)) * fabs(T->J[a]) * T->scale[j], *most = &T->row[I->pattern.row[a]];
+            double here = (fabs(re) + fabs(im)) * fabs(T->J[a]) * scale[j], *most = &T->row[I->pattern.row[a]];
             if (here > *most) *most = here;
         }
 }
