@@ -7,14 +7,15 @@ from acausal import errors
 from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
-from acausal.language.expression import Expression, Input, Magnitude, Parameter, Reaction, Variable, time
+from acausal.language.expression import Discrete, Expression, Input, Magnitude, Parameter, Reaction, Variable, time
 from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
+from acausal.language.when import when
 from acausal.model import Model, build
 from acausal.moved import answer_to_old_names
 from acausal.parts import curvilinear, rotations
-from acausal.simulate.events import Event, when
+from acausal.simulate.events import Event
 from acausal.start.initial import exactly, near
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Component",
+    "Discrete",
     "DryFriction",
     "Electrical",
     "Equation",

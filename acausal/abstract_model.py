@@ -15,8 +15,8 @@ import numpy as np
 from acausal.arguments import ascending, expressions, finite, truth
 from acausal.collocation.problem import Accuracy
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.language.when import when
 from acausal.outputs.functions import Functions, operations
-from acausal.simulate.events import when
 from acausal.start.anew import AbstractDecided
 from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState

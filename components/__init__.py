@@ -5,10 +5,10 @@ CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (ma
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel; along lines: SlidingMass, TranslationalSpring,
+RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel, Ratchet; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode, Thyristor,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
-PID, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
+PID, Limiter, Relay, Thermostat, SampleAndHold, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
 RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
 """
 
@@ -98,6 +98,7 @@ from components.joints.universal import Universal
 from components.motor import DCMotor
 from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 from components.rectifiers import IdealDiode, Thyristor
+from components.relays import Limiter, Ratchet, Relay, SampleAndHold, Thermostat
 from components.rope import LimitedSum, Rope
 from components.rotational import (
     AngleSource,
@@ -203,6 +204,7 @@ __all__ = [
     "JointFriction",
     "KnifeEdge",
     "LimitedSum",
+    "Limiter",
     "Line",
     "LineOfAction",
     "MagnusForce",
@@ -232,7 +234,9 @@ __all__ = [
     "Prismatic",
     "Pulley",
     "RackAndPinion",
+    "Ratchet",
     "RelativeRotationSensor",
+    "Relay",
     "Resistor",
     "Revolute",
     "Revolution",
@@ -255,6 +259,7 @@ __all__ = [
     "RotationalGround",
     "RotationalSpring",
     "RoughGuide",
+    "SampleAndHold",
     "Screw",
     "Section",
     "ShapeIntegrals",
@@ -274,6 +279,7 @@ __all__ = [
     "Sum",
     "Table",
     "Tangent",
+    "Thermostat",
     "Thyristor",
     "TimeFunction",
     "Torque",

@@ -10,10 +10,27 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
+class SetFunctions:
+    """What is set at zeros of `guards`: (t, x, u, p) -> (n,), passed in `directions` (n,): 1 upwards, -1 downwards, 0 both.
+
+    `values`: (t, x, u, p) -> the discrete values at the start, then new ones for all `targets`, those of guard k from `first[k]` to `first[k + 1]`:
+    numbers of states, or nx and more for discrete values; then rates of all guards, 0 where they are not known. `words`: of each guard, then of each target.
+    """
+
+    guards: ca.Function
+    values: ca.Function
+    directions: tuple[int, ...]
+    first: tuple[int, ...]
+    targets: tuple[int, ...]
+    words: tuple[str, ...]
+    target_words: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class ModeFunctions:
     """`masks`: how many of the inputs u are masks, the last ones: one for each of `one_sided` laws, then two for each of `lines`, frictions in one
-    direction, six for each of `planes`, those in two, and three for each of `magnitudes` that limits depend on; and where rows are `redundant` their damping, and the
-    reactions that are carried on: since when, n of them, and their rates.
+    direction, six for each of `planes`, those in two, and three for each of `magnitudes` that limits depend on; where rows are `redundant` their damping, and the
+    reactions that are carried on: since when, n of them, and their rates; and `discretes`, which are `set`.
 
     `guards`: (t, x, u, p) -> positive as long as the masks are right: one for each one-sided row, two for each friction and each magnitude. `decision`: (t, x, u, p) -> what
     modes are decided by, see modes.h. `invariants`, `projection`: (t, x, masks, p) -> everything that stays zero in a mode, and one Newton step
@@ -30,12 +47,29 @@ class ModeFunctions:
     invariants: ca.Function
     projection: ca.Function
     words: tuple[str, ...]
+    discretes: int = 0
+    set: SetFunctions | None = None
 
     @property
     def masks(self) -> int:
         """How many there are."""
         friction = 2 * self.lines + 6 * self.planes + 3 * self.magnitudes
-        return self.one_sided + friction + self.redundant * (2 + 2 * self.reactions)
+        return self.one_sided + friction + self.redundant * (2 + 2 * self.reactions) + self.discretes
+
+    @property
+    def set_count(self) -> int:
+        """How many guards there are at which something is set."""
+        return 0 if self.set is None else len(self.set.directions)
+
+    @property
+    def all_words(self) -> tuple[str, ...]:
+        """What each law is called, then who sets something."""
+        return self.words if self.set is None else (*self.words, *self.set.words)
+
+    @property
+    def rows(self) -> tuple[ca.Function, ...]:
+        """Of all guards, in their order."""
+        return (self.guards,) if self.set is None else (self.guards, self.set.guards)
 
     @property
     def laws(self) -> int:

@@ -81,6 +81,8 @@ class Problem:
     read: np.ndarray = field(default_factory=lambda: np.zeros(0))
     knots: np.ndarray = field(default_factory=lambda: np.zeros(0))
     exact: Exact | None = None
+    discretes: np.ndarray | None = None
+    """(n,): discrete values at the start; no number where they follow from it."""
 
     def with_modes(self, met: ModesMet | None) -> Problem:
         """With inputs as a motion had them, its masks included."""
@@ -156,6 +158,7 @@ class StatusKind(enum.Enum):
     NO_MODE = "nothing that may happen where bodies touch obeys all laws"
     CHATTERS = "contacts change without end in one instant"
     NO_DERIVATIVES = "derivatives of the motion are not known from here on"
+    CANNOT_SET = "an event sets what cannot be so"
     BUILTIN_FAILED = "CasADi's integrator gave up"
 
 

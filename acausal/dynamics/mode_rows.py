@@ -12,6 +12,7 @@ from acausal.errors import ModelError
 from acausal.language.expression import Expression, Magnitude, Reaction, Scalar, declared, sx
 from acausal.language.flatten import FlatSystem, Part
 from acausal.language.mode_laws import DryFriction, OneSided, OneWay
+from acausal.language.when import when
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
             def read(value: Scalar, part: Part = part) -> ca.SX:
                 return readings.resolved(sx(value), part) if isinstance(value, Expression) else ca.SX(value)
 
+            if isinstance(law, when):
+                continue
             if isinstance(law, OneSided):
                 found.append(ModeRow(part, (law.reaction,), read(law.gap), read(law.restitution)))
             elif isinstance(law, OneWay):

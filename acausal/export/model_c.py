@@ -18,10 +18,10 @@ from acausal.emit.program import NUMBER, program
 from acausal.export.start_functions import StartFunctions
 from acausal.integrators.radau import ADAPTIVE
 from acausal.language.expression import Expression
+from acausal.language.when import when
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.kernels import Wanted
-from acausal.simulate.events import when
 
 _HEAD = """\
 /* The model: functions, names, values. Only what model.h declares is seen by other files. */

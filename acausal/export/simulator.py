@@ -21,11 +21,12 @@ from acausal.export.model_c import Kind, methods_c, model_c, string
 from acausal.export.start_functions import StartFunctions, start_c, start_functions
 from acausal.language.expression import Expression
 from acausal.language.pieces import PiecewisePolynomial
+from acausal.language.when import when
 from acausal.outputs.clocks import clocks
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
-from acausal.simulate.events import events_asked, when
+from acausal.simulate.events import events_asked
 from acausal.start.initial import InitialState
 
 PROGRAM = Path(__file__).resolve().parent / "program"

@@ -412,6 +412,21 @@ class Mode(Input):
         self.name = name
 
 
+class Discrete(Mode):
+    """A number that a part remembers, constant until an event sets it: `self.count = ac.Discrete(start=0)`, with `ac.when(..., set={self.count: ...})`.
+
+    `start`: a number, or an expression of the scene whose value at the start it takes, unless it is given a start value.
+    """
+
+    kind = "discrete"
+
+    def __init__(self, unit: str = "", description: str = "", *, start: Scalar = 0.0) -> None:
+        super().__init__("discrete", description)
+        self.unit = unit
+        self.start = scalar(start, "A Discrete's start")
+        self.default = 0.0 if isinstance(self.start, Expression) else self.start
+
+
 class Time(Symbol):
     """Time in seconds."""
 

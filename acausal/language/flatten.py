@@ -17,7 +17,7 @@ from acausal.graphs import Graph
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions
 from acausal.language.connector import Connector
-from acausal.language.expression import Expression, Input, Mode, Parameter, Reaction, Symbol, Variable, leaves
+from acausal.language.expression import Discrete, Expression, Input, Mode, Parameter, Reaction, Symbol, Variable, leaves
 from acausal.wording import compact, grouped, nearest, shortened
 
 _ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
@@ -47,7 +47,8 @@ class FlatSystem:
     connection_sets: tuple[tuple[Connector, ...], ...]
     """Leaf connectors only; a connector that touches nothing is a set of its own."""
     modes: tuple[Mode, ...] = ()
-    """Which way parts behave that hold as long as they can: known as soon as their reactions are solved, and then the last inputs in their place."""
+    """The last inputs, which nobody gives: which way parts behave that hold as long as they can, known as soon as their reactions are solved, and then in their
+    place; and what parts remember (`Discrete`)."""
     solved: bool = False
     """Whether reactions are."""
 
@@ -74,9 +75,14 @@ class FlatSystem:
 
     @functools.cached_property
     def inputs(self) -> tuple[Input, ...]:
-        """All inputs, in the order in which they are met; reactions among them as long as they are not solved."""
-        found = tuple(symbol for symbol in self.names if isinstance(symbol, Input) and not isinstance(symbol, Mode))
-        return found if not self.solved else tuple(i for i in found if not isinstance(i, Reaction)) + self.modes
+        """All inputs, in the order in which they are met, modes last; reactions among them as long as they are not solved."""
+        left = (Mode, Reaction) if self.solved else (Mode,)
+        return tuple(s for s in self.names if isinstance(s, Input) and not isinstance(s, left)) + self.modes
+
+    @property
+    def discretes(self) -> tuple[Discrete, ...]:
+        """What parts remember: the last of the modes."""
+        return tuple(mode for mode in self.modes if isinstance(mode, Discrete))
 
     @property
     def reactions(self) -> tuple[Reaction, ...]:
@@ -178,7 +184,8 @@ def flatten(scene: System) -> FlatSystem:
         _check_member(connection, connector_paths)
     sets = _connection_sets(connections, connector_paths)
     _check_connected(sets, connector_paths)
-    return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets)
+    discretes = tuple(symbol for symbol in names if isinstance(symbol, Discrete))
+    return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets, discretes)
 
 
 def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> None:
@@ -208,10 +215,10 @@ def _name_symbols(component: Component, prefix: str, names: dict[Symbol, str]) -
     for name, value in component.__dict__.items():
         if isinstance(value, Parameter | Input):
             names.setdefault(value, prefix + name)
-            if value.name in ("parameter", "input", "reaction"):
+            if value.name in ("parameter", "input", "reaction", "discrete"):
                 value.name = prefix + name
         for i, entry in enumerate(cast(tuple[object, ...], value) if isinstance(value, tuple) else ()):
-            if isinstance(entry, Reaction):
+            if isinstance(entry, Reaction | Discrete):
                 entry.name = names.setdefault(entry, f"{prefix}{name}[{i}]")
     for connector in component.connectors():
         for name, value in connector.__dict__.items():

@@ -8,6 +8,7 @@ from typing import final
 from acausal.errors import ModelError, ParameterError
 from acausal.language.expression import Expression, Reaction, Scalar, scalar
 from acausal.language.origin import origin
+from acausal.language.when import when
 
 
 @final
@@ -77,7 +78,7 @@ class OneWay:
             _check(self.reaction, self.gate, "OneWay", "gate")
 
 
-ModeLaw = OneSided | DryFriction | OneWay
+ModeLaw = OneSided | DryFriction | OneWay | when
 
 
 def _check(reaction: object, moved: object, law: str, name: str) -> None:

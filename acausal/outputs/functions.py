@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -19,11 +19,13 @@ from acausal.language.component import energy_unknown
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
+from acausal.language.when import when
 from acausal.numerics.folding import folded_function
 from acausal.numerics.switching import switching
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
 from acausal.outputs.outputs import Outputs
+from acausal.outputs.set_functions import set_functions
 from acausal.parts.contact import AbstractContact
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
     from acausal.runtime.native import NativeProblem, SharedProblems
 
 
+_SETTINGS = 16
+"""Lists of events whose kernels are kept."""
 _KEPT, _DEPTH = 512, 100
 """Expressions whose readings are kept, and operations on top of one another up to which two of them are compared."""
 
@@ -66,14 +70,19 @@ class Functions:
     space: StateSpace
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Functions, (self.outputs, self.space)
+        return _functions, (self.outputs, self.space, self._events)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Functions:
         """Itself, unless the scene is copied along with it."""
         system = copy.deepcopy(self.outputs.system, memo)
         if system is self.outputs.system:
             return self
-        return Functions(Outputs(system), copy.deepcopy(self.space, memo))
+        return _functions(Outputs(system), copy.deepcopy(self.space, memo), copy.deepcopy(self._events, memo))
+
+    @property
+    def _events(self) -> tuple[when, ...]:
+        """At which something is set, beside those of parts."""
+        return vars(self).get("_set_at", ())
 
     @functools.cached_property
     def decisions(self) -> Decisions:
@@ -307,16 +316,46 @@ class Functions:
     @functools.cached_property
     def integrand(self) -> Integrand:
         """Dynamics, what keeps them on their invariants, and their switches, for the runtime."""
+        return self._integrand(self.modes)
+
+    def _integrand(self, modes: ModeFunctions | None) -> Integrand:
         return Integrand(
             self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact, self.space.nq,
-            switching(self.explicit_dynamics, None if self.modes is None else self.modes.guards), self.modes,
+            switching(self.explicit_dynamics, None if modes is None else modes.guards), modes,
         )  # fmt: skip
 
     @functools.cached_property
     def modes(self) -> ModeFunctions | None:
-        """What decides which reactions hold; None where all of them hold at all times."""
-        m = self.outputs.system.modes
-        return None if m is None else mode_functions(m, self.outputs.system, self.space, self.invariants, self.projection)
+        """What decides which reactions hold, and what is set when; None where all of them hold at all times, and nothing is set."""
+        found = set_functions(self.outputs, self.space)
+        if self.outputs.system.modes is None and found is None:
+            return None
+        return replace(self._modes, set=found)
+
+    @functools.cached_property
+    def _modes(self) -> ModeFunctions:
+        s = self.outputs.system
+        return mode_functions(s.modes, s, self.space, self.invariants, self.projection)
+
+    def setting(self, events: tuple[when, ...]) -> Functions:
+        """With what is set at these events, too. Raises `ModelError` for what cannot be set."""
+        if not events:
+            return self
+        if events not in self._setting:
+            if len(self._setting) >= _SETTINGS:
+                self._setting.clear()
+            found = Functions(self.outputs, self.space)
+            kept = {
+                name: value for name, value in vars(self).items() if name not in ("modes", "integrand", "_native", "_setting")
+            }
+            modes = replace(self._modes, set=set_functions(self.outputs, self.space, events))
+            vars(found).update(kept, modes=modes, _set_at=events)
+            self._setting[events] = found
+        return self._setting[events]
+
+    @functools.cached_property
+    def _setting(self) -> dict[tuple[when, ...], Functions]:
+        return {}
 
     @functools.cached_property
     def _native(self) -> SharedProblems:
@@ -457,6 +496,10 @@ class Functions:
     def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
         found = [ca.densify(self.space.put(r)) for r in results]
         return folded_function(name, self.space.arguments, found, ["t", "x", "u", "p"], names)
+
+
+def _functions(outputs: Outputs, space: StateSpace, events: tuple[when, ...]) -> Functions:
+    return Functions(outputs, space).setting(events)
 
 
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}

@@ -12,14 +12,15 @@ from acausal.reduce.state_space import StateSpace
 
 
 def mode_functions(
-    m: Modes, system: ReducedSystem, space: StateSpace, invariants: ca.Function | None, projection: ca.Function | None
+    m: Modes | None, system: ReducedSystem, space: StateSpace, invariants: ca.Function | None, projection: ca.Function | None
 ) -> ModeFunctions:
-    """`invariants` and `projection`: of what holds in all modes."""
+    """`invariants` and `projection`: of what holds in all modes. Without `m` there is only what parts remember."""
     t, x, u, p = space.arguments
-    masks = ca.vertcat(*(mask.sx for mask in m.masks))
+    masks = ca.vertcat(ca.SX(0, 1), *(mask.sx for mask in system.flat.modes))
     rows = ca.SX(0, 1) if invariants is None else invariants(t, x, p)
     step = x if projection is None else projection(t, x, p)
-    rows, step = ca.vertcat(rows, space.put(m.invariants)), step + space.put(space.kept(m.correction))
+    if m is not None:
+        rows, step = ca.vertcat(rows, space.put(m.invariants)), step + space.put(space.kept(m.correction))
 
     def function(name: str, result: ca.SX) -> ca.Function:
         return folded_function(name, [t, x, u, p], [ca.densify(space.put(result))], ["t", "x", "u", "p"], [name])
@@ -27,11 +28,18 @@ def mode_functions(
     def masked(name: str, result: ca.SX) -> ca.Function:
         return folded_function(name, [t, x, masks, p], [ca.densify(result)], ["t", "x", "masks", "p"], [name])
 
+    discretes = len(system.flat.discretes)
+    if m is None:
+        none = ca.SX(0, 1)
+        return ModeFunctions(
+            0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), masked("mode_invariants", rows),
+            masked("mode_projection", step), (), discretes,
+        )  # fmt: skip
     size = [row.size for row in m.frictions]
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), len(m.magnitudes.sizes), m.redundant, function("mode_guards", m.guards),
         function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m))),
-        masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows),
+        masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
     )  # fmt: skip
 
 

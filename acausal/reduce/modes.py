@@ -34,7 +34,7 @@ class Modes:
     `rows`: laws, one-sided ones first, then friction in one direction, then in two. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
     without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
     positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
-    what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`.
+    what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember.
     """
 
     rows: tuple[ModeRow, ...]

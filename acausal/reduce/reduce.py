@@ -318,12 +318,13 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         )
     motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, _places(system))
     modes, dead = modes_of(rows, system.flat.names, motion)
-    r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...]()
+    r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
+        modes = dataclasses.replace(modes, masks=(*modes.masks, *masks))
         r, found, masks = ca.vertcat(modes.reactions, dead), ca.vertcat(modes.found, found), modes.masks
     moving = [] if modes is None else [modes.rate, modes.free]
     given = {rate: f"der({system.flat.names.get(rate.of, rate.of.name)})" for rate in _input_rates(system.flat, moving)}
-    names = {**system.flat.names, **given, **{mask: mask.name for mask in masks}}
+    names = {**system.flat.names, **given, **{mask: mask.name for mask in masks if mask not in system.flat.names}}
     flat = dataclasses.replace(system.flat, names=names, modes=masks, solved=True)
     known = np.array([entry.default for entry in flat.inputs])
     own = stacked([entry.sx for entry in flat.inputs])

@@ -55,8 +55,9 @@ static int make_parts(Integrator *I) {
     if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I) || !make_exact(I))) return 0;
     if (I->formulas && !make_formulas(I)) return 0;
     if (I->guards && !make_guards(I)) return 0;
-    if (I->held && !make_switches(I)) return 0;
-    if (I->masks && !make_modes(I)) return 0;
+    if ((I->held || I->row_count) && !make_switches(I)) return 0;
+    if (changes_modes(I) && !make_modes(I)) return 0;
+    if ((I->discretes || I->set_count) && !make_sets(I)) return 0;
     if (!make_vectors(I, most) || (I->directions && !make_sensitivity(I))) return 0;
     return !(I->block || I->counted) || make_rest(I, most);
 }
@@ -106,7 +107,7 @@ void moved_integration(Integrator *I, const char *block) {
 /* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */
 static int cross_knot(Integrator *I) {
     struct State *T = I->state;
-    if (I->masks && I->steps > 0 && !look_before_knot(I, T->knot - aside(I, T->knot))) return 0;
+    if (changes_modes(I) && I->steps > 0 && !look_before_knot(I, T->knot - aside(I, T->knot))) return 0;
     I->t = fmin(I->end, T->knot + aside(I, T->knot));
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
@@ -131,7 +132,7 @@ static int next_stop(Integrator *I, double *stop) {
 /* So little time before a stop that no step is possible is passed over: where modes change just before it. Returns whether there was no more. */
 static int arrives(Integrator *I, double stop) {
     double little = 16 * EPS * fmax(fabs(I->t), fabs(stop) * 1e-3), t = I->t;
-    if (!I->masks || I->steps == 0 || !(stop - t <= little)) return 0;
+    if (!changes_modes(I) || I->steps == 0 || !(stop - t <= little)) return 0;
     I->t = stop;
     for (long k = I->steps - I->first; k > 0 && I->times[k] == t; k--) I->times[k] = stop;
     return 1;
@@ -142,8 +143,9 @@ static enum Code begin_motion(Integrator *I) {
     T->start = I->t;
     T->knot = next_knot(I, I->t - aside(I, I->t));
     if (!keep(I, 0)) return OUT_OF_MEMORY;
+    if (I->discretes && !begin_discretes(I)) return INPUT_FAILED;
     if (I->held && !begin_sides(I)) return INPUT_FAILED;
-    enum Code code = I->masks ? begin_modes(I) : REACHED_END;
+    enum Code code = changes_modes(I) ? begin_modes(I) : REACHED_END;
     T->begun = code == REACHED_END;
     return code;
 }
@@ -153,7 +155,7 @@ static enum Code decide_here(Integrator *I) {
     struct State *T = I->state;
     if (T->crossed) T->pending = -1;
     if (T->crossed) return decide_modes(I, -1, I->h);
-    return I->masks && T->pending >= 0 ? decide_modes(I, T->pending, T->pending_planned) : REACHED_END;
+    return changes_modes(I) && T->pending >= 0 ? decide_modes(I, T->pending, T->pending_planned) : REACHED_END;
 }
 
 /* Where only the last step is kept, what happens at its end is decided when it has been read: by `settle_modes`, or with the next step. */
@@ -162,7 +164,7 @@ int settle_modes(Integrator *I) { return (int)(I->state->begun ? decide_here(I) 
 /* Whether modes are still to be decided before the motion is read at time t. */
 int unsettled(const Integrator *I, double t) {
     const struct State *T = I->state;
-    if (!I->masks || !T->begun) return I->masks > 0;
+    if (!changes_modes(I) || !T->begun) return changes_modes(I);
     return (T->crossed || T->pending >= 0) && t >= I->times[I->steps - I->first];
 }
 
@@ -212,9 +214,9 @@ int advance(Integrator *I) {
 /* A kernel of the same function takes the place of number `which` of the kernels, in their order in Integrator: between steps. */
 int exchange(Integrator *I, long which, const Kernel *k) {
     struct State *T = I->state;
-    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change, &I->decision, &I->decision_change};
-    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in, T->decision_in, T->decision_change_in};
-    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c, &T->decision_c, &T->decision_change_c};
+    Kernel *kernels[] = {&I->rhs, &I->jvp, &I->projection, &I->guard, &I->variation, &I->projected, &I->clearance, &I->formula, &I->rows, &I->sides, &I->row_change, &I->decision, &I->decision_change, &I->set, &I->set_change};
+    const V *in[] = {T->point_in, T->jvp_in, T->projection_in, T->guard_in, T->variation_in, T->projected_in, T->clearance_in, T->formula_in, T->rows_in, T->sides_in, T->row_change_in, T->decision_in, T->decision_change_in, T->set_in, T->set_change_in};
+    V **c[] = {&T->rhs_c, &T->jvp_c, &T->projection_c, &T->guard_c, &T->variation_c, &T->projected_c, &T->clearance_c, &T->formula_c, &T->rows_c, &T->sides_c, &T->row_change_c, &T->decision_c, &T->decision_change_c, &T->set_c, &T->set_change_c};
     if (in[which] && !prepared(I, k, in[which], c[which])) return 0;
     *kernels[which] = *k;
     return 1;

@@ -37,6 +37,9 @@ class Code(enum.IntEnum):
     NO_MODE = 13
     CHATTERS = 14
     NO_DERIVATIVES = 15
+    SETS_NO_NUMBER = 16
+    SETS_TWICE = 17
+    SETS_BOUND = 18
 
 
 class Method(ctypes.Structure):
@@ -109,6 +112,8 @@ KERNELS = (
     "row_change",
     "decision",
     "decision_change",
+    "set",
+    "set_change",
     "exact_rhs",
     "exact_projection",
     "disturbed_rhs",
@@ -133,7 +138,9 @@ class Integrator(ctypes.Structure):
         ("row_switch", _Long),
         ("row_factor", _Double),
         ("row_plus", _Double),
-        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "magnitudes", "redundant")),
+        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "magnitudes", "redundant", "discretes", "set_count")),
+        *((name, _Long) for name in ("set_direction", "set_first", "set_target")),
+        ("discrete_start", ctypes.c_void_p),
         ("usual", ctypes.c_void_p),
         ("method_list", ctypes.POINTER(Method)),
         ("parameters", ctypes.c_void_p),
@@ -175,6 +182,7 @@ class Integrator(ctypes.Structure):
         ("S", ctypes.c_void_p),
         ("du", ctypes.c_void_p),
         ("dp", ctypes.c_void_p),
+        ("discrete_S", ctypes.c_void_p),
         ("user", ctypes.c_void_p),
         ("budget", ctypes.c_size_t),
         ("read", ctypes.c_void_p),
@@ -187,7 +195,7 @@ class Integrator(ctypes.Structure):
         ("transition_rows", _Long),
         ("impulses", _Double),
         ("transition_masks", _Double),
-        *((name, ctypes.c_long) for name in ("grazed", "coincides")),
+        *((name, ctypes.c_long) for name in ("grazed", "coincides", "other")),
     ]  # fmt: skip
 
 

@@ -637,7 +637,7 @@ static enum Code one_adaptive(Integrator *I) {
             misses++;
             continue;
         }
-        if (I->held) {
+        if (I->row_count) {
             double part;
             enum Code code = land(I, S, h, &L, &part);
             if (code != REACHED_END) return code;
@@ -711,7 +711,7 @@ again:;
     legendre_coefficients(I, S, S->K);
     step_increments(I, S);
     if (leaves_branch(I, S)) return NOT_CONVERGED;
-    if (I->held) {
+    if (I->row_count) {
         double part;
         enum Code code = land(I, S, h, &L, &part);
         if (code != REACHED_END) return code;

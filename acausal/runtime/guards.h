@@ -25,6 +25,15 @@ typedef struct {
     double from, to;
 } Path;
 
+static long first_discrete(const Integrator *I) { return I->masks - I->discretes; }
+static long first_set(const Integrator *I) { return I->mode_rows - I->set_count; }
+
+/* By what a row is multiplied: rows of what is set by the side that their guards are on. */
+static double side_of_row(const Integrator *I, long row) {
+    long k = row - first_set(I);
+    return k >= 0 && k < I->set_count ? I->state->set_side[k] : 1;
+}
+
 static double chebyshev_point(int k) { return 0.5 - 0.5 * cos(PI * k / (POINTS - 1)); }
 
 /* The same by the table of cosines. */
@@ -57,6 +66,8 @@ static int guard_values(const Path *p, const double *theta, int count, double *v
         for (int l = 0; l < LANES && k + l < count; l++)
             for (long g = 0; g < n; g++) values[(k + l) * n + g] = out[g][l];
     }
+    for (long k = 0; k < I->set_count && p->rows; k++)
+        for (int j = 0; j < count; j++) values[j * n + first_set(I) + k] *= I->state->set_side[k];
     return 1;
 }
 

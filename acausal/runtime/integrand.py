@@ -57,11 +57,11 @@ class Integrand:
     @property
     def mode_rows(self) -> int:
         """Guards of masks, which come before those of switches."""
-        return 0 if self.modes is None else self.modes.guards.size1_out(0)
+        return 0 if self.modes is None else sum(guards.size1_out(0) for guards in self.modes.rows)
 
     @functools.cached_property
     def row_switch(self) -> np.ndarray:
-        """Of which held input each row is."""
+        """Of which held input each row is; of what is set, numbers behind those."""
         found = [] if self.switching is None else [self.masks + self.switching.switch]
         if self.modes is not None:
             m = self.modes
@@ -71,6 +71,7 @@ class Integrand:
                 m.one_sided + 2 * np.arange(m.lines).repeat(2),
                 first + 6 * np.arange(m.planes).repeat(2),
                 first + 6 * m.planes + 3 * np.arange(m.magnitudes).repeat(2),
+                self.held + np.arange(m.set_count),
             ]
             found.insert(0, np.concatenate(parts))
         return np.concatenate([np.zeros(0), *found]).astype(int)
@@ -112,7 +113,7 @@ class Integrand:
             "promised": int(self.unheld_exact is not None),
             "through": int(self.unheld_exact is not None and self.unheld_exact.through),
             "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
-            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "magnitudes", "redundant")},
+            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "magnitudes", "redundant", "discretes", "set_count")},
         }  # fmt: skip
 
     @functools.cached_property
@@ -124,13 +125,21 @@ class Integrand:
             found.append(Wanted("projection", together, (together.n_in() - 1,)))
         if self.clearance is not None:
             found.append(Wanted("clearance", self.clearance, (2,)))
-        if self.held:
+        if self.row_switch.size:
             found.append(Wanted("rows", self.rows, (3,)))
         if self.switching is not None:
             found.append(Wanted("sides", self.switching.sides, (3,)))
-        if self.modes is not None:
+        if self.modes is not None and self.modes.laws:
             found.append(Wanted("decision", self.with_sides(self.modes.decision), (3,)))
+        if self.modes is not None and self.modes.set is not None:
+            found.append(Wanted("set", self.with_sides(self.modes.set.values), (3,)))
         return tuple(found)
+
+    @property
+    def lists(self) -> dict[str, tuple[int, ...]]:
+        """Of `Integrator` in runtime.h: what is set."""
+        found = None if self.modes is None else self.modes.set
+        return {} if found is None else {"set_direction": found.directions, "set_first": found.first, "set_target": found.targets}
 
     @functools.cached_property
     def rows(self) -> ca.Function:
@@ -138,13 +147,10 @@ class Integrand:
         if self.modes is None:
             assert self.switching is not None
             return self.switching.rows
-        if self.switching is None:
-            return self.modes.guards
-        guards = self.switching.guards
-        symbols = [ca.SX.sym(name, guards.size1_in(i)) for i, name in enumerate("txup")]
-        return folded_function(
-            "rows", symbols, [ca.densify(ca.vertcat(guards.call(symbols)[0], self.switching.rows.call(symbols)[0]))]
-        )
+        first, *rest = (self.with_sides(function) for function in self.modes.rows)
+        parts = [first, *rest] if self.switching is None else [self.switching.guards, *rest, self.switching.rows]
+        symbols = [ca.SX.sym(name, self.rates.size1_in(i)) for i, name in enumerate("txup")]
+        return folded_function("rows", symbols, [ca.densify(ca.vertcat(*(part.call(symbols)[0] for part in parts)))])
 
     @functools.cached_property
     def jvp(self) -> Wanted:
@@ -154,17 +160,21 @@ class Integrand:
     @functools.cached_property
     def variation(self) -> tuple[Wanted, ...]:
         """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, and
-        (t, x, u, p, dt, dx, du, dp) -> those of rows of switches, and of what modes are decided by."""
+        (t, x, u, p, dt, dx, du, dp) -> those of rows of switches, of what modes are decided by, and of what is set."""
         found = [Wanted("variation", _directional_derivative(self.rates, (1, 2, 3)), (3,))]
         if self.invariants_and_projection is not None:
             project = self.invariants_and_projection[1]
             last = project.n_in() - 1
             found.append(Wanted("projected", _directional_derivative(project, (1, last)), (last,)))
-        if self.held:
+        if self.row_switch.size:
             found.append(Wanted("row_change", _directional_derivative(self.rows, (0, 1, 2, 3)), (3,)))
-        if self.modes is not None:
+        if self.modes is not None and self.modes.laws:
             decision = self.with_sides(self.modes.decision)
             found.append(Wanted("decision_change", _directional_derivative(decision, (0, 1, 2, 3)), (3,)))
+        if self.modes is not None and self.modes.set is not None:
+            found.append(
+                Wanted("set_change", _directional_derivative(self.with_sides(self.modes.set.values), (0, 1, 2, 3)), (3,))
+            )
         return tuple(found)
 
     @functools.cached_property

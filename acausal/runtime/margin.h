@@ -309,7 +309,7 @@ static int decision_later(Integrator *I, double later, Decision *D) {
 }
 
 /* Where the masks begin that say what is carried on: since when, reactions (n) at that time, their rates (n). */
-static long carried_of(const Integrator *I) { return I->masks - 1 - 2 * reactions_of(I); }
+static long carried_of(const Integrator *I) { return first_discrete(I) - 1 - 2 * reactions_of(I); }
 
 /* Whether all rows move the same whichever of these reactions there are. */
 static int moves_nothing(const Held *S, const Decision *D, const long *law, const double *along) {

@@ -34,6 +34,14 @@ static long mask_of(const Integrator *I, long friction) {
 /* Where the masks of a magnitude begin: the direction that its force is along, until it is across it. */
 static long mask_of_size(const Integrator *I, long m) { return mask_of(I, frictions_of(I)) + 3 * m; }
 
+/* Number of the law, or behind all laws of what is set, that a row belongs to; 0 for none in particular. */
+static long law_of_row(const Integrator *I, long row) {
+    long gaps = I->one_sided, set = row - first_set(I);
+    if (set >= 0) return gaps + frictions_of(I) + set;
+    long law = row < gaps ? row : gaps + (row - gaps) / 2;
+    return row < 0 ? 0 : law < gaps + frictions_of(I) ? law : gaps;
+}
+
 static int make_zeno(Integrator *I);
 static int make_saltation(Integrator *I);
 static int make_margin(Integrator *I);
@@ -42,18 +50,20 @@ static long carried_of(const Integrator *I);
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
+    T->later_x = reserve_doubles(I, I->nx + 1);
+    T->impulse = reserve_doubles(I, n + 1);
+    if (I->directions && !make_saltation(I)) return 0;
+    if (!n) return I->counted || (T->later_x && T->impulse);
     if (!arranged(I, &I->decision, &T->decision_in, &T->decision_out, &T->decision_c, 1 + I->nx + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
-    T->impulse = reserve_doubles(I, n);
     T->push = reserve_doubles(I, 6 * n + 2 * F + F + n * n + 5 * n);
-    T->later_x = reserve_doubles(I, I->nx + 1);
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
-    if (!make_zeno(I) || !make_margin(I) || !make_thin(I) || (I->directions && !make_saltation(I))) return 0;
+    if (!make_zeno(I) || !make_margin(I) || !make_thin(I)) return 0;
     return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
 }
 
@@ -129,9 +139,10 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
 static int look_before_knot(Integrator *I, double t) {
     struct State *T = I->state;
     Decision D;
+    T->crossed = 1;
+    if (!reactions_of(I)) return 1;
     if (!decision_at(I, t, I->x, &D)) return 0;
     memcpy(T->near_knot, D.gap, sizeof(double) * (size_t)(D.gaps + D.n));
-    T->crossed = 1;
     return 1;
 }
 
@@ -147,7 +158,7 @@ static int note_transition(Integrator *I, long row) {
     if (!I->block && k >= T->transition_room) {
         long c = T->transition_room = 2 * k + 16;
         if (!grow(&I->transition_steps, sizeof(long) * (size_t)c) || !grow(&I->transition_rows, sizeof(long) * (size_t)c) ||
-            !grow(&I->impulses, sizeof(double) * (size_t)(c * n)) || !grow(&I->transition_masks, sizeof(double) * (size_t)(c * I->masks)))
+            !grow(&I->impulses, sizeof(double) * (size_t)(c * n + 1)) || !grow(&I->transition_masks, sizeof(double) * (size_t)(c * I->masks + 1)))
             return 0;
     }
     I->transitions++;
@@ -304,7 +315,7 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     Decision D;
     double later = LATER * planned;
     long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
-    for (long k = carried_of(I); I->redundant && k < I->masks; k++) T->side[k] = 0;
+    for (long k = carried_of(I); I->redundant && k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(&D, i)) ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
@@ -395,7 +406,7 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     if (!I->magnitudes) return REACHED_END;
     if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
     for (long m = 0; m < I->magnitudes; m++) {
-        if (I->state->one_row[I->mode_rows - 2 * (I->magnitudes - m) + 1] > 0) continue;
+        if (I->state->one_row[first_set(I) - 2 * (I->magnitudes - m) + 1] > 0) continue;
         I->worst = D->gaps;
         while (I->worst < D->gaps + D->frictions - 1 && D->slide_size[(I->worst - D->gaps) * D->magnitudes + m] == 0) I->worst++;
         return NO_MODE;
@@ -428,27 +439,19 @@ static int strike_without_closing(Integrator *I, Room R) {
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
     memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
-    for (long k = 0; k < I->masks; k++) T->side[k] = 0;
+    for (long k = 0; k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return 0;
     look_at_slips(I, &D, R, -1, R.before);
     return 1;
 }
 
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
-static enum Code decide_modes(Integrator *I, long row, double planned) {
+static enum Code decide_reactions(Integrator *I, long row, double planned) {
     struct State *T = I->state;
     Decision D;
     Room R = room_of(I);
     long gaps = I->one_sided, n = reactions_of(I);
     int impacts = 0;
-    T->pace = planned;
-    T->changes = fabs(I->t - T->changed_at) <= INSTANT * planned ? T->changes + 1 : 0;
-    T->changed_at = I->t;
-    if (T->changes > CHANGES) {
-        I->worst = row < gaps ? (row < 0 ? 0 : row) : gaps + (row - gaps) / 2;
-        if (I->worst >= gaps + frictions_of(I)) I->worst = gaps;
-        return CHATTERS;
-    }
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
         R.touching[i] = D.gap[i] <= D.gap_noise[i] || T->side[i] == 1 || i == row;
@@ -475,7 +478,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
             for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
         if (I->directions) strike_directions(I, &D);
         memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
-        for (long k = 0; k < I->masks; k++) T->side[k] = 0;
+        for (long k = 0; k < first_discrete(I); k++) T->side[k] = 0;
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, R.before);
         int low = 0;
@@ -516,17 +519,13 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         impacts |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
     }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
-    if (I->directions && !leave_directions(I)) return INPUT_FAILED;
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
     if (row == BRIDGE) end_bridge(I);
     else if (impacts && !keep_straight(I, 0)) return OUT_OF_MEMORY;
-    for (long r = 0; r < I->row_count; r++) T->far[r] = 0;
-    forget_rates(I);
-    I->h = planned;
-    T->pending = -1;
-    T->crossed = 0;
     return REACHED_END;
 }
+
+#include "sets.h"
 
 /* A part of the time in which states change by their sizes [s], where it is not known how long the motion is. */
 static double part_of_motion(Integrator *I) {

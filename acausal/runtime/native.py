@@ -95,6 +95,16 @@ _OF_MODES = {
 }
 
 
+_OF_SETS = {
+    Code.SETS_NO_NUMBER: "{0} sets {1} to what is no number there. Look at its formula: a division by zero, a root of what is negative.",
+    Code.SETS_TWICE: "{0} sets {1}, and another event sets it to something else in the same instant. Say in one of them which counts.",
+    Code.SETS_BOUND: (
+        "{0} sets {1}, which constraints do not let be so: what loops, gears or unit quaternions tie together must be set together, to values that agree. "
+        "Set the velocities of all that moves along with it, or one that nothing ties."
+    ),
+}
+
+
 @dataclass(frozen=True)
 class Choice:
     """Which methods run: tableaus, where Newton replaces fixed-point iteration, and whether Radau's order adapts along the list.
@@ -124,9 +134,9 @@ class NativeProblem:
         self.nx, self.nu, self.held = (integrand.numbers[name] for name in ("nx", "nu", "held"))
         self._arrays = {
             name: np.ascontiguousarray(values, dtype=np.int_)
-            for name, values in zip(("copy_to", "copy_from"), integrand.copies, strict=True)
+            for name, values in (*zip(("copy_to", "copy_from"), integrand.copies, strict=True), *integrand.lists.items())
         }
-        if integrand.held:
+        if integrand.row_switch.size:
             self._arrays["row_switch"] = np.ascontiguousarray(integrand.row_switch, dtype=np.int_)
             self._arrays |= {
                 f"row_{n}": np.ascontiguousarray(a, dtype=float)
@@ -301,6 +311,9 @@ class Run:
         self._use(native.kernels, *(wanted.name for wanted in native.integrand.wanted))
         self._knots = np.ascontiguousarray(problem.knots, dtype=float)
         core.knots, core.knot_count = _address(self._knots), self._knots.size
+        if problem.discretes is not None:
+            self._discretes = np.ascontiguousarray(problem.discretes, dtype=float)
+            core.discrete_start = _address(self._discretes)
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:
@@ -456,9 +469,13 @@ class Run:
             return Outcome(Status(StatusKind.SUCCESS, core.t), stopped=True)
         if code == Code.SLIDES and self.native.integrand.switching is not None:
             return Outcome(Status(StatusKind.SLIDES, core.t, _SLIDES.format(self.native.integrand.switching.words[core.worst])))
-        if code in _OF_MODES and self.native.integrand.modes is not None:
+        modes = self.native.integrand.modes
+        if code in _OF_MODES and modes is not None:
             kind, message = _OF_MODES[code]
-            return Outcome(Status(kind, core.t, message.format(self.native.integrand.modes.words[core.worst])))
+            return Outcome(Status(kind, core.t, message.format(modes.all_words[core.worst])))
+        if code in _OF_SETS and modes is not None and modes.set is not None:
+            words = modes.set.words[core.worst], modes.set.target_words[core.other]
+            return Outcome(Status(StatusKind.CANNOT_SET, core.t, _OF_SETS[code].format(*words)))
         kind, message = _STATUS[code]
         failed = kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0
         return Outcome(Status(kind, core.t, message.format(core.max_steps), core.worst if failed else None))

@@ -68,7 +68,10 @@ enum Code {
     OVERLAPS,        /* one-sided row `worst` is violated where the motion begins */
     NO_MODE,         /* no masks fit: row `worst` is where it shows */
     CHATTERS,        /* modes change and change again in one instant: row `worst` */
-    NO_DERIVATIVES   /* impacts of row `worst` end that are infinitely many */
+    NO_DERIVATIVES,  /* impacts of row `worst` end that are infinitely many */
+    SETS_NO_NUMBER,  /* guard `worst` sets target `other` to what is no number */
+    SETS_TWICE,      /* it sets what target `other` is in the same instant, to something else */
+    SETS_BOUND       /* it sets target `other`, and constraints do not let it be so */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
@@ -89,6 +92,8 @@ typedef struct Integrator {
     Kernel row_change;  /* t, x, u, p, dt, dx, du, dp -> changes of the rows */
     Kernel decision;    /* t, x, u, p -> what masks are decided by, see modes.h */
     Kernel decision_change; /* t, x, u, p, dt, dx, du, dp -> changes of that */
+    Kernel set;         /* t, x, u, p -> discrete values at the start, then new values of all targets that are set, see sets.h */
+    Kernel set_change;  /* t, x, u, p, dt, dx, du, dp -> changes of that */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
     Kernel disturbed_rhs, disturbed_guard; /* the same as programs for rounding.h */
     Kernel rhs_program, rows_program, projection_program, jvp_program; /* the same as programs, for thin.h, where the kernels are compiled */
@@ -100,9 +105,12 @@ typedef struct Integrator {
     const long *row_switch;
     const double *row_factor, *row_plus;
     /* The first `masks` of these say which rows of reactions hold: one for each of `one_sided` laws, two for each friction along a line, six for each in a
-       plane, three for each of the magnitudes that their limits depend on, and the damping of rows that depend on one another, if any do; the first
-       `mode_rows` rows are theirs */
-    long masks, mode_rows, one_sided, lines, planes, magnitudes, redundant;
+       plane, three for each of the magnitudes that their limits depend on, and the damping of rows that depend on one another, if any do; then `discretes`, which are set. The first `mode_rows` rows are theirs, and the last
+       `set_count` of these those of guards at which something is set: guard k, where it passes zero in set_direction[k] (0 both, 1 rising, -1 falling), the targets
+       from set_first[k] to set_first[k + 1]: states, or nx + discrete values */
+    long masks, mode_rows, one_sided, lines, planes, magnitudes, redundant, discretes, set_count;
+    const long *set_direction, *set_first, *set_target;
+    const double *discrete_start; /* discrete values at the start; null, or no number: as the kernel says */
     const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; with exact kernels */
     const Method *method_list;
     const double *parameters;
@@ -141,6 +149,7 @@ typedef struct Integrator {
     long directions;
     double *S;
     const double *du, *dp;
+    double *discrete_S; /* of discrete values (directions, discretes), as S is; or null */
     void *user; /* of `input` */
     /* Coefficients beyond `budget` bytes are kept of steps only in which there is an event, or one of the times `read`, which ascend; ends of
        steps beyond so many bytes of these steps, and some between them. 0: all */
@@ -158,6 +167,7 @@ typedef struct Integrator {
     double *impulses, *transition_masks; /* masks from then on */
     /* Where derivatives are those to one side: 1 + the first law whose guard only touched zero, 1 + the first gap that closed together with others, each for itself; 0: none */
     long grazed, coincides;
+    long other; /* target of what could not be set */
 } Integrator;
 
 /* Of changes of mode: how many, when the last one was, of which row of masks (-1: the start, or a jump of inputs); steps of no length so far. */

@@ -10,8 +10,8 @@
 static int make_saltation(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), directions = direction_blocks(I) * LANES;
-    if (!arranged(I, &I->decision_change, &T->decision_change_in, &T->decision_change_out, &T->decision_change_c, 1 + I->nx + I->nu)) return 0;
-    if (!I->counted) give_inputs(I, T->decision_change_in);
+    if (n && !arranged(I, &I->decision_change, &T->decision_change_in, &T->decision_change_out, &T->decision_change_c, 1 + I->nx + I->nu)) return 0;
+    if (n && !I->counted) give_inputs(I, T->decision_change_in);
     T->delay = reserve_doubles(I, directions);
     T->decided_change = reserve_doubles(I, directions * I->decision.outputs);
     T->impulse_change = reserve_doubles(I, directions * 2 * n);
@@ -49,14 +49,13 @@ static int find_slopes(Integrator *I, double t, const double *x, double little, 
     for (long k = 0; k < I->nu; k++) *change++ = v_all(T->input_rate[k]);
     for (long k = 0; k < I->np; k++) *change++ = v_all(0);
     run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
-    for (long r = 0; r < I->mode_rows; r++) slopes[r] = T->row_change_out[r][0];
+    for (long r = 0; r < I->mode_rows; r++) slopes[r] = side_of_row(I, r) * T->row_change_out[r][0];
     return 1;
 }
 
 /* The first law whose row it was, counted from one. */
 static void note_law(const Integrator *I, long *first, long row) {
-    long gaps = I->one_sided;
-    if (!*first) *first = 1 + (row < gaps ? row : gaps + (row - gaps) / 2);
+    if (!*first) *first = 1 + law_of_row(I, row);
 }
 
 /* Whether a row tells where the direction of a slip in a plane begins to be held: there the flow is the same to either side. */
@@ -68,9 +67,10 @@ static int only_turns(const Integrator *I, long row) {
 /* How much later the row vanishes, direction by direction, into T->delay. Returns 0 when the input function failed. */
 static int find_delays(Integrator *I, long row, double planned) {
     struct State *T = I->state;
+    if (T->delayed++) return 1; /* what goes on in the same instant */
     double little = BACK * planned, *x = T->later_x, *slopes = T->slopes, *earlier = slopes + I->mode_rows;
     memset(T->delay, 0, sizeof(double) * (size_t)(direction_blocks(I) * LANES));
-    if (row < 0 || row >= I->mode_rows - 2 * I->magnitudes) return 1; /* where a force turns the flow goes on */
+    if (row < 0 || (row >= first_set(I) - 2 * I->magnitudes && row < first_set(I))) return 1; /* where a force turns the flow goes on */
     if (!rate_at(I, I->t, I->x, T->flow)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - little * T->flow[i];
     if (!find_slopes(I, I->t - little, x, little, earlier) || !find_slopes(I, I->t, I->x, little, slopes) || !rows_at(I, I->t, I->x)) return 0;
@@ -85,6 +85,7 @@ static int find_delays(Integrator *I, long row, double planned) {
         memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
         set_directions(I, change + 1 + I->nx, b, 1);
         run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
+        for (long r = first_set(I); r < I->mode_rows; r++) T->row_change_out[r] *= v_all(side_of_row(I, r));
         for (long l = 0; l < LANES; l++) T->delay[b * LANES + l] = -T->row_change_out[row][l] / slope;
         for (long r = 0; r < I->mode_rows; r++) {
             if (I->row_switch[r] == I->row_switch[row] || !(fabs(T->one_row[r]) <= MET * T->row_noise[r])) continue;
@@ -105,11 +106,17 @@ static void move_directions(Integrator *I, const double *flow, double factor) {
             for (long l = 0; l < LANES; l++) T->D[b * I->nx + i][l] += factor * flow[i] * T->delay[b * LANES + l];
 }
 
-/* To where the row vanishes, with changes of what is decided by there. Returns 0 when the input function failed. */
+/* To where the row vanishes. Returns 0 when the input function failed. */
+static int meet_row_by_directions(Integrator *I, long row, double planned) {
+    if (!find_delays(I, row, planned)) return 0;
+    if (row >= 0) move_directions(I, I->state->flow, 1);
+    return 1;
+}
+
+/* The same with changes of what is decided by there. */
 static int meet_directions(Integrator *I, long row, double planned) {
     struct State *T = I->state;
-    if (!find_delays(I, row, planned)) return 0;
-    if (row >= 0) move_directions(I, T->flow, 1);
+    if (!meet_row_by_directions(I, row, planned)) return 0;
     V *in = T->decision_change_in, *change = in + 1 + I->nx + I->nu + I->np;
     if (!put_place(I, I->t, I->x, BACK * planned, in)) return 0;
     for (long b = 0; b < direction_blocks(I); b++) {

@@ -31,6 +31,7 @@ static void set_directions(Integrator *I, V *in, long block, int inputs) {
         long d = block * LANES + l < I->directions ? block * LANES + l : 0;
         if (inputs)
             for (long i = 0; i < I->nu; i++) in[i][l] = I->du[d * I->nu + i];
+        for (long k = 0; k < I->discretes && inputs; k++) in[I->nu - I->held + I->masks - I->discretes + k][l] = I->state->discrete_change[d * I->discretes + k];
         for (long i = 0; i < I->np; i++) in[(inputs ? I->nu : 0) + i][l] = I->dp[d * I->np + i];
     }
 }
@@ -174,4 +175,5 @@ static void project_directions(Integrator *I) {
 static void give_directions(Integrator *I) {
     for (long d = 0; d < I->directions; d++)
         for (long i = 0; i < I->nx; i++) I->S[d * I->nx + i] = I->state->D[(d / LANES) * I->nx + i][d % LANES];
+    for (long k = 0; k < I->directions * I->discretes && I->discrete_S; k++) I->discrete_S[k] = I->state->discrete_change[k];
 }

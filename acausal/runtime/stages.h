@@ -161,6 +161,9 @@ struct State {
     double *lemke, *impulse, *push, *later_x; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
     double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
+    V *set_in, *set_out, *set_c, *set_change_in, *set_change_out, *set_change_c;
+    double *set_side, *set_rows, *set_x, *discrete_change; /* of what is set, see sets.h; changes of discrete values (directions, discretes) */
+    long *set_fired, *set_by;
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
@@ -228,6 +231,7 @@ struct State {
     Transition last; /* of mode */
     double changed_at, pending_planned, pace, first_impact, rest_t, rest_error;
     int crossed; /* whether a knot has been crossed since modes were decided */
+    int delayed; /* whether it is known how much later the present instant is, direction by direction */
     long impacts; /* one after the other, without another change of mode */
     long pending; /* row of masks at which the last step ended; -1: none */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
@@ -338,15 +342,16 @@ static void rates_at(Integrator *I, int exact, V *in, V *out) {
         return;
     }
     run_masked(I, OF_RATES, in, T->rhs_c, out);
-    if (I->held == I->masks) return;
-    V lost = v_all(0.0), *side = in + 1 + I->nx + I->nu - I->held;
+    long sides = I->held - I->masks;
+    if (!sides) return;
+    V lost = v_all(0.0), *side = in + 1 + I->nx + I->nu - sides;
     for (long i = 0; i < I->nx; i++) lost += out[i] - out[i];
     if (!i_any(lost != v_all(0.0))) return;
-    memcpy(T->sides_in, in, sizeof(V) * (size_t)(1 + I->nx + I->nu - I->held + I->masks));
+    memcpy(T->sides_in, in, sizeof(V) * (size_t)(1 + I->nx + I->nu - sides));
     run_kernel(&I->sides, T->sides_in, T->sides_c, T->sides_out, T->work);
-    for (long k = I->masks; k < I->held; k++) side[k] = v_select(lost != v_all(0.0), T->sides_out[k - I->masks], side[k]);
+    for (long k = 0; k < sides; k++) side[k] = v_select(lost != v_all(0.0), T->sides_out[k], side[k]);
     run_kernel(&I->rhs, in, T->rhs_c, out, T->work);
-    for (long k = 0; k < I->held; k++) side[k] = v_all(T->side[k]);
+    for (long k = 0; k < sides; k++) side[k] = v_all(T->side[I->masks + k]);
 }
 
 /* Costs, in operations on lanes: fitted to times of 350 runs of 30 scenes, which they meet to 15 % (geometric mean) where vectors have eight lanes.

@@ -17,13 +17,13 @@
 static int make_switches(Integrator *I) {
     struct State *T = I->state;
     long fixed = 1 + I->nx + I->nu;
-    if (!arranged(I, &I->rows, &T->rows_in, &T->rows_out, &T->rows_c, fixed)) return 0;
-    if (!I->counted) give_inputs(I, T->rows_in);
+    if (I->row_count && !arranged(I, &I->rows, &T->rows_in, &T->rows_out, &T->rows_c, fixed)) return 0;
+    if (I->row_count && !I->counted) give_inputs(I, T->rows_in);
     if (present(&I->sides) && !arranged(I, &I->sides, &T->sides_in, &T->sides_out, &T->sides_c, fixed - I->held + I->masks)) return 0;
-    if (I->directions && !arranged(I, &I->row_change, &T->row_change_in, &T->row_change_out, &T->row_change_c, fixed)) return 0;
-    if (I->directions && !I->counted) give_inputs(I, T->row_change_in);
+    if (I->directions && I->row_count && !arranged(I, &I->row_change, &T->row_change_in, &T->row_change_out, &T->row_change_c, fixed)) return 0;
+    if (I->directions && I->row_count && !I->counted) give_inputs(I, T->row_change_in);
     T->side = reserve_doubles(I, I->held);
-    T->overs = reserve(I, sizeof(long) * (size_t)I->held);
+    T->overs = reserve(I, sizeof(long) * (size_t)(I->held + I->set_count));
     T->step_by_side = reserve_doubles(I, 2 * I->held);
     T->row_values = reserve_doubles(I, POINTS * I->row_count);
     T->row_noise = reserve_doubles(I, I->row_count);
@@ -41,6 +41,7 @@ static int rows_at(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
     V *in = T->rows_in;
     for (long r = 0; r < I->row_count; r++) T->row_noise[r] = 0;
+    if (!I->row_count) return 1;
     for (long first = 0; first < COUNTED; first += LANES) {
         for (long l = 0; l < LANES; l++) {
             for (long i = -1; i < I->nx; i++) {
@@ -60,6 +61,7 @@ static int rows_at(Integrator *I, double t, const double *x) {
     }
     for (long r = 0; r < I->row_count; r++)
         for (long k = OVERS; k < T->overs[I->row_switch[r]]; k++) T->row_noise[r] *= 10;
+    for (long k = 0; k < I->set_count; k++) T->one_row[first_set(I) + k] *= T->set_side[k];
     return 1;
 }
 
@@ -288,7 +290,7 @@ static double first_switch(Path *p, struct Landing *L) {
         p->guard = r;
         p->noise = T->row_noise[r];
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
-        if (decided) p->noise = fmax(p->noise, -2 * v[0]);
+        if (decided) p->noise = fmax(p->noise, (r < first_set(I) ? -2 : -1.01) * v[0]);
         for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
         p->searches = 0;
         double here = first_below(p, 0, 1, T->row_values, 0);

@@ -17,13 +17,13 @@ from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Sol
 from acausal.errors import OptionError, SimulationError, SingularWarning
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input
+from acausal.language.when import when
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
-from acausal.reduce.modes import refuse_modes
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
-from acausal.simulate.events import events_asked, when
+from acausal.simulate.events import events_asked
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
@@ -42,7 +42,7 @@ from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState
 from acausal.start.inputs import check_smooth, knots
 from acausal.start.situation import Situation
-from acausal.wording import callers_level
+from acausal.wording import callers_level, compact
 
 _NOTHING = np.zeros(0)
 
@@ -112,6 +112,7 @@ def samples_asked(value: Any) -> int | np.ndarray:
 
 def simulate(functions: Functions, at: Situation, end: float, options: Options) -> Trajectory:
     """A motion from t0 to the end [s]. Raises `StartValueError`, and `SimulationError` with the partial motion."""
+    functions = functions.setting(tuple(event for event in options.events if event.set is not None))
     called, t0, space = time.perf_counter(), at.t0, functions.space
     signal = at.signal(functions)
     jumps = check_given_motions(functions.given_motions, t0, end, at.p)
@@ -120,11 +121,16 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     check_decided(functions.outputs.system, t0, whole.x, at.p)
     initial = InitialState(space.restricted(whole.x), space.extended(t0, whole.x, at.p), whole.account)
     read, guards = options.times(t0, end), guards_of(functions, options.events)
-    problem = _problem(functions, signal, initial.p, knots(signal, t0, end), options.compiled, guards, read)
+    problem = _problem(
+        functions, signal, initial.p, knots(signal, t0, end), options.compiled, guards, read, at.discretes(functions)
+    )
     check_branch(functions, problem, t0, end, initial.x)
     solution = integrated(problem, initial.x, t0, end, options, called)
-    if solution.modes is None:
-        refuse_modes(functions.outputs.system.mechanics.modes, f"The method {solution.statistics.method}")
+    if solution.modes is None and functions.modes is not None:
+        who = compact(dict.fromkeys(functions.modes.all_words), 4) or "parts that remember"
+        raise OptionError(
+            f"The method {solution.statistics.method} does not go with what opens, slips, strikes or is set: {who}."
+        )
     problem = problem.with_modes(solution.modes)
     reached = float(solution.t[-1])
     times = problem.read if reached == end else options.times_until(t0, reached)
@@ -174,7 +180,8 @@ def sensitivity_run(
         if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
             raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
     signal = at.signal(functions)
-    problem = _problem(functions, signal, at.p, knots(signal, at.t0, float(times[-1])), compiled)
+    until = float(times[-1])
+    problem = _problem(functions, signal, at.p, knots(signal, at.t0, until), compiled, discretes=at.discretes(functions))
     found = sensitivities(functions, problem, at, times, wrt, accuracy)
     status = found.found.status
     raise_if_interrupted(status, None)
@@ -212,11 +219,12 @@ def _problem(
     compiled: bool,
     guards: Guards | None = None,
     read: np.ndarray = _NOTHING,
+    discretes: np.ndarray | None = None,
 ) -> Problem:
     native = functions.native(How.AUTO if compiled else How.CASADI)
     return Problem(
         functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, signal.constant, native, guards, None,
-        functions.clearance, functions.space.nq, read, knots, functions.exact,
+        functions.clearance, functions.space.nq, read, knots, functions.exact, discretes,
     )  # fmt: skip
 
 

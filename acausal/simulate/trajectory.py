@@ -22,12 +22,13 @@ from acausal.collocation.problem import Interpolant, Problem, Solution, Statisti
 from acausal.errors import OptionError
 from acausal.language.component import Component, System
 from acausal.language.expression import Expression, Reaction
+from acausal.language.when import when
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
-from acausal.simulate.events import Event, when
+from acausal.simulate.events import Event
 from acausal.simulate.piece import Piece
 from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, strips_of, transitions_of
 from acausal.start.initial import InitialState

@@ -11,6 +11,7 @@ from typing import Protocol, overload
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.modes import ModesMet
 from acausal.collocation.problem import Problem, Solution
 from acausal.dynamics.mode_rows import ModeRow
 from acausal.errors import OptionError
@@ -41,6 +42,8 @@ class Run(Protocol):
     def problem(self) -> Problem: ...
     @property
     def solution(self) -> Solution: ...
+    @property
+    def energy(self) -> np.ndarray: ...
     def given(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Run: ...
     def __getitem__(self, wanted: Expression | ca.SX | str) -> np.ndarray: ...
 
@@ -124,7 +127,7 @@ class Moment:
 @dataclass(frozen=True, eq=False)
 class Change:
     """What one part did: from `old` to `new` ("open", "closed", "sticks", "slides +" along its slip, "slides -", "off"), struck by `impulse` (one number, or
-    two) [`unit`], in which `energy_lost` became heat [J]."""
+    two) [`unit`], in which `energy_lost` became heat [J]. Or what was set: a variable in place of the part, from number to number."""
 
     part: str
     old: str
@@ -183,6 +186,10 @@ class Transitions(Sequence[Transition]):
     old: np.ndarray
     new: np.ndarray
     impulses: np.ndarray
+    targets: tuple[tuple[int, ...], ...]
+    """What was set in each, by numbers of states, and nx or more of discrete values; none where nothing was."""
+    words: dict[int, str]
+    """What each of them is called."""
 
     @functools.cached_property
     def _losses(self) -> tuple[np.ndarray, np.ndarray]:
@@ -202,6 +209,15 @@ class Transitions(Sequence[Transition]):
         in_balance[some] = (self.impulses[some] * ((before[n:] + after[n:]) / 2).T).sum(axis=1)
         return lost, in_balance
 
+    @functools.cached_property
+    def _taken(self) -> dict[int, float]:
+        """By number of the transition, where something is set: what the scene has less after it [J]."""
+        some = np.flatnonzero([bool(own) for own in self.targets])
+        if not some.size:
+            return {}
+        before, after = (self.run.given(self.times[some], *self.beside(some, k)).energy for k in range(2))
+        return dict(zip(some.tolist(), (before - after).tolist(), strict=True))
+
     @property
     def energy_lost(self) -> np.ndarray:
         """As heat in each (n,) [J]."""
@@ -209,8 +225,11 @@ class Transitions(Sequence[Transition]):
 
     @property
     def lost_in_balance(self) -> np.ndarray:
-        """The same less what moving surfaces, belts and drives brought in (n,) [J]."""
-        return self._losses[1]
+        """The same less what moving surfaces, belts and drives brought in, and what is set (n,) [J]."""
+        found = self._losses[1].copy()
+        for k, taken in self._taken.items():
+            found[k] = taken
+        return found
 
     def lost_at_ends(self, count: int) -> np.ndarray:
         """The sum of these so far (n,) [J], at so many ends of steps: not yet at the end before an impact."""
@@ -249,7 +268,17 @@ class Transitions(Sequence[Transition]):
             lost = float(self._losses[0][k, law.reactions].sum())
             struck = float(impulse[0]) if impulse.size == 1 else impulse.copy()
             changes.append(Change(law.name, law.words[old], law.words[new], struck, unit, lost))
-        return Transition(float(self.times[k]), tuple(changes), self._moment(k, 0), self._moment(k, 1))
+        before, after = self._moment(k, 0), self._moment(k, 1)
+        for target in self.targets[k]:
+            old, new = (f"{self._value(target, k, side):.6g}" for side in range(2))
+            changes.append(Change(self.words[target], old, new, 0.0, "", 0.0))
+        return Transition(float(self.times[k]), tuple(changes), before, after)
+
+    def _value(self, target: int, k: int, after: int) -> float:
+        """Of a target just before or after."""
+        x, u = self.beside(np.array([k]), after)
+        first = u.shape[0] - len(self.run.outputs.system.flat.discretes)
+        return float(x[target, 0] if target < x.shape[0] else u[first + target - x.shape[0], 0])
 
     @overload
     def __getitem__(self, index: int) -> Transition: ...
@@ -286,7 +315,7 @@ def transitions_of(run: Run) -> Transitions:
     if met is None:
         none, words = np.zeros(0), np.zeros((0, 0), dtype=int)
         at = none.astype(int)
-        return Transitions(run, laws, none, at, none.astype(bool), (words, words), words, words, np.zeros((0, 0)))
+        return Transitions(run, laws, none, at, none.astype(bool), (words, words), words, words, np.zeros((0, 0)), (), {})
     last = np.append(np.diff(met.steps) > 0, True)  # of those at the same end of a step
     first = np.insert(last[:-1], 0, True)
     begin, end = np.flatnonzero(first), np.flatnonzero(last)
@@ -294,11 +323,30 @@ def transitions_of(run: Run) -> Transitions:
     jumped = np.logical_or.reduceat(met.jumped, begin)
     after = met.masks[:, end]
     before = np.hstack([after[:, :1] if not jumped[0] else np.zeros((after.shape[0], 1)), after[:, :-1]])
-    old, new = (np.array([law.numbers(masks) for law in laws]) for masks in (before, after))
-    some = np.flatnonzero(jumped | (old != new).any(axis=0))
+    old, new = (
+        np.array([law.numbers(masks) for law in laws]).reshape(len(laws), begin.size).astype(int) for masks in (before, after)
+    )
+    targets, words = _targets(run, met, begin, end)
+    some = np.flatnonzero(jumped | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
     return Transitions(
-        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some]
+        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some],
+        tuple(targets[k] for k in some), words,
     )  # fmt: skip
+
+
+def _targets(run: Run, met: ModesMet, begin: np.ndarray, end: np.ndarray) -> tuple[list[tuple[int, ...]], dict[int, str]]:
+    """What is set in each instant, and what all that is called."""
+    modes = run.functions.modes
+    found = None if modes is None else modes.set
+    if modes is None or found is None:
+        return [()] * begin.size, {}
+    first = modes.guards.size1_out(0)
+    of = [found.targets[a:b] for a, b in zip(found.first, found.first[1:], strict=False)]
+    targets: list[tuple[int, ...]] = []
+    for a, b in zip(begin, end, strict=True):
+        fired = [of[row - first] for row in met.rows[a : b + 1].tolist() if row >= first]
+        targets.append(tuple(dict.fromkeys(target for own in fired for target in own)))
+    return targets, dict(zip(found.targets, found.target_words, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

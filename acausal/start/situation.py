@@ -11,9 +11,9 @@ import numpy as np
 
 from acausal.arguments import dictionary, finite
 from acausal.collocation.inputs import Inputs
-from acausal.errors import OptionError, UnknownVariableError
+from acausal.errors import OptionError, StartValueError, UnknownVariableError
 from acausal.language.component import Component
-from acausal.language.expression import Expression, Input, InputRate, Mode, Parameter, Symbol, leaves, number
+from acausal.language.expression import Discrete, Expression, Input, InputRate, Mode, Parameter, Symbol, leaves, number
 from acausal.language.flatten import FlatSystem
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -42,6 +42,11 @@ class Situation:
         """times (n,) -> inputs (nu, n)."""
         return input_signal(functions, self.inputs)
 
+    def discretes(self, functions: Functions) -> np.ndarray | None:
+        """(n,): values that what parts remember was given; no number where it was given none."""
+        known = functions.outputs.system.flat.discretes
+        return np.array([float(self.inputs.get(one, np.nan)) for one in known]) if known else None  # pyright: ignore[reportArgumentType]  # of these only numbers
+
     def u(self, functions: Functions) -> np.ndarray:
         """Inputs (nu,) at t0."""
         return self.signal(functions)(np.array([self.t0]))[:, 0]
@@ -69,7 +74,24 @@ def situation(
         flat.conditions.check(values[: len(known)])
     driven = dictionary({} if inputs is None else inputs, "inputs", INPUTS)
     own = (k for k in flat.inputs if not isinstance(k, InputRate | Mode))
-    return Situation(named_start(flat, start), finite(t0, f"The {clock} [s]"), _by_symbol(flat, driven, "input", own), values)
+    given_start, remembered = _parted(named_start(flat, start), outputs)
+    driving = _by_symbol(flat, driven, "input", own) | remembered
+    return Situation(given_start, finite(t0, f"The {clock} [s]"), driving, values)
+
+
+def _parted(start: Start, outputs: Outputs) -> tuple[Start, dict[Any, float]]:
+    """Start values of variables, and those of what parts remember, which are numbers. Raises `StartValueError`."""
+    found: dict[Any, float] = {}
+    for key, given in start.items():
+        if not isinstance(key, Discrete):
+            continue
+        value = given.value if isinstance(given, exactly) else given
+        if key not in outputs.system.flat.discretes or isinstance(value, near) or not np.isscalar(value):
+            raise StartValueError(
+                f"start value of {outputs.name(key)} is {given!r}. Give a number, to a discrete value of this scene."
+            )
+        found[key] = number(value, f"start value of {outputs.name(key)}")
+    return {key: value for key, value in start.items() if key not in found}, found
 
 
 def named_start(flat: FlatSystem, start: Any) -> Start:

@@ -1,0 +1,370 @@
+"""What events set: relays, thermostats, samplers, ratchets, jumps of states; against closed forms."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import acausal as ac
+from acausal.collocation.problem import StatusKind
+from acausal.errors import ModelError, OptionError
+from acausal.language.mode_laws import ModeLaw
+from components import (
+    Brake,
+    EndStop,
+    Gain,
+    Integrator,
+    Limiter,
+    Particle,
+    Ratchet,
+    Relay,
+    Revolute,
+    RigidBody,
+    SampleAndHold,
+    Sum,
+    Thermostat,
+    World,
+)
+from components.translational import ForceSource, SlidingMass, TranslationalGround
+
+
+def times(run: Any) -> np.ndarray:
+    """Of all transitions."""
+    return np.array([transition.time for transition in run.transitions])
+
+
+class Lag(ac.Component):
+    """time x' = input - x."""
+
+    input = ac.Signal.port()
+    output = ac.Signal.port()
+    x = ac.Variable("")
+
+    def __init__(self, time: float) -> None:
+        self.time = time
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.time * ac.der(self.x), self.input.value - self.x)
+        yield ac.equal(self.output.value, self.x)
+
+
+def looped(plant: Any, relay: Any) -> ac.System:
+    scene = ac.System()
+    scene.plant, scene.relay = plant, relay
+    scene.connect(scene.plant.output, scene.relay.input)
+    scene.connect(scene.relay.output, scene.plant.input)
+    return scene
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-7, 1e5])
+def test_relay_drives_an_integrator_to_and_fro(size: float) -> None:
+    # x' = -+ k between -h and h: a triangle, half a period 2 h / k
+    h, k = 0.3 * size, 2.0 * size
+    scene = looped(Integrator(), Relay(-h, h, off=k, on=-k))
+    run = ac.build(scene).simulate(20.0, {scene.plant.x: 0.1 * size}, rtol=1e-12)
+    met = times(run)
+    assert met[0] == pytest.approx(0.1, rel=1e-13)
+    assert np.diff(met) == pytest.approx(0.3, rel=1e-12)
+    assert met.size == 67
+    assert np.abs(run[scene.plant.x]).max() <= h * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.9, -0.9])
+def test_relay_drives_a_lag_to_and_fro(start: float) -> None:
+    # towards -U from h: x = -U + (U + h) exp(-t / T) reaches -h after T ln((U + h) / (U - h))
+    T, U, h = 0.4, 1.0, 0.25
+    scene = looped(Lag(T), Relay(-h, h, off=U, on=-U))
+    run = ac.build(scene).simulate(5.0, {scene.plant.x: start}, rtol=1e-12)
+    assert np.diff(times(run)) == pytest.approx(T * np.log((U + h) / (U - h)), rel=1e-11)
+    assert run[scene.relay.closed][0] == (start > h)
+
+
+def test_thermostat_keeps_a_room_warm() -> None:
+    # T' = (a - T) / tau + P on: heats for tau ln((top - lower) / (top - upper)), top = a + P tau, cools for tau ln((upper - a) / (lower - a))
+    tau, outside, heating, lower, upper = 500.0, 273.0, 0.08, 291.0, 294.0
+    scene = ac.System()
+    scene.room, scene.thermostat, scene.weather = Lag(tau), Thermostat(lower, upper, power=heating * tau), ac.Input()
+
+    class Outside(ac.Component):
+        input, output = ac.Signal.port(), ac.Signal.port()
+
+        def __init__(self, temperature: ac.Expression) -> None:
+            self.temperature = temperature
+
+        def equations(self) -> Iterable[ac.Equation]:
+            yield ac.equal(self.output.value, self.input.value + self.temperature)
+
+    scene.outside = Outside(1.0 * scene.weather)
+    scene.connect(scene.room.output, scene.thermostat.input)
+    scene.connect(scene.thermostat.output, scene.outside.input)
+    scene.connect(scene.outside.output, scene.room.input)
+    run = ac.build(scene).simulate(4000.0, {scene.room.x: 280.0}, rtol=1e-12, inputs={scene.weather: outside})
+    top = outside + heating * tau
+    met = np.diff(times(run))
+    assert met[::2] == pytest.approx(tau * np.log((upper - outside) / (lower - outside)), rel=1e-11)
+    assert met[1::2] == pytest.approx(tau * np.log((top - lower) / (top - upper)), rel=1e-11)
+    assert times(run)[0] == pytest.approx(tau * np.log((top - 280.0) / (top - upper)), rel=1e-11)
+
+
+def falling(mass: float = 2.0, gravity: float = 9.81) -> ac.System:
+    scene = ac.System()
+    scene.mass, scene.weight = SlidingMass(mass), ForceSource(-mass * gravity)
+    scene.connect(scene.mass.flange_b, scene.weight.flange)
+    return scene
+
+
+@pytest.mark.parametrize("direction", ["falling", "both"])
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_ball_that_is_set_bounces_as_one_that_strikes(direction: str, size: float) -> None:
+    free, struck = falling(gravity=9.81 * size), falling(gravity=9.81 * size)
+    struck.floor = EndStop(struck.mass.flange_a, lower=0.0, restitution=0.8)
+    bounce = ac.when(free.mass.s, direction, set={free.mass.v: -0.8 * free.mass.v})
+    one = ac.build(free).simulate(2.5, {free.mass.s: size}, rtol=1e-12, events=[bounce])
+    other = ac.build(struck).simulate(2.5, {struck.mass.s: size}, rtol=1e-12)
+    assert times(one) == pytest.approx(times(other), rel=1e-13)
+    assert one[free.mass.s] == pytest.approx(other[struck.mass.s], abs=1e-12 * size)
+    assert one.energy_error() < 1e-11
+    first = one.transitions[0]
+    assert first.parts == ("mass.v",)
+    assert first.after[free.mass.v] == pytest.approx(-0.8 * first.before[free.mass.v], rel=1e-15)
+    assert [event.time for event in one.events] == pytest.approx(times(one))
+
+
+@pytest.mark.parametrize("restitution", [0.95, 0.8, 0.5, 0.1])
+def test_bounces_without_end_that_are_set_are_named(restitution: float) -> None:
+    # nothing holds the ball when they are over, as a contact would
+    scene = falling()
+    bounce = ac.when(scene.mass.s, "falling", set={scene.mass.v: -restitution * scene.mass.v})
+    run = ac.build(scene).simulate(30.0, {scene.mass.s: 1.0}, events=[bounce], raise_on_failure=False)
+    assert run.status.kind is StatusKind.CHATTERS
+    assert "test_sets.py" in run.status.message
+    assert run.t[-1] == pytest.approx(np.sqrt(2 / 9.81) * (1 + restitution) / (1 - restitution), rel=2e-2)
+
+
+@pytest.mark.parametrize("t0", [0.0, 0.013])
+def test_sampled_controller_moves_as_the_discrete_system_does(t0: float) -> None:
+    # x' = A x + B u, u = -K x at the last sample: x_{k + 1} = (exp(A T) - int exp(A s) ds B K) x_k
+    mass, k, d, T = 2.0, 30.0, 9.0, 0.02
+
+    class Plant(ac.Component):
+        force, place, rate = ac.Signal.port(), ac.Signal.port(), ac.Signal.port()
+        x, v = ac.Variable("m"), ac.Variable("m/s")
+
+        def equations(self) -> Iterable[ac.Equation]:
+            yield ac.equal(ac.der(self.x), self.v)
+            yield ac.equal(mass * ac.der(self.v), self.force.value)
+            yield ac.equal(self.place.value, self.x)
+            yield ac.equal(self.rate.value, self.v)
+
+    scene = ac.System()
+    scene.plant, scene.law, scene.hold = Plant(), Sum(-k, -d), SampleAndHold(T)
+    scene.connect(scene.plant.place, scene.law.inputs[0])
+    scene.connect(scene.plant.rate, scene.law.inputs[1])
+    scene.connect(scene.law.output, scene.hold.input)
+    scene.connect(scene.hold.output, scene.plant.force)
+    start = np.array([1.0, -0.3])
+    run = ac.build(scene).simulate(
+        t0 + 4.0, {scene.plant.x: start[0], scene.plant.v: start[1]}, t0=t0, rtol=1e-12, samples=[t0, *(T * np.arange(1, 200))]
+    )
+
+    def over(h: float) -> np.ndarray:
+        whole = scipy.linalg.expm(h * np.array([[0, 1, 0], [0, 0, 1 / mass], [0, 0, 0]]))
+        return whole[:2, :2] + whole[:2, 2:] @ np.array([[-k, -d]])
+
+    expected = [start, over(T - t0) @ start]
+    for _ in range(198):
+        expected.append(over(T) @ expected[-1])
+    assert pytest.approx(np.array(expected), abs=1e-12) == run.x.T
+    assert times(run) == pytest.approx(T * np.arange(1, times(run).size + 1), rel=1e-14)
+
+
+def test_ratchet_keeps_what_has_been_climbed() -> None:
+    # thrown up to v^2 / 2 g, it falls back on the last tooth below
+    v, g, pitch = 3.0, 9.81, 0.13
+    scene = falling(gravity=g)
+    scene.wall = TranslationalGround()
+    scene.ratchet = Ratchet(scene.wall.flange, scene.mass.flange_a, pitch)
+    run = ac.build(scene).simulate(2.0, {scene.mass.v: v}, rtol=1e-12)
+    teeth = np.floor(v**2 / (2 * g) / pitch)
+    assert run[scene.ratchet.tooth][-1] == teeth
+    assert run[scene.mass.s][-1] == pytest.approx(pitch * teeth, rel=1e-13)
+    passed = [(v - np.sqrt(v**2 - 2 * g * pitch * n)) / g for n in range(1, int(teeth) + 1)]
+    struck = (v + np.sqrt(v**2 - 2 * g * pitch * teeth)) / g
+    assert times(run) == pytest.approx([*passed, struck], rel=1e-12)
+    assert run[scene.ratchet.push][-1] == pytest.approx(2 * g, rel=1e-12)
+    assert run.transitions.energy_lost.sum() == pytest.approx(v**2 - 2 * g * pitch * teeth, rel=1e-11)
+    assert run.energy_error() < 1e-11
+
+
+def test_limiter_saturates() -> None:
+    # v' = -clip(k v, 1): straight, then exponential from v = 1 / k on
+    k, v = 4.0, 2.0
+    scene = ac.System()
+    scene.plant, scene.gain, scene.limiter = Integrator(), Gain(-k), Limiter(-1.0, 1.0)
+    scene.connect(scene.plant.output, scene.gain.input)
+    scene.connect(scene.gain.output, scene.limiter.input)
+    scene.connect(scene.limiter.output, scene.plant.input)
+    run = ac.build(scene).simulate(4.0, {scene.plant.x: v}, rtol=1e-12)
+    bend = v - 1 / k
+    expected = np.where(run.t < bend, v - run.t, np.exp(-k * (run.t - bend)) / k)
+    assert run[scene.plant.x] == pytest.approx(expected, abs=1e-12)
+
+
+class Counts(ac.Component):
+    """Events that set what other events look at."""
+
+    x = ac.Variable("")
+
+    def __init__(self, first: float = 0.5, most: float = 3.0) -> None:
+        self.first, self.most = first, most
+        self.one, self.two = ac.Discrete(), ac.Discrete(start=2.0)
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(ac.der(self.x), 1.0 + 0.0 * self.one)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.when(self.x - self.first, "rising", set={self.one: self.two, self.two: self.one + 10.0})
+        yield ac.when(self.two - 9.0, "rising", set={self.x: self.x + 1.0})
+
+
+def test_what_is_set_is_set_at_once_and_sets_off_what_follows() -> None:
+    scene = ac.System()
+    scene.counts = Counts()
+    run = ac.build(scene).simulate(1.0, {scene.counts.x: 0.0}, rtol=1e-12)
+    assert run[scene.counts.one][-1] == 2.0
+    assert run[scene.counts.two][-1] == 10.0
+    assert run[scene.counts.x][-1] == pytest.approx(2.0, rel=1e-13)
+    assert times(run) == pytest.approx(0.5)
+    assert run.transitions[-1].before[scene.counts.x] == pytest.approx(0.5)
+    assert run.transitions[-1].after[scene.counts.x] == pytest.approx(1.5)
+
+
+def test_discrete_values_have_start_values() -> None:
+    scene = ac.System()
+    scene.counts = Counts()
+    model = ac.build(scene)
+    run = model.simulate(1.0, {scene.counts.x: 0.0, scene.counts.two: 5.0})
+    assert run[scene.counts.two][0] == 5.0
+    assert run[scene.counts.one][-1] == 5.0
+
+
+def test_runs_with_what_is_set_are_pickled() -> None:
+    free = falling()
+    bounce = ac.when(free.mass.s, "falling", set={free.mass.v: -0.8 * free.mass.v})
+    run = ac.build(free).simulate(1.5, {free.mass.s: 1.0}, events=[bounce])
+    again = pickle.loads(pickle.dumps(run))
+    assert str(again.transitions) == str(run.transitions)
+    assert np.array_equal(again["mass.v"], run["mass.v"])
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_who_carries_out_the_arithmetic_changes_nothing(compiled: bool) -> None:
+    scene = looped(Lag(0.4), Relay(-0.25, 0.25, off=1.0, on=-1.0))
+    run = ac.build(scene).simulate(3.0, {scene.plant.x: 0.1}, rtol=1e-12, compiled=compiled)
+    assert np.diff(times(run)) == pytest.approx(0.4 * np.log(1.25 / 0.75), rel=1e-11)
+
+
+def test_thrown_back_by_an_event_a_block_that_stuck_slides() -> None:
+    # mu N = 3 holds it against 2; set to speed 1 at t = 1 it stops after m / (3 - 2)
+    scene = ac.System()
+    scene.mass, scene.push = SlidingMass(2.0), ForceSource(2.0)
+    scene.connect(scene.mass.flange_b, scene.push.flange)
+    scene.brake = Brake(scene.mass.flange_a, 3.0)
+    kick = ac.when(ac.time - 1.0, set={scene.mass.v: 1.0})
+    run = ac.build(scene).simulate(4.0, {}, rtol=1e-12, events=[kick])
+    assert run[scene.mass.s][-1] == pytest.approx(1.0, rel=1e-12)
+    assert [t for t in times(run) if t > 0] == pytest.approx([1.0, 1.0, 3.0][-len([t for t in times(run) if t > 0]) :])
+    assert run[scene.mass.v][-1] == 0.0
+    assert run.energy_error() < 1e-11
+
+
+def test_velocities_in_space_are_set() -> None:
+    scene = ac.System()
+    scene.world, scene.ball, scene.box = World(), Particle(0.3), RigidBody.box(mass=1.0, size=(0.1, 0.2, 0.3))
+    model = ac.build(scene)
+    ball, box = scene.ball.point, scene.box.frame
+    turn = ac.when(ac.time - 0.25, set={ball.velocity: [1.0, 2.0, 3.0], box.velocity: [0.5, 0.0, 0.0]})
+    run = model.simulate(0.5, {box.angular_velocity: (0.3, 2.0, 1.0)}, rtol=1e-12, events=[turn])
+    assert run[ball.velocity][-1] == pytest.approx([1.0, 2.0, 3.0 - 0.25 * 9.81], rel=1e-12)
+    assert run[box.velocity][-1] == pytest.approx([0.5, 0.0, -0.25 * 9.81], abs=1e-12)
+    assert run[box.angular_velocity][-1] != pytest.approx([0.3, 2.0, 1.0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (lambda s: {s.mass.v: float("nan")}, "finite"),
+        (lambda s: {s.limit: 1.0}, "parameter"),
+        (lambda s: {s.force: 1.0}, "input"),
+        (lambda s: {s.mass.v: [1.0, 2.0]}, "entries"),
+        (lambda s: {s.mass.flange_a.f: 1.0}, "no state"),
+        (lambda s: {ac.time: 1.0}, "time"),
+        (lambda s: {s.mass.v: 1.0, "mass.v": 2.0}, "twice"),
+        (lambda s: {ac.Discrete(): 1.0}, "belongs to no part"),
+    ],
+)
+def test_what_cannot_be_set_is_refused(what: Any, words: str) -> None:
+    scene = ac.System()
+    scene.limit, scene.force = ac.Parameter(1.0), ac.Input("N")
+    scene.mass, scene.source = SlidingMass(2.0 * scene.limit), ForceSource(scene.force)
+    scene.connect(scene.mass.flange_b, scene.source.flange)
+    given: Mapping[Any, Any] = what(scene)
+    with pytest.raises(ModelError, match=words) as caught:
+        ac.build(scene).simulate(1.0, {}, events=[ac.when(scene.mass.s - 1.0, set=given)])
+    assert "test_sets.py" in str(caught.value)
+
+
+def test_guards_that_are_always_zero_are_refused() -> None:
+    scene = falling()
+    event = ac.when(scene.mass.s - scene.mass.flange_a.s, set={scene.mass.v: 0.0})
+    with pytest.raises(ModelError, match="zero at all times"):
+        ac.build(scene).simulate(1.0, {}, events=[event])
+
+
+def test_events_that_set_do_not_stop_and_set_something() -> None:
+    scene = falling()
+    with pytest.raises(OptionError, match="do not go together"):
+        ac.when(scene.mass.s, stop=True, set={scene.mass.v: 0.0})
+    with pytest.raises(OptionError, match="new values"):
+        ac.when(scene.mass.s, set={})
+
+
+def test_what_becomes_no_number_and_what_is_set_twice_is_told() -> None:
+    scene = falling()
+    model, start = ac.build(scene), {scene.mass.s: 1.0}
+    root = ac.when(scene.mass.s, "falling", set={scene.mass.v: np.sqrt(scene.mass.v)})
+    run = model.simulate(2.0, start, events=[root], raise_on_failure=False)
+    assert run.status.kind is StatusKind.CANNOT_SET
+    assert "mass.v" in run.status.message
+    assert "no number" in run.status.message
+    twice = [ac.when(scene.mass.s, "falling", set={scene.mass.v: value}) for value in (1.0, 2.0)]
+    run = model.simulate(2.0, start, events=twice, raise_on_failure=False)
+    assert run.status.kind is StatusKind.CANNOT_SET
+    assert "same instant" in run.status.message
+    assert run.t[-1] == pytest.approx(np.sqrt(2 / 9.81), rel=1e-9)
+
+
+def test_coordinates_that_loops_tie_are_not_set_alone() -> None:
+    scene = ac.System()
+    scene.world = World()
+    for name, length in (("crank", 0.3), ("coupler", 0.6), ("rocker", 0.5)):
+        setattr(scene, name, RigidBody.rod(mass=1.0, tip=(length, 0.0, 0.0)))
+    for name in "abcd":
+        setattr(scene, name, Revolute(axis=(0, 1, 0)))
+    ends = [scene.world.frame, scene.crank.frame, scene.crank.tip, scene.coupler.frame, scene.coupler.tip, scene.rocker.tip]
+    ends += [scene.rocker.frame, scene.world.at((0.5, 0.0, 0.0))]
+    for joint, first, second in zip((scene.a, scene.b, scene.c, scene.d), ends[::2], ends[1::2], strict=True):
+        scene.connect(first, joint.frame_a)
+        scene.connect(joint.frame_b, second)
+    model = ac.build(scene)
+    free = model.simulate(0.2, {scene.a.q: ac.near(0.3)})
+    event = ac.when(ac.time - 0.1, set={scene.a.v: 5.0})
+    run = model.simulate(0.2, {scene.a.q: ac.near(0.3)}, events=[event], raise_on_failure=False)
+    assert free.status.kind is StatusKind.SUCCESS
+    assert run.status.kind is StatusKind.CANNOT_SET
+    assert "tie together" in run.status.message
