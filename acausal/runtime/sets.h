@@ -5,7 +5,7 @@
 #define SOONEST 1e-6 /* of a step: where the motion is looked at for that; then later, by these factors */
 #define SOONER 100.0
 #define SOONS 3
-#define NEARBY 12    /* times that a guard passes zero without getting away, which tell that it chatters */
+#define UNLEFT 12    /* times that a guard passes zero without getting away, which tell that it chatters */
 #define KEPT 1e3     /* roundings of states that are set, which what they obey may take away */
 
 static int changes_modes(const Integrator *I) { return I->masks > 0 || I->set_count > 0; }
@@ -145,7 +145,7 @@ static int never_leaves(Integrator *I, long row) {
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
               I->stage_count[k], I->stage_count[k], row, I->times[k], I->times[k + 1] - I->times[k], 0, 0, 0, 1, 1};
     if (one_value(&p, 0.5) > 100 * T->row_noise[row]) near[row - set] = 0;
-    return ++near[row - set] > NEARBY;
+    return ++near[row - set] > UNLEFT;
 }
 
 /* New values of all targets of the guards that pass: states into T->set_x, discrete values behind them; T->set_by tells by whom. */
