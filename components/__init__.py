@@ -40,6 +40,7 @@ from components.contacts.point_over import PointOverCurve, PointOverSurface
 from components.contacts.rolling_body import RollingBall, RollingEllipsoid
 from components.contacts.rolling_line import RollingCone, RollingCylinder
 from components.contacts.rolling_wheel import RollingDisk, RollingTorus
+from components.contacts.rough_contact import RoughContact
 from components.contacts.steered_axle import SteeredAxle
 from components.contacts.touching import Touching
 from components.earth import RotatingEarth, Whereabouts
@@ -258,6 +259,7 @@ __all__ = [
     "RotationalDamper",
     "RotationalGround",
     "RotationalSpring",
+    "RoughContact",
     "RoughGuide",
     "SampleAndHold",
     "Screw",

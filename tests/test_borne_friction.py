@@ -28,6 +28,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    RollingBall,
     RoughGuide,
     Screw,
     Sphere,
@@ -490,3 +491,42 @@ def test_rod_that_may_fly_or_be_held_names_its_critical_coefficient() -> None:
         ac.build(scene).simulate(0.05, leaning(scene, angle, -1.0, turning=12.0))
     scene = leaning_rod(1.3)
     assert not ac.build(scene).simulate(0.01, leaning(scene, angle, -1.0, turning=12.0)).transitions
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("lifts", [False, True])
+def test_ball_with_back_spin_slides_and_then_rolls(lifts: bool, size: float) -> None:
+    radius, mu = 0.1 * size, 0.25
+    scene = ac.System()
+    scene.world, scene.ball = World(gravity=(0.0, 0.0, -G * size)), RigidBody.ball(mass=0.7, radius=radius)
+    scene.contact = (
+        RollingBall(radius, friction=Coulomb(mu), unilateral=True) if lifts else RollingBall(radius, friction=Coulomb(mu))
+    )
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    frame, velocity, turning = scene.ball.frame, np.array([2.0, 0.5, 0.0]) * size, np.array([3.0, -12.0, 4.0])
+    start = {frame.position: (0.0, 0.0, radius), frame.velocity: velocity, frame.angular_velocity: turning}
+    run = ac.build(scene).simulate(1.5, start, rtol=1e-12)
+    slip = velocity + np.cross(turning, (0.0, 0.0, -radius))  # keeps its direction; its rate is 7 / 2 mu g
+    end = np.linalg.norm(slip) / (3.5 * mu * G * size)
+    assert changes(run) == pytest.approx([end], rel=1e-11)
+    rolling = velocity - 2 / 7 * slip
+    assert run[frame.velocity][-1] == pytest.approx(rolling, abs=1e-11 * size)
+    assert run[frame.position][-1][:2] == pytest.approx((rolling * 1.5 + slip / 7 * end)[:2], abs=1e-11 * size)
+    assert run[frame.angular_velocity][-1][2] == pytest.approx(4.0, rel=1e-11)
+    assert run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize(("mu", "rolls"), [(0.1, False), (0.3, True)])
+def test_ball_on_an_incline_rolls_where_friction_can_hold_it(mu: float, rolls: bool) -> None:
+    slope = 0.6  # rolls where tan is at most 7 / 2 mu
+    scene = ac.System()
+    scene.world, scene.ball = World(gravity=(0.0, 0.0, -G)), RigidBody.ball(mass=0.7, radius=0.1)
+    scene.contact = RollingBall(0.1, friction=Coulomb(mu))
+    scene.connect(scene.world.at((0.0, 0.0, 0.0), rotation=("y", slope)), scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    run = ac.build(scene).simulate(1.0, {scene.contact.v: np.zeros(5)}, rtol=1e-12)
+    along = G * (5 / 7 * np.sin(slope) if rolls else np.sin(slope) - mu * np.cos(slope))
+    moved = run[scene.ball.frame.position][-1] - run[scene.ball.frame.position][0]
+    assert np.linalg.norm(moved) == pytest.approx(along / 2, rel=1e-11)
+    assert run[scene.contact.normal_force] == pytest.approx(0.7 * G * np.cos(slope), rel=1e-11)

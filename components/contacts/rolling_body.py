@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import final
+from typing import Any, Literal, Self, final, overload
 
 import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
+from acausal.language.construction import checked_new
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.contact import AbstractContact, read
@@ -16,6 +17,11 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
+from components.contacts.hard_contact import HardContact
+from components.contacts.laws import Coulomb
+from components.contacts.one_sided_point import hard_law
+from components.contacts.rough_contact import RoughContact
+from components.geometry.surfaces import Plane, Sphere
 
 
 class AbstractRollingBody(AbstractJoint, AbstractContact, ABC):
@@ -94,8 +100,29 @@ class AbstractRollingBody(AbstractJoint, AbstractContact, ABC):
 class RollingBall(AbstractRollingBody):
     """A ball of `radius` [m] > 0 with its centre at frame_b rolls on the plane z = 0 of frame_a.
 
+    `friction`: Coulomb(...): it slides and rolls, held to the plane, see RoughContact. `unilateral`: it lifts off and strikes too, with `restitution`, see
+    HardContact; smooth without `friction`.
+
     scene.contact = RollingBall(radius=0.1)
     """
+
+    @overload
+    def __new__(cls, radius: Scalar) -> Self: ...
+    @overload
+    def __new__(cls, radius: Scalar, *, friction: Coulomb) -> RoughContact: ...
+    @overload
+    def __new__(
+        cls, radius: Scalar, *, unilateral: Literal[True], friction: Coulomb | None = None, restitution: Scalar = 0.0
+    ) -> HardContact: ...
+    @checked_new
+    def __new__(
+        cls, radius: Scalar, *, friction: Coulomb | None = None, unilateral: bool = False, restitution: Scalar = 0.0
+    ) -> Any:
+        law = hard_law("RollingBall", unilateral, restitution, friction)
+        if law is None and friction is None:
+            return super().__new__(cls, radius)
+        ball = Sphere(scalar(radius, "RollingBall's radius", positive=True, unit="m"))
+        return HardContact(ball, Plane(), law) if law is not None else RoughContact(ball, Plane(), friction or Coulomb(0.0))
 
     def __init__(self, radius: Scalar) -> None:
         self.radius = scalar(radius, "RollingBall's radius", positive=True, unit="m")
