@@ -367,4 +367,13 @@ class AbstractModel(ABC):
         here = self._decided.at(at.p)
         initial = self._initial(here, at)
         signal = at.signal(here.functions)
-        return export_simulator(here.functions, folder, initial, name=name, outputs=outputs, events=events, inputs=signal)
+        return export_simulator(
+            here.functions,
+            folder,
+            initial,
+            name=name,
+            outputs=outputs,
+            events=events,
+            inputs=signal,
+            discretes=at.discretes(here.functions),
+        )

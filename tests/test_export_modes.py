@@ -7,7 +7,7 @@ import functools
 import re
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import pytest
 
 import acausal as ac
 from acausal.language.expression import Expression
+from acausal.language.mode_laws import ModeLaw
 from tests.exported import (
     AUTO,
     CONDITION,
@@ -93,7 +94,35 @@ def bearing() -> Case:
     return Case(scene, {q: 2.5, v: 0.0}, 3.0, {"drag": scene.bearing.drag[0]}, ac.when(q))
 
 
-MADE: dict[str, Callable[[], Case]] = {made.__name__: made for made in (ball, belt, slide, box, linkage, bearing)}
+class Thrower(ac.Component):
+    """Pulls down, until what hangs on it has come down twice; and throws it up again where it strikes."""
+
+    flange = ac.Translational.port()
+    v = ac.Variable("m/s")
+
+    def __init__(self) -> None:
+        self.count, self.pull = ac.Discrete(), ac.Discrete("N", start=-3.0 * self.flange.s)
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.v, ac.der(self.flange.s))
+        yield ac.equal(self.flange.f, -1.0 * self.pull)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.when(self.flange.s - 0.2, "falling", set={self.count: self.count + 1.0})
+        yield ac.when(self.count - 1.5, "rising", set={self.pull: 0.5 * self.pull - 1.0})
+        yield ac.when(self.flange.s - 0.1, "rising", set={self.v: self.v + 0.3})
+
+
+def thrower() -> Case:
+    """Counts, sets what it pulls with, and bounces."""
+    scene = bouncing(0.9)
+    scene.thrower = Thrower()
+    scene.connect(scene.mass.flange_b, scene.thrower.flange)
+    s, v = scene.mass.s, scene.mass.v
+    return Case(scene, {s: 1.0, v: 0.0}, 1.6, {"pull": scene.thrower.pull, "push": scene.floor.push}, ac.when(s - 0.15, "rising"))
+
+
+MADE: dict[str, Callable[[], Case]] = {made.__name__: made for made in (ball, belt, slide, box, linkage, bearing, thrower)}
 BOX = pytest.param("box", marks=pytest.mark.slow)
 NAMES = [BOX if name == "box" else name for name in MADE]
 METHODS = {"auto": AUTO, "gauss": GAUSS, "radau": RADAU}

@@ -62,7 +62,8 @@ class Kind:
 
 
 def model_c(
-    f: Functions, title: str, kinds: Mapping[str, Kind], start: StartFunctions, outputs: Mapping[str, Expression], events: Sequence[when], inputs: Inputs
+    f: Functions, title: str, kinds: Mapping[str, Kind], start: StartFunctions, outputs: Mapping[str, Expression], events: Sequence[when], inputs: Inputs,
+    discretes: np.ndarray | None,
 ) -> str:  # fmt: skip
     """What model.h declares."""
     integrand = f.integrand
@@ -87,9 +88,12 @@ def model_c(
         "start": pattern.start, "row": pattern.row, "colour": pattern.colour, "order": pattern.order,
     }  # fmt: skip
     doubles: dict[str, _Values] = {}
-    if integrand.held:
+    longs |= integrand.lists
+    if integrand.row_switch.size:
         longs["row_switch"] = integrand.row_switch
         doubles |= dict(zip(("row_factor", "row_plus"), integrand.row_steps, strict=True))
+    if discretes is not None:
+        doubles["discrete_start"] = discretes
     if integrand.usual is not None:
         doubles["usual"] = integrand.usual
     tables = [_table(k, i, course) for k, (i, course) in enumerate(inputs.tables)]
@@ -100,7 +104,7 @@ def model_c(
         f"static const Table table_list[] = {array([entry for _, entry in tables] or ['{0}'])};",
         f"static const Clock clock_list[] = {array([f'{{{hex_of(v)}, {hex_of(s)}, {c}}}' for v, s, c in inputs.clocks] or ['{0}'])};",
         f"static const char *const switch_words[] = {array([*map(string, switching.words if switching else ()), '0'])};",
-        f"static const char *const law_words[] = {array([*map(string, integrand.modes.words if integrand.modes else ()), '0'])};",
+        f"static const char *const law_words[] = {array([*map(string, integrand.modes.all_words if integrand.modes else ()), '0'])};",
         f"static const char given[] = {array([*(str(int(callable(c))) for c in inputs.courses), '0'])};",
         f"static const char depends[] = {array([str(int(d)) for d in start.depends] or ['0'])};",
     ]

@@ -69,12 +69,13 @@ def export_simulator(
     outputs: Mapping[str, Expression] | None = None,
     events: Sequence[when] = (),
     inputs: Inputs,
+    discretes: np.ndarray | None = None,
 ) -> Path:
     """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
 
     `initial`: what it starts from, with the values of its parameters. `name`: an identifier that all its names begin with, and its header.
     `outputs`: expressions of the scene's variables that it computes, by names. `events`: zeros that it looks for. `inputs`: numbers, tables and formulas
-    of time. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
+    of time. `discretes`: values that what parts remember begins with; no number where they follow from the start. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
     target, named_by = path_of(folder, "export_simulator: the folder"), model.outputs.system.flat.symbols
@@ -82,6 +83,7 @@ def export_simulator(
     outputs = {key: named_by(value) for key, value in known.items()}
     events = [replace(event, expression=named_by(event.expression)) for event in events_asked(events, "export_simulator")]
     _check_inputs(model, inputs)
+    model = model.setting(tuple(event for event in events if event.set is not None))
     start = start_functions(model, initial)
     kinds = _kinds(model, initial, start, outputs, events, inputs)
     title = model.outputs.system.flat.name
@@ -100,7 +102,7 @@ def export_simulator(
 
     texts = {named(file): named(text) for file, text in templates.items()}
     texts |= {
-        "model.c": model_c(model, title, kinds, start, outputs, events, inputs),
+        "model.c": model_c(model, title, kinds, start, outputs, events, inputs, discretes),
         "assembly.h": start_c(start, f"{name}_hidden_"),
         "methods.h": methods_c(),
         "model.json": json.dumps(_facts(title, kinds), indent=2),

@@ -100,6 +100,7 @@ void moved_integration(Integrator *I, const char *block) {
         redirect(S, &S->method, block, I->room, I->block);
     }
     redirect(&I->size, &I->size + 1, block, I->room, I->block);
+    redirect(&I->discrete_start, &I->discrete_start + 1, block, I->room, I->block);
     redirect(&I->event_times, &I->event_directions + 1, block, I->room, I->block);
     redirect(&I->times, &I->kinds + 1, block, I->room, I->block);
 }
@@ -166,6 +167,14 @@ int unsettled(const Integrator *I, double t) {
     const struct State *T = I->state;
     if (!changes_modes(I) || !T->begun) return changes_modes(I);
     return (T->crossed || T->pending >= 0) && t >= I->times[I->steps - I->first];
+}
+
+/* A motion that is about to begin, as another one goes on: with the discrete values among these masks. */
+void remember(Integrator *I, const double *masks) {
+    if (!I->discretes) return;
+    double *value = I->state->side + first_discrete(I);
+    memcpy(value, masks + first_discrete(I), sizeof(double) * (size_t)I->discretes);
+    I->discrete_start = value;
 }
 
 Transition last_transition(const Integrator *I) { return I->state->last; }

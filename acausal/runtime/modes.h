@@ -162,9 +162,10 @@ static int note_transition(Integrator *I, long row) {
             return 0;
     }
     I->transitions++;
+    int follows = row == BRIDGE || (row < 0 && T->last.count > 0 && T->last.time == I->t);
     T->last.count++;
     T->last.time = I->t;
-    if (row != BRIDGE) T->last.row = row;
+    if (!follows) T->last.row = row, T->last.law = law_of_row(I, row);
     if (I->block) return 1;
     I->transition_steps[k] = I->steps - I->first;
     I->transition_rows[k] = row;

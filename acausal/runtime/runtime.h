@@ -172,7 +172,7 @@ typedef struct Integrator {
 
 /* Of changes of mode: how many, when the last one was, of which row of masks (-1: the start, or a jump of inputs); steps of no length so far. */
 typedef struct {
-    long count, row, jumps;
+    long count, row, law, jumps; /* law: number of the law that the row belongs to, or behind all of them of what is set */
     double time;
 } Transition;
 
@@ -188,6 +188,7 @@ EXPORT int state_at(Integrator *I, double t, double *x);
 EXPORT int settle_modes(Integrator *I);
 EXPORT int unsettled(const Integrator *I, double t);
 EXPORT const double *masks_at(const Integrator *I, double t);
+EXPORT void remember(Integrator *I, const double *masks);
 EXPORT Transition last_transition(const Integrator *I);
 EXPORT double table_value(const Table *T, double t);
 EXPORT long lanes(void);

@@ -143,7 +143,7 @@ static int never_leaves(Integrator *I, long row) {
         if (T->far[set + j]) near[j] = 0;
     if (row < set || k < 0 || I->offset[k] < 0) return 0;
     Path p = {I, I->coefficients + I->offset[k], I->states + k * I->nx, I->states + (k + 1) * I->nx,
-              I->stage_count[k], I->stage_count[k], row, I->times[k], I->times[k + 1] - I->times[k], 0, 0, 0, 1, 1};
+              I->stage_count[k], I->stage_count[k], row, I->times[k], I->times[k + 1] - I->times[k], 0, 0, 0, 1, 1, 0, 0, 1};
     if (one_value(&p, 0.5) > 100 * T->row_noise[row]) near[row - set] = 0;
     return ++near[row - set] > UNLEFT;
 }

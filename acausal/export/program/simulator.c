@@ -255,6 +255,7 @@ static const char *in_words(simulator_status status) {
     case SIMULATOR_OVERLAPS: return "The gap of a one-sided contact is negative.";
     case SIMULATOR_NO_MODE: return "Nothing obeys the laws of all contacts.";
     case SIMULATOR_CHATTERS: return "A contact changes its mode again and again.";
+    case SIMULATOR_CANNOT_SET: return "An event sets what cannot be so.";
     case SIMULATOR_OTHER_MODEL: return "With these values other equations are needed: export a model that is built with them.";
     default: return "The call makes no sense.";
     }
@@ -294,6 +295,12 @@ static int gave_up(simulator_instance *s, enum Code code) {
     case CHATTERS:
         snprintf(message, sizeof message, "%.120s changes its mode again and again in one instant: no mode lasts.", model.laws[I->worst]);
         return failed(s, SIMULATOR_CHATTERS, message);
+    case SETS_NO_NUMBER:
+    case SETS_TWICE:
+    case SETS_BOUND:
+        snprintf(message, sizeof message, "%.120s %s.", model.laws[I->one_sided + I->lines + I->planes + I->worst],
+                 code == SETS_NO_NUMBER ? "sets something to what is no number" : code == SETS_TWICE ? "and another event set the same to different values" : "sets what constraints do not let be so");
+        return failed(s, SIMULATOR_CANNOT_SET, message);
     default: break;
     }
     if (I->worst >= 0 && I->worst < I->nx) s->report.failed_state = model.quantities[SIMULATOR_STATE].names[I->worst];
@@ -312,8 +319,7 @@ simulator_transition simulator_change(const simulator_instance *s) {
     if (!I->state || s->stage == NEW) return change;
     Transition last = last_transition(I);
     if (!last.count) return change;
-    long friction = last.row - I->one_sided; /* two rows each */
-    change.part = last.row < 0 ? 0 : model.laws[friction < 0 ? last.row : I->one_sided + friction / 2];
+    change.part = last.row < 0 ? 0 : model.laws[last.law];
     change.time = last.time;
     change.count += last.count;
     return change;
@@ -508,6 +514,7 @@ static int begin_piece(simulator_instance *s, double h, const double *met) {
     I->method = h > 0 ? old.method : I->method;
     if (!begin(I)) return failed(s, SIMULATOR_OUT_OF_MEMORY, 0);
     for (long i = 0; met && i < I->nx; i++) I->size[i] = fmax(I->size[i], met[i]);
+    if (met) remember(I, s->values[SIMULATOR_INPUT] + count_of(SIMULATOR_INPUT));
     if (I->newton == WHERE_SLOW && h > 0 && old.newton_steps) use_newton(I);
     s->told = 0;
     s->renewed = NOTHING_NEW;
