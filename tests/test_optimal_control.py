@@ -1,5 +1,7 @@
 """Optimal control: closed forms, problems transcribed by hand, loops, free geometry, and what is said where there is no optimum."""
 
+import _thread
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
+from acausal.optimal_control import solving
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.simulate.trajectory import Trajectory
 from components import (
@@ -285,6 +288,52 @@ def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, An
     scene = Sledge()
     with pytest.raises(OptionError, match=words):
         ask(scene, ac.build(scene))
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "words"),
+    [
+        (lambda o, s: o.bound(s.rail.q, 0.5, 2.0), OptionError, "rail.q is 0 at the start, but is bounded to between 0.5 and 2"),
+        (lambda o, s: o.bound(s.rail.q, upper=0.8), OptionError, "rail.q is to be 1 at the end, but is bounded to at most 0.8"),
+        (lambda o, s: o.optimise(s.unused, 0.0, 1.0), OptionError, "nothing in the problem depends on unused"),
+        (lambda o, s: o.bound(s.rail.v, upper=0.5), OptimalControlError, r"could not be met: .*rail\.q"),
+        (lambda o, s: o.minimise(-ac.integral(s.force**2)), OptimalControlError, "no least value|too many"),
+        (lambda o, s: o.periodic(), OptimalControlError, "as at the start: rail.q"),
+    ],
+)
+def test_what_cannot_be_is_said_by_part(ask: Any, error: type[Exception], words: str) -> None:
+    scene = Sledge()
+    scene.unused = ac.Parameter(0.5, "m")
+    ocp = rest_to_rest(ac.build(scene), scene, 1.0)
+    ocp.minimise(ac.integral(scene.force**2))
+    ask(ocp, scene)
+    with pytest.raises(error, match=words):
+        ocp.solve(4, options={"ipopt.max_iter": 200})
+
+
+def test_an_input_without_effect_is_said() -> None:
+    scene = Sledge()
+    scene.idle = ac.Input("N")
+    with pytest.raises(OptionError, match="The input idle has no effect on the motion"):
+        rest_to_rest(ac.build(scene), scene, 1.0).solve(4)
+
+
+def test_an_interrupted_search_hands_over_its_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), 2.0)
+    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
+    ocp.end({scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
+    ocp.minimise(ac.integral(scene.force**2))
+    search = solving.search
+
+    def interrupted(*given: Any, **named: Any) -> Any:
+        threading.Timer(0.1, _thread.interrupt_main).start()
+        return search(*given, **named)
+
+    monkeypatch.setattr(solving, "search", interrupted)
+    with pytest.raises(KeyboardInterrupt, match="last iterate") as stopped:
+        ocp.solve(100, refinements=0, options={"ipopt.tol": 1e-30, "ipopt.acceptable_tol": 1e-31, "ipopt.max_iter": 100000})
+    assert getattr(stopped.value, "best").x.shape == (4, 101)  # noqa: B009  # nobody declared it
 
 
 @pytest.mark.parametrize("solver", ["ipopt", "piqp"])

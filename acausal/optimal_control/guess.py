@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acausal.optimal_control.stage import Stage
+
+if TYPE_CHECKING:
+    from acausal.simulate.trajectory import Trajectory
 
 _HELD = 1e-3
 """How easily coordinates move that are told how to."""
@@ -120,3 +124,19 @@ def _driven(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, fre
         if np.all(np.isfinite(slope)) and np.all(np.isfinite(gap)):
             values[k, nx:] -= size * np.linalg.lstsq(slope * size, gap[:, 0], rcond=1e-12)[0]
     return values
+
+
+def run_guess(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.ndarray) -> Guess:
+    """From a motion that was simulated, at `times` (n,), parts of its duration."""
+    _, nv, _, _ = stage.sizes
+    first, last = run.t[0], run.t[-1]
+    there = run.at(first + times * (last - first))
+    f, nq = stage.functions, stage.functions.space.nq
+    p = np.repeat(run.problem.parameters[:, None], times.size, axis=1)
+    rates = np.array(f.explicit_dynamics(there.t[None, :], there.x, there.u, p))[nq : nq + nv]
+    loops = np.array(f.multipliers(there.t[None, :], there.x, there.u, p))
+    modes = f.outputs.system.modes
+    pushes = (
+        np.zeros((0, times.size)) if modes is None else np.array(f.output(modes.found)(there.t[None, :], there.x, there.u, p))
+    )
+    return Guess(times, np.vstack([there.x, rates, loops, pushes, there.u[: stage.sizes[3]]]).T, float(last - first), geometry)

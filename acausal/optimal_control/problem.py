@@ -11,8 +11,9 @@ import numpy as np
 from acausal.arguments import dictionary, finite
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter, Symbol
+from acausal.optimal_control.checks import check_problem
 from acausal.optimal_control.controller import Controller
-from acausal.optimal_control.guess import Guess, path_guess
+from acausal.optimal_control.guess import Guess, path_guess, run_guess
 from acausal.optimal_control.language import Cost, free
 from acausal.optimal_control.mesh import Mesh, Mesher
 from acausal.optimal_control.mode import phase_mode
@@ -176,7 +177,9 @@ class OptimalControl:
         """As it is given to the solver. `begin`: start values near which the guess begins, where there are none of its own."""
         mesh = mesher.mesh([at for at, _ in self._here])
         asked, stops, units = self._asked(mesher.controls == "constant", begin)
-        return Part(self.model, asked, mesh, self._first(asked.stage, stops, mesh, units), units, self._given)
+        first = self._first(asked.stage, stops, mesh, units)
+        check_problem(asked, first, self.name)
+        return Part(self.model, asked, mesh, first, units, self._given)
 
     def controller(
         self,
@@ -236,9 +239,12 @@ class OptimalControl:
     def _stops(self, stage: Stage, begin: InitialState) -> list[tuple[float, np.ndarray]]:
         """Parts of the duration, and states (nx,) nearest to those before that are as asked for then."""
         f, stops = self._functions, [(0.0, begin.x)]
-        for at, values in sorted(self._here, key=lambda pair: pair[0]):
+        for at in sorted({at for at, _ in self._here}):
+            values = {key: value for where, own in self._here if where == at for key, value in own.items()}
             wanted = {
-                key: np.mean(np.asarray(_pair(value), dtype=float), axis=0) for key, value in values.items() if _finite(value)
+                key: np.mean(np.asarray([_numbers(v) for v in _pair(value)], dtype=float), axis=0)
+                for key, value in values.items()
+                if _finite(value)
             }
             before = start_values(f, f.space.expanded(self._t0, stops[-1][1], begin.p))
             kept = {key: near(value, 1e-3) for key, value in before.items() if key not in wanted}
@@ -247,7 +253,7 @@ class OptimalControl:
                 stops.append((at, found.x))
         more = self._more_at_the_end()
         if more is not None:
-            stops.append((1.0, begin.x + np.nan_to_num(more)))
+            stops = [*(stop for stop in stops if stop[0] < 1.0), (1.0, begin.x + np.nan_to_num(more))]
         if stops[-1][0] < 1.0:
             stops.append((1.0, stops[-1][1]))
         return stops
@@ -283,7 +289,7 @@ class OptimalControl:
         if isinstance(self._guess, Optimum):
             return self._guess.motion
         if self._guess is not None:
-            return _from_run(stage, self._guess, geometry, times)
+            return run_guess(stage, self._guess, geometry, times)
         return path_guess(
             stage,
             stops,
@@ -311,7 +317,7 @@ class OptimalControl:
 
     def _limits(self, stage: Stage, key: Expression, value: Any) -> Limits:
         column = stage.opened(key)
-        low, high = _pair(value)
+        low, high = (_numbers(v) for v in _pair(value))
         try:
             lower, upper = (np.broadcast_to(np.asarray(v, dtype=float).ravel(order="F"), (column.numel(),)) for v in (low, high))
         except (TypeError, ValueError, OverflowError):
@@ -345,7 +351,7 @@ class OptimalControl:
             column = stage.opened(key)
             inside = {s.element_hash() for s in ca.symvar(column)}
             if inside & states and inside <= states | fixed:
-                found[key] = near(np.broadcast_to(value, (column.numel(),)), 1e3)
+                found[key] = near(np.broadcast_to(np.ravel(value, order="F"), (column.numel(),)), 1e3)
         return found
 
     def symbols(self, values: Any, what: str) -> dict[Any, Any]:
@@ -356,7 +362,7 @@ class OptimalControl:
                 raise UnknownVariableError(f"{what}: {key!r} is no variable or expression of the scene.")
         return dict(found)
 
-    def name(self, key: Expression) -> str:
+    def name(self, key: Any) -> str:
         return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
 
 
@@ -378,20 +384,12 @@ def _pair(value: Any) -> tuple[Any, Any]:
     return value if isinstance(value, tuple) and len(value) == 2 else (value, value)  # pyright: ignore
 
 
+def _numbers(value: Any) -> Any:
+    """What `ac.rotations` makes of numbers, as an array."""
+    inside = value.sx if isinstance(value, Expression) else value
+    constant = isinstance(inside, ca.SX) and not ca.symvar(inside)
+    return np.array(ca.evalf(inside)) if constant else value
+
+
 def _finite(value: Any) -> bool:
-    return all(np.all(np.isfinite(np.asarray(v, dtype=float))) for v in _pair(value))
-
-
-def _from_run(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.ndarray) -> Guess:
-    _, nv, _, _ = stage.sizes
-    first, last = run.t[0], run.t[-1]
-    there = run.at(first + times * (last - first))
-    f, nq = stage.functions, stage.functions.space.nq
-    p = np.repeat(run.problem.parameters[:, None], times.size, axis=1)
-    rates = np.array(f.explicit_dynamics(there.t[None, :], there.x, there.u, p))[nq : nq + nv]
-    loops = np.array(f.multipliers(there.t[None, :], there.x, there.u, p))
-    modes = f.outputs.system.modes
-    pushes = (
-        np.zeros((0, times.size)) if modes is None else np.array(f.output(modes.found)(there.t[None, :], there.x, there.u, p))
-    )
-    return Guess(times, np.vstack([there.x, rates, loops, pushes, there.u[: stage.sizes[3]]]).T, float(last - first), geometry)
+    return all(np.all(np.isfinite(np.asarray(_numbers(v), dtype=float))) for v in _pair(value))

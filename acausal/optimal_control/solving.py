@@ -19,6 +19,8 @@ from acausal.optimal_control.transcription import Asked, Transcribed, transcribe
 
 _SOLVER_TOLERANCE = 1e-9
 """Of the program in units of its own."""
+_INTERRUPTED = "NonIpopt_Exception_Thrown"
+"""What ipopt says of Ctrl-C: none of our functions raises anything else."""
 _MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -89,13 +91,15 @@ def best_of(
     for attempt in range(refinements + 1):
         problem = whole(parts, links)
         begun = time.perf_counter()
-        w, cost, stats = _solved(problem.program, plugin, options, warm=attempt > 0)
+        w, cost, stats = search(problem.program, plugin, options, warm=attempt > 0)
         iterations, seconds = iterations + int(stats["iter_count"]), seconds + time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
         phases = tuple(
             Optimum(part.model, one, problem.unknowns(w, k), own[k], iterations, seconds, part.given)
             for k, (part, one) in enumerate(zip(parts, problem.parts, strict=True))
         )
+        if stats["return_status"] == _INTERRUPTED:
+            raise _interrupt(phases, iterations)
         found = Found(phases, cost, iterations, seconds)
         if not stats["success"]:
             raise OptimalControlError(
@@ -107,13 +111,22 @@ def best_of(
     raise AssertionError
 
 
+def _interrupt(phases: tuple[Optimum, ...], iterations: int) -> KeyboardInterrupt:
+    interrupt = KeyboardInterrupt(
+        f"Interrupted after {iterations} iterations; the last iterate is in this exception's `best`, and can be where the search goes on: ocp.guess(best)."
+    )
+    interrupt.best = phases[0] if len(phases) == 1 else phases  # type: ignore[attr-defined]  # the one thing that is added to it
+    return interrupt
+
+
 def _finer(best: Optimum, tolerance: float) -> Mesh:
     wanting = np.ceil((best.defects / (0.5 * tolerance)) ** (1 / best.mesh.tableau.order))
     pieces = np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 1, _MOST_PIECES).astype(int)
     return best.mesh.refined(pieces)
 
 
-def _solved(program: Program, plugin: str, options: dict[str, Any], *, warm: bool) -> tuple[np.ndarray, float, dict[str, Any]]:
+def search(program: Program, plugin: str, options: dict[str, Any], *, warm: bool) -> tuple[np.ndarray, float, dict[str, Any]]:
+    """Unknowns, cost, and what the solver says of its search."""
     solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
     (least, most), (lower, upper) = program.bounds, program.limits
     found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)

@@ -80,6 +80,11 @@ class Stage:
         """Of the whole motion [s]."""
         return self._parts[4]
 
+    @property
+    def geometry(self) -> ca.SX:
+        """Free parameters, as unknowns (free, 1)."""
+        return self._parts[5]
+
     def put(self, expression: ca.SX) -> ca.SX:
         """An expression in t, x, u, p as one of `unknowns` and `data`."""
         space, system = self.functions.space, self.functions.outputs.system
