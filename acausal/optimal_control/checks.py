@@ -40,7 +40,7 @@ def _check_effect(asked: Asked, name: Callable[[object], str]) -> None:
 
 def _check_bounds(asked: Asked, first: Guess) -> None:
     """Values that are given and bounds on the same thing; bounds of what is known at the start."""
-    given = [(at, own) for at, own in asked.here]
+    given = [(at, own) for at, own in asked.here if own.name != "start values"]  # among these are guesses
     for limits in asked.path:
         for at, own in given:
             _check_pair(limits, own, at)
