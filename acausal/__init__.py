@@ -8,6 +8,7 @@ from acausal.language.component import Component, System
 from acausal.language.connector import Electrical, Frame, Point, Rotational, Signal, Translational
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Discrete, Expression, Input, Magnitude, Parameter, Reaction, Variable, time
+from acausal.language.impact_laws import Energetic, Newton, Poisson
 from acausal.language.mode_laws import DryFriction, OneSided, OneWay
 from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
@@ -31,6 +32,7 @@ __all__ = [
     "Discrete",
     "DryFriction",
     "Electrical",
+    "Energetic",
     "Equation",
     "Event",
     "Expression",
@@ -39,12 +41,14 @@ __all__ = [
     "LoadedModel",
     "Magnitude",
     "Model",
+    "Newton",
     "OneSided",
     "OneWay",
     "OptimalControl",
     "Parameter",
     "Phases",
     "Point",
+    "Poisson",
     "Reaction",
     "Recording",
     "Rotational",

@@ -11,6 +11,7 @@ from acausal.language.component import Component, System
 from acausal.language.connector import Frame, Point
 from acausal.language.equation import Equation, equal
 from acausal.language.expression import Expression, Reaction, Scalar, scalar
+from acausal.language.impact_laws import Restitution
 from acausal.language.mode_laws import ModeLaw, OneSided
 from acausal.language.origin import origin
 from components.cable import own_flanges, piece_between, run_over
@@ -31,7 +32,7 @@ class LimitedSum(Component):
 
     if_overlaps = "A rope is shorter than its way from end to end: make it longer, or move its ends and eyelets together."
 
-    def __init__(self, total: Scalar, number: int, restitution: Scalar = 0.0) -> None:
+    def __init__(self, total: Scalar, number: int, restitution: Restitution = 0.0) -> None:
         self.total = scalar(total, "LimitedSum's total", unit="m")
         self.restitution = checked_restitution(restitution, "LimitedSum")
         self.tension = Reaction("N", "pull")
@@ -65,7 +66,7 @@ class Rope(System):
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 
-    def __init__(self, length: Scalar, restitution: Scalar = 0.0, over: Sequence[Point | Pulley] = ()) -> None:
+    def __init__(self, length: Scalar, restitution: Restitution = 0.0, over: Sequence[Point | Pulley] = ()) -> None:
         total = scalar(length, "Rope's length", positive=True, unit="m")
         bounce = checked_restitution(restitution, "Rope")
         places: list[Point | Pulley] = [self.frame_a, *run_over(over, "Rope"), self.frame_b]

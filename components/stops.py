@@ -8,6 +8,7 @@ from typing import final
 from acausal.errors import ParameterError
 from acausal.language.equation import Equation
 from acausal.language.expression import Expression, Reaction, Scalar, scalar
+from acausal.language.impact_laws import Restitution, impact_law
 from acausal.language.mode_laws import ModeLaw, OneSided
 from acausal.language.origin import origin
 from components.flanges import AbstractOnFlanges, Flange, asked
@@ -22,11 +23,11 @@ class AbstractLimits(AbstractOnFlanges):
     at_lower: Reaction | None = None
     at_upper: Reaction | None = None
 
-    def _limit(self, lower: Scalar | None, upper: Scalar | None, restitution: Scalar) -> None:
+    def _limit(self, lower: Scalar | None, upper: Scalar | None, restitution: Restitution) -> None:
         name, unit = type(self).__name__, "rad" if self.rotates else "m"
         self._lower = None if lower is None else scalar(lower, f"{name}'s lower", unit=unit)
         self._upper = None if upper is None else scalar(upper, f"{name}'s upper", unit=unit)
-        self.restitution = _restitution(restitution, f"{name}'s restitution")
+        self.restitution = impact_law(restitution, f"{name}'s restitution")
         if self._lower is not None:
             self.at_lower = Reaction(self.effort_unit, "how hard it pushes forward")
         if self._upper is not None:
@@ -61,7 +62,7 @@ class EndStop(AbstractLimits):
     """
 
     def __init__(
-        self, flange: Flange, lower: Scalar | None = None, upper: Scalar | None = None, restitution: Scalar = 0.0
+        self, flange: Flange, lower: Scalar | None = None, upper: Scalar | None = None, restitution: Restitution = 0.0
     ) -> None:
         self._take(flange=flange)
         if lower is None and upper is None:
@@ -81,20 +82,10 @@ class Backlash(AbstractLimits):
         scene.play = Backlash(scene.motor.flange_b, scene.load.flange_a, width=0.01)
     """
 
-    def __init__(self, flange_a: Flange, flange_b: Flange, width: Scalar, restitution: Scalar = 0.0) -> None:
+    def __init__(self, flange_a: Flange, flange_b: Flange, width: Scalar, restitution: Restitution = 0.0) -> None:
         self._take(flange_a=flange_a, flange_b=flange_b)
         self.width = scalar(width, "Backlash's width", positive=True, unit="rad" if self.rotates else "m")
         self._limit(-0.5 * self.width, 0.5 * self.width, restitution)
-
-
-def _restitution(value: Scalar, what: str) -> float | Expression:
-    """From 0 to 1, also as the value of a parameter. Raises `ParameterError`."""
-
-    def check(found: float) -> None:
-        if not found <= 1:
-            raise ParameterError(f"{what} is {found:g} ({origin()}). Give a number from 0 (no bounce) to 1 (no loss).")
-
-    return asked(scalar(value, what, non_negative=True, unit="1"), check)
 
 
 def _above(upper: float | Expression, lower: float | Expression) -> None:

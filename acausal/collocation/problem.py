@@ -157,6 +157,8 @@ class StatusKind(enum.Enum):
     OVERLAPS = "bodies overlap at the start"
     NO_MODE = "nothing that may happen where bodies touch obeys all laws"
     CHATTERS = "contacts change without end in one instant"
+    TIED = "bodies strike one after the other, and it is not said which first"
+    GAINS = "an impact gains energy"
     NO_DERIVATIVES = "derivatives of the motion are not known from here on"
     CANNOT_SET = "an event sets what cannot be so"
     BUILTIN_FAILED = "CasADi's integrator gave up"

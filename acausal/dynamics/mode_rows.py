@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
@@ -27,7 +27,8 @@ class Size:
 class ModeRow:
     """A law of `reactions`, one or two: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
     is the slip [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
-    `gate`: positive where that may close. `sizes`: which the limits depend on.
+    `gate`: positive where that may close. `sizes`: which the limits depend on. `impact`: by which law of impact, see impacts.h; `back`: how much of a slip comes
+    back in one.
     """
 
     part: Part
@@ -39,6 +40,8 @@ class ModeRow:
     one_way: bool = False
     gate: ca.SX | None = None
     sizes: tuple[Size, ...] = ()
+    impact: int = 0
+    back: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     @property
     def gap(self) -> ca.SX:
@@ -67,10 +70,11 @@ class ModeRow:
     def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> ModeRow:
         """With values in place of symbols."""
         columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
-        found = ca.substitute([*columns, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new))
+        found = ca.substitute([*columns, self.back, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new))
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
         sizes = tuple(replace(size, of=ca.substitute([size.of], list(old), list(new))[0]) for size in self.sizes)
-        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, None if self.gate is None else found[-1], sizes)
+        gate = None if self.gate is None else found[-1]
+        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2])
 
 
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
@@ -86,14 +90,14 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
             if isinstance(law, when):
                 continue
             if isinstance(law, OneSided):
-                found.append(ModeRow(part, (law.reaction,), read(law.gap), read(law.restitution)))
+                found.append(ModeRow(part, (law.reaction,), read(law.gap), read(law.impact.restitution), impact=law.impact.kind))
             elif isinstance(law, OneWay):
                 gate = None if law.gate is None else read(law.gate)
                 found.append(ModeRow(part, (law.reaction,), read(law.speed), ca.SX(0), one_way=True, gate=gate))
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
                 slip, limits = ca.vec(read(law.slip)), (read(law.sliding), read(law.holding))
                 sizes = tuple(Size(symbol, read(symbol.of)) for symbol in _magnitudes(ca.vertcat(*limits)))
-                found.append(ModeRow(part, law.reactions, slip, sliding=limits[0], holding=limits[1], sizes=sizes))
+                found.append(ModeRow(part, law.reactions, slip, None, *limits, sizes=sizes, back=read(law.restitution)))
             else:
                 raise ModelError(
                     f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...) and ac.DryFriction(...)."

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
-from acausal.errors import ModelError, ParameterError
-from acausal.language.expression import Expression, Reaction, Scalar, scalar
+from acausal.errors import ModelError
+from acausal.language.expression import Expression, Reaction, Scalar
+from acausal.language.impact_laws import AbstractImpactLaw, Restitution, impact_law
 from acausal.language.origin import origin
 from acausal.language.when import when
 
@@ -17,19 +18,22 @@ class OneSided:
     """`reaction` >= 0 and `gap` >= 0, and one of them is zero.
 
     `gap`: an expression of positions and time, whose rate does work with the reaction: the reaction pushes towards a larger gap ([m] with [N], [rad] with
-    [N*m]). Where it closes with speed, it opens with `restitution` (0 ... 1) times that speed.
+    [N*m]). Where it closes with speed, it opens with `restitution` (0 ... 1) times that speed: by Poisson's law, or that of
+    ac.Poisson(...), ac.Newton(...), ac.Energetic(...).
     """
 
     reaction: Reaction
     gap: Expression
-    restitution: Scalar = 0.0
+    restitution: Restitution = 0.0
 
     def __post_init__(self) -> None:
         _check(self.reaction, self.gap, "OneSided", "gap")
-        checked = scalar(self.restitution, "A restitution", non_negative=True)
-        if not isinstance(checked, Expression) and checked > 1:
-            raise ParameterError(f"A restitution is {checked:g} ({origin()}). Give a number from 0 (no bounce) to 1 (no loss).")
-        object.__setattr__(self, "restitution", checked)
+        object.__setattr__(self, "restitution", impact_law(self.restitution, "A restitution"))
+
+    @property
+    def impact(self) -> AbstractImpactLaw:
+        """How it strikes."""
+        return impact_law(self.restitution, "A restitution")
 
 
 @final
@@ -39,16 +43,19 @@ class DryFriction:
 
     `slip`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m); or two of them along two directions, (2, 1), with a
     pair of reactions: then limits are those of the pair's norm. `holding` and `sliding` [N or N*m]: expressions in which also reactions of one-sided laws may
-    stand, as factors, and `ac.Magnitude`s of what joints bear. `holding` >= `sliding` >= 0; `sliding` unless given.
+    stand, as factors, and `ac.Magnitude`s of what joints bear. `holding` >= `sliding` >= 0; `sliding` unless given. `restitution`
+    (0 ... 1): how much of a slip comes back in an impact, as far as friction can.
     """
 
     reaction: Reaction | tuple[Reaction, Reaction]
     slip: Expression
     sliding: Scalar
     holding: Scalar = field(default=None)  # pyright: ignore[reportAssignmentType]  # as much as `sliding`
+    restitution: Scalar = 0.0
 
     def __post_init__(self) -> None:
         _check(self.reaction, self.slip, "DryFriction", "slip")
+        object.__setattr__(self, "restitution", impact_law(self.restitution, "DryFriction's restitution").restitution)
         if self.holding is None:  # pyright: ignore[reportUnnecessaryComparison]
             object.__setattr__(self, "holding", self.sliding)
 

@@ -53,7 +53,9 @@ def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
         limits += [ca.substitute(limit, unknown, none), ca.vec(ca.jacobian(limit, m.reactions).T)]
     bounce = ca.vertcat(ca.SX(0, 1), *(row.restitution for row in m.rows if row.restitution is not None))
     response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(n)))
-    parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, bounce]
+    kind = ca.SX([row.impact for row in m.rows if row.one_sided])
+    back = ca.vertcat(ca.SX(0, 1), *(row.back for row in m.frictions))
+    parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, kind, back, bounce]
     return ca.vertcat(*(ca.densify(part) for part in parts))
 
 

@@ -40,6 +40,8 @@ class Code(enum.IntEnum):
     SETS_NO_NUMBER = 16
     SETS_TWICE = 17
     SETS_BOUND = 18
+    TIED = 19
+    GAINS = 20
 
 
 class Method(ctypes.Structure):

@@ -14,6 +14,7 @@ typedef struct {
     long rows, free, frictions;
     long *row, *friction, *order;
     double size, *A, *b, *least, *N, *found, *y, *gradient, *H, *scratch;
+    double *turn; /* of rows: their units in those of the first row of their friction */
     double *limit, *by; /* of frictions, (frictions), (frictions, rows) */
 } Held;
 
@@ -21,8 +22,8 @@ static int make_margin(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I);
     if (!I->redundant) return 1;
-    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 7 * n + 8);
-    T->margin_rows = reserve(I, sizeof(long) * (size_t)(7 * n + F));
+    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 8 * n + 8);
+    T->margin_rows = reserve(I, sizeof(long) * (size_t)(8 * n + F));
     return I->counted || (T->margin && T->margin_rows);
 }
 
@@ -35,7 +36,7 @@ static Held held_of(const Integrator *I) {
     at += 2 * n * n + (n + 1) * (n + 1);
     S.by = at, S.limit = at + F * n;
     at += F * n + F;
-    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2;
+    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2, S.turn = at + 7 * n + 4;
     return S;
 }
 
@@ -88,9 +89,12 @@ static void pose_held(const Decision *D, const long *law, const double *along, H
             }
         }
     }
+    for (long a = 0; a < m; a++) S->turn[a] = 1;
     for (long q = 0; q < S->frictions; q++) {
         long f = S->friction[q], i = row_of(D, f);
         double unit = unit_of(D->W[i * n + i]);
+        for (long a = 0; a < m; a++)
+            if (S->row[a] > i && S->row[a] < i + rows_of(D, f)) S->turn[a] = unit / unit_of(D->W[S->row[a] * n + S->row[a]]);
         S->limit[q] = D->hold[f] * unit;
         for (long c = 0; c < m; c++) S->by[q * m + c] = D->hold_by[f * n + S->row[c]] * unit / unit_of(D->W[S->row[c] * n + S->row[c]]);
     }
@@ -137,12 +141,13 @@ static int solve_held(Held *S) {
     return 1;
 }
 
-/* x with H x = g, into g, H (d, d) symmetric and positive, by Cholesky; 0 where it is not. */
+/* x with H x = g, into g, H (d, d) symmetric and positive, by Cholesky; 0 where it is not. Directions that rounding has left nothing of are not gone along. */
 static int solve_positive(double *H, double *g, long d) {
     for (long j = 0; j < d; j++) {
-        double sum = H[j * d + j];
+        double sum = H[j * d + j], least = 4 * EPS * sum;
         for (long k = 0; k < j; k++) sum -= H[j * d + k] * H[j * d + k];
-        if (!(sum > 0)) return 0;
+        if (!(least > 0)) return 0;
+        if (!(sum > least)) sum = 1e200 * least;
         H[j * d + j] = sqrt(sum);
         for (long i = j + 1; i < d; i++) {
             double s = H[i * d + j];
@@ -194,7 +199,7 @@ static double margin_of(const Held *S, const Decision *D, const double *l) {
         double c = S->limit[q], t = 0;
         for (long i = 0; i < m; i++) {
             c += S->by[q * m + i] * l[i];
-            if (S->row[i] >= first && S->row[i] < first + wide) t = hypot(t, l[i]);
+            if (S->row[i] >= first && S->row[i] < first + wide) t = hypot(t, S->turn[i] * l[i]);
         }
         least = fmin(least, c - t);
     }
@@ -238,13 +243,13 @@ static double step_to_middle(Held *S, const Decision *D, double tau) {
         if (e > d) v[d] = 1;
         left = c * c;
         for (long i = 0; i < m; i++)
-            if (S->row[i] >= first && S->row[i] < first + wide) left -= l[i] * l[i];
+            if (S->row[i] >= first && S->row[i] < first + wide) left -= S->turn[i] * S->turn[i] * l[i] * l[i];
         if (!(left > 0 && c > 0)) return -1;
         for (long a = 0; a < e; a++) w[a] = c * v[a];
         add_square(S->H, v, e, -2 / left);
         for (long i = 0; i < m; i++) {
             if (S->row[i] < first || S->row[i] >= first + wide) continue;
-            for (long a = 0; a < d; a++) w[a] -= l[i] * S->N[i * d + a], v[a] = S->N[i * d + a];
+            for (long a = 0; a < d; a++) w[a] -= S->turn[i] * S->turn[i] * l[i] * S->N[i * d + a], v[a] = S->turn[i] * S->N[i * d + a];
             if (e > d) v[d] = 0;
             add_square(S->H, v, e, 2 / left);
         }
@@ -271,10 +276,12 @@ static int find_middle(Held *S, const Decision *D) {
     memset(S->y, 0, sizeof(double) * (size_t)d);
     double out = -margin_of(S, D, S->least), length = 1;
     if (!(out < -NIL)) {
-        S->y[d] = 1.1 * out + 1e-3;
-        for (double tau = 1; !(S->y[d] < -NO_MARGIN);) {
+        S->y[d] = 1.1 * out + 1;
+        double tau = 10;
+        for (int steps = 0; !(S->y[d] < -NO_MARGIN); steps++) {
             length = step_to_middle(S, D, tau);
-            if (length < 0 || tau > HARDEST) return 0;
+            if (length < 0 || tau > HARDEST || steps > 400) return 0;
+            if (length < 0.25 && S->y[d] * tau > 4 * (double)(S->rows + 1)) return 0; /* near the path of these s is no further above the least */
             if (length < 0.25) tau *= 10;
         }
         length = 1;
@@ -370,24 +377,25 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
    `asked`: what may; `rate`: accelerations, null where nothing has been found. Returns how many groups of rows do, -1 when the input function failed. */
 static int hold_more(Integrator *I, const Decision *D, const long *asked, long *law, const double *along, const double *rate, double *push, double later) {
     struct State *T = I->state;
-    long laws = D->gaps + D->frictions, n = D->n, *seen = T->margin_rows + 3 * n + frictions_of(I), *given = seen + laws, *moves = given + laws, *done = moves + laws;
+    long laws = D->gaps + D->frictions, n = D->n, *seen = T->margin_rows + 3 * n + frictions_of(I), *given = seen + laws, *moves = given + laws, *done = moves + laws, *stays = done + laws;
     int found = 0;
     double largest = 0;
     for (long i = 0; i < n; i++) largest = fmax(largest, fmax(fabs(push[i]) * unit_of(D->W[i * n + i]), fabs(D->free[i]) / unit_of(D->W[i * n + i])));
     for (long k = 0; k < laws; k++) {
         long i = k < D->gaps ? k : row_of(D, k - D->gaps), size = k < D->gaps ? 1 : rows_of(D, k - D->gaps);
         moves[k] = done[k] = 0;
+        stays[k] = T->side[k < D->gaps ? k : mask_of(I, k - D->gaps)] == 1;
         for (long r = i; r < i + size; r++) moves[k] |= !rate || !(fabs(rate[r]) <= AT_REST * largest * unit_of(D->W[r * n + r]));
     }
     for (int pass = 0; pass < 3; pass++) { /* what held goes on to, if that may be; what is found to; whatever might, here and now */
         memset(seen, 0, sizeof(long) * (size_t)laws);
         for (long k = 0; k < laws; k++) {
-            int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE, held = T->side[k < D->gaps ? k : mask_of(I, k - D->gaps)] == 1;
+            int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE;
             given[k] = law[k] == STARTS ? AGAINST : law[k];
-            if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (held && pass == 0))))) given[k] = HOLDS;
+            if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (stays[k] && pass == 0))))) given[k] = HOLDS;
         }
         for (long k = 0; k < laws; k++) {
-            if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !moves[k]))) continue;
+            if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !(moves[k] || stays[k] || law[k] == STARTS)))) continue;
             int held = hold_together(I, given, k, along, pass == 2 ? 0 : later, later, seen, push);
             if (held < 0) return -1;
             for (long c = 0; c < laws && held; c++)

@@ -2,10 +2,11 @@
    them becomes negative. Then all rows are decided together, from what `decision` gives at that place, in this order, row by row:
 
    gaps (one_sided); rates of gaps, slips (n); accelerations of both without reactions (n); W (n, n): accelerations by reactions; J (nx, n): x' by
-   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; restitution (one_sided); kinetic energy; where limits depend on
+   reactions; limits of sticking, without reactions (frictions) and by reactions (frictions, n); those of sliding likewise; laws of impact (one_sided), see
+   impacts.h; restitution of slips (frictions); restitution (one_sided); kinetic energy; where limits depend on
    magnitudes, their forces (3 each) without reactions and by them (3 each, n), and limits of sticking and of sliding by these (frictions, magnitudes).
 
-   First impacts, where a gap that is closed closes with speed: Poisson's, in two phases, compression and expansion (Glocker and Pfeiffer, Nonlinear Dynamics 7, 1995).
+   First impacts, where a gap that is closed closes with speed.
    Then accelerations, looked at a little later, where what is exactly at its threshold has passed it.
 
    Slip in a plane has a direction, which is not smooth where it is zero: near zero friction acts against a direction that is held, that of the slip or of its
@@ -45,6 +46,7 @@ static long law_of_row(const Integrator *I, long row) {
 static int make_zeno(Integrator *I);
 static int make_saltation(Integrator *I);
 static int make_margin(Integrator *I);
+static int make_impacts(Integrator *I);
 static long carried_of(const Integrator *I);
 
 static int make_modes(Integrator *I) {
@@ -63,7 +65,7 @@ static int make_modes(Integrator *I) {
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
-    if (!make_zeno(I) || !make_margin(I) || !make_thin(I)) return 0;
+    if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
     return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
 }
 
@@ -92,7 +94,9 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.hold_by = D.hold + m;
     D.slide = D.hold_by + m * n;
     D.slide_by = D.slide + m;
-    D.bounce = D.slide_by + m * n;
+    D.kind = D.slide_by + m * n;
+    D.back = D.kind + gaps;
+    D.bounce = D.back + m;
     D.force = D.bounce + gaps + 1;
     D.force_by = D.force + 3 * I->magnitudes;
     D.hold_size = D.force_by + 3 * I->magnitudes * n;
@@ -201,30 +205,11 @@ static int keep_straight(Integrator *I, const double *rates) {
 
 #include "zeno.h"
 #include "saltation.h"
+#include "impacts.h"
 #include "margin.h"
 
 /* The rate of a gap that is none: rounding, or that of a bounce so low that gaps do not tell it from rounding. */
 static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[i], D->free[i] < 0 ? sqrt(-2 * D->free[i] * RESOLVED * D->gap_noise[i]) : 0); }
-
-/* Impulses of an impact, into T->impulse, of the laws that touch. Limits of friction that do not grow with impulses are nothing beside them. */
-static int impact(Integrator *I, const Decision *D, Room R) {
-    struct State *T = I->state;
-    long n = D->n;
-    Problem p = {.D = D, .start = D->rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
-    for (int phase = 0; phase < 2; phase++) {
-        for (long k = 0; k < D->gaps + D->frictions; k++) R.law[k] = R.touching[k] ? MAY_HOLD : OFF;
-        if (phase) {
-            memcpy(R.before, R.rate, sizeof(double) * (size_t)n);
-            for (long i = 0; i < D->gaps; i++) R.floor[i] = D->bounce[i] * fmax(R.compressed[i], 0);
-            p.start = R.before, p.floor = R.floor;
-        }
-        if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
-        if (I->directions) change_phase(I, &p, phase, R.compressed);
-        if (phase == 0) memcpy(R.compressed, R.push, sizeof(double) * (size_t)n);
-    }
-    for (long i = 0; i < n; i++) T->impulse[i] = R.compressed[i] + R.push[i];
-    return 1;
-}
 
 /* The least pivot of the rows that hold, in units of their diagonal, but for those that vanish where rows depend on one another; 0: none does. */
 static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
@@ -471,10 +456,9 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     look_at_slips(I, &D, R, row, 0);
     memset(T->impulse, 0, sizeof(double) * (size_t)n);
     if (impacts) {
-        if (!impact(I, &D, R)) {
-            I->worst = row >= 0 && row < gaps ? row : 0;
-            return NO_MODE;
-        }
+        I->worst = row >= 0 && row < gaps ? row : 0;
+        enum Code struck = impact(I, &D, R);
+        if (struck != REACHED_END) return struck;
         for (long i = 0; i < I->nx; i++)
             for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
         if (I->directions) strike_directions(I, &D);

@@ -90,7 +90,18 @@ _OF_MODES = {
     ),
     Code.NO_DERIVATIVES: (
         StatusKind.NO_DERIVATIVES,
-        "{0} comes to rest here by impacts without end, and derivatives through these are not known. Ask for times before, or let it not bounce at all (restitution 0).",
+        "{0} comes to rest here by impacts without end, or strikes by another law than Poisson's, and derivatives through these are not known. Ask for times before, "
+        "let it not bounce at all (restitution 0), or give its restitution as a number.",
+    ),
+    Code.TIED: (
+        StatusKind.TIED,
+        "{0} and {1} strike in the same instant and move one another, and one after the other they leave with other speeds than the other way round. Let them strike at different "
+        "times, or all at once: ac.Poisson(e) or ac.Newton(e) without in_sequence.",
+    ),
+    Code.GAINS: (
+        StatusKind.GAINS,
+        "An impact of {0} gains energy: by Newton's law, or with slips that friction brings back, that can be where friction and the normal impulse move one another. "
+        "Give ac.Energetic(e), or ac.Poisson(e).",
     ),
 }
 
@@ -472,7 +483,8 @@ class Run:
         modes = self.native.integrand.modes
         if code in _OF_MODES and modes is not None:
             kind, message = _OF_MODES[code]
-            return Outcome(Status(kind, core.t, message.format(modes.all_words[core.worst])))
+            other = modes.all_words[core.other] if code == Code.TIED else ""
+            return Outcome(Status(kind, core.t, message.format(modes.all_words[core.worst], other)))
         if code in _OF_SETS and modes is not None and modes.set is not None:
             words = modes.set.words[core.worst], modes.set.target_words[core.other]
             return Outcome(Status(StatusKind.CANNOT_SET, core.t, _OF_SETS[code].format(*words)))

@@ -68,10 +68,12 @@ enum Code {
     OVERLAPS,        /* one-sided row `worst` is violated where the motion begins */
     NO_MODE,         /* no masks fit: row `worst` is where it shows */
     CHATTERS,        /* modes change and change again in one instant: row `worst` */
-    NO_DERIVATIVES,  /* impacts of row `worst` end that are infinitely many */
+    NO_DERIVATIVES,  /* impacts of row `worst` end that are infinitely many, or follow another law than Poisson's */
     SETS_NO_NUMBER,  /* guard `worst` sets target `other` to what is no number */
     SETS_TWICE,      /* it sets what target `other` is in the same instant, to something else */
-    SETS_BOUND       /* it sets target `other`, and constraints do not let it be so */
+    SETS_BOUND,      /* it sets target `other`, and constraints do not let it be so */
+    TIED,            /* impacts one after the other, and several at once: rows `worst` and `other` */
+    GAINS            /* energy is gained in an impact of row `worst` */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are

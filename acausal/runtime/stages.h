@@ -167,7 +167,7 @@ struct State {
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
-    double *margin; /* work, see margin.h */
+    double *margin, *blow; /* work, see margin.h and impacts.h */
     long *basis, *status, *impact_row, *rests, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */

@@ -79,7 +79,7 @@ class AbstractHardContact(AbstractForce, AbstractTouch, ABC):
         if friction is not None:
             slip = read(near.tangents).T @ (self.ends()[0].rotation.T @ self.slip)
             drag = self.drag[0] if len(self.drag) == 1 else (self.drag[0], self.drag[1])
-            yield DryFriction(drag, slip, friction.mu * self.push, friction.static * self.push)
+            yield DryFriction(drag, slip, friction.mu * self.push, friction.static * self.push, friction.restitution)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         a, b = self.ends()

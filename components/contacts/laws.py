@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Self, final
 
@@ -11,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, checked, scalar, sx
+from acausal.language.expression import Expression, Scalar, scalar, sx
+from acausal.language.impact_laws import AbstractImpactLaw, Restitution, checked_below, impact_law
 from acausal.language.origin import origin
 from acausal.parts.pose import symbolic
 from components.contacts.nearness import Nearness
@@ -220,14 +220,17 @@ class HuntCrossley:
 class Coulomb:
     """Dry friction: where it slips `mu` >= 0 times the normal force against the slip, where it sticks as much as it needs, up to `static` >= mu times it.
 
-    `static`: mu unless given. In both directions along the surface alike. It holds without creeping.
+    `static`: mu unless given. In both directions along the surface alike. It holds without creeping. `restitution` from 0 to 1: how much of the slip comes back in
+    an impact, as far as friction can, such as of a ball of rubber.
 
         Hard(restitution=0.5, friction=Coulomb(0.3, static=0.4))
     """
 
-    def __init__(self, mu: Scalar, static: Scalar | None = None) -> None:
+    def __init__(self, mu: Scalar, static: Scalar | None = None, restitution: Scalar = 0.0) -> None:
         self.mu = scalar(mu, "Coulomb's mu", non_negative=True, unit="1")
         self.static = self.mu if static is None else scalar(static, "Coulomb's static", non_negative=True, unit="1")
+
+        self.restitution = checked_restitution(restitution, "Coulomb").restitution
 
         def check(found: np.ndarray) -> None:
             if found.item() < 0:
@@ -236,47 +239,30 @@ class Coulomb:
                     "Coulomb(0.3, static=0.4), or one number for both."
                 )
 
-        _checked_difference(self.static, self.mu, check)
+        checked_below(self.static, self.mu, check)
 
 
 @final
 class Hard:
     """Bodies that do not yield: 0 <= gap, 0 <= push, one of them zero. They part and strike; `restitution` from 0 (no bounce) to 1 (no loss), by
-    Poisson: the impulse while they part is `restitution` times that while they meet, and without friction so are the speeds (Newton).
+    Poisson: the impulse while they part is `restitution` times that while they meet, and without friction so are the speeds. Or by another law: ac.Newton(...),
+    ac.Energetic(...), each also in sequence.
 
     `friction`: Coulomb(...), None is smooth. Everything that touches at one instant is decided together.
 
         Contact(Sphere(0.1), Plane(), Hard(restitution=0.8, friction=Coulomb(0.3, static=0.4)))
     """
 
-    def __init__(self, restitution: Scalar = 0.0, friction: Coulomb | None = None) -> None:
+    def __init__(self, restitution: Restitution = 0.0, friction: Coulomb | None = None) -> None:
         self.restitution = checked_restitution(restitution, "Hard")
         if not (friction is None or isinstance(friction, Coulomb)):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(f"Hard's friction is {friction!r} ({origin()}). Give Coulomb(0.3), or None where it is smooth.")
         self.friction = friction
 
 
-def checked_restitution(restitution: Scalar, part: str) -> float | Expression:
+def checked_restitution(restitution: Restitution, part: str) -> AbstractImpactLaw:
     """Raises `ParameterError` for what is not from 0 to 1."""
-    given = scalar(restitution, f"{part}'s restitution", non_negative=True, unit="1")
-
-    def check(found: np.ndarray) -> None:
-        if found.item() < 0:
-            raise ParameterError(
-                f"{part}'s restitution is {1 - found.item():g} ({origin()}). Give a number from 0 (no bounce) to 1 (no loss)."
-            )
-
-    _checked_difference(1.0, given, check)
-    return given
-
-
-def _checked_difference(a: Scalar, b: Scalar, check: Callable[[np.ndarray], None]) -> None:
-    """Asks `check` of a - b, and again for other values of parameters."""
-    difference = a - b  # pyright: ignore[reportOperatorIssue, reportUnknownVariableType]  # numbers or expressions
-    if isinstance(difference, Expression):
-        checked(difference, check)
-    else:
-        check(np.array(difference))
+    return impact_law(restitution, f"{part}'s restitution")
 
 
 Law = AbstractTouchingLaw | AbstractFriction | HuntCrossley | Hard

@@ -10,7 +10,8 @@ from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.component import System
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Scalar, Symbol, Variable, declared_in, time
+from acausal.language.expression import Expression, Symbol, Variable, declared_in, time
+from acausal.language.impact_laws import Restitution
 from acausal.language.origin import origin
 from acausal.parts.contact import AbstractTouch
 from components.contacts.hard_contact import HardPoint
@@ -94,7 +95,7 @@ def leaves_of(place: AbstractSurface | AbstractCurve) -> frozenset[Symbol]:
     return declared_in(place.point(ca.SX.sym("q", len(place.start))))
 
 
-def hard_law(part: str, unilateral: Any, restitution: Scalar, friction: Coulomb | None) -> Hard | None:
+def hard_law(part: str, unilateral: Any, restitution: Restitution, friction: Coulomb | None) -> Hard | None:
     """Of a guide that holds on one side; None where it holds on both. Raises `ParameterError`."""
     if not isinstance(unilateral, bool):
         raise ParameterError(
@@ -103,7 +104,7 @@ def hard_law(part: str, unilateral: Any, restitution: Scalar, friction: Coulomb 
     law = Hard(checked_restitution(restitution, part), friction)
     if unilateral:
         return law
-    if isinstance(law.restitution, Expression) or law.restitution != 0:
+    if isinstance(law.restitution.restitution, Expression) or law.restitution.restitution != 0:
         raise ParameterError(
             f"{part} has a restitution of {shown(restitution)} and holds on both sides ({origin()}): nothing strikes. With unilateral=True it may be left."
         )

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.construction import checked_new
-from acausal.language.expression import Expression, Scalar, Variable
+from acausal.language.expression import Expression, Variable
+from acausal.language.impact_laws import Restitution
 from acausal.parts.contact import AbstractContact
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
@@ -46,10 +47,10 @@ class PointOnPlane(AbstractStepJoint, AbstractContact):
     def __new__(cls, *, unilateral: Literal[False] = False, friction: Coulomb) -> RoughGuide: ...
     @overload
     def __new__(
-        cls, *, unilateral: Literal[True], restitution: Scalar = 0.0, friction: Coulomb | None = None
+        cls, *, unilateral: Literal[True], restitution: Restitution = 0.0, friction: Coulomb | None = None
     ) -> OneSidedPoint: ...
     @checked_new
-    def __new__(cls, *, unilateral: bool = False, restitution: Scalar = 0.0, friction: Coulomb | None = None) -> Any:
+    def __new__(cls, *, unilateral: bool = False, restitution: Restitution = 0.0, friction: Coulomb | None = None) -> Any:
         law = hard_law("PointOnPlane", unilateral, restitution, friction)
         if law is not None:
             return OneSidedPoint(Plane(), law)

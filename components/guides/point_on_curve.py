@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.construction import checked_new
-from acausal.language.expression import Expression, Scalar, Variable
+from acausal.language.expression import Expression, Variable
+from acausal.language.impact_laws import Restitution
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from components.contacts.laws import Coulomb
@@ -47,7 +48,7 @@ class PointOnCurve(AbstractJoint):
         curve: AbstractCurve,
         *,
         unilateral: Literal[True],
-        restitution: Scalar = 0.0,
+        restitution: Restitution = 0.0,
         friction: Coulomb | None = None,
         side: Axis = "y",
     ) -> OneSidedPoint: ...
@@ -57,7 +58,7 @@ class PointOnCurve(AbstractJoint):
         curve: AbstractCurve,
         *,
         unilateral: bool = False,
-        restitution: Scalar = 0.0,
+        restitution: Restitution = 0.0,
         friction: Coulomb | None = None,
         side: Axis = "y",
     ) -> Any:

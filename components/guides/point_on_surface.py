@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.language.construction import checked_new
-from acausal.language.expression import Expression, Scalar, Variable, time
+from acausal.language.expression import Expression, Variable, time
+from acausal.language.impact_laws import Restitution
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from components.contacts.laws import Coulomb
@@ -46,7 +47,7 @@ class PointOnSurface(AbstractJoint):
         surface: AbstractSurface,
         *,
         unilateral: Literal[True],
-        restitution: Scalar = 0.0,
+        restitution: Restitution = 0.0,
         friction: Coulomb | None = None,
     ) -> OneSidedPoint: ...
     @checked_new
@@ -55,7 +56,7 @@ class PointOnSurface(AbstractJoint):
         surface: AbstractSurface,
         *,
         unilateral: bool = False,
-        restitution: Scalar = 0.0,
+        restitution: Restitution = 0.0,
         friction: Coulomb | None = None,
     ) -> Any:
         law = hard_law("PointOnSurface", unilateral, restitution, friction)

@@ -256,6 +256,8 @@ static const char *in_words(simulator_status status) {
     case SIMULATOR_NO_MODE: return "Nothing obeys the laws of all contacts.";
     case SIMULATOR_CHATTERS: return "A contact changes its mode again and again.";
     case SIMULATOR_CANNOT_SET: return "An event sets what cannot be so.";
+    case SIMULATOR_TIED: return "Contacts strike one after the other, several of them in one instant.";
+    case SIMULATOR_GAINS: return "An impact gains energy.";
     case SIMULATOR_OTHER_MODEL: return "With these values other equations are needed: export a model that is built with them.";
     default: return "The call makes no sense.";
     }
@@ -301,6 +303,10 @@ static int gave_up(simulator_instance *s, enum Code code) {
         snprintf(message, sizeof message, "%.120s %s.", model.laws[I->one_sided + I->lines + I->planes + I->worst],
                  code == SETS_NO_NUMBER ? "sets something to what is no number" : code == SETS_TWICE ? "and another event set the same to different values" : "sets what constraints do not let be so");
         return failed(s, SIMULATOR_CANNOT_SET, message);
+    case TIED: return failed(s, SIMULATOR_TIED, 0);
+    case GAINS:
+        snprintf(message, sizeof message, "An impact of %.120s gains energy.", model.laws[I->worst]);
+        return failed(s, SIMULATOR_GAINS, message);
     default: break;
     }
     if (I->worst >= 0 && I->worst < I->nx) s->report.failed_state = model.quantities[SIMULATOR_STATE].names[I->worst];

@@ -59,7 +59,9 @@ typedef enum {
     SIMULATOR_OVERLAPS,       /* the gap of a one-sided contact is negative at the start, or where an input jumps */
     SIMULATOR_NO_MODE,        /* whether contacts hold, slide or open: nothing obeys the laws of all of them */
     SIMULATOR_CHATTERS,       /* a contact changes its mode, or an event sets something, again and again in one instant */
-    SIMULATOR_CANNOT_SET      /* an event sets what cannot be so */
+    SIMULATOR_CANNOT_SET,     /* an event sets what cannot be so */
+    SIMULATOR_TIED,           /* contacts strike one after the other, several in one instant: it is not said which first */
+    SIMULATOR_GAINS           /* an impact gains energy */
 } simulator_status;
 
 #define SIMULATOR_EVENTS_OF_A_STEP 256

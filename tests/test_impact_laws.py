@@ -1,0 +1,166 @@
+"""Laws of impact: one after the other or all at once, with friction along the path of the impulse, slips that come back; against closed forms and independent integration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import acausal as ac
+from acausal.collocation.problem import StatusKind
+from acausal.simulate.trajectory import Trajectory
+from components import Contact, Coulomb, Hard, Plane, PointOnPlane, RigidBody, Sphere, World
+
+
+def row_of_balls(restitution: object, order: list[int], speeds: list[float], apart: float = 0.0) -> list[float]:
+    """Speeds of equal balls that touch but for the first gap, some time after they have met; declared in an order."""
+    scene = ac.System()
+    scene.world = World(None)
+    balls = [RigidBody.ball(1.0, 0.5) for _ in speeds]
+    scene.balls = [balls[k] for k in order]
+    pairs = [Contact(Sphere(0.5), Sphere(0.5), Hard(restitution)) for _ in speeds[1:]]  # pyright: ignore[reportArgumentType]
+    scene.pairs = [pairs[k] for k in order if k < len(pairs)]
+    start: dict[object, object] = {}
+    for k, ball in enumerate(balls):
+        start |= {
+            ball.frame.position: (k + (k > 0) * 0.25 + (k == len(balls) - 1) * apart, 0, 0),
+            ball.frame.velocity: (speeds[k], 0, 0),
+        }
+    for k, pair in enumerate(pairs):
+        scene.connect(balls[k].frame, pair.frame_a)
+        scene.connect(pair.frame_b, balls[k + 1].frame)
+    run = ac.build(scene).simulate(0.5, start, rtol=1e-10)  # pyright: ignore[reportArgumentType]
+    return [run[ball.frame.velocity][-1, 0] for ball in balls]
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 0, 3, 1]])
+def test_a_cradle_hands_on_in_sequence_and_shares_at_once(order: list[int]) -> None:
+    for law in (ac.Poisson(1.0, in_sequence=True), ac.Newton(1.0, in_sequence=True), ac.Energetic(1.0)):
+        assert row_of_balls(law, order, [1.0, 0, 0, 0]) == pytest.approx([0, 0, 0, 1], abs=1e-13)
+    # one impulse with v' = -v at the first gap and none that closes: momentum and the least change of the others share alike
+    for law in (1.0, ac.Newton(1.0)):
+        assert row_of_balls(law, order, [1.0, 0, 0, 0]) == pytest.approx([-0.5, 0.5, 0.5, 0.5], abs=1e-13)
+
+
+def test_two_balls_on_two_send_off_two() -> None:
+    assert row_of_balls(ac.Newton(1.0, in_sequence=True), [1, 0, 3, 2], [1.0, 0, 0, -1.0], 0.25) == pytest.approx(
+        [-1, 0, 0, 1], abs=1e-13
+    )
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
+def test_one_ball_between_two_that_strike_it_in_one_instant_is_named(order: list[int]) -> None:
+    with pytest.raises(ac.errors.SimulationError, match=r"pairs\[\d\].* and pairs\[\d\].* strike in the same instant") as raised:
+        row_of_balls(ac.Poisson(0.5, in_sequence=True), order, [1.0, 0.0, -1.0], 0.25)
+    run = raised.value.trajectory
+    assert run is not None and run.status.kind is StatusKind.TIED
+
+
+def dropped(body: RigidBody, at: np.ndarray, law: object, friction: Coulomb, v: np.ndarray, w: np.ndarray) -> Trajectory:
+    """A body without gravity whose point `at` comes down on the plane at t = 0.1; w: about its axes, which are those of the world then."""
+    scene = ac.System()
+    scene.world, scene.body = World(None), body
+    scene.floor = PointOnPlane(unilateral=True, restitution=law, friction=friction)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, body.at(tuple(at)))
+    start = {body.frame.position: -at, body.frame.velocity: v, body.frame.rotation: np.eye(3), body.frame.angular_velocity: w}
+    return ac.build(scene).simulate(0.0, start, rtol=1e-12)
+
+
+INERTIA = np.array([0.4, 0.9, 0.7])
+TIP = np.array([0.5, -0.3, -0.8])
+
+
+def compliance(mass: float) -> np.ndarray:
+    """Of the tip (3, 3)."""
+    cross = np.cross(np.eye(3), TIP)
+    return np.eye(3) / mass + cross @ np.diag(1 / INERTIA) @ cross.T
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.4])
+def test_friction_bends_the_slip_in_an_impact_by_energy(mu: float) -> None:
+    """du/dP = W (n - mu s / |s|), to where the work of the normal force is 1 - e^2 times that at the end of compression."""
+    v, w, e = np.array([0.7, -0.5, -2.0]), np.array([0.3, 0.5, -0.2]), 0.6
+    W = compliance(1.5)
+    rate = lambda _, y: np.append(W @ [*(-mu * y[:2] / np.hypot(*y[:2])), 1.0], y[2])  # noqa: E731
+    compressed = lambda _, y: y[2]  # noqa: E731
+    compressed.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+    before = np.append(v + np.cross(w, TIP), 0.0)
+    first = solve_ivp(rate, (0, 100), before, "DOP853", events=compressed, rtol=1e-13, atol=1e-14)
+    target = (1 - e**2) * first.y[3, -1]
+    restored = lambda _, y: y[3] - target  # noqa: E731
+    restored.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+    after = solve_ivp(rate, (0, 100), first.y[:, -1] + [0, 0, 1e-12, 0], "DOP853", events=restored, rtol=1e-13, atol=1e-14)
+    body = RigidBody(mass=1.5, inertia=tuple(INERTIA))
+    run = dropped(body, TIP, ac.Energetic(e), Coulomb(mu), v, w)
+    frame = body.frame
+    found = run[frame.velocity][-1] + np.cross(run[frame.angular_velocity][-1], TIP)
+    assert abs(before[0] * after.y[1, -1] - before[1] * after.y[0, -1]) > 1e-2  # it has turned
+    assert found == pytest.approx(after.y[:3, -1], abs=1e-9)
+
+
+def test_slip_stops_and_turns_round_in_an_impact_by_energy() -> None:
+    """In a plane, piece by piece: slips, stops, and slips back, since friction does not hold it."""
+    mu, e, mass, I = 0.2, 0.5, 1.0, 0.05  # noqa: E741
+    x, z = 0.3, -0.4
+    n, c, t = 1 / mass + x * x / I, -x * z / I, 1 / mass + z * z / I
+    u, s = -2.0, -0.3  # rate of the gap, slip
+    stop = -s / (c + mu * t)
+    assert c / t > mu
+    u_stop, work = u + (n + mu * c) * stop, u * stop + (n + mu * c) * stop**2 / 2
+    slope, turned = n - mu * c, c - mu * t
+    P = -u_stop / slope
+    total = work + u_stop * P + slope * P * P / 2
+    more = np.sqrt(2 * (-(e**2) * total) / slope)
+    rate, slip = slope * more, turned * (P + more)
+    body = RigidBody(mass=mass, inertia=(1.0, I, 1.0))
+    run = dropped(body, np.array([x, 0, z]), ac.Energetic(e), Coulomb(mu), np.array([s, 0, u]), np.zeros(3))
+    frame = body.frame
+    found = run[frame.velocity][-1] + np.cross(run[frame.angular_velocity][-1], [x, 0, z])
+    assert found == pytest.approx([slip, 0, rate], abs=1e-12)
+
+
+@pytest.mark.parametrize("back", [0.0, 0.6, 1.0])
+def test_a_superball_gives_back_its_spin(back: float) -> None:
+    """Garwin, Am. J. Phys. 37 (1969): the slip u = v + w r comes back as -e u by an impulse 2/7 m (1 + e) u; with e = 1 to and fro without a loss."""
+    m, r, v, w, down = 0.05, 0.03, 1.3, 20.0, -2.0
+    scene = ac.System()
+    scene.world, scene.ball = World(None), RigidBody.ball(m, r)
+    scene.floor = Contact(Sphere(r), Plane(), Hard(1.0, Coulomb(5.0, restitution=back)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    start = {
+        frame.position: (0, 0, r),
+        frame.velocity: (v, 0, down),
+        frame.angular_velocity: (0, w, 0),
+        frame.rotation: np.eye(3),
+    }
+    run = ac.build(scene).simulate(0.0, start, rtol=1e-12)
+    blow = -2 / 7 * (1 + back) * (v - w * r)
+    assert run[frame.velocity][-1] == pytest.approx([v + blow, 0, -down], abs=1e-13)
+    assert run[frame.angular_velocity][-1] == pytest.approx([0, w - 2.5 * blow / r, 0], abs=1e-11)
+    if back == 1:
+        assert v**2 + 0.4 * (w * r) ** 2 == pytest.approx((v + blow) ** 2 + 0.4 * (w * r - 2.5 * blow) ** 2, rel=1e-13)
+
+
+def test_newtons_law_with_friction_that_gains_energy_is_named_and_energy_is_not_gained_by_others() -> None:
+    """A rod that slides into its corner: Kane's puzzle."""
+    body = RigidBody(mass=1.0, inertia=(1.0, 0.05, 1.0))
+    at, friction, v, w = np.array([0.3, 0, -0.4]), Coulomb(0.2), np.array([-4.0, 0, -4.0]), np.zeros(3)
+
+    def energy(run: Trajectory) -> float:
+        v, w = run[body.frame.velocity][-1], run[body.frame.angular_velocity][-1]
+        return v @ v / 2 + 0.05 * w[1] ** 2 / 2
+
+    with pytest.raises(ac.errors.SimulationError, match=r"An impact of .* gains energy") as raised:
+        dropped(body, at, ac.Newton(0.9), friction, v, w)
+    assert raised.value.trajectory is not None
+    for law in (0.9, ac.Energetic(0.9)):
+        assert energy(dropped(body, at, law, friction, v, w)) < (v @ v) / 2
+
+
+@pytest.mark.parametrize("law", [ac.Poisson, ac.Newton, ac.Energetic])
+def test_restitution_of_a_law_is_from_0_to_1(law: type[ac.Poisson]) -> None:
+    with pytest.raises(ac.errors.ParameterError, match=rf"{law.__name__}'s restitution is 1\.5 .*test_impact_laws"):
+        law(1.5)
