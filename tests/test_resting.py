@@ -46,14 +46,3 @@ def test_a_pushed_box_tips_when_its_load_leaves_its_feet_and_no_foot_opens_befor
     drag = sum(before[foot.friction_force][0] for foot in scene.feet)
     assert drag[:2] == pytest.approx(-9.99 * tips * size * np.array(direction), rel=1e-9)
     assert np.max(np.abs(before[scene.box.frame.position] - [[0, 0, 0.2 * size]])) < 1e-12 * size
-
-
-@pytest.mark.slow
-def test_a_pushed_box_slides_when_friction_of_all_feet_together_is_too_little() -> None:
-    """F = mu m g, whichever foot is at its limit before; then m v' = F - mu m g."""
-    scene, start = pushed((2, 0, 1, 3), 0.3, (0.6, 0.8))
-    run = ac.build(scene).simulate(0.8, start, rtol=1e-12)
-    slides = 0.3 * 2 * G / 10
-    assert [t.time for t in run.transitions if t.changes] == pytest.approx([slides], rel=1e-11)
-    speed = 10 * (0.8**2 - slides**2) / 4 - 0.3 * G * (0.8 - slides)
-    assert run[scene.box.frame.velocity][-1] == pytest.approx([0.6 * speed, 0.8 * speed, 0], abs=1e-10)
