@@ -135,7 +135,7 @@ def asked(make: Callable[[Units], Arm | FourBar], units: Units) -> tuple[dict[st
     model = ac.build(scene)
     found = model.equilibrium(scene.start(units))
     linear = found.linearize()
-    times = units.time * np.array([0.0, 0.125, 0.25])
+    times = units.time * np.array([0.0, 0.03, 0.06])
     turn = float(np.asarray(found[scene.shoulder.q]))
     course = turn + 0.25 * np.sin((2.0 / units.time) * ac.time) ** 2
     forces = model.inverse_dynamics(times, {scene.shoulder.q: course}, [scene.torque], found.start)
