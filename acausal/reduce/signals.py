@@ -34,7 +34,11 @@ def with_signals(
     kept = ca.vertcat(scalar.position, scalar.velocity, *(scalar.correction or ()))
     if borrowed.numel() and kept.numel() and ca.depends_on(kept, borrowed):
         raise _loop(mechanics, wanted, set(wanted))
-    solved = {symbol: put(value) for symbol, value in scalar.solved.items()}
+    solved = (
+        dict(zip(scalar.solved, ca.substitute([*scalar.solved.values()], symbols, new), strict=True))
+        if symbols
+        else scalar.solved
+    )
     done = dataclasses.replace(scalar, rates=put(scalar.rates), solved=solved, tau=put(scalar.tau), led=None)
     pairs = list(zip(symbols, new, strict=True))
     return mechanics.with_values(pairs), done, pairs
@@ -64,7 +68,8 @@ def _without_each_other(
     done: dict[Symbol, ca.SX] = {}
     open_ones = dict(values)
     while open_ones:
-        ready = [s for s, value in open_ones.items() if not any(ca.depends_on(value, other.sx) for other in open_ones)]
+        left = ca.vertcat(*(ca.vec(s.sx) for s in open_ones))
+        ready = [s for s, value in open_ones.items() if not ca.depends_on(value, left)]
         if not ready:
             raise _loop(mechanics, readers, set(open_ones))
         for symbol in ready:

@@ -211,14 +211,30 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     return REACHED_END;
 }
 
-/* Whether values in Chebyshev points, in order of time, are far from zero. */
-static int is_far_above(const double *v) {
+/* Whether so many values of a row in order of time are far from zero, beside what they change by; row_count apart. */
+static int is_far_above(const double *v, long row_count, int count, double changes) {
     double least = v[0], most = v[0];
-    for (int k = 1; k < POINTS; k++) {
-        if (!isfinite(v[k])) return 0;
-        least = fmin(least, v[k]), most = fmax(most, v[k]);
+    for (int k = 0; k < count; k++) {
+        if (!isfinite(v[k * row_count])) return 0;
+        least = fmin(least, v[k * row_count]), most = fmax(most, v[k * row_count]);
     }
-    return least > 0.5 * (most - least);
+    return least > changes * (most - least);
+}
+
+#define FEW_POINTS 8   /* at which all rows are looked at first: */
+#define FAR_CHANGES 2.0 /* where they are all above so many times what they change by there, nothing else is */
+
+/* Whether all rows are so far from zero in a step that nothing is looked for; -1 when the input function failed. */
+static int are_all_far(Path *p) {
+    Integrator *I = p->I;
+    struct State *T = I->state;
+    double theta[FEW_POINTS];
+    for (int j = 0; j < FEW_POINTS; j++) theta[j] = (double)j / (FEW_POINTS - 1);
+    if (!guard_values(p, theta, FEW_POINTS, T->row_values)) return -1;
+    for (long r = 0; r < I->row_count; r++)
+        if (!is_far_above(T->row_values + r, I->row_count, FEW_POINTS, FAR_CHANGES)) return 0;
+    memset(T->far, 1, (size_t)I->row_count);
+    return 1;
 }
 
 /* Whether what has these Chebyshev coefficients keeps above what is no more than noise. */
@@ -276,11 +292,13 @@ static double first_switch(Path *p, struct Landing *L) {
     struct State *T = I->state;
     double theta[POINTS], v[POINTS], first = 2;
     int noise_known = 0;
+    int far = are_all_far(p);
+    if (far) return far < 0 ? -1 : 2;
     for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? 1 : point_in(T->chebyshev, j);
     if (!guard_values(p, theta, POINTS, T->row_values)) return -1;
     for (long r = 0; r < I->row_count; r++) {
         for (int j = 0; j < POINTS; j++) v[j] = T->row_values[j * I->row_count + r];
-        if (is_far_above(v)) {
+        if (is_far_above(v, 1, POINTS, 0.5)) {
             T->far[r] = 1;
             continue;
         }
