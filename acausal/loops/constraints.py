@@ -115,7 +115,16 @@ class Constraints:
     @property
     def choice(self) -> tuple[int, ...]:
         """What was decided, in numbers."""
-        return self.rank.rank, self.damped, self.singular, *self.kept_index
+        return self.rank.rank, self.damped, self.singular, self.narrow, *self.kept_index
+
+    def met(self, q: np.ndarray) -> bool:
+        """Whether the loops were looked at along the motions from a configuration (nq,), as far as is known."""
+        return all(part.met(q[list(part.group.q_places)]) for part in self.examined)
+
+    def learn(self, other: Constraints | None) -> None:
+        """What was decided alike along the motions from another configuration; None where nothing can be decided."""
+        for part, there in zip(self.examined, self.examined if other is None else other.examined, strict=True):
+            part.learn(None if other is None else there)
 
     @property
     def dropped(self) -> ca.SX:
@@ -291,6 +300,7 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         scale,
         tuple((smallest, z * walk.unit) for smallest, z in trail.places),
         trail.crossings,
+        trail.back,
         _influences(group.loops, parameters),
         values,
     )

@@ -79,6 +79,8 @@ class Trail:
     places: tuple[tuple[float, np.ndarray], ...] = ()
     crossings: tuple[Crossing, ...] = ()
     singular: bool = False
+    back: bool = False
+    """Whether it came back to its start, so that it met all of a closed curve."""
 
     @staticmethod
     def at(smallest: float, z: np.ndarray, near: Crossing | None = None) -> Trail:
@@ -90,7 +92,7 @@ class Trail:
     def and_then(self, other: Trail) -> Trail:
         """Both walks."""
         new = tuple(found for found in other.crossings if found not in self.crossings)
-        return Trail(self.places + other.places, self.crossings + new, self.singular or other.singular)
+        return Trail(self.places + other.places, self.crossings + new, self.singular or other.singular, self.back or other.back)
 
 
 def crossing_near(walk: Walk, z: np.ndarray, scale: np.ndarray, kept: tuple[int, ...], reach: float) -> Crossing | None:

@@ -28,6 +28,8 @@ _NARROW = 0.2
 """Singular values on a walk, which may step over still smaller ones, from which on digits are lost between its places."""
 _SHRUNK = 0.5
 """What may be lost of a margin before an examination is made again."""
+_ALONG = 0.7
+"""How far a configuration may be from the nearest place of a walk that came by: two strides."""
 _NEXT = 0.1
 """How far a singular position may be from a state that is said to be next to it: rad, or sizes of the loop."""
 
@@ -71,6 +73,8 @@ class Examined:
     """Smallest singular values on a walk, and where."""
     crossings: tuple[Crossing, ...] = ()
     """Places near the walk where branches cross, or nearly do."""
+    back: bool = False
+    """Whether the walk came back to its start: a motion that begins elsewhere is another circuit's."""
     parameters: tuple[int, ...] = ()
     """Places of the parameters on which the group depends."""
     values: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -100,6 +104,27 @@ class Examined:
     def may_miss(self) -> bool:
         """Whether motions through singular positions have others beside them that miss these."""
         return self.singular and (self.group.v.numel() - self.rank.rank > 1 or self.narrow)
+
+    def met(self, q: np.ndarray) -> bool:
+        """Whether the walk came by at a configuration (nq,) of the group with closed loops, as far as it can tell."""
+        walk = self.walk
+        if walk is None or not self.back:
+            return True
+        places = (circuit for circuit in self._circuits if circuit.size)
+        near = (np.max(np.abs(walk.apart(circuit / walk.unit, q / walk.unit)), axis=1).min() < _ALONG for circuit in places)
+        return any(near) or any(not circuit.size for circuit in self._circuits)
+
+    def learn(self, other: Examined | None) -> None:
+        """That another circuit is decided as this one is; None, or one that does not close: that no more is to be known of any."""
+        self._circuits.append(np.zeros((0, 0)) if other is None or not other.back else other._places)
+
+    @property
+    def _places(self) -> np.ndarray:
+        return np.array([q for _, q in self.trail])
+
+    @functools.cached_property
+    def _circuits(self) -> list[np.ndarray]:
+        return [self._places]
 
     def missed(self, q: np.ndarray, ahead: np.ndarray, time: float, values: np.ndarray) -> tuple[float, float] | None:
         """How far a motion of the group's coordinates q (nq,) next to a singular position, straight `ahead` [1/s], misses it, and its speed there

@@ -8,8 +8,8 @@ the direction of the motion with the other sign.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from acausal.numerics.thresholds import CLOSED, SINGULAR
 
 _STRIDE = 0.35
 _LENGTH, _WHOLE = 5.0, 20.0
-"""How far a walk goes; how far at most where branches cross, or nearly do."""
+"""How far a walk goes; how far at most with one freedom."""
 _AHEAD, _REACH, _BEYOND = 0.1, 3.0, 0.05
 """How far crossings may be ahead where they are looked for, and times as far away; how far the walk goes on behind one."""
 _MOST_STEPS = 60
@@ -85,8 +85,8 @@ def row_scale(jacobians: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def singular_values_along(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]) -> Trail:
-    """Smallest singular values of A, and where, on a walk from the assembled configuration `start`, most of a turn of a hinge to either side:
-    those of its places, and the least ones between them; and the crossings that it comes to.
+    """Smallest singular values of A, and where, on a walk from the assembled configuration `start`, most of a turn of a hinge to either side, with one
+    freedom until it is back: those of its places, and the least ones between them; and the crossings that it comes to.
 
     `scale` (m,): of the rows of A; `rank`: its independent rows in general, `kept` for example. At most 120 steps with two singular value
     decompositions each, and some more where the singular value has a sharp least.
@@ -95,16 +95,17 @@ def singular_values_along(walk: Walk, start: np.ndarray, scale: np.ndarray, rank
     ahead = np.random.default_rng(1).normal(size=walk.rate.size)
     trail = Trail()
     for sense in (1.0, -1.0):
-        for found in _one_way(look, start, sense * ahead, trail.crossings):
-            trail = trail.and_then(found)
+        trail = _one_way(look, start, sense * ahead, trail)
+        if trail.back:
+            break
     return trail
 
 
-def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, known: Sequence[Crossing]) -> Iterator[Trail]:
-    """What is found from step to step, with some crossings `known`.
+def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, trail: Trail) -> Trail:
+    """A `trail` with what is found from step to step.
 
-    The walk goes on in the same direction, first `ahead` (nv,), where there are several, and until it is back where branches are known to cross. A step ends short of where the singular
-    value, extrapolated, is zero: it shrinks by the same factor from step to step before a crossing, and levels off before one
+    The walk goes on in the same direction, first `ahead` (nv,), where there are several freedoms, and with one until it is back. A step ends short of
+    where the singular value, extrapolated, is zero: it shrinks by the same factor from step to step before a crossing, and levels off before one
     that is missed. Crossings are stepped over as soon as they are known.
     """
     here, walked, stride, before = look.at(start, ahead), 0.0, _STRIDE, np.inf
@@ -112,36 +113,32 @@ def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, known: Sequence[
     for _ in range(_MOST_STEPS):
         slope = (before - here.smallest) / stride if np.isfinite(before) else 0.0
         left = here.smallest / slope if slope > 0 else np.inf
-        near = look.crossing(here, _REACH * min(left, _AHEAD), known) if left < _AHEAD or here.smallest < SINGULAR else None
+        beside = left < _AHEAD or here.smallest < SINGULAR
+        near = look.crossing(here, _REACH * min(left, _AHEAD), trail.crossings) if beside else None
         last = [*last[-2:], here]
         found = Trail.at(here.smallest, here.z, near)
         if near is None:
-            found = found.and_then(_least(look, last, ahead, known))
-        yield found
-        known = (*known, *found.crossings)
-        whole = bool(known) and here.freedoms == 1  # what else is on a closed curve is met before it is back
-        if walked > (_WHOLE if whole else _LENGTH) or (whole and walked > 1 and _is_back(look.walk, here.z, start)):
-            return
-        if not np.max(np.abs(here.along), initial=0.0) > 1e-6:
-            return
+            found = found.and_then(_least(look, last, ahead, trail.crossings))
+        trail = trail.and_then(found)
+        whole = here.freedoms == 1
+        back = whole and walked > 1 and _is_back(look.walk, here.z, start)
+        if back or walked > (_WHOLE if whole else _LENGTH) or not np.max(np.abs(here.along), initial=0.0) > 1e-6:
+            return replace(trail, back=back)
         stride = min(_STRIDE, 0.6 * left) if slope > 0 else _STRIDE
         if near is not None and near.crosses:
             last, stride = [], min(_STRIDE, _BEYOND + 2 * float(np.max(np.abs(near.z - here.z))))
         ahead = here.along / np.max(np.abs(here.along))
         there = look.walk.closed(here.z + look.walk.at(here.z)[3] @ (stride * ahead))
         if there is None:
-            return
+            break
         before, walked = here.smallest, walked + stride
         here = look.at(there, ahead)
+    return trail
 
 
 def _is_back(walk: Walk, z: np.ndarray, start: np.ndarray) -> bool:
     """Whether a configuration is another, but for whole turns."""
-    turns = np.where(walk.symbolic.group.turning, 2 * np.pi, np.inf)
-    apart = z - start
-    whole = np.isfinite(turns)
-    apart[whole] -= turns[whole] * np.round(apart[whole] / turns[whole])
-    return bool(np.max(np.abs(apart)) < _STRIDE)
+    return bool(np.max(np.abs(walk.apart(z, start))) < _STRIDE)
 
 
 def _least(look: _Look, last: list[_Place], along: np.ndarray, known: Sequence[Crossing]) -> Trail:

@@ -303,6 +303,11 @@ class Walk:
                 found.append(here)
         return found
 
+    def apart(self, z: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """How far configurations (..., nq) are from another one, but for whole turns."""
+        turns = 2 * np.pi * self.symbolic.group.turning
+        return z - other - turns * np.round((z - other) / np.where(turns > 0, turns, np.inf))
+
     def polished(self, z: np.ndarray) -> np.ndarray:
         """A closed configuration, closed to rounding."""
         for _ in range(2):

@@ -38,7 +38,7 @@ from acausal.simulate.trouble import (
     warn_if_singular,
 )
 from acausal.simulate.watch import warn_if_inaccurate
-from acausal.start.decided import check_decided
+from acausal.start.decided import check_circuit, check_decided
 from acausal.start.initial import InitialState
 from acausal.start.inputs import check_smooth, knots
 from acausal.start.situation import Situation
@@ -119,6 +119,8 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     check_smooth(functions, signal, t0, end)
     whole = at.initial(functions, signal(np.array([t0]))[:, 0])
     check_decided(functions.outputs.system, t0, whole.x, at.p)
+    if functions.space.coordinates is None:
+        check_circuit(functions.outputs.system, t0, whole.x, at.p)
     initial = InitialState(space.restricted(whole.x), space.extended(t0, whole.x, at.p), whole.account)
     read, guards = options.times(t0, end), guards_of(functions, options.events)
     problem = _problem(

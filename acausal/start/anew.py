@@ -17,7 +17,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.reduce.state_space import state_space, whole_state_space
-from acausal.start.decided import OtherDecisions
+from acausal.start.decided import OtherCircuit, OtherDecisions
 from acausal.wording import compact
 
 T = TypeVar("T")
@@ -176,13 +176,32 @@ class Decided(AbstractDecided):
 
     def _examined_near(self, place: OtherDecisions) -> Decided:
         s = self.system
+        for other in self._circuits:
+            if other.system.constraints.unchanged(place.values) and other.system.constraints.met(place.q):
+                return other
         try:
             found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time, s.constraints)
-        except AssemblyError:
-            raise place from None
-        except LockedError as error:
+        except (AssemblyError, LockedError) as error:
+            if isinstance(place, OtherCircuit):  # a start that is singular itself is told where it is judged
+                s.constraints.learn(None)
+                return self
+            if isinstance(error, AssemblyError):
+                raise place from None
             raise LockedError(f"At t = {place.time:.6g} s, where this begins: {error}") from None
-        return self._once(f"loops {found.choice}", place.values, functools.partial(self._with, found))
+        if found.decides_as(s.constraints) and not s.constraints.met(place.q):
+            s.constraints.learn(found)
+            return self
+        other = self._once(f"loops {found.choice}", place.values, functools.partial(self._with, found))
+        if not other.system.constraints.met(place.q):
+            other.system.constraints.learn(found)
+        if other not in self._circuits:
+            self._circuits.append(other)
+        return other
+
+    @functools.cached_property
+    def _circuits(self) -> list[Decided]:
+        """Of motions that begin elsewhere."""
+        return []
 
     def _with(self, constraints: Constraints, values: np.ndarray) -> Decided:
         return Decided(reduce_system(self.system.mechanics, at=values, constraints=constraints))

@@ -25,6 +25,13 @@ class OtherDecisions(StartValueError):
         return OtherDecisions, (self.args[0], self.time, self.q, self.values)
 
 
+class OtherCircuit(OtherDecisions):
+    """The motion begins where those along which loops were examined do not come by."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return OtherCircuit, (self.args[0], self.time, self.q, self.values)
+
+
 def check_decided(system: ReducedSystem, time: float, x: np.ndarray, p: np.ndarray) -> None:
     """Raises `OtherDecisions` where, at states x (nx,) of the system, other rows of loops are independent than elsewhere; microseconds."""
     c = system.constraints
@@ -39,3 +46,13 @@ def check_decided(system: ReducedSystem, time: float, x: np.ndarray, p: np.ndarr
                 f"{margin.independent:.2g}; elsewhere {part.rank.rank} are, by {part.least:.2g}. Begin elsewhere, or build the scene "
                 "in a position like this one: give bodies a rough position or joints a start.", time, q, values,
             )  # fmt: skip
+
+
+def check_circuit(system: ReducedSystem, time: float, x: np.ndarray, p: np.ndarray) -> None:
+    """Raises `OtherCircuit` where the motions from states x (nx,) of the system are others than those along which its loops were looked at."""
+    c, q = system.constraints, x[: system.mechanics.tree.q.numel()]
+    if c.examined and not c.met(q):
+        values = p[: system.p_values.size]
+        raise OtherDecisions(
+            f"At t = {time:.6g} s this begins on another circuit than that on which loops were examined.", time, q, values
+        )
