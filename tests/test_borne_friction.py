@@ -34,6 +34,7 @@ from components import (
     Sphere,
     World,
 )
+from tests.scenes import FourBar
 
 G = 9.81
 
@@ -530,3 +531,19 @@ def test_ball_on_an_incline_rolls_where_friction_can_hold_it(mu: float, rolls: b
     moved = run[scene.ball.frame.position][-1] - run[scene.ball.frame.position][0]
     assert np.linalg.norm(moved) == pytest.approx(along / 2, rel=1e-11)
     assert run[scene.contact.normal_force] == pytest.approx(0.7 * G * np.cos(slope), rel=1e-11)
+
+
+def test_four_bar_with_friction_in_all_its_joints_turns_back_in_one_instant() -> None:
+    scene = FourBar()
+    hinges: dict[str, Revolute] = {name: getattr(scene, name) for name in "abcd"}
+    rubs = {name: JointFriction(hinge, Coulomb(0.2, static=0.25), radius=0.02) for name, hinge in hinges.items()}
+    for name, rub in rubs.items():
+        setattr(scene, f"rub_{name}", rub)
+    run = ac.build(scene).simulate(1.5, {scene.a.q: -1.2, scene.a.v: 0.0}, rtol=1e-12)
+    # single joints turn back where their neighbours move alike; all of them where the linkage comes to rest
+    assert sorted(len(transition.parts) for transition in run.transitions) == [1, 1, 1, 1, 4]
+    for name, hinge in hinges.items():
+        force, axis = run[hinge.frame_a.force], np.asarray(hinge.axis, dtype=float)
+        load = np.linalg.norm(force - (force @ axis)[:, None] * axis, axis=1)
+        assert np.abs(run[rubs[name].drag[0]]) == pytest.approx(0.2 * 0.02 * load, rel=1e-9)
+    assert run.energy_error() < 1e-10

@@ -194,11 +194,17 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
         for (long k = 0; k < size && w > 0; k++) y[k] = p->push[first + k] - p->rate[first + k] / w;
         if (law == MAY_HOLD || law == MAY_SLIDE) {
             far = hypot(y[0], y[1]);
+            if (!(w > 0) && f >= 0) { /* a joint whose slip turns round while all goes on: nothing that it does stops that */
+                y[0] = -p->rate[first], y[1] = size > 1 ? -p->rate[first + 1] : 0;
+                far = hypot(y[0], y[1]) > 0 ? INFINITY : 0;
+                for (long k = 0; k < size && far > 0; k++) y[k] = y[k] / hypot(p->rate[first], size > 1 ? p->rate[first + 1] : 0);
+            }
             law = f < 0 ? (y[0] > floor_of(p, first) ? HOLDS : OPENS) : !(limit > 0) ? OFF : far <= limit ? HOLDS : STARTS;
         }
         p->law[D->gaps + f] = law;
         if (law == AGAINST) e[0] = -p->along[2 * f], e[1] = size > 1 ? -p->along[2 * f + 1] : 0;
-        if (law == STARTS) e[0] = y[0] / far, e[1] = y[1] / far;
+        if (law == STARTS && w > 0) e[0] = y[0] / far, e[1] = y[1] / far;
+        else if (law == STARTS) e[0] = y[0], e[1] = y[1];
         if (A && (law == AGAINST || law == STARTS)) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;
@@ -214,7 +220,7 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
                 b[i] = (held - p->push[i]) / unit[i];
                 if (A) A[i * n + i] += 1;
                 for (long j = 0; A && j < n && limit > 0 && (law == AGAINST || law == STARTS); j++) A[i * n + j] -= by[j] * e[k] * unit[j] / unit[i];
-                if (law == STARTS && size > 1) {
+                if (law == STARTS && size > 1 && w > 0) {
                     for (long m = 0; m < 2; m++) { /* the direction turns: (1 - e e') / far */
                         double part = limit / far * ((k == m) - e[k] * e[m]);
                         if (A) A[i * n + first + m] -= part * unit[first + m] / unit[i];

@@ -315,7 +315,7 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
         int solved = complementary(&p, R.place, T->lemke, T->basis), held = 0;
         if (I->redundant) {
             held = hold_more(I, &D, asked, R.law, R.along, solved ? R.rate : 0, R.push, later);
-            if (held < 0 || (held && !decision_later(I, later, &D))) return INPUT_FAILED;
+            if (held < 0 || !decision_later(I, later, &D)) return INPUT_FAILED; /* it has looked elsewhere */
             for (long k = 0; k < laws && held && !solved; k++) held = asked[k] == OFF || R.law[k] == HOLDS;
         }
         if (!solved && !held) {
