@@ -16,7 +16,7 @@ from acausal.arguments import listed
 from acausal.dynamics.system import mechanical_system
 from acausal.errors import LockedError, ModelError
 from acausal.language.component import System
-from acausal.language.expression import Expression, Variable, time
+from acausal.language.expression import Derivative, Expression, Variable, time
 from acausal.language.flatten import flatten
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
@@ -27,7 +27,7 @@ from acausal.start.anew import AbstractDecided, Decided
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.fields import with_field_forces
-from acausal.wording import counted
+from acausal.wording import compact, counted
 
 if TYPE_CHECKING:
     from acausal.explain.constraint_table import ConstraintTable
@@ -215,6 +215,17 @@ class Model(AbstractModel):
         )
 
 
+def _what_holds(system: ReducedSystem) -> str:
+    """Why a scene of scalar parts alone has no states."""
+    held = [system.flat.names[s.of] for s in system.solved if isinstance(s, Derivative) and s.of in system.flat.names]
+    if not held:
+        return "Without inertia and mass everything is where its springs balance: add an Inertia, a SlidingMass, or a motion that is given."
+    return (
+        f"Equations leave no freedom to {compact(held, 4)}: two gears of different ratios between the same shafts, or a shaft that is held. Remove one of them, "
+        "or put a spring between."
+    )
+
+
 @on_one_thread
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
@@ -236,7 +247,6 @@ def build(scene: System) -> Model:
     check_parts(flat)
     model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:
-        scalar = "Without inertia and mass everything is where its springs balance: add an Inertia, a SlidingMass, or a motion that is given."
-        hint = scalar if model.system.solved else "Add a joint or a free body."
+        hint = _what_holds(model.system) if model.system.solved else "Add a joint or a free body."
         raise LockedError(f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. {hint}")
     return model

@@ -76,6 +76,16 @@ def gear_between_a_joint_and_itself() -> None:
     ac.build(scene)
 
 
+def shafts_with_two_ratios() -> ac.System:
+    """Two rotors with two gears between them that want different things."""
+    scene = ac.System()
+    scene.rotors, scene.gears = [Inertia(0.3), Inertia(0.4)], [Gear(2.0), Gear(3.0)]
+    for gear in scene.gears:
+        scene.connect(gear.flange_a, scene.rotors[0].flange_b)
+        scene.connect(gear.flange_b, scene.rotors[1].flange_a)
+    return scene
+
+
 def cart(height: float = 0.0) -> ac.System:
     """Four wheels on a plane, one axle higher than the others."""
     scene = ac.System()
@@ -225,6 +235,7 @@ CASES = [
     Wrong("gear ratio as text", lambda: PlanetaryGear("2:1"), errors.ParameterError, ("'2:1'", "number")),
     Wrong("negative planetary ratio", lambda: PlanetaryGear(-2), errors.ParameterError, ("-2", "positive")),
     Wrong("two different racks between the same joints", lambda: ac.build(steering(RackAndPinion(0.1), RackAndPinion(0.2))), errors.LockedError, ("2 freedoms", "racks[0].rack and racks[1].rack'. Remove",)),
+    Wrong("two gears of different ratios between the same shafts", lambda: ac.build(shafts_with_two_ratios()), errors.LockedError, ("rotors[0...1].phi", "different ratios", "Remove one")),
     Wrong("rack connected at one end", rack_left_open, errors.UnconnectedError, ("rack.rack", HERE, "Connect all")),
     Wrong("pinion on a slider", rack_turned_round, errors.IncompatibleError, ("flange of Prismatic", "pinion of RackAndPinion", HERE)),
     Wrong("gear on one joint", gear_between_a_joint_and_itself, errors.LockedError, ("hinge.flange and gear.flange_a",)),
