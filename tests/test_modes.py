@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -10,12 +11,14 @@ import pytest
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
+from acausal.errors import AcausalError
 from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import Particle, RigidBody, World
+from components import Inertia, Particle, RigidBody, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+from tests.scenes import Pendulum
 
 
 class Floor(ac.Component):
@@ -277,3 +280,42 @@ def test_box_that_is_dropped_on_four_feet_comes_to_rest_and_never_goes_through_t
         assert np.min(run[foot.push]) >= 0
     assert np.all(np.abs(run[scene.box.frame.velocity][-1]) < 1e-12)
     assert sum(run[foot.push][-1] for foot in feet.values()) == pytest.approx(2.0 * 9.81, rel=1e-10)
+
+
+class Rubs(ac.Component):
+    """A law of friction, however wrong, on a shaft."""
+
+    shaft = ac.Rotational.port()
+
+    def __init__(self, law: Any) -> None:
+        self.drag, self.law = ac.Reaction("N*m"), law
+
+    def equations(self):
+        yield ac.equal(self.shaft.tau, -self.drag)
+
+    def laws(self):
+        yield self.law(self.drag, self.shaft.phi)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (lambda drag, phi: ac.DryFriction(drag, phi, 1.0), "Give a velocity"),
+        (lambda drag, phi: ac.DryFriction(drag, np.sin(phi), 1.0 + ac.time), "Give a velocity"),
+        (lambda drag, phi: ac.DryFriction(drag, ac.der(phi), -0.5), "sliding is -0.5"),
+        (lambda drag, phi: ac.DryFriction(drag, ac.der(phi), ac.Parameter(-0.5)), "sliding is -0.5"),
+        (lambda drag, phi: ac.DryFriction(drag, ac.der(phi), np.nan), "sliding is nan"),
+        (lambda drag, phi: ac.DryFriction(drag, ac.der(phi), 2.0, np.inf), "holding is inf"),
+        (lambda drag, phi: ac.DryFriction(drag, ac.der(phi), 2.0, 1.0), "holding is 1, below its sliding of 2"),
+    ],
+)
+@pytest.mark.parametrize("place", ["hinge", "shaft"])
+def test_friction_that_cannot_be_is_refused(law: Any, said: str, place: str):
+    """What is no velocity is not moved by the reaction, which would be left out without a word."""
+    scene = Pendulum() if place == "hinge" else ac.System()
+    with pytest.raises(AcausalError, match=said):
+        scene.rub = Rubs(law)
+        if place == "shaft":
+            scene.rotor = Inertia(0.3)
+        scene.connect(scene.rub.shaft, scene.rotor.flange_a if place == "shaft" else scene.hinge.flange)
+        ac.build(scene).simulate(0.1)

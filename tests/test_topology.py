@@ -456,3 +456,33 @@ def test_a_bead_on_two_rods_moves_where_they_cross(order, back):
     assert np.max(np.abs(run[scene.guide.frame_b.force][:, 0])) < 1e-9
     lever = np.sum(push * across, axis=1) * h / np.cos(a)
     assert np.max(np.abs(0.03 * run[scene.arm.frame.angular_acceleration][:, 1] - (-lever if back else lever))) < 1e-8
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_weld_carries_what_the_body_behind_it_needs(size: float):
+    """Newton and Euler for a body whose centre of mass is off its weld, which itself is on a body that tumbles about a ball joint."""
+    scene, mass, moments = ac.System(), 2.0, np.array([0.3, 0.2, 0.25]) * size**2
+    centre, g = np.array([0.2, -0.3, 0.5]) * size, np.array([0, 0, -9.81]) * size
+    scene.world, scene.joint = World(gravity=tuple(g)), Spherical()
+    scene.near = RigidBody(1.0, tuple(np.array([0.1, 0.2, 0.15]) * size**2), (0.1 * size, 0, 0.2 * size))
+    scene.bracket, scene.far = (
+        Fixed((0.3 * size, 0.2 * size, -0.1 * size), rotation=("x", 0.4)),
+        RigidBody(mass, tuple(moments), tuple(centre)),
+    )
+    scene.connect(scene.world.frame, scene.joint.frame_a)
+    scene.connect(scene.joint.frame_b, scene.near.frame)
+    scene.connect(scene.near.at((0.1 * size, 0.2 * size, 0.3 * size)), scene.bracket.frame_a)
+    scene.connect(scene.bracket.frame_b, scene.far.frame)
+    run = ac.build(scene).simulate(1.0, {scene.near.frame.angular_velocity: (1.0, 2.0, -1.5)}, samples=5)
+    end = scene.far.frame
+    for k in range(5):
+        R = run[end.rotation][k]
+        w, w_dot, a = (
+            R.T @ run[end.angular_velocity][k],
+            R.T @ run[end.angular_acceleration][k],
+            R.T @ (run[end.acceleration][k] - g),
+        )
+        force = mass * (a + np.cross(w_dot, centre) + np.cross(w, np.cross(w, centre)))
+        torque = moments * w_dot + np.cross(w, moments * w) + np.cross(centre, force)
+        np.testing.assert_allclose(R.T @ run[end.force][k], force, atol=1e-12 * size)
+        np.testing.assert_allclose(R.T @ run[end.torque][k], torque, atol=1e-12 * size**2)

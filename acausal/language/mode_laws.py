@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
-from acausal.errors import ModelError
-from acausal.language.expression import Expression, Reaction, Scalar
+from acausal.errors import ModelError, ParameterError
+from acausal.language.expression import Expression, Reaction, Scalar, scalar
 from acausal.language.impact_laws import AbstractImpactLaw, Restitution, impact_law
 from acausal.language.origin import origin
 from acausal.language.when import when
@@ -56,8 +56,14 @@ class DryFriction:
     def __post_init__(self) -> None:
         _check(self.reaction, self.slip, "DryFriction", "slip")
         object.__setattr__(self, "restitution", impact_law(self.restitution, "DryFriction's restitution").restitution)
-        if self.holding is None:  # pyright: ignore[reportUnnecessaryComparison]
-            object.__setattr__(self, "holding", self.sliding)
+        sliding = scalar(self.sliding, "DryFriction's sliding", non_negative=True)
+        holding = sliding if self.holding is None else scalar(self.holding, "DryFriction's holding", non_negative=True)  # pyright: ignore[reportUnnecessaryComparison]
+        if isinstance(holding, float) and isinstance(sliding, float) and holding < sliding:
+            raise ParameterError(
+                f"DryFriction's holding is {holding:g}, below its sliding of {sliding:g} ({origin()}). What it takes to make it slip is at least what it slips with."
+            )
+        object.__setattr__(self, "sliding", sliding)
+        object.__setattr__(self, "holding", holding)
 
     @property
     def reactions(self) -> tuple[Reaction, ...]:

@@ -20,6 +20,8 @@ from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
 from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
 from acausal.numerics.elimination import eliminated
+from acausal.numerics.terms import rounded
+from acausal.numerics.thresholds import ROUNDING
 from acausal.reduce.magnitudes import Magnitudes
 from acausal.wording import compact
 
@@ -293,6 +295,13 @@ def _inputs_in(value: ca.SX) -> list[Input]:
     return [entry for entry in found if isinstance(entry, Input) and not isinstance(entry, Mode | Reaction)]
 
 
+def _slips(row: ModeRow, motion: Motion) -> bool:
+    """Whether what states say of a slip is more than rounding."""
+    slip = ca.vec(row.moved)
+    places = motion.at_places(ca.horzcat(slip, rounded(slip))) if ca.depends_on(slip, motion.x) else []
+    return any(bool(np.any(np.abs(found[:, 0]) > ROUNDING * found[:, 1])) for found in places)
+
+
 def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], list[ca.SX]]:
     """Laws without what never moves, such as the slip across a rail; and the reactions that are zero then. Raises `ModelError` for a reaction that moves nothing it is
     held by, or drives it the wrong way."""
@@ -312,6 +321,11 @@ def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], lis
             raise ModelError(
                 f"{row.part.where} holds what its reaction does not move, or drives it the wrong way ({worst:.3g} per unit of the reaction, not positive). "
                 "The reaction must push towards a larger gap, or along the slip."
+            )
+        if not moves.any() and _slips(row, motion):
+            raise ModelError(
+                f"What slips in {row.part.where} is not moved by its reaction: {row.moved}. Give a velocity, whose product with the reaction is power, of something "
+                "that is free to move."
             )
         living = np.flatnonzero(moves).tolist()
         dead += [row.reactions[k].sx for k in range(row.size) if k not in living]
