@@ -411,3 +411,23 @@ def test_box_that_falls_on_one_of_its_feet_and_then_another() -> None:
     found = model.sensitivities([0.0, 0.2], list(values), start, **EXACT)
     shown = differences(model, 0.2, start, wanted, values, 1e-5)
     assert np.vstack([found[one][-1] for one in wanted]) == pytest.approx(shown, rel=1e-7, abs=1e-7)
+
+
+def test_impacts_on_a_floor_that_an_input_moves():
+    """s = s0 + v0 t meets a floor at c t^2 / 2 - 1 and leaves it with v = w - e (v0 - w), w = c t*: a closed form, and so are its derivatives."""
+    scene, e, c, end = ac.System(), 0.6, 0.8, 2.0
+    scene.course = ac.Input("m")
+    scene.mass, scene.floor = SlidingMass(2.0), Floor(e, scene.course)
+    scene.connect(scene.mass.flange_a, scene.floor.flange)
+
+    def at(s0: float, v0: float) -> float:
+        hit = (v0 + np.sqrt(v0**2 + 2 * c * (s0 + 1))) / c
+        w = c * hit
+        return s0 + v0 * hit + (w - e * (v0 - w)) * (end - hit)
+
+    s0, v0, h = 0.5, -1.2, 1e-6
+    course = 0.5 * c * ac.time**2 - 1
+    start = {scene.mass.s: s0, scene.mass.v: v0}
+    found = ac.build(scene).sensitivities([0.0, end], [scene.mass.s, scene.mass.v], start, inputs={scene.course: course}, **EXACT)
+    exact = [(at(s0 + h, v0) - at(s0 - h, v0)) / (2 * h), (at(s0, v0 + h) - at(s0, v0 - h)) / (2 * h)]
+    np.testing.assert_allclose(np.ravel(found[scene.mass.s][-1]), exact, rtol=1e-7)
