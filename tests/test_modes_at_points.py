@@ -70,5 +70,14 @@ def test_masks_are_no_inputs_of_a_user() -> None:
     refused = "does not go with parts that open, slip or strike yet: ground"
     with pytest.raises(OptionError, match=f"inverse_dynamics {refused}"):
         model.inverse_dynamics([0.0, 1.0], {scene.x.q: 0.0}, [scene.x])
-    with pytest.raises(OptionError, match=f"step {refused}"):
-        model.step("gauss", 4)
+
+
+def test_a_step_stays_in_the_mode_of_its_masks() -> None:
+    scene = dragged()
+    model = ac.build(scene)
+    run = model.simulate(1e-3, {scene.x.q: 0.2, scene.z.q: 0.05, scene.x.v: 1.0}, rtol=1e-12)
+    met = run.solution.modes
+    assert met is not None and met.begins.size == 1
+    x, residual = model.step("gauss", 8)(0.0, run.solution.x[:, 0], met.masks[:, 0], [], 1e-3)
+    assert float(residual) < 1e-9
+    assert np.array(x).ravel() == pytest.approx(run.solution.x[:, -1], abs=1e-13)

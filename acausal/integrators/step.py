@@ -9,17 +9,17 @@ from acausal.arguments import finite, shown, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
-from acausal.reduce.modes import refuse_modes
 
 _PROJECTIONS = 3
 """Moving positions opens the rows of velocities a little; the next projection closes them."""
 
 
 def step_of(functions: Functions, method: str, order: int, h: float | None) -> ca.Function:
-    """Of a model's states, which are brought onto its invariants; see `Model.step`."""
+    """Of a model's states, which are brought onto its invariants; see `Model.step`. Where parts open, slip or strike: within the mode that the masks tell, which are
+    the last of the inputs."""
     f = functions
-    refuse_modes(f.outputs.system.mechanics.modes, "step")
-    return step_function(f.explicit_dynamics, f.projection, method=method, order=order, h=h, holds=f.holds)
+    project = f.projection if f.modes is None else f.modes.projection
+    return step_function(f.explicit_dynamics, project, method=method, order=order, h=h, holds=f.holds)
 
 
 def step_function(
@@ -35,7 +35,8 @@ def step_function(
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
-    `project`: (t, x, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`.
+    `project`: (t, x, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`; (t, x, masks, p) where the
+    last inputs are masks.
     `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite.
     The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
@@ -72,7 +73,8 @@ def step_function(
     after = xm + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
     for _ in range(_PROJECTIONS if project is not None and nx else 0):
         assert project is not None
-        after = project(tm + hm, after, pm)
+        masks = [um[um.numel() - project.size1_in(2) :]] if project.n_in() == 4 else []
+        after = project(tm + hm, after, *masks, pm)
     left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
     nan_safe = nan_safe if holds is None else ca.if_else(holds(tm, xm, um, pm) >= 0, nan_safe, np.inf)
