@@ -10,7 +10,7 @@ from acausal.collocation.modes import ModesMet
 from acausal.collocation.problem import Accuracy, Directions, Problem, Status, StatusKind
 from acausal.integrators.automatic import gauss_or_radau
 from acausal.integrators.base import native
-from acausal.runtime.native import Run
+from acausal.runtime.native import Run, interrupts_noted
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,14 @@ def integrate_sensitivities(
     choice = gauss_or_radau(accuracy.rtol)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), accuracy, choice, directions)
     status = Status(StatusKind.SUCCESS, float(times[0]))
-    for k, end in enumerate(times[1:], start=1):
-        status = run.advance(float(end)).status
-        if status.kind is not StatusKind.SUCCESS:
-            break
-        x[:, k], S[k] = run.x, run.S.T
+    with interrupts_noted() as interrupts:  # once for all times: each of them may be a step of microseconds
+        for k, end in enumerate(times[1:], start=1):
+            status = run.advance(float(end)).status
+            if interrupts:
+                raise KeyboardInterrupt
+            if status.kind is not StatusKind.SUCCESS:
+                break
+            x[:, k], S[k] = run.x, run.S.T
     return Sensitive(x, S, status, run.core.passages, run.modes(), _law(run.core.grazed), _law(run.core.coincides))
 
 

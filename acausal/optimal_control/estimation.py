@@ -246,12 +246,12 @@ class _Fit:
 
         fit: Any = scipy.optimize.least_squares  # its stub knows no slopes as a function
         found = fit(
-            lambda v: self._both(v)[0], self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14
+            lambda v: self._both(v)[0], self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-14
         )
         values = np.asarray(found.x)
         rows, slopes = self._both(values)
         size = np.where(values == 0.0, 1.0, np.abs(values))
-        _, s, V = np.linalg.svd(slopes * size)
+        _, s, V = np.linalg.svd(np.linalg.qr(slopes * size, mode="r"))
         s = np.append(s, np.zeros(values.size - s.size))
         seen = s > _UNSEEN * np.max(s, initial=0.0)
         chi2, freedom = float(rows @ rows), rows.size - int(seen.sum())

@@ -413,6 +413,22 @@ class Functions:
         """Functions (t, x, u, p) -> values of the expressions of events, as far as they have been asked for."""
         return {}
 
+    def value_and_slopes(self, wanted: Expression | ca.SX) -> ca.Function:
+        """(t, x, u, p) -> an expression as a column, and its derivatives by (x, u, p); that of a declared symbol is made once."""
+        known = self._with_slopes.get(wanted) if isinstance(wanted, Symbol) else None
+        if known is None:
+            _, x, u, p = self.space.arguments
+            y = ca.vec(ca.densify(self.space.put(self.outputs.resolve(wanted))))
+            slopes = ca.densify(ca.jacobian(y, ca.vertcat(x, u, p)))
+            known = folded_function("output", self.space.arguments, [y, slopes])
+        if isinstance(wanted, Symbol):
+            self._with_slopes[wanted] = known
+        return known
+
+    @functools.cached_property
+    def _with_slopes(self) -> dict[Symbol, ca.Function]:
+        return {}
+
     def reading(self, wanted: Expression | ca.SX) -> Reading:
         """How an expression is read of a motion; made once for expressions that are written alike. Raises `UnknownVariableError`."""
         if isinstance(wanted, Symbol):

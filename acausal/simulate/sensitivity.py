@@ -16,7 +16,6 @@ from acausal.collocation.problem import Accuracy, Directions, Problem
 from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
-from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
@@ -59,12 +58,10 @@ class Sensitivities:
 
     def total_derivative(self, wanted: Expression | ca.SX) -> tuple[np.ndarray, np.ndarray]:
         """(size, m) values of an expression, and (m, size, n) total derivatives."""
-        space = self.functions.space
-        y = ca.vec(ca.densify(space.put(self.functions.outputs.resolve(wanted))))
-        _, x, u, p = space.arguments
+        _, x, u, p = self.functions.space.arguments
         at = ca.vertcat(x, u, p)
-        both = folded_function("output", space.arguments, [y, ca.densify(ca.jacobian(y, at))])
-        size, m = y.numel(), self.t.size
+        both = self.functions.value_and_slopes(wanted)
+        size, m = both.numel_out(0), self.t.size
         parameters = np.repeat(self.problem.parameters[:, None], m, axis=1)
         values, slopes = both(self.t[None, :], self.x, self.problem.inputs(self.t), parameters)
         rows = np.array(slopes).reshape(size, m, at.numel()).transpose(1, 0, 2)
