@@ -584,7 +584,7 @@ def test_a_dropped_box_comes_to_rest_in_the_same_place_in_every_order_of_its_fee
     """Four feet strike together, and slide while what each of them carries is not unique."""
     corners = np.array([(0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15)])
     found: list[np.ndarray] = []
-    for size, order in ((1.0, (0, 1, 2, 3)), (2.0**-20, (2, 0, 3, 1))):
+    for size, order in ((1.0, (0, 1, 2, 3)), (1e-3, (2, 0, 3, 1))):
         scene = ac.System()
         scene.world, scene.box = World((0, 0, -G * size)), RigidBody.box(2.0, (0.4 * size, 0.3 * size, 0.2 * size))
         scene.feet = [PointOnPlane(unilateral=True, restitution=restitution, friction=Coulomb(0.4)) for _ in order]
@@ -597,4 +597,4 @@ def test_a_dropped_box_comes_to_rest_in_the_same_place_in_every_order_of_its_fee
         assert np.all(np.abs(run[frame.velocity][-1]) < 1e-12 * size)
         found.append(np.concatenate([run[frame.position][-1] / size, run[frame.rotation][-1].ravel()]))
     assert found[0][2] == pytest.approx(0.1, abs=1e-12)
-    assert found[1] == pytest.approx(found[0], abs=STATE)
+    assert found[1] == pytest.approx(found[0], abs=1e-11)

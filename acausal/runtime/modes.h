@@ -62,11 +62,13 @@ static int make_modes(Integrator *I) {
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
     T->push = reserve_doubles(I, 6 * n + 2 * F + F + n * n + 5 * n);
+    T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
+    T->no_change = reserve_doubles(I, I->decision.outputs);
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->later_x && T->near_knot && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->near_knot && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -336,6 +338,22 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     return REACHED_END;
 }
 
+/* Rows that touch and leave so slowly that gaps do not tell it are held where they are. What happens instead, a bounce, loses the time until it is over, and the
+   friction of all that pushes meanwhile; both are first order in its speed, and so is what is done here: the impulse that ends the bounce, turned round, with its friction. */
+static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
+    struct State *T = I->state;
+    long n = D->n;
+    Decision nothing = decision_of(I, T->no_change, 0);
+    Problem p = {.D = D, .start = D->rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+    memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
+    for (long i = 0; i < n; i++) R.push[i] = i < D->gaps && R.touching[i];
+    for (long i = 0; i < D->gaps; i++) R.law[i] = R.touching[i] ? HOLDS : OFF;
+    for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = !(limit_of(&p, f) > 0) ? OFF : R.touching[D->gaps + f] == 1 ? HOLDS : AGAINST;
+    change_choice(&p, &nothing, D->rate, 0, T->choice_change, R.before);
+    for (long i = 0; i < I->nx; i++)
+        for (long j = 0; j < n; j++) I->x[i] += D->J[i * n + j] * R.before[j];
+}
+
 /* What touches, and which way it slips: of one-sided laws 0 or 1, 2 where they have come to rest; of frictions 1 where the slip is zero, 2 else, with its direction. */
 static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, const double *before) {
     struct State *T = I->state;
@@ -486,6 +504,8 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
             row = BRIDGE;
             impacts = 0;
             T->impacts = 0;
+        } else if (low) {
+            end_low_bounces(I, &D, R);
         }
     } else {
         T->impacts = 0;

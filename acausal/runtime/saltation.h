@@ -15,11 +15,10 @@ static int make_saltation(Integrator *I) {
     T->delay = reserve_doubles(I, directions);
     T->decided_change = reserve_doubles(I, directions * I->decision.outputs);
     T->impulse_change = reserve_doubles(I, directions * 2 * n);
-    T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->slopes = reserve_doubles(I, 2 * I->mode_rows);
     T->flow = reserve_doubles(I, I->nx + 1);
     T->input_rate = reserve_doubles(I, I->nu + 1);
-    return I->counted || (T->delay && T->decided_change && T->impulse_change && T->choice_change && T->slopes && T->flow && T->input_rate);
+    return I->counted || (T->delay && T->decided_change && T->impulse_change && T->slopes && T->flow && T->input_rate);
 }
 
 static Decision change_of_decision(const Integrator *I, long direction) { return decision_of(I, I->state->decided_change + direction * I->decision.outputs, 0); }

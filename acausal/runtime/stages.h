@@ -160,7 +160,7 @@ struct State {
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
     double *lemke, *impulse, *push, *later_x; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
-    double *delay, *decided_change, *impulse_change, *choice_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
+    double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     V *set_in, *set_out, *set_c, *set_change_in, *set_change_out, *set_change_c;
     double *set_side, *set_rows, *set_x, *discrete_change; /* of what is set, see sets.h; changes of discrete values (directions, discretes) */
     long *set_fired, *set_by;
