@@ -14,7 +14,7 @@ import casadi as ca
 from acausal.abstract_model import AbstractModel
 from acausal.arguments import listed
 from acausal.dynamics.system import mechanical_system
-from acausal.errors import LockedError, ModelError
+from acausal.errors import LockedError, ModelError, OptionError
 from acausal.language.component import System
 from acausal.language.expression import Derivative, Expression, Variable, time
 from acausal.language.flatten import flatten
@@ -146,6 +146,10 @@ class Model(AbstractModel):
         from acausal.minimal.model import minimal_model
 
         refuse_modes(self.system.mechanics.modes, "minimal")
+        if self.functions.modes is not None:
+            raise OptionError(
+                f"minimal does not go with what events set yet: {compact(self.functions.modes.all_words, 4) or self.system.flat.name}."
+            )
         at = self._situation(start, t0, inputs, parameters)
         return self._decided.answer(at.p, lambda here: minimal_model(here.whole, at, self._named(prefer), steps))
 

@@ -368,3 +368,64 @@ def test_coordinates_that_loops_tie_are_not_set_alone() -> None:
     assert free.status.kind is StatusKind.SUCCESS
     assert run.status.kind is StatusKind.CANNOT_SET
     assert "tie together" in run.status.message
+
+
+class Remembers(ac.Component):
+    """Reflects a mass at zero, and integrates the speed that it struck with."""
+
+    x = ac.Variable("")
+
+    def __init__(self, restitution: ac.Parameter, mass: SlidingMass) -> None:
+        self.restitution, self.mass, self.met = restitution, mass, ac.Discrete("m/s")
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(ac.der(self.x), 1.0 * self.met)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.when(self.mass.s, "falling", set={self.mass.v: -self.restitution * self.mass.v, self.met: self.mass.v})
+
+
+def test_derivatives_go_through_what_is_set() -> None:
+    # falls from h in T = sqrt(2 h / g), strikes with -g T, rises with e g T: s = e g T (t - T) - g (t - T)^2 / 2, x = -g T (t - T)
+    g, h, e, t = 9.81, 1.0, 0.8, 0.8
+    scene = falling(gravity=g)
+    scene.e = ac.Parameter(e)
+    scene.memory = Remembers(scene.e, scene.mass)
+    found = ac.build(scene).sensitivities([0.0, 0.2, t], [scene.mass.s, scene.e], {scene.mass.s: h}, rtol=1e-12)
+    T = np.sqrt(2 * h / g)
+    by_height = T / (2 * h)
+    assert found[scene.mass.s][2] == pytest.approx([(e * g * (t - 2 * T) + g * (t - T)) * by_height, g * T * (t - T)], rel=1e-10)
+    assert found[scene.mass.v][2] == pytest.approx([(e * g + g) * by_height, g * T], rel=1e-10)
+    assert found[scene.memory.x][2] == pytest.approx([-g * (t - 2 * T) * by_height, 0.0], abs=1e-11)
+    assert found[scene.memory.met][2] == pytest.approx([-g * by_height, 0.0], abs=1e-11)
+    assert found[scene.memory.met][1] == pytest.approx([0.0, 0.0])
+
+
+class Brakes(ac.Component):
+    """x' = - held x, held as x was at the start."""
+
+    x = ac.Variable("")
+
+    def __init__(self) -> None:
+        self.held = ac.Discrete(start=2.0 * self.x)
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(ac.der(self.x), -1.0 * self.held * self.x)
+
+
+def test_linear_systems_are_those_of_what_is_remembered() -> None:
+    scene = ac.System()
+    scene.brakes = Brakes()
+    model = ac.build(scene)
+    assert model.linearize({scene.brakes.x: 3.0}).A[0, 0] == pytest.approx(-6.0)
+    assert model.linearize({scene.brakes.x: 3.0, scene.brakes.held: 0.5}).A[0, 0] == pytest.approx(-0.5)
+    assert model.simulate(1.0, {scene.brakes.x: 3.0})[scene.brakes.x][-1] == pytest.approx(3 * np.exp(-6), rel=1e-6)
+
+
+def test_minimal_models_refuse_what_is_set() -> None:
+    scene = looped(Lag(0.4), Relay(-0.25, 0.25, off=1.0, on=-1.0))
+    with pytest.raises(OptionError, match="minimal does not go"):
+        ac.build(scene).minimal()
+    free = falling()
+    with pytest.raises(OptionError, match=r"model\.simulate only"):
+        ac.build(free).minimal({free.mass.s: 1.0}).simulate(1.0, events=[ac.when(free.mass.s, set={free.mass.v: 0.0})])

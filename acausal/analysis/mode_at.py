@@ -26,6 +26,7 @@ def in_its_mode(functions: Functions, at: OperatingPoint, what: str) -> Operatin
         raise OptionError(f"{what}: which parts hold is decided by the integrators in C, which could not be loaded.")
     problem = Problem(
         functions.explicit_dynamics, functions.invariants, functions.projection, lambda times: np.repeat(at.u[:, None], times.size, axis=1), at.p, at.u, native,
+        discretes=at.u[at.u.size - len(system.flat.discretes) :],
     )  # fmt: skip
     found = native.integrate(problem, at.x, at.t, at.t, Accuracy(1e-8), Choice((gauss_legendre(2),), Newton.NEVER))
     met = found.modes

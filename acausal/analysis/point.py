@@ -33,7 +33,12 @@ def operating_point(functions: Functions, at: Situation, states: Sequence[float]
     Raises `StartValueError` when these have another length, or violate the constraints.
     """
     x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, at.p)
-    return OperatingPoint(at.t0, x, at.u(functions), at.p)
+    u, given, modes = at.u(functions), at.discretes(functions), functions.modes
+    for _ in range(0 if given is None else given.size):  # what parts remember may be said by what others do
+        assert given is not None and modes is not None and modes.set is not None
+        begun = np.array(modes.set.values(at.t0, x, u, at.p)).ravel()[: given.size]
+        u[u.size - given.size :] = np.where(np.isnan(given), begun, given)
+    return OperatingPoint(at.t0, x, u, at.p)
 
 
 class Differentiable:

@@ -18,7 +18,7 @@ class Sensitive:
     """States x (nx, m) at m times and their derivatives S (m, nx, n) in n directions; NaN after the time of a failing `status`.
 
     `passages`: number of steps around singular positions of loops, where derivatives of the rates are huge and lose digits. `modes`: as they changed.
-    `grazed`: the law of modes whose guard only touched zero first, None: none; `coincides`: that whose gap closed together with others, each for itself.
+    `discrete` (m, k, n): derivatives of discrete values. `grazed`: the law of modes whose guard only touched zero first, None: none; `coincides`: that whose gap closed together with others, each for itself.
     """
 
     x: np.ndarray
@@ -28,6 +28,7 @@ class Sensitive:
     modes: ModesMet | None = None
     grazed: int | None = None
     coincides: int | None = None
+    discrete: np.ndarray | None = None
 
 
 def integrate_sensitivities(
@@ -43,7 +44,7 @@ def integrate_sensitivities(
     x[:, 0], S[0] = x0, directions.dx
     choice = gauss_or_radau(accuracy.rtol)
     run = Run(compiled, problem, x0, float(times[0]), float(times[0]), accuracy, choice, directions)
-    status = Status(StatusKind.SUCCESS, float(times[0]))
+    status, D = Status(StatusKind.SUCCESS, float(times[0])), [run.discrete_S.T.copy()] * times.size
     with interrupts_noted() as interrupts:  # once for all times: each of them may be a step of microseconds
         for k, end in enumerate(times[1:], start=1):
             status = run.advance(float(end)).status
@@ -51,8 +52,8 @@ def integrate_sensitivities(
                 raise KeyboardInterrupt
             if status.kind is not StatusKind.SUCCESS:
                 break
-            x[:, k], S[k] = run.x, run.S.T
-    return Sensitive(x, S, status, run.core.passages, run.modes(), _law(run.core.grazed), _law(run.core.coincides))
+            x[:, k], S[k], D[k] = run.x, run.S.T, run.discrete_S.T.copy()
+    return Sensitive(x, S, status, run.core.passages, run.modes(), _law(run.core.grazed), _law(run.core.coincides), np.array(D))
 
 
 def _law(number: int) -> int | None:

@@ -46,6 +46,8 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
             "minimal.simulate: every motion is prescribed, so there are no states to integrate. Ask minimal.expand(t, [], u, p), or use "
             "model.simulate."
         )
+    if any(event.set is not None for event in options.events):
+        raise OptionError("minimal.simulate: events that set something go with model.simulate only.")
     signal, here = at.signal(whole), minimal.stands_at(at)
     initial = replace(minimal.initial, x=minimal.chart.x) if here else at.initial(whole)
     problem = Problem(

@@ -369,6 +369,8 @@ class Run:
         self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
+        self.discrete_S = np.zeros((self.S.shape[0], self.native.integrand.numbers["discretes"]))
+        core.discrete_S = _address(self.discrete_S)
         self._use(self.native.variation, *(wanted.name for wanted in self.native.integrand.variation))
 
     def _watch(self, guards: Guards) -> None:

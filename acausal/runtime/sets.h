@@ -254,6 +254,11 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         if (pass > 0 || set || (row < 0 && !begins)) {
             count = I->set_count ? find_passing(I, pass == 0 ? row : -1, planned, begins && pass == 1) : 0;
             if (count < 0) return INPUT_FAILED;
+            if (pass == 0 && set && !count) { /* it passes in the direction that does not count */
+                I->h = planned;
+                T->pending = -1;
+                return REACHED_END;
+            }
             if (count && pass > CHANGES) {
                 for (long k = 0; k < I->set_count; k++)
                     if (T->set_fired[k]) I->worst = law_of_row(I, first_set(I) + k);

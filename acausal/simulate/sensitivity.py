@@ -66,7 +66,9 @@ class Sensitivities:
         values, slopes = both(self.t[None, :], self.x, self.problem.inputs(self.t), parameters)
         rows = np.array(slopes).reshape(size, m, at.numel()).transpose(1, 0, 2)
         d = self.directions
-        outer = np.vstack([d.du, d.dp])
+        outer = np.repeat(np.vstack([d.du, d.dp])[None], m, axis=0)
+        if self.found.discrete is not None:  # the last ones of the inputs
+            outer[:, u.numel() - self.found.discrete.shape[1] : u.numel()] = self.found.discrete
         return np.array(values).reshape(size, m), rows[:, :, : x.numel()] @ self.S + rows[:, :, x.numel() :] @ outer
 
 
