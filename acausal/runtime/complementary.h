@@ -11,6 +11,7 @@
 #define UNDAMPED 60    /* answers about the last one, at most */
 #define SWEEPS 16      /* of Gauss and Seidel at first; doubled so many times */
 #define DOUBLINGS 8
+#define ROUGHLY 2
 #define NEWTON 60      /* iterations */
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
@@ -441,7 +442,8 @@ static int damped_answer(const Problem *p, const long *asked) {
     return 0;
 }
 
-/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. */
+/* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. Returns whether
+   there is an answer; ROUGHLY, where it has not settled, since what slips does so hardly at all. */
 static int complementary(const Problem *p, long *place, double *table, long *basis) {
     const Decision *D = p->D;
     long *asked = p->asked, n = D->n;
@@ -450,6 +452,7 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
     if (D->frictions != D->lines || D->magnitudes > 0 || !choose_lines(p, place, table, basis))
         for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     double last = INFINITY;
+    int whole = p->damping == 0;
     for (long again = 0; again < (p->damping > 0 ? UNDAMPED : 1); again++) {
         if (!damped_answer(p, asked)) return 0;
         double changed = 0, most = 0;
@@ -458,7 +461,8 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
             most = fmax(most, fabs(p->push[i]) * unit_of(D->W[i * n + i]));
         }
         memcpy(p->centre, p->push, sizeof(double) * (size_t)n);
-        if (changed <= ROUNDED * EPS * most || (changed <= FITS * most && changed >= 0.5 * last)) break;
+        whole |= changed <= ROUNDED * EPS * most || (changed <= FITS * most && changed >= 0.5 * last);
+        if (whole) break;
         last = changed;
     }
     find_rates(p);
@@ -471,5 +475,5 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
         p->along[2 * f] = size == 1 ? (p->push[i] > 0 ? -1 : 1) : speed > 0 && !full ? u / speed : -p->push[i] / force;
         p->along[2 * f + 1] = size == 1 ? 0 : speed > 0 && !full ? v / speed : -p->push[i + 1] / force;
     }
-    return answers(p);
+    return !answers(p) ? 0 : whole ? 1 : ROUGHLY;
 }

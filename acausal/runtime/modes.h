@@ -14,6 +14,7 @@
 
 #define TOUCHES 16.0   /* roundings within which gaps are closed and slips are zero */
 #define LATER 1e-6     /* of a step: where accelerations are looked at */
+#define TOO_LATE 1.0   /* not so much later */
 #define CHANGES 40     /* of mode in one instant, which tell that no mode lasts */
 #define UNSEEN 1e-12   /* of a state: a jump that is none */
 #define RESOLVED 16.0  /* roundings of a gap: bounces that are not higher are none */
@@ -255,8 +256,9 @@ static void set_directions_of_forces(Integrator *I, const Problem *p) {
     }
 }
 
-/* Masks for the laws that have been found for accelerations. `planned`: size of the step [s], which tells what slip is near zero where it begins. */
-static void set_masks(Integrator *I, const Decision *D, Room R, double planned) {
+/* Masks for the laws that have been found for accelerations. `grown` [s]: in what time accelerations make slips that
+   are clear of zero, where they begin. */
+static void set_masks(Integrator *I, const Decision *D, Room R, double grown) {
     struct State *T = I->state;
     double largest = 0;
     long n = D->n;
@@ -277,7 +279,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double planned) 
             mask[1] = law == AGAINST || law == STARTS ? e[0] : 0;
             continue;
         }
-        double slip = hypot(D->rate[i], D->rate[i + 1]), gain = hypot(R.rate[i], R.rate[i + 1]) * planned;
+        double slip = hypot(D->rate[i], D->rate[i + 1]), gain = hypot(R.rate[i], R.rate[i + 1]) * grown;
         R.met[f] = fmax(R.met[f], fmax(slip, law == STARTS ? gain : 0));
         double least = fmax(NEAR_ZERO * R.met[f], 4 * (D->rate_noise[i] + D->rate_noise[i + 1]));
         int held = law == STARTS || (law == AGAINST && slip < 2 * least);
@@ -297,11 +299,10 @@ static int never_holds(const Decision *D, long f) {
     return D->hold[f] <= 0 && !grows_with_magnitudes(D, f);
 }
 
-/* Accelerations decide which of the rows that touch hold on, and which way friction acts. */
-static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
+/* Accelerations, looked at so much later [s], decide which of the rows that touch hold on, and which way friction acts; `roughly`: they hardly tell which way. */
+static enum Code decide_when(Integrator *I, Room R, double planned, double later, int *roughly) {
     struct State *T = I->state;
     Decision D;
-    double later = LATER * planned;
     long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
     for (long k = carried_of(I); I->redundant && k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
@@ -313,6 +314,7 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
     Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
     for (long again = 0; again <= D.frictions; again++) {
+        *roughly = 0;
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
         int solved = complementary(&p, R.place, T->lemke, T->basis), held = 0;
         if (I->redundant) {
@@ -328,14 +330,22 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
         }
         int begun = 0;
         for (long k = D.gaps; k < laws; k++)
-            if (asked[k] == MAY_HOLD && R.law[k] == STARTS) asked[k] = MAY_SLIDE, begun = 1;
+            if (R.law[k] == STARTS) begun |= asked[k] == MAY_HOLD, asked[k] = MAY_SLIDE, *roughly |= solved == ROUGHLY;
         if (!begun) break; /* what slips has another limit */
     }
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
-    set_masks(I, &D, R, planned);
+    set_masks(I, &D, R, later > LATER * planned ? 0.5 * planned * planned / later : planned);
     set_directions_of_forces(I, &p);
     return REACHED_END;
+}
+
+/* The same, not later than it takes to tell. */
+static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
+    enum Code code = REACHED_END;
+    int roughly = 1;
+    for (double later = LATER; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
+    return code;
 }
 
 /* Rows that touch and leave so slowly that gaps do not tell it are held where they are. What happens instead, a bounce, loses the time until it is over, and the
