@@ -96,13 +96,16 @@ class AbstractBorneFriction(AbstractForce, ABC):
 
 @final
 class JointFriction(AbstractBorneFriction):
-    """Dry friction of a joint by the force that it truly bears, of two components where these are two: beside a Revolute, Prismatic, Cylindrical or Screw.
+    """Dry friction of a joint by the force that it truly bears, of two components where these are two: beside a Revolute, Prismatic,
+    Cylindrical or Screw.
 
     `law`: Coulomb(mu, static), with N below; `drag`: what drives frame_b forward, against the slip where it slips.
 
-    - Revolute, a plain bearing of `radius` [m]: torque up to mu radius N, N the force across the axis; with a `collar` [m], besides mu collar times the force along it.
+    - Revolute, a plain bearing of `radius` [m]: torque up to mu radius N, N the force across the axis; with a `collar` [m], besides mu
+      collar times the force along it.
     - Prismatic: force up to mu N, N across the axis. Cylindrical, a sleeve of `radius`: along it and around it together.
-    - With `length` [m] a bearing or slide bears at its ends: N = |F/2 + F'| + |F/2 - F'|, with a couple F' length across the axis, as where a drawer jams.
+    - With `length` [m] a bearing or slide bears at its ends: N = |F/2 + F'| + |F/2 - F'|, with a couple F' length across the axis, as
+      where a drawer jams.
     - Screw with a square thread of mean `radius`: along the thread, N across its flank; held by itself where the lead's slope is below mu.
 
         scene.bearing = JointFriction(scene.hinge, Coulomb(0.1), radius=0.02)

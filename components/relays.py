@@ -12,10 +12,11 @@ from acausal.errors import ParameterError
 from acausal.language.component import Component
 from acausal.language.connector import Signal
 from acausal.language.equation import Equation, equal
-from acausal.language.expression import Discrete, Expression, Reaction, Scalar, leaves, scalar, sx, time
+from acausal.language.expression import Discrete, Expression, Reaction, Scalar, flag, leaves, scalar, sx, time
 from acausal.language.mode_laws import ModeLaw, OneSided
 from acausal.language.origin import origin
 from acausal.language.when import when
+from components.contacts.laws import checked_restitution
 from components.flanges import AbstractOnFlanges, Flange, asked
 
 _UNFED = "An input needs a value: connect it to an output, e.g. of a sensor."
@@ -48,7 +49,7 @@ class Relay(Component):
         self.off, self.on = scalar(off, "Relay's off"), scalar(on, "Relay's on")
         _above(self.upper, self.lower, "Relay")
         self.closed = Discrete(
-            "", "1 while it is on", start=_step(self.input.value, self.lower, self.upper, 1.0 if start else 0.0)
+            "", "1 while it is on", start=_step(self.input.value, self.lower, self.upper, float(flag(start, "Relay's start")))
         )
 
     def equations(self) -> Iterable[Equation]:
@@ -76,7 +77,9 @@ class Thermostat(Component):
         self.power = scalar(power, "Thermostat's power")
         _above(self.upper, self.lower, "Thermostat")
         self.heats = Discrete(
-            "", "1 while it is on", start=1.0 - _step(self.input.value, self.lower, self.upper, 0.0 if start else 1.0)
+            "",
+            "1 while it is on",
+            start=1.0 - _step(self.input.value, self.lower, self.upper, 1.0 - float(flag(start, "Thermostat's start"))),
         )
 
     def equations(self) -> Iterable[Equation]:
@@ -151,7 +154,7 @@ class Ratchet(AbstractOnFlanges):
     def __init__(self, flange_a: Flange, flange_b: Flange, pitch: Scalar, restitution: Scalar = 0.0) -> None:
         self._take(flange_a=flange_a, flange_b=flange_b)
         self.pitch = scalar(pitch, "Ratchet's pitch", positive=True, unit="rad" if self.rotates else "m")
-        self.restitution = restitution
+        self.restitution = checked_restitution(restitution, "Ratchet")
         self.push = Reaction(self.effort_unit, "what it drives flange_b forward with")
         self.tooth = Discrete("", "number of the last tooth", start=np.floor(self.moved / self.pitch))  # pyright: ignore[reportArgumentType]  # an expression
 

@@ -124,7 +124,9 @@ class RollingBall(AbstractRollingBody):
         ball = Sphere(scalar(radius, "RollingBall's radius", positive=True, unit="m"))
         return HardContact(ball, Plane(), law) if law is not None else RoughContact(ball, Plane(), friction or Coulomb(0.0))
 
-    def __init__(self, radius: Scalar) -> None:
+    def __init__(
+        self, radius: Scalar, *, friction: None = None, unilateral: Literal[False] = False, restitution: Scalar = 0.0
+    ) -> None:
         self.radius = scalar(radius, "RollingBall's radius", positive=True, unit="m")
 
     def contact_point(self, n: ca.SX) -> ca.SX:

@@ -44,11 +44,11 @@ class TouchFriction(AbstractBorneFriction):
 
 @final
 class RoughContact(System, AbstractTouch):
-    """A body with the outside `shape`, fixed in frame_b, touches the `surface` of frame_a at all times, and slides, rolls and pivots there with dry friction: a RollingBall
-    with `friction` is this.
+    """A body with the outside `shape`, fixed in frame_b, touches the `surface` of frame_a at all times, and slides, rolls and pivots there with
+    dry friction: a RollingBall with `friction` is this.
 
-    `joint`: Touching with five velocities, which holds also where it pulls (then runs tell). `friction`: up to the coefficient times the `normal_force` [N], of either sign,
-    against the slip; rolling is where that vanishes.
+    `joint`: Touching with five velocities, which holds also where it pulls (then runs tell). `friction`: up to the coefficient times the
+    `normal_force` [N], of either sign, against the slip; rolling is where that vanishes.
 
         scene.contact = RoughContact(Sphere(0.1), Plane(), Coulomb(0.2))
     """

@@ -49,7 +49,7 @@ USUAL: dict[str, Any] = {
     "RigidBody.inertia": (0.1, 0.2, 0.25), "NonlinearDamper.force": lambda s, r: r, "FlexibleBody.stiffness": np.eye(2), "Force.force": (1.0, 2.0, -0.5),
     "Torque.torque": (1.0, 2.0, -0.5), "curve": Helix(0.4, 0.1), "surface": Cylinder(0.5), "shape": Ellipsoid((0.3, 0.2, 0.1)), "ContactForce.law": HuntCrossley(1e3), "place": Cylinder(0.5), "HardContact.law": Hard(), "HardPoint.law": Hard(), "OneSidedPoint.law": Hard(), "law": Coulomb(0.2),
     "JointFriction.joint": Revolute(), "TouchFriction.joint": Touching(Sphere(0.1), Plane(), Sliding()), "JointFriction": {"radius": 0.1}, "joint": PointOnSurface(Cylinder(0.5)),
-    "LimitedSum.number": 2, "PotentialField.potential": lambda p, t: p[2],
+    "LimitedSum.number": 2, "Relay.lower": 0.0, "Thermostat.lower": 0.0, "PotentialField.potential": lambda p, t: p[2],
     "flange": SlidingMass(1.0).flange_a, "flange_a": SlidingMass(1.0).flange_a, "flange_b": SlidingMass(1.0).flange_a, "EndStop": {"lower": -0.1},
     "pulley": Pulley(World().frame, 0.1), "pulley_a": Pulley(World().frame, 0.1), "pulley_b": Pulley(World().frame, 0.1), "RopeOverWheels.sections": (1, 2), "RopeOverWheels.radii": (0.1,),
     "ConstantSum.number": 2, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
@@ -59,7 +59,8 @@ POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "len
 SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
 PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",
-         "PID.derivative", "Table.points", "Table.values", "Freewheel.gate", "Thyristor.gate"}  # fmt: skip
+         "PID.derivative", "Table.points", "Table.values", "Freewheel.gate", "Thyristor.gate",
+         *(f"{part}.{name}" for part in ("Relay", "Thermostat", "Limiter") for name in ("lower", "upper", "off", "on", "power", "start"))}  # fmt: skip
 """What signals carry has any unit."""
 DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns", "side"}
 

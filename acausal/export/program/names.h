@@ -19,6 +19,7 @@
 #define dense simulator_hidden_dense
 #define state_at simulator_hidden_state_at
 #define settle_modes simulator_hidden_settle_modes
+#define remember simulator_hidden_remember
 #define unsettled simulator_hidden_unsettled
 #define masks_at simulator_hidden_masks_at
 #define last_transition simulator_hidden_last_transition
