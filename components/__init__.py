@@ -4,7 +4,7 @@ Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Secti
 CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
-SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
+SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Held and let go: Latch, PointLatch, Gripper. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
 RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel, Ratchet; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode, Thyristor,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
@@ -96,6 +96,7 @@ from components.joints.rod import Rod
 from components.joints.screw import Screw
 from components.joints.spherical import Spherical
 from components.joints.universal import Universal
+from components.latches import Gripper, Latch, PointLatch
 from components.motor import DCMotor
 from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 from components.rectifiers import IdealDiode, Thyristor
@@ -300,4 +301,7 @@ __all__ = [
     "VoltageSource",
     "Whereabouts",
     "World",
+    "Gripper",
+    "Latch",
+    "PointLatch",
 ]

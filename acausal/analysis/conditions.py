@@ -94,7 +94,7 @@ def conditions(functions: Functions, start: Start, steady: Steady) -> Conditions
     """
     keys = expressions(steady, "equilibrium: `steady`", "steady=[scene.hinge.q], or a dictionary of rates")
     s = functions.outputs.system
-    touching = ca.SX(0, 1) if s.modes is None else s.modes.invariants
+    touching = ca.vertcat(ca.SX(0, 1), *(held.invariants for held in (s.locks, s.modes) if held is not None))
     closing = ca.vertcat(s.closing, s.velocity_closing, touching)
     balance, moving, about = _steady_rows(functions, steady) if keys else _static_rows(functions)
     held, wished, names = [], [], []

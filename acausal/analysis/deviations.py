@@ -109,9 +109,11 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
 
 def held_by(s: ReducedSystem) -> tuple[ca.SX, ca.SX]:
     """Columns of positions and of velocities that stay zero: of loops, and of what is closed or sticks in the mode that the masks are of."""
-    if s.modes is None:
-        return s.position_invariants, s.velocity_invariants
-    return ca.vertcat(s.position_invariants, s.modes.held_places), ca.vertcat(s.velocity_invariants, s.modes.held_speeds)
+    places, speeds = [s.position_invariants], [s.velocity_invariants]
+    for held in (s.locks, s.modes):
+        places += [] if held is None else [held.held_places]
+        speeds += [] if held is None else [held.held_speeds]
+    return ca.vertcat(*places), ca.vertcat(*speeds)
 
 
 def _turns(coordinates: ChartCoordinates, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

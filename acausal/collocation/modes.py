@@ -24,6 +24,8 @@ class SetFunctions:
     targets: tuple[int, ...]
     words: tuple[str, ...]
     target_words: tuple[str, ...]
+    locks: tuple[str, ...] = ()
+    """What each row is called that something may be held by: (t, x, u, p) gives these gaps before the guards' rates, then the terms that they are made of; 0 where nothing is."""
 
 
 @dataclass(frozen=True, eq=False)

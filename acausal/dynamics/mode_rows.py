@@ -9,9 +9,9 @@ import casadi as ca
 
 from acausal.dynamics.readings import Readings
 from acausal.errors import ModelError
-from acausal.language.expression import Expression, Magnitude, Reaction, Scalar, declared, sx
+from acausal.language.expression import Discrete, Expression, Magnitude, Parameter, Reaction, Scalar, declared, sx
 from acausal.language.flatten import FlatSystem, Part
-from acausal.language.mode_laws import DryFriction, OneSided, OneWay
+from acausal.language.mode_laws import DryFriction, Lock, OneSided, OneWay
 from acausal.language.when import when
 
 
@@ -77,10 +77,39 @@ class ModeRow:
         return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2])
 
 
+@dataclass(frozen=True)
+class LockRows:
+    """A lock of `reactions`, n of them: `gap` (n, 1) is kept at zero where `held` is 1 and not 0; `apart` (m, 1) must be zero when it begins to be held."""
+
+    part: Part
+    reactions: tuple[Reaction, ...]
+    gap: ca.SX
+    held: ca.SX
+    apart: ca.SX
+
+
+def lock_rows(flat: FlatSystem, readings: Readings) -> tuple[LockRows, ...]:
+    """Of all parts. Raises `ModelError` for what holds by something else than what is remembered, and what `Readings.resolved` raises."""
+    found: list[LockRows] = []
+    for part in flat.parts:
+        for law in part.component.laws():
+            if not isinstance(law, Lock):
+                continue
+            gap, held = ca.vec(readings.resolved(law.gap.sx, part)), readings.resolved(law.held.sx, part)
+            apart = ca.SX(0, 1) if law.apart is None else ca.vec(readings.resolved(law.apart.sx, part))
+            if not all(isinstance(declared(symbol), Discrete | Parameter) for symbol in ca.symvar(held)):
+                raise ModelError(
+                    f"What the lock of {part.where} is held by changes by itself: {law.held!r}. Give an ac.Discrete, and set it by ac.when(..., set=...)."
+                )
+            found.append(LockRows(part, law.reactions, gap, ca.SX(held > 0), apart))
+    return tuple(found)
+
+
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
     """Of all parts: one-sided ones first, then friction in one direction, then in two. Raises `ModelError` for a reaction without a law, or with two, and what
     `Readings.resolved` raises."""
     found: list[ModeRow] = []
+    locked: list[Reaction] = []
     for part in flat.parts:
         for law in part.component.laws():
 
@@ -88,6 +117,9 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 return readings.resolved(sx(value), part) if isinstance(value, Expression) else ca.SX(value)
 
             if isinstance(law, when):
+                continue
+            if isinstance(law, Lock):
+                locked += law.reactions
                 continue
             if isinstance(law, OneSided):
                 found.append(ModeRow(part, (law.reaction,), read(law.gap), read(law.impact.restitution), impact=law.impact.kind))
@@ -100,14 +132,14 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 found.append(ModeRow(part, law.reactions, slip, None, *limits, sizes=sizes, back=read(law.restitution)))
             else:
                 raise ModelError(
-                    f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...) and ac.DryFriction(...)."
+                    f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...), ac.DryFriction(...) and ac.Lock(...)."
                 )
-    ruled = [reaction for row in found for reaction in row.reactions]
+    ruled = [*locked, *(reaction for row in found for reaction in row.reactions)]
     for reaction in flat.reactions:
         if ruled.count(reaction) != 1:
             how = "no law" if reaction not in ruled else "more than one law"
             raise ModelError(
-                f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...), ac.OneWay(...) or ac.DryFriction(...)."
+                f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...), ac.OneWay(...), ac.DryFriction(...) or ac.Lock(...)."
             )
     _check_limits(flat, found)
     return tuple(sorted(found, key=lambda row: (not row.one_sided, row.size)))

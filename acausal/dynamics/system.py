@@ -12,7 +12,7 @@ from acausal.dynamics import formulas
 from acausal.dynamics.energy import gravity_potential, kinetic_energy
 from acausal.dynamics.forward_dynamics import Wrench, zero_wrenches
 from acausal.dynamics.kinematics import Kinematics
-from acausal.dynamics.mode_rows import ModeRow, mode_rows
+from acausal.dynamics.mode_rows import LockRows, ModeRow, lock_rows, mode_rows
 from acausal.dynamics.placement import TreePlacement
 from acausal.dynamics.readings import ReadingPlacement, Readings
 from acausal.dynamics.tree import Tree, build_tree
@@ -42,6 +42,8 @@ class MechanicalSystem:
     laws: tuple[ca.SX, ca.SX]
     modes: tuple[ModeRow, ...] = ()
     """Of reactions that hold as long as they can."""
+    locks: tuple[LockRows, ...] = ()
+    """What is imposed and released."""
     unsolved: MechanicalSystem | None = None
     """The same with reactions as symbols, where their values have been put in."""
 
@@ -130,7 +132,8 @@ def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
                 moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), action.torque, action.force)
                 wrenches[link] = (wrenches[link][0] + moved[0], wrenches[link][1] + moved[1])
     modes = mode_rows(mechanism.flat, readings) if mechanism.flat.reactions else ()
-    return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings, laws, modes)
+    locks = lock_rows(mechanism.flat, readings) if mechanism.flat.reactions else ()
+    return MechanicalSystem(mechanism, tree, kinematics, placement, actions, tuple(wrenches), readings, laws, modes, locks)
 
 
 def _without_laws(

@@ -104,7 +104,7 @@ class Component(metaclass=PartClass):
         return ()
 
     def laws(self) -> Iterable[ModeLaw]:
-        """How its reactions (`ac.Reaction`) hold: `ac.OneSided`, `ac.OneWay`, `ac.DryFriction`; and what is set when: `ac.when(..., set=...)`; none by default."""
+        """How its reactions (`ac.Reaction`) hold: `ac.OneSided`, `ac.OneWay`, `ac.DryFriction`, `ac.Lock`; and what is set when: `ac.when(..., set=...)`; none by default."""
         return ()
 
     def connections(self) -> tuple[Connection, ...]:

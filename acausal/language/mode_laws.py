@@ -91,7 +91,33 @@ class OneWay:
             _check(self.reaction, self.gate, "OneWay", "gate")
 
 
-ModeLaw = OneSided | DryFriction | OneWay | when
+@final
+@dataclass(frozen=True, eq=False)
+class Lock:
+    """`reactions` are what keeps a `gap` (n, 1) at zero, as many, while `held` is positive; else they are zero: a constraint that is imposed and released.
+
+    `gap`: of positions; its rates do work with the reactions, which push towards larger entries ([m] with [N], [rad] with [N*m]). `held`: of
+    `ac.Discrete`s, which events set. `apart` (m, 1): what must be zero too when it is imposed. Imposed, it takes the velocities that it does not
+    allow, as a plastic impact does; what does not meet then is refused.
+    """
+
+    reactions: tuple[Reaction, ...]
+    gap: Expression
+    held: Expression
+    apart: Expression | None = None
+
+    def __post_init__(self) -> None:
+        if not self.reactions or not all(isinstance(entry, Reaction) for entry in self.reactions):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ModelError(
+                f"Lock's reactions are {self.reactions!r} ({origin()}). Keep some as attributes of the part: self.pull = ac.Reaction('N')."
+            )
+        if not isinstance(self.gap, Expression) or self.gap.sx.numel() != len(self.reactions):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ModelError(f"Lock's gap is {self.gap!r} ({origin()}). Give a column with as many entries as there are reactions.")
+        if not isinstance(self.held, Expression) or not self.held.sx.is_scalar():  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ModelError(f"Lock's held is {self.held!r} ({origin()}). Give an ac.Discrete of the part, 1 where it holds, else 0.")
+
+
+ModeLaw = OneSided | DryFriction | OneWay | Lock | when
 
 
 def _check(reaction: object, moved: object, law: str, name: str) -> None:

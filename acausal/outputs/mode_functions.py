@@ -19,6 +19,8 @@ def mode_functions(
     masks = ca.vertcat(ca.SX(0, 1), *(mask.sx for mask in system.flat.modes))
     rows = ca.SX(0, 1) if invariants is None else invariants(t, x, p)
     step = x if projection is None else projection(t, x, p)
+    if system.locks is not None:
+        rows, step = ca.vertcat(rows, space.put(system.locks.invariants)), step + space.put(space.kept(system.locks.correction))
     if m is not None:
         rows, step = ca.vertcat(rows, space.put(m.invariants)), step + space.put(space.kept(m.correction))
 

@@ -49,14 +49,17 @@ def set_functions(outputs: Outputs, space: StateSpace, events: Iterable[when] = 
             words.append(word)
         first.append(len(targets))
     starts = [setter.start(discrete) for discrete in discretes]
+    locks = outputs.system.locks
+    meeting = [] if locks is None else [space.put(locks.meeting)]
 
     def function(name: str, column: list[ca.SX]) -> ca.Function:
         rows = ca.densify(ca.vertcat(ca.SX(0, 1), *column))
         return folded_function(name, space.arguments, [rows], ["t", "x", "u", "p"], [name])
 
     return SetFunctions(
-        function("set_guards", guards), function("set", [*starts, *values, *(setter.slope(guard) for guard in guards)]), tuple(setting.event.sign for setting in found),
+        function("set_guards", guards), function("set", [*starts, *values, *meeting, *(setter.slope(guard) for guard in guards)]), tuple(setting.event.sign for setting in found),
         tuple(first), tuple(targets), tuple(setting.who for setting in found), tuple(words),
+        () if locks is None else locks.words,
     )  # fmt: skip
 
 

@@ -217,7 +217,7 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     ]
     gaps = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided))
     pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)))
-    places, along = _positions(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
+    places, along = positions_in(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
     moved = ca.SX.zeros(motion.x.numel())
     if places:
         moved[places] = (along @ pushes[:, 0])[places]
@@ -473,7 +473,7 @@ class _Masked:
         return ca.vertcat(*guards)
 
 
-def _positions(gaps: ca.SX, J: ca.SX, x: ca.SX, nq: int) -> list[int]:
+def positions_in(gaps: ca.SX, J: ca.SX, x: ca.SX, nq: int) -> list[int]:
     """Which states are positions that gaps may be closed by: coordinates, and scalar states in the gaps; their rates do not know the reactions."""
     in_gaps = set(ca.jacobian(gaps, x).sparsity().get_col()) if gaps.numel() else set[int]()
     return [i for i in range(x.numel()) if (i < nq or i in in_gaps) and J[i, :].is_zero()]

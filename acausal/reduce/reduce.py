@@ -27,6 +27,7 @@ from acausal.parts.pose import symbolic
 from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
+from acausal.reduce.locks import Locks, locks_of
 from acausal.reduce.modes import Modes, Motion, modes_of
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import Held, ScalarPart, add_scalar_domains
@@ -70,6 +71,8 @@ class ReducedSystem:
     """More joint forces, by which an analysis has extended the scene."""
     modes: Modes | None = None
     """Which reactions hold, by masks that are the last inputs."""
+    locks: Locks | None = None
+    """What is imposed and released, by what is remembered."""
     unmasked: ReducedSystem | None = None
     """With modes, the same where reactions are inputs still."""
     exact: tuple[ca.SX, ca.SX] | None = None
@@ -306,7 +309,34 @@ def reduce_system(
         return reduce_system(unread, extra, at, constraints, again)
     _check_free(system)
     _check_known(system)
+    system = _with_locks(system) if mechanics.locks else system
     return _with_modes(system) if mechanics.modes else system
+
+
+def _with_locks(system: ReducedSystem) -> ReducedSystem:
+    """With the reactions of what is imposed as it is held. Raises `ModelError`."""
+    rows = system.mechanics.locks
+    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, _places(system))
+    locks = locks_of(rows, motion)
+    r, found = locks.reactions, locks.found
+
+    def put(value: ca.SX) -> ca.SX:
+        return ca.substitute(value, r, found) if value.numel() and ca.depends_on(value, r) else value
+
+    solved = {symbol: put(value) for symbol, value in system.scalar.solved.items()}
+    scalar = dataclasses.replace(
+        system.scalar, rates=put(system.scalar.rates), tau=put(system.scalar.tau), led=None,
+        solved=solved | {reaction: put(reaction.sx) for row in rows for reaction in row.reactions},
+    )  # fmt: skip
+    x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel())) + locks.response @ found
+    exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
+    mechanics = dataclasses.replace(system.mechanics.with_values([(r, found)]), locks=rows, unsolved=system.mechanics)
+    alone = not mechanics.modes
+    flat = dataclasses.replace(system.flat, solved=True) if alone else system.flat
+    return dataclasses.replace(
+        system, flat=flat, u=stacked([entry.sx for entry in flat.inputs]), u_defaults=np.array([entry.default for entry in flat.inputs]), x_dot=x_dot,
+        v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau), scalar=scalar, locks=locks, exact=exact, mechanics=mechanics,
+    )  # fmt: skip
 
 
 def _with_modes(system: ReducedSystem) -> ReducedSystem:
@@ -378,7 +408,7 @@ def _followed(tree: Tree) -> list[Held]:
 
 
 def _rate_acts(mechanics: MechanicalSystem, reaction: Reaction) -> str:
-    row = next(row for row in mechanics.modes if row.reaction is reaction)
+    row = next(row for row in (*mechanics.modes, *mechanics.locks) if reaction in row.reactions)
     return (
         f"{mechanics.flat.names[reaction]} of {row.part.where} is decided by other states too, so that its rate would act: a clutch or a stop on a spring alone, a diode in "
         "series with an inductor. Put a mass or an inertia where a force acts, a resistance or a leakage where a current flows."

@@ -42,6 +42,7 @@ class Code(enum.IntEnum):
     SETS_BOUND = 18
     TIED = 19
     GAINS = 20
+    SETS_APART = 21
 
 
 class Method(ctypes.Structure):
@@ -198,6 +199,7 @@ class Integrator(ctypes.Structure):
         ("impulses", _Double),
         ("transition_masks", _Double),
         *((name, ctypes.c_long) for name in ("grazed", "coincides", "other")),
+        ("apart", ctypes.c_double),
     ]  # fmt: skip
 
 

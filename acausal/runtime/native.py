@@ -116,6 +116,11 @@ _OF_SETS = {
 }
 
 
+_APART = (
+    "{0} is to hold what does not meet there: by {1}. Close it where its frames meet, give rtol such as they meet to, or hold them as they stand, by a Gripper."
+)
+
+
 @dataclass(frozen=True)
 class Choice:
     """Which methods run: tableaus, where Newton replaces fixed-point iteration, and whether Radau's order adapts along the list.
@@ -490,6 +495,9 @@ class Run:
         if code in _OF_SETS and modes is not None and modes.set is not None:
             words = modes.set.words[core.worst], modes.set.target_words[core.other]
             return Outcome(Status(StatusKind.CANNOT_SET, core.t, _OF_SETS[code].format(*words)))
+        if code == Code.SETS_APART and modes is not None and modes.set is not None:
+            who, _, unit = modes.set.locks[core.worst].partition("|")
+            return Outcome(Status(StatusKind.CANNOT_SET, core.t, _APART.format(who, f"{core.apart:.4g}{unit}")))
         kind, message = _STATUS[code]
         failed = kind is not StatusKind.SUCCESS and kind is not StatusKind.MAX_STEPS and core.worst >= 0
         return Outcome(Status(kind, core.t, message.format(core.max_steps), core.worst if failed else None))

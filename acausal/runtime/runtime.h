@@ -73,7 +73,8 @@ enum Code {
     SETS_TWICE,      /* it sets what target `other` is in the same instant, to something else */
     SETS_BOUND,      /* it sets target `other`, and constraints do not let it be so */
     TIED,            /* impacts one after the other, and several at once: rows `worst` and `other` */
-    GAINS            /* energy is gained in an impact of row `worst` */
+    GAINS,           /* energy is gained in an impact of row `worst` */
+    SETS_APART       /* row `worst` of locks is held, and does not meet: by `apart` */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
@@ -170,6 +171,7 @@ typedef struct Integrator {
     /* Where derivatives are those to one side: 1 + the first law whose guard only touched zero, 1 + the first gap that closed together with others, each for itself; 0: none */
     long grazed, coincides;
     long other; /* target of what could not be set */
+    double apart; /* gap of what should have met */
 } Integrator;
 
 /* Of changes of mode: how many, when the last one was, of which row of masks (-1: the start, or a jump of inputs); steps of no length so far. */

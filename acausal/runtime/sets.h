@@ -20,10 +20,11 @@ static int make_sets(Integrator *I) {
     T->set_side = reserve_doubles(I, n + 1);
     T->set_rows = reserve_doubles(I, 5 * n + 1);
     T->set_x = reserve_doubles(I, targets + 1);
+    T->lock_noise = reserve_doubles(I, I->set.outputs + 1);
     T->set_fired = reserve(I, sizeof(long) * (size_t)(3 * n + 1));
     T->set_by = reserve(I, sizeof(long) * (size_t)(targets + 1));
     T->discrete_change = reserve_doubles(I, d * I->discretes + 1);
-    return I->counted || (T->set_side && T->set_rows && T->set_x && T->set_fired && T->set_by && T->discrete_change);
+    return I->counted || (T->set_side && T->set_rows && T->set_x && T->lock_noise && T->set_fired && T->set_by && T->discrete_change);
 }
 
 /* Discrete values at the start. Returns 0 when the input function failed. */
@@ -199,6 +200,66 @@ static int set_directions_anew(Integrator *I, double planned) {
     return 1;
 }
 
+/* Whether all meets that is held by what is remembered. */
+static enum Code meet_locks(Integrator *I) {
+    struct State *T = I->state;
+    long first = I->discretes + I->set_first[I->set_count], n = (I->set.outputs - I->set_count - first) / 2;
+    double *noise = T->lock_noise;
+    if (n == 0) return REACHED_END;
+    V *in = T->set_in, *gap = T->set_out + first, *terms = gap + n;
+    for (long k = 0; k < n; k++) noise[k] = 0;
+    for (long from = 0; from < COUNTED; from += LANES) {
+        for (long l = 0; l < LANES; l++)
+            for (long i = -1; i < I->nx; i++) {
+                double value = i < 0 ? I->t : I->x[i], unit = from + l > 0 ? EPS * (i < 0 ? fabs(I->t) : fmax(T->size[i], fabs(value))) : 0;
+                in[1 + i][l] = value + unit * ((double)(drawn((from + l) * (I->nx + 1) + i) >> 29) / 2 - 1.75);
+            }
+        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return INPUT_FAILED;
+        run_kernel(&I->set, in, T->set_c, T->set_out, T->work);
+        for (long k = 0; k < n; k++) {
+            if (from == 0) noise[n + k] = gap[k][0], noise[k] = EPS * fabs(terms[k][0]);
+            for (long l = 0; l < LANES; l++) noise[k] = fmax(noise[k], ROUNDINGS * fabs(gap[k][l] - noise[n + k]));
+        }
+    }
+    for (long k = 0; k < n; k++) {
+        if (fabs(noise[n + k]) <= noise[k] * fmax(KEPT, I->rtol / EPS)) continue;
+        I->worst = k;
+        I->apart = fabs(noise[n + k]);
+        return SETS_APART;
+    }
+    return REACHED_END;
+}
+
+/* What is imposed takes velocities by a plastic impact: then a step of no length leads to the state after it. */
+static enum Code impose_locks(Integrator *I, int begins) {
+    struct State *T = I->state;
+    double *before = T->set_x;
+    int strikes = 0;
+    enum Code code = meet_locks(I);
+    if (code != REACHED_END) return code;
+    memcpy(before, I->x, sizeof(double) * (size_t)I->nx);
+    give_masks(I, T->side);
+    T->projection_in[0] = v_all(I->t);
+    for (long i = 0; i < I->nx; i++) T->projection_in[1 + i] = v_all(I->x[i]);
+    run_masked(I, OF_PROJECTION, T->projection_in, T->projection_c, T->projection_out);
+    for (long i = 0; i < I->nx; i++) { /* what has been at rest so far has no size by which `project` could judge */
+        if (!isfinite(T->projection_out[i][0])) return NON_FINITE;
+        I->x[i] = T->projection_out[i][0];
+        T->size[i] = fmax(T->size[i], fabs(I->x[i]));
+    }
+    project(I, I->t, I->x);
+    for (long i = 0; i < I->nx; i++) {
+        strikes |= !(fabs(I->x[i] - before[i]) <= UNSEEN * fmax(T->size[i], fabs(I->x[i])));
+        T->size[i] = fmax(T->size[i], fabs(I->x[i]));
+    }
+    if (!strikes) return REACHED_END;
+    memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
+    memset(T->impulse, 0, sizeof(double) * (size_t)reactions_of(I));
+    return (!begins || note_transition(I, -1)) && keep_straight(I, 0) ? REACHED_END : OUT_OF_MEMORY;
+}
+
+static int has_locks(const Integrator *I) { return I->set.outputs > I->discretes + I->set_first[I->set_count] + I->set_count; }
+
 /* What has passed zero sets what it sets, all together. */
 static enum Code set_all(Integrator *I, double planned) {
     struct State *T = I->state;
@@ -212,12 +273,15 @@ static enum Code set_all(Integrator *I, double planned) {
     for (long k = 0; k < I->set_count; k++)
         if (T->set_fired[k] && !note_transition(I, first_set(I) + k)) return OUT_OF_MEMORY;
     for (long i = 0; i < I->nx; i++) jumps |= T->set_x[i] != I->x[i];
-    if (!jumps) return REACHED_END;
+    if (!jumps && !has_locks(I)) return REACHED_END;
     memset(T->side, 0, sizeof(double) * (size_t)reactions); /* what holds by reactions may open */
     for (long i = 0; i < I->nx; i++) {
         I->x[i] = T->set_x[i];
         T->size[i] = fmax(T->size[i], fabs(I->x[i]));
     }
+    if (!jumps) return impose_locks(I, 0);
+    if (has_locks(I)) code = meet_locks(I);
+    if (code != REACHED_END) return code;
     project(I, I->t, I->x);
     for (long i = 0; i < I->nx; i++) {
         if (T->set_by[i] < 0 || fabs(I->x[i] - T->set_x[i]) <= fmax(KEPT * EPS, I->rtol) * T->size[i]) continue;
@@ -249,6 +313,10 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     if (never_leaves(I, row) || T->changes > CHANGES) {
         I->worst = law_of_row(I, row);
         return CHATTERS;
+    }
+    if (begins && I->discretes && has_locks(I)) {
+        code = impose_locks(I, 1);
+        if (code != REACHED_END) return code;
     }
     for (int pass = 0;; pass++) {
         if (pass > 0 || set || (row < 0 && !begins)) {

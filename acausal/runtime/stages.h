@@ -163,6 +163,7 @@ struct State {
     double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     V *set_in, *set_out, *set_c, *set_change_in, *set_change_out, *set_change_c;
     double *set_side, *set_rows, *set_x, *discrete_change; /* of what is set, see sets.h; changes of discrete values (directions, discretes) */
+    double *lock_noise;
     long *set_fired, *set_by;
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */

@@ -29,6 +29,7 @@ _NOTHING = 1e-13
 _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
 _FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
 _ONE_SIDED = ("open", "closed")
+_LOCK = ("free", "held")
 
 
 class Run(Protocol):
@@ -126,7 +127,7 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What one part did: from `old` to `new` ("open", "closed", "sticks", "slides +" along its slip, "slides -", "off"), struck by `impulse` (one number, or
+    """What one part did: from `old` to `new` ("open", "closed", "sticks", "slides +" along its slip, "slides -", "off"; "free", "held"), struck by `impulse` (one number, or
     two) [`unit`], in which `energy_lost` became heat [J]. Or what was set: a variable in place of the part, from number to number."""
 
     part: str
@@ -212,7 +213,8 @@ class Transitions(Sequence[Transition]):
     @functools.cached_property
     def _taken(self) -> dict[int, float]:
         """By number of the transition, where something is set: what the scene has less after it [J]."""
-        some = np.flatnonzero([bool(own) for own in self.targets])
+        held = self.run.outputs.system.locks is not None
+        some = np.flatnonzero([bool(own) for own in self.targets] | (self.jumped & held))
         if not some.size:
             return {}
         before, after = (self.run.given(self.times[some], *self.beside(some, k)).energy for k in range(2))
@@ -269,10 +271,36 @@ class Transitions(Sequence[Transition]):
             struck = float(impulse[0]) if impulse.size == 1 else impulse.copy()
             changes.append(Change(law.name, law.words[old], law.words[new], struck, unit, lost))
         before, after = self._moment(k, 0), self._moment(k, 1)
+        locks, holding = self._locks(k)
+        changes += locks
         for target in self.targets[k]:
+            if target in holding:
+                continue
             old, new = (f"{self._value(target, k, side):.6g}" for side in range(2))
             changes.append(Change(self.words[target], old, new, 0.0, "", 0.0))
         return Transition(float(self.times[k]), tuple(changes), before, after)
+
+    def _locks(self, k: int) -> tuple[list[Change], set[int]]:
+        """What is fastened or let go, and targets that say no more than that."""
+        system = self.run.outputs.system
+        if system.locks is None:
+            return [], set()
+        some, changes, holding = np.array([k]), list[Change](), set[int]()
+        x, u = self.beside(some, 0)
+        sides = [self.run.given(self.times[some], x, self._inputs(after, some)) for after in range(2)]
+        impulses, rates = (np.ravel(sides[1][column]) for column in (system.locks.impulses, system.locks.held_speeds))
+        first = 0
+        for row in system.locks.rows:
+            own = slice(first, first + len(row.reactions))
+            first = own.stop
+            old, new = (int(np.ravel(side[row.held])[0]) for side in sides)
+            if old == new:
+                continue
+            holding |= {x.shape[0] + i for i, d in enumerate(system.flat.discretes) if ca.depends_on(row.held, d.sx)}
+            impulse = impulses[own] if new else np.zeros(len(row.reactions))
+            lost = -float(impulses[own] @ rates[own]) / 2 if new else 0.0
+            changes.append(Change(row.part.path, _LOCK[old], _LOCK[new], impulse, "N*s", lost))
+        return changes, holding
 
     def _value(self, target: int, k: int, after: int) -> float:
         """Of a target just before or after."""

@@ -303,6 +303,9 @@ static int gave_up(simulator_instance *s, enum Code code) {
         snprintf(message, sizeof message, "%.120s %s.", model.laws[I->one_sided + I->lines + I->planes + I->worst],
                  code == SETS_NO_NUMBER ? "sets something to what is no number" : code == SETS_TWICE ? "and another event set the same to different values" : "sets what constraints do not let be so");
         return failed(s, SIMULATOR_CANNOT_SET, message);
+    case SETS_APART:
+        snprintf(message, sizeof message, "What is to be held does not meet: by %.6g.", I->apart);
+        return failed(s, SIMULATOR_CANNOT_SET, message);
     case TIED: return failed(s, SIMULATOR_TIED, 0);
     case GAINS:
         snprintf(message, sizeof message, "An impact of %.120s gains energy.", model.laws[I->worst]);

@@ -1,0 +1,249 @@
+"""Latches, hooks and grippers: constraints imposed and released at events, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.collocation.problem import StatusKind
+from acausal.errors import ModelError
+from acausal.parts.rotations import rotation_about
+from components import (
+    Gripper,
+    Hard,
+    Latch,
+    Particle,
+    PointLatch,
+    PointOnPlane,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    World,
+)
+
+
+def boxes(first: float, second: float, opens: float, size: float = 1.0) -> tuple[ac.System, ac.Model]:
+    """Two of them, docked where they meet, in space."""
+    scene = ac.System()
+    scene.world = World(gravity=(0.0, 0.0, 0.0))
+    scene.a = RigidBody.box(mass=first, size=(0.1 * size, 0.2 * size, 0.1 * size))
+    scene.b = RigidBody.box(mass=second, size=(0.1 * size, 0.1 * size, 0.3 * size))
+    gap = scene.b.frame.position[0] - scene.a.frame.position[0] - 0.1 * size
+    scene.dock = Latch(closes=-1.0 * gap, opens=ac.time - opens)
+    scene.connect(scene.a.at((0.05 * size, 0.0, 0.0)), scene.dock.frame_a)
+    scene.connect(scene.dock.frame_b, scene.b.at((-0.05 * size, 0.0, 0.0)))
+    return scene, ac.build(scene)
+
+
+@pytest.mark.parametrize(("first", "second", "size"), [(1.0, 2.0, 1.0), (3e-9, 1e-9, 1e-3), (1e5, 1e3, 1e3)])
+def test_bodies_that_dock_keep_their_momentum(first: float, second: float, size: float) -> None:
+    scene, model = boxes(first, second, 1.5, size)
+    a, b, v = scene.a.frame, scene.b.frame, 1.0 * size
+    run = model.simulate(2.0, {a.position: (-size, 0, 0), a.velocity: (v, 0, 0), b.position: (0, 0, 0)}, rtol=1e-10, compiled=False)
+    docked, released = run.transitions
+    assert docked.time == pytest.approx(0.9, rel=1e-13)
+    assert released.time == pytest.approx(1.5, rel=1e-13)
+    together = first * v / (first + second)
+    for body in (a, b):
+        assert docked.after[body.velocity] == pytest.approx([together, 0, 0], rel=1e-13, abs=1e-14 * v)
+        assert run[body.velocity][-1] == pytest.approx([together, 0, 0], rel=1e-12, abs=1e-13 * v)
+    lost = first * second / (first + second) * v**2 / 2
+    assert docked.energy_lost == pytest.approx(lost, rel=1e-12)
+    assert docked.changes[0].part == "dock"
+    assert (docked.changes[0].old, docked.changes[0].new) == ("free", "held")
+    assert docked.changes[0].impulse == pytest.approx([first * second / (first + second) * v, 0, 0, 0, 0, 0], rel=1e-12, abs=1e-14 * first * v)
+    assert released.energy_lost == 0.0
+    assert run.energy_error() < 1e-12
+
+
+def test_bodies_that_dock_off_their_centres_turn_together() -> None:
+    # a particle catches the end of a rod at rest: momentum and spin about the common centre are kept
+    m, M, L, v = 0.5, 2.0, 1.2, 3.0
+    scene = ac.System()
+    scene.world, scene.ball = World(gravity=(0.0, 0.0, 0.0)), Particle(m)
+    scene.rod = RigidBody(mass=M, inertia=(1e-3, M * L**2 / 12, M * L**2 / 12))
+    scene.hook = PointLatch(closes=scene.ball.point.position[2])
+    scene.connect(scene.rod.at((L / 2, 0.0, 0.0)), scene.hook.frame_a)
+    scene.connect(scene.hook.frame_b, scene.ball.point)
+    ball, rod = scene.ball.point, scene.rod.frame
+    run = ac.build(scene).simulate(1.0, {ball.position: (L / 2, 0, -1), ball.velocity: (0, 0, v), rod.position: (0, 0, 0)}, rtol=1e-11, compiled=False)
+    after = run.transitions[0].after
+    centre, c = m * v / (m + M), m / (m + M) * L / 2
+    inertia = M * L**2 / 12 + M * c**2 + m * (L / 2 - c) ** 2
+    spin = -m * v * (L / 2 - c) / inertia
+    assert after[rod.angular_velocity] == pytest.approx([0, spin, 0], rel=1e-12, abs=1e-13)
+    assert after[rod.velocity] == pytest.approx([0, 0, centre + spin * c], rel=1e-12, abs=1e-13)
+    lost = m * v**2 / 2 - (m + M) * centre**2 / 2 - inertia * spin**2 / 2
+    assert run.transitions[0].energy_lost == pytest.approx(lost, rel=1e-12)
+    ends = run[scene.rod.at((L / 2, 0.0, 0.0)).position]
+    t = run.t >= run.transitions[0].time + 1e-9
+    assert np.abs(ends - run[ball.position])[t].max() < 1e-12
+
+
+def arm(l: float, m: float) -> ac.System:
+    """A pendulum with a point mass at its end."""
+    scene = ac.System()
+    scene.world, scene.hinge = World(), Revolute(axis="y")
+    scene.rod = RigidBody(mass=m, centre_of_mass=(0.0, 0.0, -l), inertia=(1e-6, 1e-6, 1e-6))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    return scene
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, np.pi / 2])
+@pytest.mark.parametrize("kind", [PointLatch, Latch])
+def test_pendulum_is_caught_at_a_wall_and_falls_again(angle: float, kind: type[PointLatch] | type[Latch]) -> None:
+    # one freedom only, whatever many rows hold it; also where some of them do not move it
+    l, m = 0.8, 1.3
+    scene = arm(l, m)
+    scene.catch = kind(closes=scene.hinge.q - angle, opens=ac.time - 3.0)
+    wall = scene.world.at((-l * np.sin(angle), 0.0, -l * np.cos(angle)), rotation_about(np.array([0.0, 1.0, 0.0]), angle))
+    scene.connect(wall, scene.catch.frame_a)
+    scene.connect(scene.catch.frame_b, scene.rod.at((0.0, 0.0, -l)))
+    model = ac.build(scene)
+    run = model.simulate(3.2, {scene.hinge.q: -0.3, scene.hinge.v: 9.0}, rtol=1e-11, compiled=False)
+    caught = run.transitions[0]
+    assert caught.after[scene.hinge.q] == pytest.approx(angle, abs=1e-13)
+    assert caught.after[scene.hinge.v] == pytest.approx(0.0, abs=1e-13)
+    held = (run.t > caught.time) & (run.t < 3.0)
+    assert np.abs(run[scene.hinge.q][held] - angle).max(initial=0.0) < 1e-13
+    before = caught.before[scene.hinge.v]
+    assert caught.energy_lost == pytest.approx((m * l**2 + 1e-6) * before**2 / 2, rel=1e-11)
+    alone = arm(l, m)
+    rest = ac.build(alone).simulate(0.2, {alone.hinge.q: angle}, rtol=1e-11, compiled=False)
+    assert run[scene.hinge.q][-1] == pytest.approx(rest[alone.hinge.q][-1], abs=1e-9)
+    assert run.energy_error() < 1e-9
+
+
+def test_ball_that_an_arm_lets_go_flies_a_parabola() -> None:
+    l, w, angle = 0.9, 7.0, 0.6
+    scene = ac.System()
+    scene.world, scene.hinge, scene.ball = World(gravity=(0.0, 0.0, -9.81)), Revolute(axis="y"), Particle(0.2)
+    scene.rod = RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.hand = PointLatch(held=True, opens=scene.hinge.q - angle)
+    scene.connect(scene.rod.at((l, 0.0, 0.0)), scene.hand.frame_a)
+    scene.connect(scene.hand.frame_b, scene.ball.point)
+    ball = scene.ball.point
+    start = {scene.hinge.q: 0.0, scene.hinge.v: w, ball.position: (l, 0, 0), ball.velocity: (0, 0, -l * w)}
+    run = ac.build(scene).simulate(0.8, start, rtol=1e-12, compiled=False)
+    thrown = run.transitions[-1]
+    at = np.array([l * np.cos(angle), 0.0, -l * np.sin(angle)])
+    speed = thrown.before[scene.hinge.v]
+    direction = np.array([-np.sin(angle), 0.0, -np.cos(angle)])
+    assert thrown.after[ball.position] == pytest.approx(at, abs=1e-12)
+    assert thrown.after[ball.velocity] == pytest.approx(l * speed * direction, abs=1e-11)
+    t = run.t[-1] - thrown.time
+    assert run[ball.position][-1] == pytest.approx(at + l * speed * direction * t + np.array([0, 0, -9.81 / 2]) * t**2, abs=1e-11)
+    assert run[scene.hinge.v][-1] == pytest.approx(speed, rel=1e-12)
+    assert run.energy_error() < 1e-10
+
+
+def carriage(gripper: Gripper) -> ac.System:
+    """A cart on a rail with a gripper, and a box on a floor."""
+    scene = ac.System()
+    scene.world, scene.slide = World(), Prismatic(axis="x")
+    scene.cart, scene.box, scene.hand = RigidBody.box(mass=2.0, size=(0.2, 0.2, 0.2)), RigidBody.box(mass=0.5, size=(0.1, 0.1, 0.1)), gripper
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.cart.frame)
+    scene.connect(scene.cart.frame, scene.hand.frame_a)
+    scene.connect(scene.hand.frame_b, scene.box.frame)
+    return scene
+
+
+def test_gripper_holds_without_creep_lets_go_and_holds_again() -> None:
+    scene = carriage(Gripper(opens=ac.time - 100.0))
+    box, place = scene.box.frame, np.array([0.03, 0.02, -0.3])
+    again = ac.when(ac.time - 100.1, set=scene.hand.closing())
+    first = ac.when(ac.time - 0.001, set=scene.hand.closing())
+    start = {box.position: place, box.angular_velocity: (0.3, 2.0, 1.0), scene.slide.v: 0.4}
+    run = ac.build(scene).simulate(110.0, start, events=[first, again], compiled=False)
+    relative = run[box.position] - np.column_stack([run[scene.slide.q], 0 * run.t, 0 * run.t])
+    turned = run[box.rotation]
+    for begin, end in ((0.001, 100.0), (100.1, 110.0)):
+        held = (run.t > begin + 1e-9) & (run.t < end - 1e-9)
+        assert held.sum() > 1
+        assert np.abs(relative[held] - relative[held][0]).max() < 1e-12
+        assert np.abs(turned[held] - turned[held][0]).max() < 1e-12
+    falls = relative[np.searchsorted(run.t, 100.1 - 1e-9)][2] - relative[np.searchsorted(run.t, 50.0)][2]
+    assert falls == pytest.approx(-9.81 / 2 * 0.1**2, rel=1e-2)
+    assert len(run.transitions) == 3
+    at = run.transitions[2]
+    assert at.after[box.velocity] == pytest.approx([at.after[scene.slide.v], 0, 0], abs=1e-12)
+    assert run[scene.hand.force].reshape(-1, 3)[-1] == pytest.approx([0, 0, 0.5 * 9.81], abs=1e-10)
+
+
+def test_what_is_caught_while_it_stands_on_a_floor_stays_above_it() -> None:
+    # a ball on the floor is caught by a box that falls onto it: the floor takes its part in the same instant
+    m, M, h, g = 0.3, 0.7, 0.5, 9.81
+    scene = ac.System()
+    scene.world, scene.low = World(gravity=(0.0, 0.0, -g)), Particle(m)
+    scene.floor = PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.low.point)
+    scene.box = RigidBody.box(mass=M, size=(0.1, 0.1, 0.1))
+    scene.hook = PointLatch(closes=-1.0 * scene.box.frame.position[2])
+    scene.connect(scene.box.frame, scene.hook.frame_a)
+    scene.connect(scene.hook.frame_b, scene.low.point)
+    low, box = scene.low.point, scene.box.frame
+    run = ac.build(scene).simulate(1.0, {low.position: (0, 0, 0), box.position: (0, 0, h), box.velocity: (0.4, 0, 0)}, rtol=1e-11, compiled=False, raise_on_failure=False)
+    assert run.status.kind is StatusKind.CANNOT_SET
+    start = {low.position: (0, 0, 0), box.position: (0, 0, h), low.velocity: (0.4, 0, 0), box.velocity: (0.4, 0, 0)}
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-11, compiled=False)
+    assert run[box.velocity][-1] == pytest.approx([0.4, 0, 0], abs=1e-10)
+    assert np.abs(run[low.position][-1][2]) < 1e-12
+    assert run[scene.floor.normal_force][-1] == pytest.approx((m + M) * g, rel=1e-10)
+    assert run.energy_error() < 1e-10
+
+
+def test_bounce_of_what_has_been_caught_moves_both() -> None:
+    # falls docked, bounces docked: as one body
+    scene = ac.System()
+    scene.world, scene.ball, scene.box = World(), Particle(0.3), RigidBody.box(mass=0.7, size=(0.1, 0.1, 0.1))
+    scene.floor = PointOnPlane(unilateral=True, restitution=0.6)
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.point)
+    scene.hook = PointLatch(held=True)
+    scene.connect(scene.box.frame, scene.hook.frame_a)
+    scene.connect(scene.hook.frame_b, scene.ball.point)
+    ball, box = scene.ball.point, scene.box.frame
+    run = ac.build(scene).simulate(0.7, {ball.position: (0, 0, 1), box.position: (0, 0, 1)}, rtol=1e-11, compiled=False)
+    struck = run.transitions[0]
+    v = np.sqrt(2 * 9.81)
+    assert struck.time == pytest.approx(v / 9.81, rel=1e-12)
+    for body in (ball, box):
+        assert struck.after[body.velocity] == pytest.approx([0, 0, 0.6 * v], rel=1e-12, abs=1e-12)
+    assert struck.changes[0].impulse == pytest.approx(1.6 * v, rel=1e-12)
+    assert run.energy_error() < 1e-10
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e4])
+def test_frames_that_do_not_meet_are_told_by_how_much(size: float) -> None:
+    scene, model = boxes(1.0, 1.0, 9.0, size)
+    a, b = scene.a.frame, scene.b.frame
+    start = {a.position: (-size, 1e-3 * size, 0), a.velocity: (size, 0, 0), b.position: (0, 0, 0)}
+    run = model.simulate(2.0, start, compiled=False, raise_on_failure=False)
+    assert run.status.kind is StatusKind.CANNOT_SET
+    assert f"{1e-3 * size:.4g} m" in run.status.message
+    assert "dock" in run.status.message
+    assert run.t[-1] == pytest.approx(0.9, rel=1e-12)
+
+
+def test_half_a_turn_is_not_how_frames_meet() -> None:
+    scene, model = boxes(1.0, 1.0, 9.0)
+    a, b = scene.a.frame, scene.b.frame
+    start = {a.position: (-1, 0, 0), a.velocity: (1, 0, 0), b.position: (0, 0, 0), b.rotation: np.diag([1.0, -1.0, -1.0])}
+    run = model.simulate(2.0, start, compiled=False, raise_on_failure=False)
+    assert run.status.kind is StatusKind.CANNOT_SET
+
+
+def test_frames_that_cannot_move_against_each_other_are_refused() -> None:
+    scene = ac.System()
+    scene.world, scene.box = World(), RigidBody.box(mass=1.0, size=(0.1, 0.1, 0.1))
+    scene.latch = Latch()
+    scene.connect(scene.box.frame, scene.latch.frame_a)
+    scene.connect(scene.latch.frame_b, scene.box.at((0.1, 0.0, 0.0)))
+    with pytest.raises(ModelError, match="does not move"):
+        ac.build(scene)
