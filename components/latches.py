@@ -40,7 +40,9 @@ class AbstractLatch(AbstractForce, ABC):
             raise ParameterError(f"{name}'s held is {held!r} ({origin()}). Give True where it holds at the start, else False.")
         for what, given in (("closes", closes), ("opens", opens)):
             if not (given is None or isinstance(given, Expression)):  # pyright: ignore[reportUnnecessaryIsInstance]
-                raise ParameterError(f"{name}'s {what} is {given!r} ({origin()}). Give an expression, which rises through zero where it does.")
+                raise ParameterError(
+                    f"{name}'s {what} is {given!r} ({origin()}). Give an expression, which rises through zero where it does."
+                )
         self.closes, self.opens = closes, opens
         self.held = Discrete("", "1 while it holds", start=float(held))
         self._force = tuple(Reaction("N", "force on frame_b") for _ in range(3))
@@ -64,11 +66,11 @@ class AbstractLatch(AbstractForce, ABC):
         """On frame_b, in the axes of frame_a (3, 1) [N*m]; zero where it may turn."""
         return read(ca.vertcat(*(entry.sx for entry in self._torque)) if self._torque else ca.SX.zeros(3))
 
-    def closing(self) -> dict[Discrete, Scalar]:
+    def closing(self) -> dict[Expression | str, Scalar]:
         """What an event sets that fastens it."""
         return {self.held: 1.0}
 
-    def opening(self) -> dict[Discrete, Scalar]:
+    def opening(self) -> dict[Expression | str, Scalar]:
         """What an event sets that lets it go."""
         return {self.held: 0.0}
 
@@ -162,7 +164,8 @@ class PointLatch(AbstractLatch):
 class Gripper(AbstractLatch):
     """Holds frame_b as it stands against frame_a at the instant at which it closes, while `held` is 1.
 
-    It remembers where that was: `position` (3, 1) [m] and the entries of a rotation matrix. Whether the two are close to one another is not asked: let `closes` say so.
+    It remembers where that was: `place` [m], and the entries of a rotation matrix in `turned`. Whether the two are close to one another is not
+    asked: let `closes` say so.
 
         scene.hand = Gripper(closes=ac.time - 1.0, opens=ac.time - 2.0)
     """
@@ -185,7 +188,7 @@ class Gripper(AbstractLatch):
         turned, half = _turned(symbolic(X.rotation) @ before.T)
         return ca.vertcat(symbolic(X.position) - ca.vertcat(*(entry.sx for entry in self.place)), turned), half
 
-    def closing(self) -> dict[Discrete, Scalar]:
+    def closing(self) -> dict[Expression | str, Scalar]:
         place, turned = self._now()
         return {self.held: 1.0, **dict(zip((*self.place, *self.turned), (*place, *turned), strict=True))}
 

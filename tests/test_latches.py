@@ -7,11 +7,10 @@ import pytest
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
-from acausal.errors import ModelError
+from acausal.errors import ModelError, OptionError
 from acausal.parts.rotations import rotation_about
 from components import (
     Gripper,
-    Hard,
     Latch,
     Particle,
     PointLatch,
@@ -40,7 +39,9 @@ def boxes(first: float, second: float, opens: float, size: float = 1.0) -> tuple
 def test_bodies_that_dock_keep_their_momentum(first: float, second: float, size: float) -> None:
     scene, model = boxes(first, second, 1.5, size)
     a, b, v = scene.a.frame, scene.b.frame, 1.0 * size
-    run = model.simulate(2.0, {a.position: (-size, 0, 0), a.velocity: (v, 0, 0), b.position: (0, 0, 0)}, rtol=1e-10, compiled=False)
+    run = model.simulate(
+        2.0, {a.position: (-size, 0, 0), a.velocity: (v, 0, 0), b.position: (0, 0, 0)}, rtol=1e-10, compiled=False
+    )
     docked, released = run.transitions
     assert docked.time == pytest.approx(0.9, rel=1e-13)
     assert released.time == pytest.approx(1.5, rel=1e-13)
@@ -52,7 +53,9 @@ def test_bodies_that_dock_keep_their_momentum(first: float, second: float, size:
     assert docked.energy_lost == pytest.approx(lost, rel=1e-12)
     assert docked.changes[0].part == "dock"
     assert (docked.changes[0].old, docked.changes[0].new) == ("free", "held")
-    assert docked.changes[0].impulse == pytest.approx([first * second / (first + second) * v, 0, 0, 0, 0, 0], rel=1e-12, abs=1e-14 * first * v)
+    assert docked.changes[0].impulse == pytest.approx(
+        [first * second / (first + second) * v, 0, 0, 0, 0, 0], rel=1e-12, abs=1e-14 * first * v
+    )
     assert released.energy_lost == 0.0
     assert run.energy_error() < 1e-12
 
@@ -67,7 +70,9 @@ def test_bodies_that_dock_off_their_centres_turn_together() -> None:
     scene.connect(scene.rod.at((L / 2, 0.0, 0.0)), scene.hook.frame_a)
     scene.connect(scene.hook.frame_b, scene.ball.point)
     ball, rod = scene.ball.point, scene.rod.frame
-    run = ac.build(scene).simulate(1.0, {ball.position: (L / 2, 0, -1), ball.velocity: (0, 0, v), rod.position: (0, 0, 0)}, rtol=1e-11, compiled=False)
+    run = ac.build(scene).simulate(
+        1.0, {ball.position: (L / 2, 0, -1), ball.velocity: (0, 0, v), rod.position: (0, 0, 0)}, rtol=1e-11, compiled=False
+    )
     after = run.transitions[0].after
     centre, c = m * v / (m + M), m / (m + M) * L / 2
     inertia = M * L**2 / 12 + M * c**2 + m * (L / 2 - c) ** 2
@@ -81,11 +86,11 @@ def test_bodies_that_dock_off_their_centres_turn_together() -> None:
     assert np.abs(ends - run[ball.position])[t].max() < 1e-12
 
 
-def arm(l: float, m: float) -> ac.System:
+def arm(length: float, m: float) -> ac.System:
     """A pendulum with a point mass at its end."""
     scene = ac.System()
     scene.world, scene.hinge = World(), Revolute(axis="y")
-    scene.rod = RigidBody(mass=m, centre_of_mass=(0.0, 0.0, -l), inertia=(1e-6, 1e-6, 1e-6))
+    scene.rod = RigidBody(mass=m, centre_of_mass=(0.0, 0.0, -length), inertia=(1e-6, 1e-6, 1e-6))
     scene.connect(scene.world.frame, scene.hinge.frame_a)
     scene.connect(scene.hinge.frame_b, scene.rod.frame)
     return scene
@@ -95,12 +100,14 @@ def arm(l: float, m: float) -> ac.System:
 @pytest.mark.parametrize("kind", [PointLatch, Latch])
 def test_pendulum_is_caught_at_a_wall_and_falls_again(angle: float, kind: type[PointLatch] | type[Latch]) -> None:
     # one freedom only, whatever many rows hold it; also where some of them do not move it
-    l, m = 0.8, 1.3
-    scene = arm(l, m)
+    length, m = 0.8, 1.3
+    scene = arm(length, m)
     scene.catch = kind(closes=scene.hinge.q - angle, opens=ac.time - 3.0)
-    wall = scene.world.at((-l * np.sin(angle), 0.0, -l * np.cos(angle)), rotation_about(np.array([0.0, 1.0, 0.0]), angle))
+    wall = scene.world.at(
+        (-length * np.sin(angle), 0.0, -length * np.cos(angle)), rotation_about(np.array([0.0, 1.0, 0.0]), angle)
+    )
     scene.connect(wall, scene.catch.frame_a)
-    scene.connect(scene.catch.frame_b, scene.rod.at((0.0, 0.0, -l)))
+    scene.connect(scene.catch.frame_b, scene.rod.at((0.0, 0.0, -length)))
     model = ac.build(scene)
     run = model.simulate(3.2, {scene.hinge.q: -0.3, scene.hinge.v: 9.0}, rtol=1e-11, compiled=False)
     caught = run.transitions[0]
@@ -109,34 +116,36 @@ def test_pendulum_is_caught_at_a_wall_and_falls_again(angle: float, kind: type[P
     held = (run.t > caught.time) & (run.t < 3.0)
     assert np.abs(run[scene.hinge.q][held] - angle).max(initial=0.0) < 1e-13
     before = caught.before[scene.hinge.v]
-    assert caught.energy_lost == pytest.approx((m * l**2 + 1e-6) * before**2 / 2, rel=1e-11)
-    alone = arm(l, m)
+    assert caught.energy_lost == pytest.approx((m * length**2 + 1e-6) * before**2 / 2, rel=1e-11)
+    alone = arm(length, m)
     rest = ac.build(alone).simulate(0.2, {alone.hinge.q: angle}, rtol=1e-11, compiled=False)
     assert run[scene.hinge.q][-1] == pytest.approx(rest[alone.hinge.q][-1], abs=1e-9)
     assert run.energy_error() < 1e-9
 
 
 def test_ball_that_an_arm_lets_go_flies_a_parabola() -> None:
-    l, w, angle = 0.9, 7.0, 0.6
+    length, w, angle = 0.9, 7.0, 0.6
     scene = ac.System()
     scene.world, scene.hinge, scene.ball = World(gravity=(0.0, 0.0, -9.81)), Revolute(axis="y"), Particle(0.2)
     scene.rod = RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
     scene.connect(scene.world.frame, scene.hinge.frame_a)
     scene.connect(scene.hinge.frame_b, scene.rod.frame)
     scene.hand = PointLatch(held=True, opens=scene.hinge.q - angle)
-    scene.connect(scene.rod.at((l, 0.0, 0.0)), scene.hand.frame_a)
+    scene.connect(scene.rod.at((length, 0.0, 0.0)), scene.hand.frame_a)
     scene.connect(scene.hand.frame_b, scene.ball.point)
     ball = scene.ball.point
-    start = {scene.hinge.q: 0.0, scene.hinge.v: w, ball.position: (l, 0, 0), ball.velocity: (0, 0, -l * w)}
+    start = {scene.hinge.q: 0.0, scene.hinge.v: w, ball.position: (length, 0, 0), ball.velocity: (0, 0, -length * w)}
     run = ac.build(scene).simulate(0.8, start, rtol=1e-12, compiled=False)
     thrown = run.transitions[-1]
-    at = np.array([l * np.cos(angle), 0.0, -l * np.sin(angle)])
+    at = np.array([length * np.cos(angle), 0.0, -length * np.sin(angle)])
     speed = thrown.before[scene.hinge.v]
     direction = np.array([-np.sin(angle), 0.0, -np.cos(angle)])
     assert thrown.after[ball.position] == pytest.approx(at, abs=1e-12)
-    assert thrown.after[ball.velocity] == pytest.approx(l * speed * direction, abs=1e-11)
+    assert thrown.after[ball.velocity] == pytest.approx(length * speed * direction, abs=1e-11)
     t = run.t[-1] - thrown.time
-    assert run[ball.position][-1] == pytest.approx(at + l * speed * direction * t + np.array([0, 0, -9.81 / 2]) * t**2, abs=1e-11)
+    assert run[ball.position][-1] == pytest.approx(
+        at + length * speed * direction * t + np.array([0, 0, -9.81 / 2]) * t**2, abs=1e-11
+    )
     assert run[scene.hinge.v][-1] == pytest.approx(speed, rel=1e-12)
     assert run.energy_error() < 1e-10
 
@@ -145,7 +154,11 @@ def carriage(gripper: Gripper) -> ac.System:
     """A cart on a rail with a gripper, and a box on a floor."""
     scene = ac.System()
     scene.world, scene.slide = World(), Prismatic(axis="x")
-    scene.cart, scene.box, scene.hand = RigidBody.box(mass=2.0, size=(0.2, 0.2, 0.2)), RigidBody.box(mass=0.5, size=(0.1, 0.1, 0.1)), gripper
+    scene.cart, scene.box, scene.hand = (
+        RigidBody.box(mass=2.0, size=(0.2, 0.2, 0.2)),
+        RigidBody.box(mass=0.5, size=(0.1, 0.1, 0.1)),
+        gripper,
+    )
     scene.connect(scene.world.frame, scene.slide.frame_a)
     scene.connect(scene.slide.frame_b, scene.cart.frame)
     scene.connect(scene.cart.frame, scene.hand.frame_a)
@@ -188,7 +201,13 @@ def test_what_is_caught_while_it_stands_on_a_floor_stays_above_it() -> None:
     scene.connect(scene.box.frame, scene.hook.frame_a)
     scene.connect(scene.hook.frame_b, scene.low.point)
     low, box = scene.low.point, scene.box.frame
-    run = ac.build(scene).simulate(1.0, {low.position: (0, 0, 0), box.position: (0, 0, h), box.velocity: (0.4, 0, 0)}, rtol=1e-11, compiled=False, raise_on_failure=False)
+    run = ac.build(scene).simulate(
+        1.0,
+        {low.position: (0, 0, 0), box.position: (0, 0, h), box.velocity: (0.4, 0, 0)},
+        rtol=1e-11,
+        compiled=False,
+        raise_on_failure=False,
+    )
     assert run.status.kind is StatusKind.CANNOT_SET
     start = {low.position: (0, 0, 0), box.position: (0, 0, h), low.velocity: (0.4, 0, 0), box.velocity: (0.4, 0, 0)}
     run = ac.build(scene).simulate(1.0, start, rtol=1e-11, compiled=False)
@@ -247,3 +266,41 @@ def test_frames_that_cannot_move_against_each_other_are_refused() -> None:
     scene.connect(scene.latch.frame_b, scene.box.at((0.1, 0.0, 0.0)))
     with pytest.raises(ModelError, match="does not move"):
         ac.build(scene)
+
+
+def test_derivatives_through_what_is_fastened_are_refused() -> None:
+    scene, model = boxes(1.0, 2.0, 1.5)
+    a, b = scene.a.frame, scene.b.frame
+    with pytest.raises(OptionError, match="dock"):
+        model.sensitivities([0.0, 1.0], [a.velocity], {a.position: (-1, 0, 0), a.velocity: (1, 0, 0), b.position: (0, 0, 0)})
+    with pytest.raises(OptionError, match="minimal"):
+        model.minimal()
+
+
+def test_what_is_held_at_the_start_loses_what_is_not_allowed() -> None:
+    scene = arm(0.8, 1.3)
+    scene.catch = PointLatch(held=True, opens=ac.time - 0.1)
+    scene.connect(scene.world.at((0.0, 0.0, -0.8)), scene.catch.frame_a)
+    scene.connect(scene.catch.frame_b, scene.rod.at((0.0, 0.0, -0.8)))
+    model = ac.build(scene)
+    run = model.simulate(0.2, {scene.hinge.v: 2.0}, rtol=1e-11, compiled=False)
+    assert run.transitions[0].time == 0.0
+    assert run.transitions[0].energy_lost == pytest.approx((1.3 * 0.8**2 + 1e-6) * 2.0, rel=1e-12)
+    assert np.abs(run[scene.hinge.q]).max() < 1e-13
+    assert run.energy_error() < 1e-12
+    run = model.simulate(0.2, {scene.hinge.q: 0.1}, compiled=False, raise_on_failure=False)
+    assert run.status.kind is StatusKind.CANNOT_SET
+    assert "catch" in run.status.message
+
+
+def test_arm_that_is_held_where_it_hinges_stands_still() -> None:
+    # its place there does not move; the rotation does
+    scene = arm(0.8, 1.3)
+    scene.stop = Latch(closes=scene.hinge.q - 0.5, opens=ac.time - 3.0)
+    scene.connect(scene.world.at((0.0, 0.0, 0.0), rotation_about(np.array([0.0, 1.0, 0.0]), 0.5)), scene.stop.frame_a)
+    scene.connect(scene.stop.frame_b, scene.rod.frame)
+    run = ac.build(scene).simulate(2.0, {scene.hinge.v: 4.0}, rtol=1e-11, compiled=False)
+    assert run[scene.hinge.q][-1] == pytest.approx(0.5, abs=1e-13)
+    assert run[scene.stop.torque].reshape(-1, 3)[-1] == pytest.approx([0, 1.3 * 9.81 * 0.8 * np.sin(0.5), 0], rel=1e-9, abs=1e-9)
+    assert run[scene.stop.force].reshape(-1, 3)[-1] == pytest.approx([0, 0, 0], abs=1e-9)
+    assert run.energy_error() < 1e-10

@@ -126,7 +126,8 @@ def inverse_dynamics(
     unknowns: Sequence[Unknown],
 ) -> InverseDynamics:
     """At times t (m,), with a model's `own` states, by functions of all coordinates of the tree; see `Model.inverse_dynamics`."""
-    refuse_modes(functions.outputs.system.mechanics.modes, "inverse_dynamics")
+    mechanics = functions.outputs.system.mechanics
+    refuse_modes((*mechanics.modes, *mechanics.locks), "inverse_dynamics")
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
     wanted = courses(functions, motions, t, at.p)
@@ -155,7 +156,8 @@ def inverse_dynamics_function(
     own: Functions, functions: Functions, variables: Sequence[Expression], unknowns: Sequence[Unknown]
 ) -> ca.Function:
     """Of the states of `own` functions, by those of all coordinates of the tree; see `Model.inverse_dynamics_function`."""
-    refuse_modes(functions.outputs.system.mechanics.modes, "inverse_dynamics_function")
+    mechanics = functions.outputs.system.mechanics
+    refuse_modes((*mechanics.modes, *mechanics.locks), "inverse_dynamics_function")
     inputs = functions.outputs.system.flat.inputs
     actuation = actuated(functions, unknowns)
     outputs = actuation.functions.outputs

@@ -112,9 +112,13 @@ class Lock:
                 f"Lock's reactions are {self.reactions!r} ({origin()}). Keep some as attributes of the part: self.pull = ac.Reaction('N')."
             )
         if not isinstance(self.gap, Expression) or self.gap.sx.numel() != len(self.reactions):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ModelError(f"Lock's gap is {self.gap!r} ({origin()}). Give a column with as many entries as there are reactions.")
+            raise ModelError(
+                f"Lock's gap is {self.gap!r} ({origin()}). Give a column with as many entries as there are reactions."
+            )
         if not isinstance(self.held, Expression) or not self.held.sx.is_scalar():  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ModelError(f"Lock's held is {self.held!r} ({origin()}). Give an ac.Discrete of the part, 1 where it holds, else 0.")
+            raise ModelError(
+                f"Lock's held is {self.held!r} ({origin()}). Give an ac.Discrete of the part, 1 where it holds, else 0."
+            )
 
 
 ModeLaw = OneSided | DryFriction | OneWay | Lock | when

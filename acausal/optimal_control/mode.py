@@ -15,6 +15,7 @@ from acausal.language.component import Component, System
 from acausal.language.expression import Input, Mode, Reaction
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
+from acausal.reduce.modes import refuse_modes
 from acausal.simulate.transitions import Law, laws_of
 from acausal.wording import compact
 
@@ -135,6 +136,7 @@ class PhaseMode:
 def phase_mode(functions: Functions, said: Mapping[Any, str]) -> PhaseMode:
     """As users say it: {part: word}; parts that are not named are open. Raises `OptionError`."""
     system = functions.outputs.system
+    refuse_modes(system.mechanics.locks, "OptimalControl")
     if system.modes is None or system.unmasked is None:
         if said:
             raise OptionError("OptimalControl: modes are given, but no part of the scene opens, sticks or slides.")

@@ -66,7 +66,10 @@ def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:
     if ca.depends_on(ca.veccat(W, J), reactions):
         raise ModelError(f"Rates are not linear in the reactions of {rows[0].part.where}. Let forces be proportional to them.")
     free = ca.densify(ca.substitute(acceleration, reactions, ca.SX.zeros(reactions.numel())))
-    M, D = _held(W, k), _damping(rows, W, k, motion)
+    groups = _moving(rows, W, motion)
+    moving = [i for same in groups for i in same]
+    k = ca.vertcat(*(entry if i in moving else ca.SX(0) for i, entry in enumerate(ca.vertsplit(k))))
+    M, D = _held(W, k), _damping(groups, W, k)
     found = _solved(M, D, -k * free)
     closed, speeds = k * gaps, k * rate
     pushes = _solved(M, D, ca.horzcat(-closed, -speeds))
@@ -91,7 +94,9 @@ def _where(held: ca.SX, values: ca.SX) -> ca.SX:
 
 def _check_given(rows: Sequence[LockRows]) -> None:
     for row in rows:
-        given = [s for s in (declared(symbol) for symbol in ca.symvar(row.gap)) if isinstance(s, Input) and not isinstance(s, Discrete)]
+        given = [
+            s for s in (declared(symbol) for symbol in ca.symvar(row.gap)) if isinstance(s, Input) and not isinstance(s, Discrete)
+        ]
         if given:
             raise ModelError(
                 f"What {row.part.where} holds is given by an input, {given[0].name}. Hold what is at rest, or moves by its own inertia."
@@ -103,21 +108,40 @@ def _held(W: ca.SX, k: ca.SX) -> ca.SX:
     return k * W * ca.repmat(k.T, k.numel(), 1) + ca.diag(1 - k)
 
 
-def _damping(rows: Sequence[LockRows], W: ca.SX, k: ca.SX, motion: Motion) -> ca.SX:
-    """(n, 1): the same for all rows of a lock that have one unit, so that it does not depend on the axes. Raises `ModelError` where none of these moves."""
-    found = ca.SX.zeros(k.numel())
+def _moving(rows: Sequence[LockRows], W: ca.SX, motion: Motion) -> list[list[int]]:
+    """Rows that are damped by the same: those of a lock that have one unit, so that it does not depend on the axes; without those that nothing moves, as the
+    position of an arm that is held on its axis. Raises `ModelError` where nothing moves any row of a lock."""
+    found: list[list[int]] = []
     first = 0
     for row in rows:
         own = list(range(first, first + len(row.reactions)))
         first += len(own)
+        groups: list[list[int]] = []
         for unit in dict.fromkeys(reaction.unit for reaction in row.reactions):
             same = [i for i, reaction in zip(own, row.reactions, strict=True) if reaction.unit == unit]
-            mean = sum((W[i, i] for i in same), ca.SX(0)) / len(same)
+            mean = _mean(W, same)
             places = motion.at_places(_drawn(ca.vertcat(mean, rounded(mean))))
-            if places and not any(place[0, 0] > _NEVER * place[1, 0] for place in places):
-                raise ModelError(f"{row.part.where} holds what does not move: its frames are on one body, or on two that are at rest.")
-            for i in same:
-                found[i] = _DAMPING * k[i] * mean
+            if not places or any(place[0, 0] > _NEVER * place[1, 0] for place in places):
+                groups.append(same)
+        if not groups:
+            raise ModelError(
+                f"{row.part.where} holds what does not move: its frames are on one body, or on two that are at rest."
+            )
+        found += groups
+    return found
+
+
+def _mean(W: ca.SX, rows: Sequence[int]) -> ca.SX:
+    return sum((W[i, i] for i in rows), ca.SX(0)) / len(rows)
+
+
+def _damping(groups: Sequence[Sequence[int]], W: ca.SX, k: ca.SX) -> ca.SX:
+    """(n, 1)."""
+    found = ca.SX.zeros(k.numel())
+    for same in groups:
+        mean = _mean(W, same)
+        for i in same:
+            found[i] = k[i] * (_DAMPING * mean + ca.SX(mean <= 0))
     return found
 
 

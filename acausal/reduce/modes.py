@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.mode_rows import ModeRow, Size
+from acausal.dynamics.mode_rows import LockRows, ModeRow, Size
 from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
 from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
@@ -79,11 +79,11 @@ class Modes:
         return ca.vertcat(ca.SX(0, 1), *(row.gated(row.gap, 1) for row in self.rows if row.one_sided))
 
 
-def refuse_modes(rows: Sequence[ModeRow], what: str) -> None:
+def refuse_modes(rows: Sequence[ModeRow | LockRows], what: str) -> None:
     """Raises `OptionError` where there are any, since `what` is not known to do with them yet."""
     if rows:
         raise OptionError(
-            f"{what} does not go with parts that open, slip or strike yet: {compact(dict.fromkeys(row.part.path for row in rows), 4)}."
+            f"{what} does not go with parts that open, slip, strike or are let go yet: {compact(dict.fromkeys(row.part.path for row in rows), 4)}."
         )
 
 

@@ -116,9 +116,7 @@ _OF_SETS = {
 }
 
 
-_APART = (
-    "{0} is to hold what does not meet there: by {1}. Close it where its frames meet, give rtol such as they meet to, or hold them as they stand, by a Gripper."
-)
+_APART = "{0} is to hold what does not meet there: by {1}. Close it where its frames meet, give rtol such as they meet to, or hold them as they stand, by a Gripper."
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from acausal.errors import AssemblyError, OptionError, ParameterError, Simulatio
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.functions import Functions
+from acausal.reduce.modes import refuse_modes
 from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
 from acausal.start.situation import Situation
@@ -75,7 +76,8 @@ class Sensitivities:
 def sensitivities(
     functions: Functions, problem: Problem, at: Situation, t: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy
 ) -> Sensitivities:
-    """Derivatives of a motion at times t (m,) from start values; see `Model.sensitivities`."""
+    """Derivatives of a motion at times t (m,) from start values; see `Model.sensitivities`. Raises `OptionError` for what is imposed and released."""
+    refuse_modes(functions.outputs.system.mechanics.locks, "sensitivities")
     what = _columns(functions, wrt, at.start)
     space, p, t0 = functions.space, at.p, at.t0
     x0, directions = initial_derivatives(

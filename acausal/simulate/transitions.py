@@ -286,7 +286,7 @@ class Transitions(Sequence[Transition]):
         if system.locks is None:
             return [], set()
         some, changes, holding = np.array([k]), list[Change](), set[int]()
-        x, u = self.beside(some, 0)
+        x, _ = self.beside(some, 0)
         sides = [self.run.given(self.times[some], x, self._inputs(after, some)) for after in range(2)]
         impulses, rates = (np.ravel(sides[1][column]) for column in (system.locks.impulses, system.locks.held_speeds))
         first = 0
