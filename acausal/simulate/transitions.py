@@ -30,6 +30,7 @@ _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
 _FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
 _ONE_SIDED = ("open", "closed")
 _LOCK = ("free", "held")
+_IMPULSES = {"N": "N*s", "N*m": "N*m*s"}
 
 
 class Run(Protocol):
@@ -214,7 +215,7 @@ class Transitions(Sequence[Transition]):
     def _taken(self) -> dict[int, float]:
         """By number of the transition, where something is set: what the scene has less after it [J]."""
         held = self.run.outputs.system.locks is not None
-        some = np.flatnonzero([bool(own) for own in self.targets] | (self.jumped & held))
+        some = np.flatnonzero(np.array([bool(own) for own in self.targets], dtype=bool) | (self.jumped & held))
         if not some.size:
             return {}
         before, after = (self.run.given(self.times[some], *self.beside(some, k)).energy for k in range(2))
@@ -266,7 +267,7 @@ class Transitions(Sequence[Transition]):
             old, new, impulse = self.old[i, k], self.new[i, k], self.impulses[k, law.reactions]
             if old == new and not np.abs(impulse).max() > _NOTHING * sizes[law.row.reaction.unit]:
                 continue
-            unit = {"N": "N*s", "N*m": "N*m*s"}.get(law.row.reaction.unit, f"{law.row.reaction.unit}*s")
+            unit = _IMPULSES.get(law.row.reaction.unit, f"{law.row.reaction.unit}*s")
             lost = float(self._losses[0][k, law.reactions].sum())
             struck = float(impulse[0]) if impulse.size == 1 else impulse.copy()
             changes.append(Change(law.name, law.words[old], law.words[new], struck, unit, lost))
@@ -297,9 +298,14 @@ class Transitions(Sequence[Transition]):
             if old == new:
                 continue
             holding |= {x.shape[0] + i for i, d in enumerate(system.flat.discretes) if ca.depends_on(row.held, d.sx)}
-            impulse = impulses[own] if new else np.zeros(len(row.reactions))
-            lost = -float(impulses[own] @ rates[own]) / 2 if new else 0.0
-            changes.append(Change(row.part.path, _LOCK[old], _LOCK[new], impulse, "N*s", lost))
+            units = [reaction.unit for reaction in row.reactions]
+            for unit in dict.fromkeys(units):
+                same = [own.start + i for i, entry in enumerate(units) if entry == unit]
+                impulse = new * impulses[same]
+                lost = -float(impulse @ rates[same]) / 2
+                if not np.any(impulse) and unit != units[0]:
+                    continue
+                changes.append(Change(row.part.path, _LOCK[old], _LOCK[new], impulse, _IMPULSES.get(unit, f"{unit}*s"), lost))
         return changes, holding
 
     def _value(self, target: int, k: int, after: int) -> float:
