@@ -67,7 +67,7 @@ def test_masks_are_no_inputs_of_a_user() -> None:
     model = ac.build(scene)
     assert "0 inputs, 0 parameters, 1 part with modes" in str(model)
     assert "ground                   one-sided, dry friction" in model.report()
-    refused = "does not go with parts that open, slip or strike yet: ground"
+    refused = "does not go with parts that open, slip, strike or are let go yet: ground"
     with pytest.raises(OptionError, match=f"inverse_dynamics {refused}"):
         model.inverse_dynamics([0.0, 1.0], {scene.x.q: 0.0}, [scene.x])
 

@@ -60,8 +60,9 @@ SIGNED = {"TranslationalSpring.natural_length", "RackAndPinion.radius"}
 """A rod that pushes and pulls may be shorter than nothing; a rack may lie on the other side."""
 PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.factor", "PID.proportional", "PID.integral",
          "PID.derivative", "Table.points", "Table.values", "Freewheel.gate", "Thyristor.gate",
-         *(f"{part}.{name}" for part in ("Relay", "Thermostat", "Limiter") for name in ("lower", "upper", "off", "on", "power", "start"))}  # fmt: skip
-"""What signals carry has any unit."""
+         *(f"{part}.{name}" for part in ("Relay", "Thermostat", "Limiter") for name in ("lower", "upper", "off", "on", "power", "start")),
+         *(f"{part}.{name}" for part in ("Latch", "PointLatch", "Gripper") for name in ("closes", "opens"))}  # fmt: skip
+"""What signals carry has any unit, and what tells by its sign."""
 DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns", "side"}
 
 
