@@ -16,7 +16,7 @@ from acausal.language.expression import Expression, Magnitude, Reaction, Scalar,
 from acausal.language.mode_laws import DryFriction, ModeLaw
 from acausal.language.origin import origin
 from acausal.parts.contact import read
-from acausal.parts.force import AbstractForce, Action
+from acausal.parts.force import AbstractReactiveForce, Action, at_ends
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
@@ -27,7 +27,7 @@ from components.joints.revolute import Revolute
 from components.joints.screw import Screw
 
 
-class AbstractBorneFriction(AbstractForce, ABC):
+class AbstractBorneFriction(AbstractReactiveForce, ABC):
     """Dry friction at a joint, which it acts beside, limited by what that bears. Must provide `rubs` and `presses`, and call `_beside`.
 
     `drag`: reactions with which frame_b is driven forward against frame_a, one for each column of `rubs`.
@@ -75,23 +75,8 @@ class AbstractBorneFriction(AbstractForce, ABC):
 
     @final
     def actions(self, placement: Placement) -> tuple[Action, ...]:
-        X = placement.relative_pose(self.frame_a, self.frame_b)
-        R, p = symbolic(X.rotation), symbolic(X.position)
         wrench = self.rubs(self.q.sx)[1] @ ca.vertcat(*(drag.sx for drag in self.drag))
-        torque, force = wrench[:3], wrench[3:]
-        return (Action(self.frame_a, -force, -torque - ca.cross(p, force)), Action(self.frame_b, R.T @ force, R.T @ torque))
-
-    @final
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    @final
-    def power_loss(self, placement: Placement) -> ca.SX:
-        given = ca.SX(0)
-        for action in self.actions(placement):
-            given += ca.dot(action.force, placement.velocity(action.connector))
-            given += ca.dot(action.torque, placement.angular_velocity(action.connector))
-        return -given
+        return at_ends(placement, self.frame_a, self.frame_b, wrench[3:], wrench[:3])
 
 
 @final

@@ -10,19 +10,19 @@ import casadi as ca
 
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Discrete, Expression, Reaction, Scalar
+from acausal.language.expression import Discrete, Expression, Reaction, Scalar, flag
 from acausal.language.mode_laws import Lock, ModeLaw
 from acausal.language.origin import origin
 from acausal.language.when import when
 from acausal.parts.contact import read
-from acausal.parts.force import AbstractForce, Action
+from acausal.parts.force import AbstractReactiveForce, Action, at_ends
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, symbolic, vee
 
 _LOOSE = "It fastens two bodies to one another: connect both of its frames."
 
 
-class AbstractLatch(AbstractForce, ABC):
+class AbstractLatch(AbstractReactiveForce, ABC):
     """Holds frame_b at frame_a while `held` is 1, and does nothing while that is 0. Must call `_make`, and provide `gap` and `ends`.
 
     It is fastened where `closes` rises through zero, let go where `opens` does, or by events of one's own: `ac.when(..., set=latch.closing())` and
@@ -36,15 +36,13 @@ class AbstractLatch(AbstractForce, ABC):
 
     def _make(self, closes: Expression | None, opens: Expression | None, held: bool, turns: bool) -> None:
         name = type(self).__name__
-        if not isinstance(held, bool):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ParameterError(f"{name}'s held is {held!r} ({origin()}). Give True where it holds at the start, else False.")
         for what, given in (("closes", closes), ("opens", opens)):
             if not (given is None or isinstance(given, Expression)):  # pyright: ignore[reportUnnecessaryIsInstance]
                 raise ParameterError(
                     f"{name}'s {what} is {given!r} ({origin()}). Give an expression, which rises through zero where it does."
                 )
         self.closes, self.opens = closes, opens
-        self.held = Discrete("", "1 while it holds", start=float(held))
+        self.held = Discrete("", "1 while it holds", start=float(flag(held, f"{name}'s held")))
         self._force = tuple(Reaction("N", "force on frame_b") for _ in range(3))
         self._torque = () if turns else tuple(Reaction("N*m", "torque on frame_b") for _ in range(3))
 
@@ -85,23 +83,7 @@ class AbstractLatch(AbstractForce, ABC):
 
     @final
     def actions(self, placement: Placement) -> tuple[Action, ...]:
-        a, b = self.ends()
-        X = placement.relative_pose(a, b)
-        R, p = symbolic(X.rotation), symbolic(X.position)
-        force, torque = self.force.sx, self.torque.sx
-        return (Action(a, -force, -ca.cross(p, force) - torque), Action(b, R.T @ force, R.T @ torque))
-
-    @final
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    @final
-    def power_loss(self, placement: Placement) -> ca.SX:
-        given = ca.SX(0)
-        for action in self.actions(placement):
-            given += ca.dot(action.force, placement.velocity(action.connector))
-            given += ca.dot(action.torque, placement.angular_velocity(action.connector))
-        return -given
+        return at_ends(placement, *self.ends(), self.force.sx, self.torque.sx)
 
 
 def _seen(a: Frame, b: Frame) -> Pose:

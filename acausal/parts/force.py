@@ -61,6 +61,29 @@ class AbstractForce(Component, ABC):
         return ()
 
 
+class AbstractReactiveForce(AbstractForce, ABC):
+    """Acts by reactions, which laws of the part hold: it stores nothing, and loses what its actions take. Must provide `actions`, and `laws`."""
+
+    @final
+    def potential_energy(self, placement: Placement) -> ca.SX:
+        return ca.SX(0)
+
+    @final
+    def power_loss(self, placement: Placement) -> ca.SX:
+        given = ca.SX(0)
+        for action in self.actions(placement):
+            given += ca.dot(action.force, placement.velocity(action.connector))
+            given += ca.dot(action.torque, placement.angular_velocity(action.connector))
+        return -given
+
+
+def at_ends(placement: Placement, a: Point, b: Point, force: ca.SX, torque: ca.SX) -> tuple[Action, ...]:
+    """What drives b by a force [N] and a torque [N*m] about its origin, (3, 1) each in the axes of a, and a against it."""
+    X = placement.relative_pose(a, b)
+    R, p = symbolic(X.rotation), symbolic(X.position)
+    return (Action(a, -force, -ca.cross(p, force) - torque), Action(b, R.T @ force, R.T @ torque))
+
+
 class AbstractLineForce(AbstractForce, ABC):
     """Acts along the line between two points. Must provide `tension` and `potential`.
 

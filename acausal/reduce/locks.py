@@ -15,7 +15,7 @@ import numpy as np
 from acausal.dynamics.mode_rows import LockRows
 from acausal.errors import ModelError
 from acausal.language.expression import Discrete, Input, Reaction, declared
-from acausal.numerics.elimination import eliminated
+from acausal.numerics.elimination import undamped
 from acausal.numerics.terms import rounded
 from acausal.reduce.modes import Motion, positions_in
 
@@ -69,10 +69,10 @@ def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:
     groups = _moving(rows, W, motion)
     moving = [i for same in groups for i in same]
     k = ca.vertcat(*(entry if i in moving else ca.SX(0) for i, entry in enumerate(ca.vertsplit(k))))
-    M, D = _held(W, k), _damping(groups, W, k)
-    found = _solved(M, D, -k * free)
+    M, damping = _held(W, k), _damping(groups, W, k)
+    found = undamped(M, damping, -k * free, _REFINEMENTS)
     closed, speeds = k * gaps, k * rate
-    pushes = _solved(M, D, ca.horzcat(-closed, -speeds))
+    pushes = undamped(M, damping, ca.horzcat(-closed, -speeds), _REFINEMENTS)
     places, along = positions_in(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
     moved = ca.SX.zeros(motion.x.numel())
     if places:
@@ -149,15 +149,3 @@ def _drawn(values: ca.SX) -> ca.SX:
     """With numbers for what is remembered, which is set only when something is held."""
     free = ca.vertcat(ca.SX(0, 1), *(s for s in ca.symvar(values) if isinstance(declared(s), Discrete)))
     return ca.substitute(values, free, ca.DM(np.random.default_rng(3).uniform(0.5, 1.5, free.numel())))
-
-
-def _solved(M: ca.SX, damping: ca.SX, right: ca.SX) -> ca.SX:
-    """M^-1 right; where M has no inverse, of least norm."""
-    D = ca.diag(damping)
-    found = ca.SX.zeros(right.shape)
-    for _ in range(1 + _REFINEMENTS):
-        found = found + eliminated(M + D, right - M @ found)
-    alone = found  # rounding along what M does not see, which each division by the damping makes larger
-    for _ in range(2):
-        alone = eliminated(M + D, D @ alone)
-    return found - alone

@@ -19,7 +19,7 @@ from acausal.dynamics.mode_rows import LockRows, ModeRow, Size
 from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
 from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
-from acausal.numerics.elimination import eliminated
+from acausal.numerics.elimination import eliminated, undamped
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import ROUNDING
 from acausal.reduce.magnitudes import Magnitudes
@@ -431,15 +431,7 @@ class _Masked:
         held = ca.vertcat(
             *(holds * entry for holds, entry in zip(self.holds, ca.vertsplit(ca.diag(self.compliance)), strict=True))
         )
-        damping = self.damping * ca.diag(held)
-        found = ca.SX.zeros(right.shape)
-        for _ in range(1 + _REFINEMENTS):
-            found = found + eliminated(M + damping, right - M @ found)
-        # rounding along what M does not see is divided by the damping each time: taken out, since the answer has nothing there
-        alone = found
-        for _ in range(2):
-            alone = eliminated(M + damping, damping @ alone)
-        return found - alone
+        return undamped(M, self.damping * held, right, _REFINEMENTS)
 
     def guards(self, found: ca.SX, rate: ca.SX, sizes: ca.SX) -> ca.SX:
         """Of laws, see `Modes`."""

@@ -11,7 +11,7 @@
 #define UNDAMPED 60    /* answers about the last one, at most */
 #define SWEEPS 16      /* of Gauss and Seidel at first; doubled so many times */
 #define DOUBLINGS 8
-#define ROUGHLY 2
+#define ROUGHLY 2      /* an answer that has not settled */
 #define NEWTON 60      /* iterations */
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
@@ -196,16 +196,14 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
         if (law == MAY_HOLD || law == MAY_SLIDE) {
             far = hypot(y[0], y[1]);
             if (!(w > 0) && f >= 0) { /* a joint whose slip turns round while all goes on: nothing that it does stops that */
-                y[0] = -p->rate[first], y[1] = size > 1 ? -p->rate[first + 1] : 0;
+                for (long k = 0; k < size; k++) y[k] = -p->rate[first + k];
                 far = hypot(y[0], y[1]) > 0 ? INFINITY : 0;
-                for (long k = 0; k < size && far > 0; k++) y[k] = y[k] / hypot(p->rate[first], size > 1 ? p->rate[first + 1] : 0);
             }
             law = f < 0 ? (y[0] > floor_of(p, first) ? HOLDS : OPENS) : !(limit > 0) ? OFF : far <= limit ? HOLDS : STARTS;
         }
         p->law[D->gaps + f] = law;
         if (law == AGAINST) e[0] = -p->along[2 * f], e[1] = size > 1 ? -p->along[2 * f + 1] : 0;
-        if (law == STARTS && w > 0) e[0] = y[0] / far, e[1] = y[1] / far;
-        else if (law == STARTS) e[0] = y[0], e[1] = y[1];
+        for (long k = 0; k < size && law == STARTS; k++) e[k] = y[k] / hypot(y[0], y[1]);
         if (A && (law == AGAINST || law == STARTS)) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;

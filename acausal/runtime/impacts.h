@@ -31,7 +31,8 @@ static int strike_together(Integrator *I, const Decision *D, Room R, long only, 
     struct State *T = I->state;
     long n = D->n;
     double *start = R.before, *first = R.compressed, *met = T->blow + 3 * n;
-    Problem p = {.D = D, .start = rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+    Problem p = problem_of(I, D, R, rate);
+    p.kinetic = 1;
     int compresses = 0;
     memcpy(met, rate, sizeof(double) * (size_t)n);
     memset(first, 0, sizeof(double) * (size_t)n);

@@ -85,6 +85,11 @@ static Room room_of(const Integrator *I) {
     return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 2 * F, at + 6 * n + 3 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
 }
 
+/* What is to be solved for there, from these rates or accelerations on; without limits that do not grow with reactions, unless it is said that they count. */
+static Problem problem_of(const Integrator *I, const Decision *D, Room R, const double *start) {
+    return (Problem){.D = D, .start = start, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+}
+
 /* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
 static Decision decision_of(const Integrator *I, const double *at, const double *noise) {
     long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I);
@@ -312,7 +317,8 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
     for (long f = 0; f < D.frictions; f++)
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
-    Problem p = {.D = &D, .start = D.free, .constants = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+    Problem p = problem_of(I, &D, R, D.free);
+    p.constants = 1;
     for (long again = 0; again <= D.frictions; again++) {
         *roughly = 0;
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
@@ -329,8 +335,12 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
             return NO_MODE;
         }
         int begun = 0;
-        for (long k = D.gaps; k < laws; k++)
-            if (R.law[k] == STARTS) begun |= asked[k] == MAY_HOLD, asked[k] = MAY_SLIDE, *roughly |= solved == ROUGHLY;
+        for (long k = D.gaps; k < laws; k++) {
+            if (R.law[k] != STARTS) continue;
+            begun |= asked[k] == MAY_HOLD;
+            asked[k] = MAY_SLIDE;
+            *roughly |= solved == ROUGHLY;
+        }
         if (!begun) break; /* what slips has another limit */
     }
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
@@ -354,7 +364,8 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n;
     Decision nothing = decision_of(I, T->no_change, 0);
-    Problem p = {.D = D, .start = D->rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+    Problem p = problem_of(I, D, R, D->rate);
+    p.kinetic = 1;
     memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
     for (long i = 0; i < n; i++) R.push[i] = i < D->gaps && R.touching[i];
     for (long i = 0; i < D->gaps; i++) R.law[i] = R.touching[i] ? HOLDS : OFF;
@@ -435,7 +446,8 @@ static int strike_without_closing(Integrator *I, Room R) {
     Decision D;
     long n = reactions_of(I);
     if (!decision_at(I, I->t, I->x, &D)) return 0;
-    Problem p = {.D = &D, .start = D.rate, .kinetic = 1, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+    Problem p = problem_of(I, &D, R, D.rate);
+    p.kinetic = 1;
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.asked[i] = R.touching[i] ? HOLDS : OFF;
     for (long f = 0; f < D.frictions; f++) {
         long *law = R.law + D.gaps + f;

@@ -105,6 +105,15 @@ static void move_directions(Integrator *I, const double *flow, double factor) {
             for (long l = 0; l < LANES; l++) T->D[b * I->nx + i][l] += factor * flow[i] * T->delay[b * LANES + l];
 }
 
+/* Changes of time, state, inputs and parameters with a block of directions, where rows vanish. */
+static void put_directions(Integrator *I, long b, V *change) {
+    struct State *T = I->state;
+    memcpy(change, T->delay + b * LANES, sizeof(V));
+    memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
+    set_directions(I, change + 1 + I->nx, b, 1);
+    for (long k = 0; k < I->nu; k++) change[1 + I->nx + k] += v_all(T->input_rate[k]) * change[0];
+}
+
 /* To where the row vanishes. Returns 0 when the input function failed. */
 static int meet_row_by_directions(Integrator *I, long row, double planned) {
     if (!find_delays(I, row, planned)) return 0;
@@ -119,10 +128,7 @@ static int meet_directions(Integrator *I, long row, double planned) {
     V *in = T->decision_change_in, *change = in + 1 + I->nx + I->nu + I->np;
     if (!put_place(I, I->t, I->x, BACK * planned, in)) return 0;
     for (long b = 0; b < direction_blocks(I); b++) {
-        memcpy(change, T->delay + b * LANES, sizeof(V));
-        memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
-        set_directions(I, change + 1 + I->nx, b, 1);
-        for (long k = 0; k < I->nu; k++) change[1 + I->nx + k] += v_all(T->input_rate[k]) * change[0];
+        put_directions(I, b, change);
         run_kernel(&I->decision_change, in, T->decision_change_c, T->decision_change_out, T->work);
         for (long l = 0; l < LANES; l++)
             for (long o = 0; o < I->decision.outputs; o++) T->decided_change[(b * LANES + l) * I->decision.outputs + o] = T->decision_change_out[o][l];

@@ -185,10 +185,7 @@ static int set_directions_anew(Integrator *I, double planned) {
     V *in = T->set_change_in, *change = in + 1 + I->nx + I->nu + I->np;
     if (!put_place(I, I->t, I->x, BACK * planned, in)) return 0;
     for (long b = 0; b < direction_blocks(I); b++) {
-        memcpy(change, T->delay + b * LANES, sizeof(V));
-        memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
-        set_directions(I, change + 1 + I->nx, b, 1);
-        for (long k = 0; k < I->nu; k++) change[1 + I->nx + k] += v_all(T->input_rate[k]) * change[0];
+        put_directions(I, b, change);
         run_kernel(&I->set_change, in, T->set_change_c, T->set_change_out, T->work);
         for (long target = 0; target < I->nx + I->discretes; target++) {
             if (T->set_by[target] < 0) continue;

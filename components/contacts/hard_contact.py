@@ -15,7 +15,7 @@ from acausal.language.expression import Expression, Reaction
 from acausal.language.mode_laws import DryFriction, ModeLaw, OneSided
 from acausal.language.origin import origin
 from acausal.parts.contact import AbstractTouch, read
-from acausal.parts.force import AbstractForce, Action
+from acausal.parts.force import AbstractReactiveForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import Hard
@@ -27,7 +27,7 @@ from components.geometry.surfaces import AbstractSurface, checked_surface
 _LOOSE = "A contact is between two bodies: connect both of its frames."
 
 
-class AbstractHardContact(AbstractForce, AbstractTouch, ABC):
+class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
     """What pushes as long as it touches, with friction, by a `Hard` law. Must call `_react`, and provide `ends`, `follows`, `near` and
     `seen`.
 
@@ -90,16 +90,6 @@ class AbstractHardContact(AbstractForce, AbstractTouch, ABC):
         R, p = symbolic(near.pose.rotation), symbolic(near.pose.position)
         about = ca.cross(near.point_b - p, force)  # where they are along one another this is zero by itself
         return (Action(a, -force, -ca.cross(near.point_b, force)), Action(b, R.T @ force, R.T @ about))
-
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    def power_loss(self, placement: Placement) -> ca.SX:
-        given = ca.SX(0)
-        for action in self.actions(placement):
-            given += ca.dot(action.force, placement.velocity(action.connector))
-            given += ca.dot(action.torque, placement.angular_velocity(action.connector))
-        return -given
 
 
 @final

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.parts.force import AbstractForce, AbstractLineForce, Action
+from acausal.parts.force import AbstractForce, AbstractLineForce, AbstractReactiveForce, Action
 from acausal.parts.force_check import FreePlacement, unbalanced_power
 from acausal.parts.pose import symbolic
 from components import Ellipsoid, HuntCrossley, Particle, Plane, RigidBody, SmoothCoulomb, World
-from components.contacts.hard_contact import AbstractHardContact
 from components.fields import CentralField, MutualGravitation
-from components.joint_friction import AbstractBorneFriction
-from components.latches import AbstractLatch
 from tests.conformance.catalogue import kinds, made
 
 STIFF = np.random.default_rng(5).normal(size=(6, 6))
@@ -34,7 +31,7 @@ ARGUMENTS: dict[str, dict[str, object]] = {
 USUAL = {"stiffness": 30.0, "natural_length": 0.4, "damping": 2.0}
 ALL = [
     cls(**ARGUMENTS[cls.__name__]) if cls.__name__ in ARGUMENTS else made(cls, USUAL)
-    for cls in kinds(AbstractForce, (AbstractHardContact, AbstractBorneFriction, AbstractLatch))
+    for cls in kinds(AbstractForce, (AbstractReactiveForce,))
 ]
 
 
