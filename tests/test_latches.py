@@ -18,6 +18,8 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    TranslationalGround,
+    TranslationalSpring,
     World,
 )
 
@@ -33,6 +35,30 @@ def boxes(first: float, second: float, opens: float, size: float = 1.0) -> tuple
     scene.connect(scene.a.at((0.05 * size, 0.0, 0.0)), scene.dock.frame_a)
     scene.connect(scene.dock.frame_b, scene.b.at((-0.05 * size, 0.0, 0.0)))
     return scene, ac.build(scene)
+
+
+@pytest.mark.parametrize(("time", "turned"), [(1.0, 0.0), (1e3, 0.0), (1e-6, 0.0), (1.0, 0.7), (3.0, -2.1)])
+def test_carts_on_a_turned_rail_that_dock_and_swing_part_once_in_any_unit(time: float, turned: float) -> None:
+    """What closes the latch stays at zero while it holds, and is left upwards: that is no second closing."""
+    scene = ac.System()
+    scene.world, scene.rails = World(gravity=(0, 0, 0)), [Prismatic("x") for _ in range(2)]
+    scene.carts = [RigidBody.box(mass, (0.1, 0.1, 0.1)) for mass in (1.0, 2.0)]
+    scene.spring, scene.wall = TranslationalSpring(27.0 / time**2, 1.0), TranslationalGround()
+    first, second = scene.rails[0].q, scene.rails[1].q
+    scene.dock = Latch(closes=first - second + 0.1, opens=ac.time - 1.2 * time)
+    for rail, cart in zip(scene.rails, scene.carts, strict=True):
+        scene.connect(scene.world.at((3, -2, 1), rotation=((1, 2, -1), turned)), rail.frame_a)
+        scene.connect(rail.frame_b, cart.frame)
+    scene.connect(scene.wall.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.rails[1].flange)
+    scene.connect(scene.carts[0].at((0.05, 0, 0)), scene.dock.frame_a)
+    scene.connect(scene.dock.frame_b, scene.carts[1].at((-0.05, 0, 0)))
+    run = ac.build(scene).simulate(2 * time, {first: 0.0, second: 1.0, scene.rails[0].v: 3 / time}, rtol=1e-10)
+    assert [change.time for change in run.transitions] == pytest.approx([0.3 * time, 1.2 * time], rel=1e-12)
+    swing, pace = np.sin(2.7) / 3, np.cos(2.7)
+    assert run[first][-1] == pytest.approx(0.9 + swing + 0.8 * pace, abs=1e-11)
+    w = np.sqrt(13.5)
+    assert run[second][-1] == pytest.approx(1 + swing * np.cos(0.8 * w) + pace / w * np.sin(0.8 * w), abs=1e-11)
 
 
 @pytest.mark.parametrize(("first", "second", "size"), [(1.0, 2.0, 1.0), (3e-9, 1e-9, 1e-3), (1e5, 1e3, 1e3)])

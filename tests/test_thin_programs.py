@@ -10,7 +10,7 @@ import pytest
 import acausal as ac
 from acausal.runtime.kernels import How
 from acausal.runtime.native import native_problem
-from components import Coulomb, Planar, PointOnPlane, RigidBody, World
+from components import Coulomb, Particle, Planar, PointOnPlane, PrescribedMotion, RigidBody, World
 
 Start = dict[ac.Expression, object]
 
@@ -59,3 +59,20 @@ def test_programs_for_a_mode_give_the_bits_of_those_for_all(
     assert np.array_equal(found[0].solution.x, found[1].solution.x)
     between = np.linspace(0, end, 301)  # steps are refined there, in the modes that they had
     assert np.array_equal(found[0].solution.dense(between), found[1].solution.dense(between))
+
+
+def test_programs_of_one_mode_leave_the_numbers_of_others_alone() -> None:
+    """A block is thrown across an inclined belt that takes it along: numbers that depend on its mass are one where that is, and anything else otherwise."""
+    scene = ac.System()
+    scene.world, scene.mass, scene.belt = World(), ac.Parameter(1.0, "kg"), PrescribedMotion(position=(ac.time, 0, 0))
+    scene.floor, scene.block = PointOnPlane(unilateral=True, friction=Coulomb(0.5)), Particle(scene.mass)
+    scene.connect(scene.world.at((0, 0, 0), rotation=("y", 0.3)), scene.belt.frame_a)
+    scene.connect(scene.belt.frame_b, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.block.point)
+    point, model = scene.block.point, ac.build(scene)
+    runs = [
+        model.simulate(2.0, {point.position: (0, 0, 0), point.velocity: (0, 0.8, 0)}, parameters={scene.mass: m})
+        for m in (1.0, 4.0)
+    ]
+    assert np.allclose(runs[0][point.velocity][-1], (np.cos(0.3), 0, -np.sin(0.3)), atol=1e-12)
+    assert np.array_equal(runs[0][point.position], runs[1][point.position])

@@ -13,6 +13,7 @@ from acausal.language.expression import Discrete, Expression, Magnitude, Paramet
 from acausal.language.flatten import FlatSystem, Part
 from acausal.language.mode_laws import DryFriction, Lock, OneSided, OneWay
 from acausal.language.when import when
+from acausal.numerics.terms import rounded
 
 
 @dataclass(frozen=True)
@@ -79,13 +80,16 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class LockRows:
-    """A lock of `reactions`, n of them: `gap` (n, 1) is kept at zero where `held` is 1 and not 0; `apart` (m, 1) must be zero when it begins to be held."""
+    """A lock of `reactions`, n of them: `gap` (n, 1) is kept at zero where `held` is 1 and not 0; `apart` (m, 1) must be zero when it begins to be held.
+    `terms` (n + m, 1): the sizes of what both are made of where they are read, as of places whose difference is a number; what rounding makes of them is known by these.
+    """
 
     part: Part
     reactions: tuple[Reaction, ...]
     gap: ca.SX
     held: ca.SX
     apart: ca.SX
+    terms: ca.SX
 
 
 def lock_rows(flat: FlatSystem, readings: Readings) -> tuple[LockRows, ...]:
@@ -97,11 +101,13 @@ def lock_rows(flat: FlatSystem, readings: Readings) -> tuple[LockRows, ...]:
                 continue
             gap, held = ca.vec(readings.resolved(law.gap.sx, part)), readings.resolved(law.held.sx, part)
             apart = ca.SX(0, 1) if law.apart is None else ca.vec(readings.resolved(law.apart.sx, part))
+            given = law.gap.sx if law.apart is None else ca.vertcat(ca.vec(law.gap.sx), ca.vec(law.apart.sx))
+            terms = readings.resolved(rounded(ca.vec(given)), part)
             if not all(isinstance(declared(symbol), Discrete | Parameter) for symbol in ca.symvar(held)):
                 raise ModelError(
                     f"What the lock of {part.where} is held by changes by itself: {law.held!r}. Give an ac.Discrete, and set it by ac.when(..., set=...)."
                 )
-            found.append(LockRows(part, law.reactions, gap, ca.SX(held > 0), apart))
+            found.append(LockRows(part, law.reactions, gap, ca.SX(held > 0), apart, terms))
     return tuple(found)
 
 

@@ -79,7 +79,7 @@ def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:
         moved[places] = (along @ pushes[:, 0])[places]
     apart = ca.vertcat(*(ca.vertcat(row.gap, row.apart) for row in rows))
     where = ca.vertcat(*(ca.repmat(row.held, row.gap.numel() + row.apart.numel(), 1) for row in rows))
-    meeting = ca.vertcat(_where(where, apart), _where(where, rounded(apart)))
+    meeting = ca.vertcat(_where(where, apart), _where(where, rounded(apart) + ca.vertcat(*(row.terms for row in rows))))
     words = [(row.part.where, r.unit) for row in rows for r in (*row.reactions, *([row.reactions[-1]] * row.apart.numel()))]
     units = {"N": " m", "N*m": " rad"}
     return Locks(

@@ -120,7 +120,7 @@ static long find_passing(Integrator *I, long row, double planned, int begins) {
     for (long k = 0; k < n; k++) {
         long wanted = I->set_direction[k];
         double old = T->set_side[k], new = led[k] != 0 ? led[k] : old;
-        if (first + k == row && !(value[k] == 0 && slope[k] * old > 0)) new = -old; /* unless it only seemed so within rounding */
+        if (first + k == row && led[k] != 0 && !(value[k] == 0 && slope[k] * old > 0)) new = -old; /* unless it only seemed so within rounding */
         fired[k] = 0;
         if (begins) { /* what begins at zero has the side from which it counts */
             old = new;

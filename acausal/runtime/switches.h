@@ -307,6 +307,7 @@ static double first_switch(Path *p, struct Landing *L) {
         if (T->overs[I->row_switch[r]] > ENDLESS) continue;
         p->guard = r;
         p->noise = T->row_noise[r];
+        if (r >= first_set(I) && r < I->mode_rows && fabs(v[0]) <= MET * p->noise) p->noise *= MET; /* what is at zero has passed where it is seen to get away */
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
         if (decided) p->noise = fmax(p->noise, (r < first_set(I) ? -2 : -1.01) * v[0]);
         for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));

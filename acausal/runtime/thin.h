@@ -117,8 +117,9 @@ static int simplified(Values *v, int code, int a, int b, int c) {
     return make(v, code, a, b, c);
 }
 
-/* The values that a program makes, by masks that are inputs from `first` on, and the results (place, value, ...) into `stores`; how many results. `at`: value in each place of the frame. */
-static long follow_program(const int *program, const V *frame, long first, long masks, const signed char *key, int *at, Values *v, int *stores) {
+/* The values that a program makes, by masks that are inputs from `first` on, and the results (place, value, ...) into `stores`; how many results. `at`: value in each place of the frame;
+   `lasting`: how many places of the frame stay as they are, those of numbers that are written out here too, since programs of other modes read them. */
+static long follow_program(const int *program, const V *frame, long first, long masks, const signed char *key, int *at, Values *v, int *stores, int *lasting) {
     const int unit = (int)sizeof(V);
     long results = 0;
     for (const int *s = program; *s != OP_END; s += WIDTH) {
@@ -127,6 +128,7 @@ static long follow_program(const int *program, const V *frame, long first, long 
             int place = s[2 + k] / unit;
             if (at[place] < 0) {
                 double number = frame[place][0];
+                if (place >= *lasting) *lasting = place + 1;
                 at[place] = number == 0 || number == 1 || number == -1 ? make_number(v, number) : make(v, OP_PLACE, place, 0, 0);
             }
             of[k] = at[place];
@@ -218,10 +220,8 @@ static int *thinned(const Kernel *k, const V *frame, long first, long masks, con
     if (v.made && room && program) {
         int *at = room, *free_places = at + places, *stores = free_places + places, lasting = 0;
         for (long j = 0; j < places; j++) at[j] = -1;
-        long results = follow_program(k->program, frame, first, masks, key, at, &v, stores);
+        long results = follow_program(k->program, frame, first, masks, key, at, &v, stores, &lasting);
         find_last(&v, stores, results);
-        for (int j = 0; j < v.count; j++)
-            if (v.made[j].code == OP_PLACE && v.made[j].of[0] >= lasting) lasting = v.made[j].of[0] + 1;
         *length = write_program(&v, stores, results, lasting, (int)places, free_places, program);
     }
     free(v.made);
