@@ -36,7 +36,8 @@ class Modes:
     `rows`: laws, one-sided ones first, then friction in one direction, then in two. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
     without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
     positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
-    what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember.
+    what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember. `at_once`: whether a row
+    follows from reactions at once, so that these cancel in its value but for rounding.
     """
 
     rows: tuple[ModeRow, ...]
@@ -52,6 +53,7 @@ class Modes:
     correction: ca.SX
     redundant: bool
     magnitudes: Magnitudes
+    at_once: bool
 
     @property
     def one_sided(self) -> int:
@@ -206,7 +208,7 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     magnitudes = _magnitudes(rows, names, reactions)
     system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, moves.at_once, magnitudes)
     carried = ca.SX.zeros(len(owner)) if shared is None else shared.at(motion.t)
-    values, guards = system.found(free, rate, carried)
+    values, guards = system.found(free, rate, carried, acceleration)
     closed = [
         holds * row.gap if row.one_sided and not _inputs_in(row.gap) else ca.SX.zeros(row.size)
         for row, holds in zip(rows, system.by_law, strict=True)
@@ -225,6 +227,7 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
     found = Modes(
         tuple(rows), tuple(everything), reactions, rate, free, W, J, values, guards, invariants, moved + J @ pushes[:, 1], redundant, magnitudes,
+        any(moves.at_once),
     )  # fmt: skip
     return found, ca.vertcat(ca.SX(0, 1), *dead)
 
@@ -346,11 +349,16 @@ class _Masked:
     at_once: tuple[bool, ...]
     magnitudes: Magnitudes
 
-    def found(self, free: ca.SX, rate: ca.SX, carried: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """The reactions (n, 1), and guards, see `Modes`; nearest to what is `carried` on, where they are not unique."""
+    def found(self, free: ca.SX, rate: ca.SX, carried: ca.SX, acceleration: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The reactions (n, 1), and guards, see `Modes`; nearest to what is `carried` on, where they are not unique. `acceleration` is by reactions."""
         symbols, M = self.magnitudes.symbols, self.matrix(rate)
         by = self.solved(M, ca.horzcat(self.right(free, rate) - M @ carried, self.by_magnitudes(rate)))
         given, more = carried + by[:, 0], by[:, 1:]
+        if any(
+            self.at_once
+        ):  # what a large compliance leaves: a valve that leaks little has no voltage, where its current is all that flows
+            left = ca.substitute(acceleration, self.reactions, given)
+            given -= self.solved(M, ca.vertcat(*(h * left[i] if self.at_once[i] else ca.SX(0) for i, h in enumerate(self.holds))))
         if not symbols.numel():
             return given, self.guards(given, rate, symbols)
         slopes = [ca.jacobian(size.of, self.reactions) @ more for size in self.magnitudes.sizes]

@@ -369,7 +369,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     )  # fmt: skip
     x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel()))
     if modes is not None:
-        x_dot += modes.response @ modes.found
+        x_dot = put(system.x_dot) if modes.at_once else x_dot + modes.response @ modes.found
     exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
     return dataclasses.replace(
         system, flat=flat, u=own, u_defaults=known, x_dot=x_dot, v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
