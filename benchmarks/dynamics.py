@@ -7,6 +7,7 @@ one joint takes, so that their binding is left out. Accelerations are compared i
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import os
 import time
 from pathlib import Path
@@ -18,11 +19,13 @@ import acausal as ac
 from acausal.emit.compiler import cached_library, compiler
 from acausal.emit.emit import emit, translation_units
 from acausal.outputs.functions import operations
+from acausal.runtime.load import runtime
 from benchmarks.chains import chain, mujoco_time, pinocchio_chain
 from benchmarks.timing import median_time
 from components import Prismatic, Revolute, RigidBody, World
 
 CHAINS = (1, 2, 5, 10, 20, 50, 100)
+ASKEW = (10, 20, 50)
 ROBOTS = (
     ("Panda", "panda_description/urdf/panda.urdf", False),
     ("ANYmal", "anymal_b_simple_description/robots/anymal.urdf", True),
@@ -133,35 +136,49 @@ def state(model: ac.Model, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, li
     return x, rows
 
 
-def line(name: str, model: ac.Model, q: np.ndarray, v: np.ndarray, peer: tuple[float, np.ndarray], binding: float) -> str:
-    """One row of the table."""
+Peer = tuple[float, np.ndarray]
+"""Seconds of an evaluation, and accelerations."""
+
+
+def line(name: str, model: ac.Model, q: np.ndarray, v: np.ndarray, peer: Peer | None, binding: float) -> str:
+    """One row of the table; no number where there is no peer."""
     x, rows = state(model, q, v)
     one, many = Compiled(model, 1), Compiled(model, None)
-    gap = max(np.max(np.abs(c.run(x)[rows] - peer[1])) for c in (one, many)) / np.max(np.abs(peer[1]))
-    lanes = _lanes()
-    times = 1e6 * np.array([one.time(x), many.time(x) / lanes, peer[0], peer[0] - binding])
+    lanes, found = _lanes(), [c.run(x)[rows] for c in (one, many)]
+    seconds, theirs = peer or (np.nan, np.full(len(rows), np.nan))
+    gap = max(np.max(np.abs(values - theirs)) for values in found) / np.max(np.abs(theirs))
+    times = 1e6 * np.array([one.time(x), many.time(x) / lanes, seconds, seconds - binding])
     ratios = times[3] / times[:2]
     numbers = "".join(f"{t:>10.3f}" for t in times) + "".join(f"{r:>8.1f}" for r in ratios)
     return f"{name:>10}{operations(model.functions.explicit_dynamics):>8}{many.seconds:>9.2f}{numbers}{gap:>10.0e}"
 
 
 def _lanes() -> int:
-    from acausal.runtime.kernels import runtime
-
-    command = compiler()
-    assert command is not None
-    return int(runtime(command).lanes())
+    found = runtime()
+    assert found is not None
+    return found.lanes
 
 
-def run() -> None:
-    """Print the tables."""
+def python_call() -> float:
+    """Seconds of Pinocchio's call of a model with one joint."""
     import pinocchio as pin
 
     single = pin.Model()
     joint = single.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "j")
     single.appendBodyToJoint(joint, pin.Inertia.Identity(), pin.SE3.Identity())
     data, zero = single.createData(), np.zeros(1)
-    binding = median_time(lambda: pin.aba(single, data, zero, zero, zero))
+    return median_time(lambda: pin.aba(single, data, zero, zero, zero))
+
+
+def installed(module: str) -> bool:
+    """Whether a peer can be imported."""
+    return importlib.util.find_spec(module) is not None
+
+
+def run(chains: tuple[int, ...] = CHAINS, askew: tuple[int, ...] = ASKEW) -> None:
+    """Print the tables."""
+    peer = installed("pinocchio")
+    binding = python_call() if peer else np.nan
     print(
         f"\nForward dynamics, microseconds an evaluation; {_lanes()} lanes; a Python call of pin with one joint: {1e6 * binding:.2f}"
     )
@@ -169,24 +186,23 @@ def run() -> None:
         f"{'':>10}{'ops':>8}{'make s':>9}{'scalar':>10}{'a lane':>10}{'pin call':>10}{'pin':>10}{'times':>8}{'times':>8}{'differ':>10}"
     )
     rng = np.random.default_rng(0)
-    for count in CHAINS:
+    for count, turned in [(count, False) for count in chains] + [(count, True) for count in askew]:
         q, v = rng.uniform(-1, 1, count), rng.uniform(-1, 1, count)
-        print(line(f"{count} links", ac.build(chain(count)), q, v, pinocchio_chain(count, q, v), binding), flush=True)
-    for count in (10, 20, 50):
-        q, v = rng.uniform(-1, 1, count), rng.uniform(-1, 1, count)
+        theirs = pinocchio_chain(count, q, v, turned) if peer else None
         print(
-            line(f"{count} askew", ac.build(chain(count, askew=True)), q, v, pinocchio_chain(count, q, v, askew=True), binding),
-            flush=True,
+            line(f"{count} {'askew' if turned else 'links'}", ac.build(chain(count, turned)), q, v, theirs, binding), flush=True
         )
-    folder = robots_folder()
+    folder = robots_folder() if peer else None
     for name, path, floating in ROBOTS if folder else ():
         scene, model = robot(folder / path, floating)
         n = len(scene.joints)
         q, v = rng.uniform(-0.5, 0.5, n), rng.uniform(-1, 1, n)
         ours = ac.build(scene)
         print(line(name, ours, q, v, pinocchio_robot(ours, scene, model, q, v, floating), binding), flush=True)
+    if not installed("mujoco"):
+        return
     print("\nMuJoCo's mj_forward on the same chains, microseconds with its Python call")
-    for count in CHAINS:
+    for count in chains:
         q, v = rng.uniform(-1, 1, count), rng.uniform(-1, 1, count)
         print(f"{count:>6} links{1e6 * mujoco_time(count, q, v)[0]:>10.2f}")
 

@@ -6,12 +6,12 @@ python -m benchmarks.hard_cases [name ...] [--long]
 from __future__ import annotations
 
 import argparse
-import os
 import time
 import warnings
 from dataclasses import dataclass
 
 from acausal.errors import AcausalError, SingularWarning
+from benchmarks.one_core import one_core
 from tests.hard_cases import CASES, HardCase, long_double_pendulum, long_kepler
 
 TOLERANCES = tuple(float(f"1e-{n}") for n in range(4, 14))
@@ -109,8 +109,7 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=1e4, help="of the double pendulum [s]")
     parser.add_argument("--revolutions", type=float, default=1000, help="of the orbit")
     given = parser.parse_args()
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    one_core()
     if given.long:
         long_runs(given.duration, given.revolutions)
     else:

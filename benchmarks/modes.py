@@ -105,11 +105,11 @@ def events() -> None:
         )
 
 
-def untouched() -> None:
+def untouched(counts: tuple[int, ...] = (0, 1, 2, 5, 10, 20)) -> None:
     """A scene with so many contacts that are declared, and never touched."""
     print("\ncontacts never touched     steps       ms   more ns a contact and step   more %")
     base = None
-    for count in (0, 1, 2, 5, 10, 20):
+    for count in counts:
         system, start = hovering(count)
         seconds, run = driver_of(ac.build(system), 100.0, start)
         base = seconds if base is None else base
@@ -120,10 +120,10 @@ def untouched() -> None:
         )
 
 
-def held() -> None:
+def held(counts: tuple[int, ...] = (1, 3, 10, 30)) -> None:
     """Carts in a row on a rough floor, joined by springs: what friction that holds, or slides, costs beside joints that hold."""
     print("\ncarts with friction   build s   first s     ms   us/step   the same, held: ms   us/step   ratio a step")
-    for count in (1, 3, 10, 30):
+    for count in counts:
         times: list[float] = []
         for rough in (True, False):
             system, start = carts(count, rough)
@@ -138,10 +138,10 @@ def held() -> None:
         print(f"  {count:>18}{b:>10.2f}{f:>10.2f}{ms:>9.2f}{us:>9.1f}{other:>17.2f}{per:>12.1f}{us / per:>12.1f}", flush=True)
 
 
-def collisions() -> None:
+def collisions(counts: tuple[int, ...] = (2, 4, 6, 10)) -> None:
     """Balls on a round table: all pairs are candidates."""
     print("\nballs  candidates   build s   first s  collisions (own code)       ms   us/event   energy  overlap  apart at 3 s")
-    for count in (2, 4, 6, 10):
+    for count in counts:
         scene = billiards(count)
         began = time.perf_counter()
         model = ac.build(scene.system)

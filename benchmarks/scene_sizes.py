@@ -5,9 +5,10 @@ python -m benchmarks.scene_sizes
 
 from __future__ import annotations
 
+import importlib.util
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,20 +103,22 @@ def arm_against_pinocchio(samples: int = 50) -> tuple[float, float]:
     return worst[0], worst[1]
 
 
-def run() -> None:
+def run(scenes: Sequence[Sized] = SCENES) -> None:
     """Print the table."""
     print(
         "\nSizes after reduction; least: states of model.minimal(); rows: of loops, kept as invariants; published: unknowns of others"
     )
     print(f"{'':28}{'freedoms':>9}{'states':>7}{'least':>6}{'rows':>5}{'operations':>11}{'build ms':>9}  published")
     ac.build(chain(1))  # imports
-    for scene in SCENES:
+    for scene in scenes:
         model, seconds = build_time(scene.make)
         rows = len(model.system.constraints.kept)
         least = len(model.minimal().state_names)
         counts = f"{model.degrees_of_freedom:>9}{model.system.x.numel():>7}{least:>6}{rows:>5}{model.operations:>11}"
         print(f"{scene.name:28}{counts}{1e3 * seconds:>9.1f}  {scene.published}".rstrip(), flush=True)
     print(SOURCES)
+    if importlib.util.find_spec("pinocchio") is None:
+        return
     accelerations, torques = arm_against_pinocchio()
     print(f"robot arm against Pinocchio at 50 random states: accelerations {accelerations:.0e}, torques {torques:.0e} (relative)")
 

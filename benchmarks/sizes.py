@@ -48,13 +48,13 @@ def measure(count: int, cache: str, compiled: bool = True) -> list[float]:
     return [float(word) for word in result.stdout.split()]
 
 
-def run() -> None:
+def run(counts: tuple[int, ...] = COUNTS) -> None:
     """Print the table."""
     print("\nFrom scene to the first simulated second (imports apart), seconds; both cores compile")
     print(f"{'links':>6}{'build':>9}{'first':>9}{'cached':>9}{'machine':>9}{'again ms':>10}{'MB':>8}{'steps':>7}")
     with tempfile.TemporaryDirectory() as folder:
         measure(1, folder)  # the runtime itself, once for a machine
-        for count in COUNTS:
+        for count in counts:
             fresh, cached = measure(count, folder), measure(count, folder)
             virtual = measure(count, folder, compiled=False) if count <= 100 else [0.0, float("nan")]
             print(

@@ -39,7 +39,7 @@ def finite(error: float) -> float | None:
     return error if math.isfinite(error) else None
 
 
-def measure(scene: Scene, peers: Sequence[AbstractPeer]) -> list[Point]:
+def measure(scene: Scene, peers: Sequence[AbstractPeer], budget: Budget | None = None) -> list[Point]:
     """Sweep all methods of all peers on a scene; prints its table."""
     built = scene.build()
     print(f"\n{scene.title}: milliseconds of a run at an error of the {scene.error_kind}; - not reached")
@@ -53,7 +53,7 @@ def measure(scene: Scene, peers: Sequence[AbstractPeer]) -> list[Point]:
         else:
             for method in peer.methods(scene.name):
                 with quiet():
-                    found = sweep(peer, built, method, Budget())
+                    found = sweep(peer, built, method, budget or Budget())
                 print(line(found), flush=True)
                 points += found
     return points

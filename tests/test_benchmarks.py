@@ -1,0 +1,81 @@
+"""Benchmarks are run by hand: here each is imported, and a small share of it runs, so that it is known to run when it is wanted."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import benchmarks
+from acausal.emit.compiler import cache_folder
+from benchmarks import bits, calls, compiler_flags, dynamics, growth, hard_cases, loops, modes, plot, scene_sizes, sizes, stiff
+from benchmarks.mode_scenes import scenes as mode_scenes
+from benchmarks.peers import PEERS, reference, table
+from benchmarks.peers.equations import equations
+from benchmarks.peers.measure import Budget
+from benchmarks.scenes import SCENES
+
+MODULES = [module.name for module in pkgutil.walk_packages(benchmarks.__path__, "benchmarks.")]
+DOUBLE_PENDULUM = next(scene for scene in SCENES if scene.name == "double_pendulum")
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_a_benchmark_is_imported_whatever_peers_there_are(name: str) -> None:
+    assert importlib.import_module(name).__doc__
+
+
+def _peers(folder: Path) -> None:
+    budget = Budget(repeats=1, short=0.0, sweep=0.0)
+    points = table.measure(DOUBLE_PENDULUM, [peer for peer in PEERS if peer.name in ("acausal", "scipy")], budget)
+    plot.draw(points, folder / "speed.png")
+    assert "double_pendulum" in plot.table(points)
+
+
+def _flags(_: Path) -> None:
+    assert compiler_flags.driver_time("double_pendulum") > 0
+    assert compiler_flags.compile_time(2) > 0
+
+
+def _modes(_: Path) -> None:
+    scene = mode_scenes()[0]
+    times = [modes.least_time(one.run, 1) for one, _ in modes.own_tries(scene)]
+    assert all(abs(values - scene.reference).max() < 1e-3 for _, values in times)
+    modes.untouched((1,))
+    modes.collisions((2,))
+
+
+def _hard_case(_: Path) -> None:
+    entry = hard_cases.entry(hard_cases.CASES["simple_pendulum"](), 1e-6)
+    assert entry is not None
+    assert entry.error < 1e-4
+
+
+def _bits(_: Path) -> None:
+    found = bits.column(["simple_pendulum"], False)
+    assert len(set(found["simple_pendulum"].values())) == 1
+
+
+SHARES: dict[str, Callable[[Path], object]] = {
+    "sizes": lambda _: sizes.measure(2, str(cache_folder()), compiled=False),
+    "dynamics": lambda _: dynamics.run((1,), ()),
+    "scene_sizes": lambda _: scene_sizes.run(scene_sizes.SCENES[:1]),
+    "growth": lambda _: [growth.seconds(make, 2) for make in growth.FAMILIES.values()],
+    "loops": lambda _: [loops.row(make, size) for (_, make, _), size in zip(loops.FAMILIES, (1, 3, 1), strict=True)],
+    "calls": lambda _: calls.run(("double_pendulum",), (1e-6,)),
+    "stiff": lambda _: stiff.compare("a row", stiff.row_of_masses(3, 1e3, 1.0), (1e-3,), 0.0, False),
+    "reference": lambda _: reference.solution(equations("double_pendulum"), 0.1, 2),
+    "peers": _peers,
+    "compiler_flags": _flags,
+    "modes": _modes,
+    "hard_cases": _hard_case,
+    "bits": _bits,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHARES)
+def test_a_share_of_a_benchmark_runs(name: str, tmp_path: Path) -> None:
+    SHARES[name](tmp_path)
