@@ -136,10 +136,11 @@ class _Collector:
             for f, (_, name) in zip(flanges, self.driven, strict=True)
         ]  # fmt: skip
         efforts = self._efforts()
+        outside = {v for c in self.flat.connector_paths for v in c.__dict__.values() if isinstance(v, Variable)}
         own = {
             s.sx.element_hash()
             for symbol, scalars in self.elements.items()
-            if isinstance(symbol, Variable) and not isinstance(symbol, Quantity) and symbol not in self._of_connectors()
+            if isinstance(symbol, Variable) and not isinstance(symbol, Quantity) and symbol not in outside
             for s in scalars
         }
         return Collection(
@@ -149,10 +150,6 @@ class _Collector:
     def _declared(self) -> dict[int, int]:
         place = {part.component: k for k, part in enumerate(self.flat.parts)}
         return {key: place[self.owners[_base(s)].component] for key, s in self.scalars.items() if _base(s) in self.owners}
-
-    def _of_connectors(self) -> set[Symbol]:
-        """Variables of connectors."""
-        return {v for c in self.flat.connector_paths for v in c.__dict__.values() if isinstance(v, Variable)}
 
     def _efforts(self) -> dict[int, ca.SX]:
         found: dict[int, ca.SX] = {}
