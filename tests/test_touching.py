@@ -16,14 +16,18 @@ from acausal.parts.pose import symbolic
 from components import (
     Apart,
     Cone,
+    Contact,
     ConvexShape,
     Cylinder,
     Disk,
     Ellipsoid,
     Force,
     Free,
+    Hard,
     HeightField,
+    HuntCrossley,
     ImplicitSurface,
+    Parallel,
     Plane,
     PrescribedMotion,
     Revolution,
@@ -368,12 +372,51 @@ def test_what_it_costs():
         assert int(str(model).split(" operations")[0].split()[-1]) <= most
 
 
-@pytest.mark.parametrize(("body", "base"), [("ball", Sphere(0.09, inside_out=True)), ("cylinder", Plane()), ("spindle", Cylinder(0.8, inside_out=True)), ("cone", Plane())])  # fmt: skip
+@pytest.mark.parametrize(("body", "base"), [("ball", Sphere(0.09, inside_out=True)), ("cylinder", Plane()), ("spindle", Sphere(1.0, inside_out=True)), ("cone", Plane())])  # fmt: skip
 def test_what_touches_in_more_than_one_point_or_does_not_fit_is_named(body, base):
     scene = on(Touching(SHAPES[body], base), RigidBody.ball(2.0, 0.2))
-    with pytest.raises(errors.AssemblyError, match=r"guide.*test_touching.py:\d+.*curved less than the hollow") as caught:
+    with pytest.raises(errors.AssemblyError, match=r"guide.*test_touching.py:\d+.*curved less than the hollow"):
         ac.build(scene)
-    assert "guide" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "base", "law"),
+    [
+        ("cone", "torus", Hard()),
+        ("cylinder", "cylinder", Sliding()),
+        ("spindle", "tube", HuntCrossley(1e4)),
+        ("fat", "bowl", Hard()),
+    ],
+)
+def test_a_search_for_a_start_begins_at_the_same_place_at_any_size(body, base, law):
+    """Well inside of where the body fits, whichever way it must be turned: a spindle lies along a tube, cylinders cross."""
+    found = []
+    for size in (1.0, 3e-5):
+        shape = {"cone": Cone(0.4, outside=True), "cylinder": Cylinder(0.1 * size), "spindle": Revolution(lambda s, size=size: (0.1 * size - 0.2 * s**2 / size, s)), "fat": Parallel(Ellipsoid((0.1 * size, 0.05 * size, 0.05 * size)), 0.03 * size)}[body]  # fmt: skip
+        surface = {"torus": Torus(size, 0.3 * size), "cylinder": Cylinder(0.8 * size), "tube": Cylinder(0.8 * size, inside_out=True), "bowl": Sphere(size, inside_out=True)}[base]  # fmt: skip
+        scene = on(Contact(shape, surface, law), RigidBody(2.0, size**2 * np.array([0.01, 0.015, 0.02])), (0, 0, -G * size))
+        model = ac.build(scene)
+        x = model.initial_state({scene.guide.gap: 1e-3 * size} if isinstance(law, Hard | HuntCrossley) else {}).x
+        assert np.min(np.array(model.functions.domains[0][2](0.0, x, [], []))) > 0.05
+        found.append(np.where(scene.guide.joint.turns(), 1.0, 1 / size) * x[: scene.guide.q.size])
+    assert np.max(np.abs(found[1] - found[0])) < 1e-9
+
+
+def test_what_comes_to_where_it_fits_no_more_is_told_by_part_and_line():
+    """A disk rolls down into a funnel; a disk lies flat over the ground; a spindle is too long for its bowl."""
+    scene = on(Touching(Disk(0.1), Cone(0.9)), RigidBody(2.0, (0.012, 0.015, 0.02), (0.01, -0.01, 0.012)), (1.0, 2.0, -G))
+    with pytest.raises(
+        errors.SimulationError, match=r"'guide' \(.*test_touching.py:\d+\) has come to the border.*curved less than"
+    ):
+        ac.build(scene).simulate(2.0)
+    flat = on(Contact(Disk(0.1), Plane(), HuntCrossley(1e4)), RigidBody.disk(1.0, 0.1, axis="z"))
+    with pytest.raises(errors.SimulationError, match=r"'guide.force_part' \(.*test_touching.py:\d+\).* lies flat"):
+        ac.build(flat).simulate(1.0, {flat.body.frame.position[2]: 0.1})
+    long = on(Contact(SHAPES["spindle"], Sphere(1.0, inside_out=True), Hard()), RigidBody.ball(1.0, 0.1))
+    with pytest.raises(
+        errors.AssemblyError, match=r"joint 'guide.joint' \(.*test_touching.py:\d+\).*inside its domain.*curved less"
+    ):
+        ac.build(long).initial_state({long.guide.gap: 1e-3})
 
 
 def test_a_wheel_of_a_free_body_may_close_a_loop():

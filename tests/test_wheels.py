@@ -149,7 +149,7 @@ def test_start_may_be_an_orientation(seed):
 
 def test_wheel_upside_down_is_no_start():
     scene = lone(RollingDisk(0.3), RigidBody.disk(1.0, 0.3, axis="y"))
-    with pytest.raises(StartValueError, match="wheels that lean by a right angle or more"):
+    with pytest.raises(StartValueError, match=r"contact.*outside its domain.*does not roll on its rim"):
         ac.build(scene).simulate(1.0, {scene.contact.q: (0, 2.0, 0, 0, 0)})
 
 

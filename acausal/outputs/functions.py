@@ -13,7 +13,6 @@ import numpy as np
 from acausal.collocation.modes import ModeFunctions
 from acausal.collocation.problem import Exact
 from acausal.dynamics.newton_euler import newton_euler
-from acausal.dynamics.tree import JointSymbols
 from acausal.errors import ExportError, UnknownVariableError
 from acausal.language.component import energy_unknown
 from acausal.language.connector import Frame, Point
@@ -26,7 +25,7 @@ from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
 from acausal.outputs.outputs import Outputs
 from acausal.outputs.set_functions import set_functions
-from acausal.parts.contact import AbstractContact
+from acausal.parts.contact import AbstractContact, AbstractNearest
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
@@ -374,10 +373,19 @@ class Functions:
         return given_motions(self.outputs)
 
     @functools.cached_property
-    def domains(self) -> tuple[tuple[JointSymbols, ca.Function], ...]:
-        """Joints of the tree whose coordinates have a limited domain, with (t, x, u, p) -> values that are positive inside."""
-        joints = [(item, item.edge.joint.domain(item.edge.joint.q.sx)) for item in self.outputs.system.tree_joints]
-        return tuple((item, self.output(domain, name="domain")) for item, domain in joints if domain.numel())
+    def domains(self) -> tuple[tuple[str, str, ca.Function], ...]:
+        """Joints of the tree whose coordinates have a limited domain, and contacts that know one nearest place, with their line; what is said outside of it;
+        (t, x, u, p) -> values that are positive inside.
+        """
+        found: list[tuple[str, str, Any]] = []
+        for item in self.outputs.system.tree_joints:
+            joint = item.edge.joint
+            found.append((f"'{item.edge.name}' ({joint.created_at})", joint.if_outside, joint.domain(joint.q.sx)))
+        for part in self.outputs.system.flat.parts:
+            nearest = part.component
+            if isinstance(nearest, AbstractNearest):
+                found.append((f"'{part.path}' ({nearest.created_at})", nearest.if_many, self.outputs.resolve(nearest.single())))
+        return tuple((name, why, self.output(domain, name="domain")) for name, why, domain in found if domain.numel())
 
     @functools.cached_property
     def contacts(self) -> tuple[tuple[Part, ...], ca.Function | None]:

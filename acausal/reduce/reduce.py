@@ -36,6 +36,8 @@ from acausal.wording import compact, counted, grouped
 
 _KEPT = 16
 """Values of parameters for which the closed sketch is kept."""
+_NEARER = 4
+"""Steps of Newton's that bring coordinates drawn at random back to where quaternions have the length 1."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -378,14 +380,24 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
 
 
 def _places(system: ReducedSystem) -> tuple[tuple[Any, ...], ...]:
-    """Values of t, x, u and p at some configurations, here and there, and with velocities at random."""
+    """Values of t, x, u and p at some configurations, here and there where joints have coordinates, and with velocities at random."""
     rng = np.random.default_rng(8)
+    own, q = system.constraints.joint_invariants, system.x[: system.nq, :]
+    known = [system.t, system.x, system.u, system.p]
+    off = ca.Function("off", known, [ca.densify(own), ca.densify(ca.jacobian(own, q))])
+    domain = ca.vertcat(ca.SX(1), *(item.edge.joint.domain(system.x[item.q, :]) for item in system.tree_joints))
+    inside = ca.Function("inside", known, [ca.mmin(domain)])
     found: list[tuple[Any, ...]] = []
     for spread in (0.0, 0.3, 1.0):
-        for q in system.samples[:2]:
+        for sample in system.samples[:2]:
             rates = system.rate_start + spread * rng.uniform(-1, 1, system.rate_start.size)
-            x = np.concatenate([q + spread * rng.uniform(-1, 1, q.size), rates])
-            found.append((0.0, x, system.u_defaults, system.p_values))
+            place = sample + spread * rng.uniform(-1, 1, sample.size)
+            for _ in range(_NEARER if own.numel() else 0):
+                c, J = (np.array(part) for part in off(0.0, np.concatenate([place, rates]), system.u_defaults, system.p_values))
+                place = place - np.linalg.lstsq(J, c[:, 0])[0] if np.isfinite(J).all() else place
+            values = 0.0, np.concatenate([place, rates]), system.u_defaults, system.p_values
+            if float(inside(*values)) > 0:
+                found.append(values)
     return tuple(found)
 
 

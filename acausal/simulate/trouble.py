@@ -22,6 +22,8 @@ _SINGULAR = 1e-9
 _INVISIBLE = 1e-13
 _MASSLESS = 1e-12
 _MISSED = 1e-4
+_BORDER = 1e-3
+"""Of a domain, which is 1 well inside and was at most that in a run, that is at its border."""
 _CUT = 0.2
 _SHOWN = 4
 
@@ -111,13 +113,12 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
 def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
     """Say so when a joint in the tree left the domain of its coordinates; whether one did."""
     left = False
-    for item, inside in functions.domains:
-        joint = item.edge.joint
+    for part, why, inside in functions.domains:
         values = at_steps(functions, run, inside)
         outside = np.flatnonzero(np.min(values, axis=0) < 0)
         if outside.size:
             warnings.warn(
-                f"By t = {run.steps.t[outside[0]]:.6g} s '{item.edge.name}' ({joint.created_at}) has left the domain of its coordinates. {joint.if_outside} "
+                f"By t = {run.steps.t[outside[0]]:.6g} s {part} has left the domain of its coordinates. {why} "
                 "The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
@@ -208,8 +209,10 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
     if run is not None:
         worst += _lost_input(functions, run, t1)
+    if run is not None and status.kind is StatusKind.MAX_STEPS:
+        worst += _at_a_border(functions, run)
     if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
-        worst += _without_inertia(functions, run) or _out_of_reach(functions, run, t1)
+        worst += _at_a_border(functions, run) or _without_inertia(functions, run) or _out_of_reach(functions, run, t1)
     return (
         f"{message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
         "The motion until then is in this error's `trajectory`."
@@ -262,6 +265,15 @@ def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
         return f" A motion that is given leads out of reach. At t = {later:.6g} s: {error}"
     except AcausalError:
         return ""
+    return ""
+
+
+def _at_a_border(functions: Functions, run: Trajectory) -> str:
+    """Which part has come to the border of the domain of its coordinates; empty if none has."""
+    for part, why, inside in functions.domains:
+        values = at_steps(functions, run, inside)
+        if not np.all(values[:, -1] > _BORDER * np.clip(np.max(values, axis=1), 0.0, 1.0)):
+            return f" {part} has come to the border of the domain of its coordinates. {why}"
     return ""
 
 

@@ -209,7 +209,10 @@ class _Hunt:
             return y, 0
         hard = search.rows(self.data, first)
         y = self._with_angles_near(y, first, hard)
-        freedoms = freedom(self.sizes.scaled(hard(y)[1]), max(RANK, self.sizes.dependent)).shape[1]
+        J = self.sizes.scaled(hard(y)[1])
+        if not np.isfinite(J).all():
+            return None
+        freedoms = freedom(J, max(RANK, self.sizes.dependent)).shape[1]
         if freedoms:
             soft = search.wish_rows(self.data, first, self.weights)
             # begun at a closed configuration; wishes then only lead along what is free

@@ -43,12 +43,19 @@ def complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:
     n = search.closing_rows
     loops = _closed(search, found, data, list(range(n)), sizes) if n else None
     if loops is not None and not loops.converged:
+        outside = search.outside(loops.y, data) if loops.part <= _SHUT else None
+        if outside is not None:
+            raise AssemblyError(f"No position of {outside[0]} was found that is inside its domain. {outside[1]}")
         raise AssemblyError(_open_loop(search, loops, data))
     if found.part <= _SHUT and not search.is_meant(found.y, data):
         values = "; ".join(f"{t.name} = {numbers(data[t.place], _NUMBERS)}" for t in search.exact)
+        outside = search.outside(found.y, data)
+        only = (
+            "with hinge axes that point against one another" if outside is None else f"where {outside[0]} is outside its domain"
+        )
+        why = f" {outside[1]}" if outside else ""
         raise StartValueError(
-            f"The {search.what} start values can be met only with hinge axes that point against one another, or wheels that lean by "
-            f"a right angle or more: {values or 'none was given'}. Change them, or soften some with ac.near(...)."
+            f"The {search.what} start values can be met only {only}: {values or 'none was given'}.{why} Change them, or soften some with ac.near(...)."
         )
     everything, J = search.rows(data, found.y)(found.y)
     left = np.abs(everything[:n]) / sizes.rows[:n]

@@ -187,7 +187,11 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     free = {s.element_hash() for s in ca.symvar(ca.vertcat(r.x[: r.nq, :], r.t, r.u, r.p))}
     signs = [rows.sign for rows in loops if rows.sign is not None and not rows.sign.is_constant()]
     signs = [s for s in signs if {a.element_hash() for a in ca.symvar(s)} <= free]
-    signs += [item.edge.joint.domain(r.x[item.q, :]) for item in r.tree_joints]
+    meant: list[tuple[tuple[str, str] | None, int]] = [(None, sign.numel()) for sign in signs]
+    for item in r.tree_joints:
+        joint = item.edge.joint
+        signs.append(joint.domain(r.x[item.q, :]))
+        meant.append(((f"joint '{item.edge.name}' ({joint.created_at})", joint.if_outside), signs[-1].numel()))
     position = (
         ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
         *((words, rows.position.numel()) for words, rows in joints),
@@ -201,8 +205,8 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
     known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel())
     known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel())])
     return (
-        Closing(r.closing, position, ca.vertcat(none, *signs), known),
-        Closing(r.velocity_closing, velocity, none, known_rates),
+        Closing(r.closing, position, ca.vertcat(none, *signs), tuple(meant), known),
+        Closing(r.velocity_closing, velocity, none, (), known_rates),
     )
 
 

@@ -144,6 +144,8 @@ def _unneeded(search: Search, found: Found, data: np.ndarray) -> tuple[list[str]
         return [], []
     sizes = search.sizes(data, found.first)
     J = sizes.scaled(search.jacobian(found.y, data))
+    if not np.isfinite(J).all():
+        return [], []
     free = freedom(J, sizes.dependent)
     follows: list[str] = []
     place = search.closing_rows

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.graphs import Graph
 from acausal.numerics.assembly import Assembled, Residual, assemble
 from acausal.numerics.sizes import Drawn, Sizes
-from acausal.numerics.thresholds import STRIDE
+from acausal.numerics.thresholds import EDGE, STRIDE
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.apart import Apart, Moving
 from acausal.start.block import Block
@@ -46,6 +46,8 @@ class Search:
     """(y, data, first) -> all rows of the wishes: free orientations that stay, then near values."""
     side: ca.Function | None = None
     """(y, data) -> what is positive on the branch that is meant."""
+    meant: tuple[tuple[tuple[str, str] | None, int], ...] = ()
+    """What that belongs to, see `Closing`."""
     drawn: Apart | None = None
     """Of positions: the sketch."""
     said: bool = False
@@ -171,6 +173,15 @@ class Search:
         """Whether hinges that close loops turn the way that is meant, their axes not opposite, and wheels roll the right side up."""
         return self.whole is None or self.whole.is_meant(y, np.concatenate([data, y]))
 
+    def outside(self, y: np.ndarray, data: np.ndarray) -> tuple[str, str] | None:
+        """A joint that is outside of its domain, with its line, and why it must not be; None where none is."""
+        signs = np.zeros(0) if self.side is None else np.array(self.side(y, data)).ravel()
+        for joint, size in self.meant:
+            if joint is not None and not np.all(signs[:size] > EDGE):
+                return joint
+            signs = signs[size:]
+        return None
+
     def jacobian(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
         """d residual / dy, (m, n), for searches with constraints. Unlike `rows` for many threads at once."""
         assert self.residual is not None
@@ -250,6 +261,7 @@ def start_search(
         ca.Function("residual", [y, data], [hard], ["y", "data"], ["c"]),
         ca.Function("wishes", [y, data, first], [soft], ["y", "data", "first"], ["r"]) if soft.numel() else None,
         side,
+        closing.meant,
         apart,
         settled,
     )

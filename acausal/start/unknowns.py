@@ -31,12 +31,14 @@ class Target:
 class Closing:
     """Constraints that hold whatever the start values are: residuals (n, 1), and what each belongs to.
 
-    `owners`: pairs of words and number of rows, in order. `signs` (k, 1): positive on the branch that is meant.
+    `owners`: pairs of words and number of rows, in order. `signs` (k, 1): positive on the branch that is meant; `meant`: pairs of a joint, its line and
+    why it must be inside of its domain, and number of signs, in order, without words for hinges of loops.
     """
 
     residual: ca.SX
     owners: tuple[tuple[str, int], ...]
     signs: ca.SX
+    meant: tuple[tuple[tuple[str, str] | None, int], ...]
     drawn: Drawn
     """How well the rows are known."""
 

@@ -8,12 +8,14 @@ import casadi as ca
 
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame
+from acausal.language.expression import Expression
 from acausal.language.origin import origin
+from acausal.parts.contact import AbstractNearest
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 from components.contacts.laws import AbstractFriction, HuntCrossley
-from components.contacts.nearness import Nearness, nearness
+from components.contacts.nearness import Nearness, nearness, single
 from components.contacts.touching import Touching
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
@@ -21,7 +23,7 @@ _LOOSE = "A contact is between two bodies: connect both of its frames."
 
 
 @final
-class ContactForce(AbstractForce):
+class ContactForce(AbstractForce, AbstractNearest):
     """What the body with the outside `shape` at frame_b and the `surface` of frame_a exert on one another by a law of forces: a part of `Contact`.
 
     `law`: HuntCrossley(...) where they may part, Viscous(...) or Creep(...) where a `joint`, Touching, lets them slide. The joint between the same
@@ -48,6 +50,9 @@ class ContactForce(AbstractForce):
                 f"ContactForce's joint is {joint!r} ({origin()}). Give a Touching between the same frames, or none."
             )
         self.law, self.joint = law, joint
+
+    def single(self) -> Expression:
+        return single(self.shape, self.surface, self.frame_a, self.frame_b)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         near, velocity = self._seen(placement)

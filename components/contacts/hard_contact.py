@@ -14,12 +14,12 @@ from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Reaction
 from acausal.language.mode_laws import DryFriction, ModeLaw, OneSided
 from acausal.language.origin import origin
-from acausal.parts.contact import AbstractTouch, read
+from acausal.parts.contact import AbstractNearest, AbstractTouch, read
 from acausal.parts.force import AbstractReactiveForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import Hard
-from components.contacts.nearness import Nearness, nearness
+from components.contacts.nearness import Nearness, nearness, single
 from components.contacts.point_over import AbstractPointOver
 from components.contacts.touching import Touching
 from components.geometry.surfaces import AbstractSurface, checked_surface
@@ -93,7 +93,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
 
 
 @final
-class HardContact(AbstractHardContact):
+class HardContact(AbstractHardContact, AbstractNearest):
     """The body with the outside `shape` at frame_b and the `surface` of frame_a, which push and rub one another by a `law`, Hard(...): a part of `Contact`.
 
     The `joint` between the same frames, Touching, knows where they are nearest; without one there is a closed form for the pair.
@@ -130,6 +130,9 @@ class HardContact(AbstractHardContact):
                 "Use Contact(...), or give it joint=Touching(shape, surface, Apart()) between the same frames."
             )
         return near
+
+    def single(self) -> Expression:
+        return single(self.shape, self.surface, self.frame_a, self.frame_b)
 
     def seen(self) -> Pose:
         a, b = self.frame_a, self.frame_b

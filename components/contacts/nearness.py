@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
@@ -18,7 +18,7 @@ class Nearness:
     """Two bodies A and B where they are nearest, in A's axes and from its origin.
 
     `pose`: X_ab; `gap` [m], negative where they overlap; `point_b` (3, 1) [m], the point of B; `normal` (3, 1) of A, towards B; `tangents`:
-    two unit vectors (3, 2) across the normal and one another. They may jump where A is a ball, see `AbstractSurface.across`.
+    two unit vectors (3, 2) across the normal and one another. They may jump where A is a ball, see `AbstractSurface.across`. `single`: see `AbstractSurface.single`.
     """
 
     pose: Pose
@@ -26,6 +26,7 @@ class Nearness:
     point_b: ca.SX
     normal: ca.SX
     tangents: ca.SX
+    single: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
     @property
     def point_a(self) -> ca.SX:
@@ -54,12 +55,18 @@ def nearness(shape: AbstractSurface, surface: AbstractSurface, pose: Pose) -> Ne
             return None
         point = p + R @ arm
         normal = ca.SX([0, 0, 1])
-        return Nearness(pose, point[2], point, normal, surface.across(normal))
+        return Nearness(pose, point[2], point, normal, surface.across(normal), shape.single(-R[2, :].T))
     if isinstance(surface, Sphere):
         back = nearness(surface, shape, pose.inverse())
         if back is not None:
-            return Nearness(pose, back.gap, p + R @ back.point_a, -(R @ back.normal), R @ back.tangents)
+            return Nearness(pose, back.gap, p + R @ back.point_a, -(R @ back.normal), R @ back.tangents, back.single)
     return None
+
+
+def single(shape: AbstractSurface, surface: AbstractSurface, a: Frame, b: Frame) -> Expression:
+    """Positive where only one place of the bodies of two frames is nearest, see `Nearness`; empty without a closed form."""
+    near = nearness_of_frames(shape, surface, a, b)
+    return read(ca.SX(0, 1) if near is None else near.single)
 
 
 def touched(shape: AbstractSurface, surface: AbstractSurface, a: Frame, b: Frame) -> tuple[Expression, Expression] | None:

@@ -13,9 +13,14 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touching
-from components.contacts.meeting import AbstractMeeting, meeting
+from components.contacts.meeting import AbstractMeeting, MeetingByCoordinates, meeting
 from components.contacts.nearness import Nearness, nearness, touched
 from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
+
+_ANGLES = (0.0, np.pi / 2, np.pi / 4, 3 * np.pi / 4)
+"""From the surface's first tangent to the shape's [rad], that a search for start values may begin with; those that fit better by less than
+`_ALIKE`, of a fit of size 1, are not better."""
+_ALIKE = 1e-6
 
 
 @final
@@ -154,14 +159,29 @@ class Touching(AbstractJoint, AbstractContact):
 
 def _start(shape: AbstractSurface, surface: AbstractSurface) -> tuple[float, ...]:
     """Coordinates where a search for start values begins; they may depend on parameters as they are."""
-    place = surface.start_for(float(np.linalg.norm(_value(shape.point(ca.SX(ca.DM(shape.start)))))))
-    own = meeting(shape, surface).start
-    normal = _value(surface.normal(ca.SX(ca.DM(place))))
-    if len(own) == 4 and not np.all(_value(shape.single(ca.SX(ca.DM(-normal)))) > 0.5):
+    both, place = (
+        meeting(shape, surface),
+        surface.start_for(float(np.linalg.norm(_value(shape.point(ca.SX(ca.DM(shape.start))))))),
+    )
+    if isinstance(both, MeetingByCoordinates):
+        # turned so that it fits best: axes of cylinders cross
+        at = shape.start_for(_radius(surface, place) / 4)
+        fits = [np.min(_value(both.fit(ca.SX(ca.DM((*at, angle))), ca.SX(ca.DM(place))))) for angle in _ANGLES]
+        best = np.nanmax(fits, initial=-np.inf)
+        return (*at, next((angle for angle, fit in zip(_ANGLES, fits, strict=True) if fit > best - _ALIKE), 0.0), *place)
+    own, normal = both.start, _value(surface.normal(ca.SX(ca.DM(place))))
+    if not np.all(_value(shape.single(ca.SX(ca.DM(-normal)))) > 0.5):
         # a wheel stands: the half turn about the middle between its normal and that of the ground
         middle = _value(shape.normal(ca.SX(ca.DM(shape.start)))) - normal
         own = (0.0, *(middle / np.linalg.norm(middle)))
     return (*own, *place)
+
+
+def _radius(surface: AbstractSurface, place: tuple[float, ...]) -> float:
+    """Of curvature at a place [m], where it is least; 1 where it is flat."""
+    W = surface.curvature(ca.SX(ca.DM(place)))
+    bend = float(_value(ca.sqrt(ca.trace(W @ W)))[0])
+    return 1 / bend if 0 < bend < np.inf else 1.0
 
 
 def _value(column: ca.SX) -> np.ndarray:
