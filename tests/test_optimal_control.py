@@ -3,11 +3,12 @@
 import _thread
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
@@ -21,6 +22,8 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    RollingBall,
+    Torque,
     TorqueSource,
     TranslationalGround,
     TranslationalSpring,
@@ -282,6 +285,14 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.OptimalControl(m, 1.0).at(1.5, {s.rail.q: 0}), "between 0 and 1"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=4), "odd order"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(tolerance=np.nan), "tolerance must be a finite"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(refinements=-1), "refinements is -1"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(options={"ipopt.bliss": 1}), "No such IPOPT option: bliss"),
+        (lambda s, m: ac.OptimalControl(s, 1.0), "is no model"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.force, np.inf, np.inf), "numbers in order"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).periodic(turns={s.rail.q: 1}), r"rail.q \[m\] makes no turns"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).guess(cast(Any, 3)), "no motion of this model"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).controller(-0.1), "rate must be positive"),
     ],
 )
 def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, Any], Any], words: str) -> None:
@@ -296,6 +307,22 @@ def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, An
         (lambda o, s: o.bound(s.rail.q, 0.5, 2.0), OptionError, "rail.q is 0 at the start, but is bounded to between 0.5 and 2"),
         (lambda o, s: o.bound(s.rail.q, upper=0.8), OptionError, "rail.q is to be 1 at the end, but is bounded to at most 0.8"),
         (lambda o, s: o.optimise(s.unused, 0.0, 1.0), OptionError, "nothing in the problem depends on unused"),
+        (
+            lambda o, s: o.bound(s.force, 1, 2) or o.bound(s.force, -2, -1),
+            OptionError,
+            "force is to be between 1 and 2 all the time",
+        ),
+        (lambda o, s: o.bound(s.rail.v, 0.5, 2.0), OptionError, "rail.v is to be 0 at the end, but is bounded"),
+        (lambda o, s: o.end({s.body.point.position: (1, 0.3, 0)}), OptionError, r"position\[1\] is 0 however the scene moves"),
+        (lambda o, s: o.end({s.unused: 0.1}), OptionError, "unused is 0.5 however the scene moves"),
+        (lambda o, s: o.end({s.rail.q: np.inf}), OptionError, "numbers in order"),
+        (lambda o, s: o.at(0.0, {s.force: 0.0}), OptionError, "At the start only positions"),
+        (lambda o, s: o.end({2 * s.rail.q: 3.0}), OptimalControlError, "contradicts itself: .* is 2 and not 3"),
+        (
+            lambda o, s: o.minimise(ac.integral(s.force**2 * float("nan"))),
+            OptimalControlError,
+            "slope have: what is minimised",
+        ),
         (lambda o, s: o.bound(s.rail.v, upper=0.5), OptimalControlError, r"could not be met: .*rail\.q"),
         (lambda o, s: o.minimise(-ac.integral(s.force**2)), OptimalControlError, "no least value|too many"),
         (lambda o, s: o.periodic(), OptimalControlError, "as at the start: rail.q"),
@@ -309,6 +336,84 @@ def test_what_cannot_be_is_said_by_part(ask: Any, error: type[Exception], words:
     ask(ocp, scene)
     with pytest.raises(error, match=words):
         ocp.solve(4, options={"ipopt.max_iter": 200})
+
+
+def test_a_bound_holds_at_a_start_that_is_free() -> None:
+    """Also for expressions, whose first point on the mesh comes later."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: ac.free(-5, 5, 0), scene.rail.v: ac.free(-5, 5, 0)})
+    ocp.bound(scene.rail.q**2, upper=1.0)
+    ocp.bound(scene.force, -50, 50)
+    ocp.end({scene.rail.q: 0.0})
+    ocp.minimise(-ac.at_start(scene.rail.q))
+    assert ocp.solve(5).x[0, 0] == pytest.approx(1.0, abs=1e-8)
+
+
+def test_an_integral_is_bounded() -> None:
+    """The effort 12 / T^3 from rest to rest is 3 where T^3 = 4."""
+    scene = Sledge()
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.1, 10))
+    ocp.bound(ac.integral(scene.force**2), upper=3.0)
+    ocp.minimise(ocp.duration)
+    assert ocp.solve(4).duration == pytest.approx(4 ** (1 / 3), rel=1e-8)
+
+
+@pytest.mark.parametrize("wanted", [lambda p: {p[2]: 0.5}, lambda p: {p: (0, 0, 0.5)}])
+def test_what_hangs_is_brought_straight_up(wanted: Any) -> None:
+    """Where it hangs, its height changes with nothing, and straight up neither."""
+    scene = Pendulum()
+    ocp = ac.OptimalControl(ac.build(scene), 1.5)
+    ocp.start({scene.hinge.q: 0})
+    ocp.end(wanted(scene.bob.point.position))
+    ocp.minimise(ac.integral(scene.torque**2))
+    assert abs(ocp.solve(8, refinements=0).x[0, -1]) == pytest.approx(np.pi, abs=1e-4)
+
+
+def test_loops_that_cannot_be_as_asked_for_are_said() -> None:
+    """Of a four-bar one angle follows from the other."""
+    scene = DrivenFourBar()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.a.q: 0.3})
+    ocp.end({scene.a.q: 1.3})
+    ocp.end({scene.b.q: 5.0})
+    ocp.minimise(ac.integral(scene.torque**2))
+    with pytest.raises(OptimalControlError, match=r"b\.q is .* and not 5"):
+        ocp.solve(5)
+
+
+class Ball(ac.System):
+    """Rolls on a table by two torques."""
+
+    def __init__(self) -> None:
+        self.torques = [ac.Input("N m") for _ in range(2)]
+        self.table, self.contact, self.ball = World(), RollingBall(0.1), RigidBody.ball(1.0, 0.1)
+        self.motor = Torque((*self.torques, 0))
+        self.connect(self.table.frame, self.contact.frame_a)
+        self.connect(self.contact.frame_b, self.ball.frame)
+        self.connect(self.motor.frame, self.ball.frame)
+
+
+def test_a_ball_rolls_through_places_and_all_that_is_said_of_its_end_is_not_asked_twice() -> None:
+    """The least effort is that of cubic splines; the ball turns by ten radians, so that no entry of its quaternion follows from the others on all of its way.
+    Its height, its rising, its turning and the spin that nothing drives follow from the rest.
+    """
+    scene = Ball()
+    frame = scene.ball.frame
+    ocp = ac.OptimalControl(ac.build(scene), 3.0)
+    ocp.start(
+        {frame.position: (0, 0, 0.1), frame.velocity: (0, 0, 0), frame.rotation: np.eye(3), frame.angular_velocity: (0, 0, 0)}
+    )
+    ocp.at(1 / 3, {frame.position[0]: 0.3, frame.position[1]: 0.2})
+    ocp.at(2 / 3, {frame.position[0]: 0.6, frame.position[1]: -0.2})
+    ocp.end({frame.position: (1.0, 0, 0.1), frame.velocity: (0, 0, 0), frame.angular_velocity: (0, 0, 0)})
+    ocp.minimise(ac.integral(scene.torques[0] ** 2 + scene.torques[1] ** 2))
+    best, cost = ocp.solve(30, refinements=0), 0.0
+    for places in ([0, 0.3, 0.6, 1], [0, 0.2, -0.2, 0]):
+        bend = CubicSpline([0, 1, 2, 3], places, bc_type="clamped")([0, 1, 2, 3], 2)
+        cost += float(np.sum(bend[:-1] ** 2 + bend[:-1] * bend[1:] + bend[1:] ** 2)) / 3 * (1.4 * 0.1) ** 2
+    assert best.cost == pytest.approx(cost, rel=3e-6)
+    assert np.ptp(best.x[:4], axis=1).max() > 1
 
 
 def test_an_input_without_effect_is_said() -> None:
@@ -327,7 +432,7 @@ def test_an_interrupted_search_hands_over_its_iterate(monkeypatch: pytest.Monkey
     search = solving.search
 
     def interrupted(*given: Any, **named: Any) -> Any:
-        threading.Timer(0.1, _thread.interrupt_main).start()
+        threading.Timer(0.5, _thread.interrupt_main).start()
         return search(*given, **named)
 
     monkeypatch.setattr(solving, "search", interrupted)

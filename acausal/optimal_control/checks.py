@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.errors import OptionError
 from acausal.optimal_control.guess import Guess
-from acausal.optimal_control.transcription import Asked, Limits
+from acausal.optimal_control.transcription import GIVEN, Asked, Limits
 
 _ROOM = 1e-6
 """Of what a bound and a value are: how far apart they are before they contradict each other."""
@@ -18,6 +18,7 @@ _ROOM = 1e-6
 def check_problem(asked: Asked, first: Guess, name: Callable[[object], str]) -> None:
     """Raises `OptionError` for what contradicts itself, and for what is to be found and nothing depends on. `name`: of inputs and parameters."""
     _check_effect(asked, name)
+    _check_what_stands(asked)
     _check_bounds(asked, first)
 
 
@@ -25,7 +26,8 @@ def _check_effect(asked: Asked, name: Callable[[object], str]) -> None:
     stage = asked.stage
     said = [limits.value for limits in (*asked.path, *(own for _, own in asked.here))]
     moved = ca.veccat(stage.put(stage.rates), stage.put(stage.balance), stage.put(stage.invariants[0]))
-    paid = ca.veccat(asked.integrals, asked.averages, asked.starts, asked.ends)
+    sums = (asked.cost, *(total for total, *_ in asked.totals))
+    paid = ca.veccat(*(part for one in sums for part in (one.integrals, one.averages, one.starts, one.ends)))
     moving = {s.element_hash() for s in ca.symvar(moved)}
     used = moving | {s.element_hash() for s in ca.symvar(stage.put(ca.veccat(paid, *said)))}
     for entry in stage.mode.inputs:
@@ -38,51 +40,74 @@ def _check_effect(asked: Asked, name: Callable[[object], str]) -> None:
             raise OptionError(f"optimise: nothing in the problem depends on {name(parameter)}. Leave it out.")
 
 
+def _check_what_stands(asked: Asked) -> None:
+    """What nothing moves, and is asked to be elsewhere."""
+    for at, limits in (*((None, one) for one in asked.path), *asked.here):
+        value = asked.stage.put(limits.value)
+        for r in range(value.numel()):
+            if value[r].is_constant() and limits.name != GIVEN:
+                found = float(value[r])
+                if _outside(found, limits, r):
+                    raise OptionError(
+                        f"{_entry(limits, r)} is {found:.6g} however the scene moves, but is to be {_range(limits, r)} {_when(at)}. Leave it out, or change the scene."
+                    )
+
+
+def _entry(limits: Limits, r: int) -> str:
+    return limits.name if limits.value.numel() == 1 else f"{limits.name}[{r}]"
+
+
+def _when(at: float | None) -> str:
+    if at is None:
+        return "all the time"
+    return {0.0: "at the start", 1.0: "at the end"}.get(at, f"when {at:g} of the time has passed")
+
+
+def _outside(found: float, limits: Limits, r: int) -> bool:
+    lower, upper = limits.lower[r], limits.upper[r]
+    room = _ROOM * max(abs(v) for v in (found, lower, upper) if np.isfinite(v))
+    return not lower - room <= found <= upper + room
+
+
 def _check_bounds(asked: Asked, first: Guess) -> None:
     """Values that are given and bounds on the same thing; bounds of what is known at the start."""
-    given = [(at, own) for at, own in asked.here if own.name != "start values"]  # among these are guesses
-    for limits in asked.path:
-        for at, own in given:
+    given = [(at, own) for at, own in asked.here if own.name != GIVEN]  # among these are guesses
+    for k, limits in enumerate(asked.path):
+        for at, own in (*((None, other) for other in asked.path[:k]), *given):
             _check_pair(limits, own, at)
         if asked.start is not None and np.isfinite(asked.start).all():
             _check_start(asked, limits, first)
 
 
-def _check_pair(limits: Limits, own: Limits, at: float) -> None:
+def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
     known = {limits.value[r].element_hash(): r for r in range(limits.value.numel())}
     for e in range(own.value.numel()):
         r = known.get(own.value[e].element_hash())
         if r is None:
             continue
-        room = _ROOM * max(abs(v) for v in (own.lower[e], own.upper[e], limits.lower[r], limits.upper[r]) if np.isfinite(v))
+        said = (own.lower[e], own.upper[e], limits.lower[r], limits.upper[r])
+        room = _ROOM * max((abs(v) for v in said if np.isfinite(v)), default=0.0)
         if own.lower[e] > limits.upper[r] + room or own.upper[e] < limits.lower[r] - room:
-            where = {0.0: "at the start", 1.0: "at the end"}.get(at, f"when {at:g} of the time has passed")
             raise OptionError(
-                f"{own.name} is to be {_range(own, e)} {where}, but is bounded to {_range(limits, r)} all the time. Move one of them."
+                f"{own.name} is to be {_range(own, e)} {_when(at)}, but is bounded to {_range(limits, r)} all the time. Move one of them."
             )
 
 
 def _check_start(asked: Asked, limits: Limits, first: Guess) -> None:
-    """Of positions alone: rates may change at once where they are bounded from then on."""
+    """Of states alone: all else may change at once."""
     stage = asked.stage
     value = stage.put(limits.value)
-    places = {stage.functions.space.x[k].element_hash() for k in range(stage.functions.space.nq)}
-    if any(s.element_hash() not in places for s in ca.symvar(value)):
+    states = {stage.functions.space.x[k].element_hash() for k in range(stage.sizes[0])}
+    if not value.numel() or any(s.element_hash() not in states for s in ca.symvar(value)):
         return
     z = np.concatenate([first.values[0], [first.duration], first.free])
+    z[: stage.sizes[0]] = asked.start
     found = np.array(ca.Function("value", [stage.unknowns, stage.data], [value])(z, [0.0, 0.0])).ravel()
-    room = _ROOM * np.max(
-        np.abs(
-            np.concatenate([found, limits.lower, limits.upper])[np.isfinite(np.concatenate([found, limits.lower, limits.upper]))]
-        ),
-        initial=0.0,
-    )
-    off = np.flatnonzero((found < limits.lower - room) | (found > limits.upper + room))
-    if off.size:
-        r = int(off[0])
-        raise OptionError(
-            f"{limits.name} is {found[r]:.6g} at the start, but is bounded to {_range(limits, r)} all the time. Start elsewhere, or move the bound."
-        )
+    for r, one in enumerate(found.tolist()):
+        if _outside(one, limits, r):
+            raise OptionError(
+                f"{_entry(limits, r)} is {one:.6g} at the start, but is bounded to {_range(limits, r)} all the time. Start elsewhere, or move the bound."
+            )
 
 
 def _range(limits: Limits, r: int) -> str:

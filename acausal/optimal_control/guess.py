@@ -41,9 +41,10 @@ def path_guess(
     units: np.ndarray,
     *,
     turned: np.ndarray,
+    sought: np.ndarray,
 ) -> Guess:
     """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk, or at constant speed where some are
-    `turned` (nx,) and others follow; driven as inverse dynamics says. `units` (width,): what is much for each unknown of a point.
+    `turned` (nx,) and others follow; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. `units` (width,): what is much for each unknown of a point.
     """
     nq, steady = stage.functions.space.nq, bool(turned.any())
     where = np.array([at for at, _ in stops])
@@ -57,7 +58,7 @@ def path_guess(
         x = np.repeat(wanted, times.size, axis=0)
     x[:, :nq] = closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
     t = times * duration
-    x[:, nq:] = _moving(stage, x, t, free, duration, steady=steady)[:, nq:]
+    x = _moving(stage, x, t, free, duration, sought, steady=steady)
     x = closed(stage, x, times, duration, free, np.ones(x.shape[1]), fresh=False)
     return Guess(times, _driven(stage, x, times, duration, free, units), duration, free)
 
@@ -96,17 +97,33 @@ def closed(
     return found
 
 
-def _moving(stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float, *, steady: bool) -> np.ndarray:
-    """With velocities (n, nx) that go with the positions; at both ends as they are, unless it is `steady`."""
+def _moving(
+    stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float, sought: np.ndarray, *, steady: bool
+) -> np.ndarray:
+    """With velocities (n, nv) that go with the positions; at both ends as they are, unless it is `steady`. Where positions cannot go all ways (what rolls),
+    those that are not `sought` (nx,) follow from the others.
+    """
     nq, nv = stage.functions.space.nq, stage.functions.space.velocities
     slope = np.gradient(x[:, :nq], t, axis=0) if t.size > 1 else np.zeros((1, nq))
+    rolls = nv < nq - len(stage.quaternions)
+    weight = np.where(sought[:nq] | (not rolls), 1.0, _HELD)
     found = x.copy()
-    for k in range(len(x)):
+
+    def rates(k: int) -> np.ndarray:
+        """Of positions, with velocities put in their place."""
         found[k, nq : nq + nv] = 0.0
-        drift, matrix = (
-            np.array(part) for part in stage.moving(_arguments(stage, found[k], duration, free), [t[k] / duration, 0.0])
-        )
-        found[k, nq : nq + nv] = np.linalg.lstsq(matrix, slope[k] - drift[:, 0], rcond=None)[0]
+        arguments = _arguments(stage, found[k], duration, free)
+        drift, matrix = (np.array(part) for part in stage.moving(arguments, [t[k] / duration, 0.0]))
+        v = np.linalg.lstsq(matrix * weight[:, None], (slope[k] - drift[:, 0]) * weight, rcond=None)[0]
+        found[k, nq : nq + nv] = v
+        return drift[:, 0] + matrix @ v
+
+    before = rates(0)
+    for k in range(1, len(x)):
+        if rolls:
+            found[k, :nq] = found[k - 1, :nq] + (t[k] - t[k - 1]) * before
+            found[k, :nq] = found[k - 1, :nq] + 0.5 * (t[k] - t[k - 1]) * (before + rates(k))
+        before = rates(k)
     if not steady:
         found[[0, -1], nq : nq + nv] = x[[0, -1], nq : nq + nv]
     return found

@@ -14,6 +14,8 @@ from acausal.errors import OptionError
 
 _PLUGINS = ("ipopt",)
 """Solvers that take the derivatives of a program as they are."""
+_APART = 1e-9
+"""Places that are nearer to each other are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,7 @@ class Mesher:
 
     def mesh(self, places: Sequence[float]) -> Mesh:
         """With nodes at these parts of the duration."""
-        marks = sorted({0.0, 1.0, *places})
+        inside = sorted({one for one in places if _APART < one < 1 - _APART})
+        marks = [0.0, *(one for one, before in zip(inside, [0.0, *inside], strict=False) if one - before > _APART), 1.0]
         pieces = np.maximum(1, np.round(self.intervals * np.diff(marks))).astype(int)
         return Mesh(np.array(marks), radau_iia((self.order + 1) // 2)).refined(pieces)

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
 
 _REPLAYED = 1e-10
+_DIGITS = 1e-8
+"""Of what a state is: it does not vary by less, beside rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +186,7 @@ class Optimum:
     @functools.cached_property
     def spread(self) -> np.ndarray:
         """(nx,): what each state varies by; where it does not, what states of its kind do."""
-        found = np.ptp(self.x, axis=1)
+        found = np.maximum(np.ptp(self.x, axis=1), _DIGITS * np.max(np.abs(self.x), axis=1))
         nq = self.transcribed.asked.stage.functions.space.nq
         for block in (slice(0, nq), slice(nq, None)):
             own = found[block]

@@ -20,14 +20,19 @@ from acausal.optimal_control.mode import phase_mode
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.solving import Part, best_of
 from acausal.optimal_control.stage import Stage
-from acausal.optimal_control.transcription import Asked, Limits
+from acausal.optimal_control.transcription import GIVEN, Asked, Limits, Total, beside
 from acausal.outputs.functions import Functions
+from acausal.outputs.state_units import state_units
 from acausal.start.assembly_function import start_units
 from acausal.start.initial import InitialState, exactly, near
 from acausal.start.states import start_values
 
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
+
+
+_ASIDE = (0.0, 0.1, 0.5)
+"""By how much of what is much for each state a search for what is wanted begins beside."""
 
 
 class Simulated(Protocol):
@@ -76,6 +81,8 @@ class OptimalControl:
         parameters: Any = None,
         t0: float = 0.0,
     ) -> None:
+        if not isinstance(getattr(model, "functions", None), Functions):
+            raise OptionError(f"OptimalControl: {model!r} is no model. Build it: ac.OptimalControl(ac.build(scene), ...).")
         self.model, self._functions = model, model.functions
         self._mode = phase_mode(self._functions, dictionary(modes or {}, "modes", "{scene.foot: 'sticks'}"))
         self._t0 = finite(t0, "OptimalControl: t0 [s]")
@@ -86,6 +93,7 @@ class OptimalControl:
         self._opened: dict[Expression, free] = {}
         self._path: list[tuple[Expression, Any, Any]] = []
         self._here: list[tuple[float, dict[Expression, Any]]] = []
+        self._totals: list[tuple[Cost, float, float, str]] = []
         self._geometry: dict[Parameter, free] = {}
         self._turns: dict[Expression, float] | None = None
         self._drifting: tuple[Expression, ...] = ()
@@ -116,16 +124,28 @@ class OptimalControl:
             raise OptionError(f"at({part:g}, ...): give a part of the duration between 0 and 1.")
         self._here.append((where, dict(self.symbols(values, "at" if where < 1 else "end"))))
 
-    def bound(self, expression: Expression | str, lower: Any = -np.inf, upper: Any = np.inf) -> None:
-        """Limits that an expression keeps at all points of the mesh: numbers, or one for each entry. Reactions, contact forces, powers, distances."""
+    def bound(self, expression: Expression | str | Cost, lower: Any = -np.inf, upper: Any = np.inf) -> None:
+        """Limits that an expression keeps at all points of the mesh: numbers, or one for each entry. Reactions, contact forces, powers, distances.
+        Of an `ac.integral`, an `ac.average` or a sum of such: two numbers for the whole motion.
+        """
+        if isinstance(expression, Cost):
+            name = f"the total number {len(self._totals) + 1} that is bounded"
+            low, high = (float(v[0]) for v in _ordered((lower, upper), name, 1))
+            self._totals.append((expression, low, high, name))
+            return
         (wanted,) = self.symbols({expression: 0.0}, "bound")
-        if np.any(np.asarray(lower, dtype=float) > np.asarray(upper, dtype=float)):
-            raise OptionError(f"bound: {self.name(wanted)} is to stay above {lower} and below {upper}, which cross.")
+        _ordered((lower, upper), self.name(wanted), None)
         self._path.append((wanted, lower, upper))
 
     def periodic(self, turns: Any = None, drift: Sequence[Expression | str] = ()) -> None:
         """The motion ends as it began, each of `turns` {variable: number} full turns on; states in `drift` may end anywhere."""
-        self._turns = {k: 2 * np.pi * float(v) for k, v in self.symbols(turns or {}, "periodic").items()}
+        self._turns = {k: 2 * np.pi * finite(v, "periodic: turns") for k, v in self.symbols(turns or {}, "periodic").items()}
+        units = state_units(self._functions)
+        for k in np.flatnonzero(self.by_state(self._turns)):
+            if units[k] not in ("rad", ""):
+                raise OptionError(
+                    f"periodic: {self._functions.state_names[k]} [{units[k]}] makes no turns; only angles do. What goes on from turn to turn is said by drift=[...]."
+                )
         self._drifting = tuple(self.symbols(dict.fromkeys(drift, 0.0), "periodic: drift"))
 
     def optimise(self, parameter: Parameter | str, lower: float, upper: float, guess: float | None = None) -> None:
@@ -135,7 +155,8 @@ class OptimalControl:
             raise OptionError(
                 f"optimise: {self.name(wanted)} is no parameter. Make it one: scene.length = ac.Parameter(0.4, 'm')."
             )
-        built = float(self._functions.outputs.system.p_values[self._functions.outputs.system.flat.parameters.index(wanted)])
+        system = self._functions.outputs.system
+        built = self._parameters.get(wanted, float(system.p_values[system.flat.parameters.index(wanted)]))
         inside = built if guess is None and lower <= built <= upper else guess
         self._geometry[wanted] = free(lower, upper, inside).checked(self.name(wanted))
 
@@ -151,7 +172,13 @@ class OptimalControl:
         """Where the search begins: a motion of the same model, found or simulated. Otherwise a smooth path from the start through what is asked
         for, driven as inverse dynamics says.
         """
+        same = motion.model is self.model if isinstance(motion, Optimum) else self._is_of_model(motion)
+        if not same:
+            raise OptionError(f"guess: {motion!r} is no motion of this model. Give a run of its own `simulate`, or an optimum.")
         self._guess = motion
+
+    def _is_of_model(self, motion: Any) -> bool:
+        return getattr(getattr(motion, "functions", None), "outputs", None) is self._functions.outputs
 
     def solve(
         self,
@@ -197,6 +224,8 @@ class OptimalControl:
         convex cost and a fixed duration, and falls back to ipopt where such a step fails.
         """
         every = finite(rate, "controller: the rate [s]")
+        if not every > 0:
+            raise OptionError(f"controller: the rate must be positive, not {every:g} s.")
         best = self.solve(intervals, order=order, controls=controls, refinements=0)
         return Controller(best, every, solver, dict(options or {}))
 
@@ -226,19 +255,17 @@ class OptimalControl:
         path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._path]
         path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
         path += [Limits(value, np.zeros(value.numel()), np.full(value.numel(), np.inf), name) for value, name in stage.bounds]
-        integrals, averages, starts_cost, ends = (
-            self._total(stage, kind) for kind in ("integrals", "averages", "starts", "ends")
-        )
+        totals = [(_total(stage, total, "bound"), low, high, name) for total, low, high, name in self._totals]
         asked = Asked(
             stage, path, here, None if self._start is None or following else begin.x, self._more_at_the_end(),
-            integrals, averages, starts_cost, ends, self._cost.duration, held, np.array([self._time.lower, self._time.upper]),
+            _total(stage, self._cost, "minimise"), totals, held, np.array([self._time.lower, self._time.upper]),
             np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
         return asked, self._stops(stage, begin), self._units(stage, begin)
 
     def _stops(self, stage: Stage, begin: InitialState) -> list[tuple[float, np.ndarray]]:
         """Parts of the duration, and states (nx,) nearest to those before that are as asked for then."""
-        f, stops = self._functions, [(0.0, begin.x)]
+        stops = [(0.0, begin.x)]
         for at in sorted({at for at, _ in self._here}):
             values = {key: value for where, own in self._here if where == at for key, value in own.items()}
             wanted = {
@@ -246,17 +273,40 @@ class OptimalControl:
                 for key, value in values.items()
                 if _finite(value)
             }
-            before = start_values(f, f.space.expanded(self._t0, stops[-1][1], begin.p))
-            kept = {key: near(value, 1e-3) for key, value in before.items() if key not in wanted}
-            found = self.model.initial_state({**kept, **self._near_states(stage, wanted)}, inputs=self._inputs, **self._given)
             if at > 0:
-                stops.append((at, found.x))
+                stops.append((at, self._stop(stage, begin, stops[-1][1], wanted)))
         more = self._more_at_the_end()
         if more is not None:
             stops = [*(stop for stop in stops if stop[0] < 1.0), (1.0, begin.x + np.nan_to_num(more))]
         if stops[-1][0] < 1.0:
             stops.append((1.0, stops[-1][1]))
         return stops
+
+    def _stop(self, stage: Stage, begin: InitialState, before: np.ndarray, wanted: Mapping[Expression, Any]) -> np.ndarray:
+        """States (nx,) near those `before` that are as wanted; from beside these where they are stationary for what is wanted, as a pendulum that hangs."""
+        f, told = self._functions, self._near_states(stage, wanted)
+        rest = np.concatenate(
+            [
+                np.zeros(stage.width - before.size),
+                [self._time.guess or 1.0],
+                [float(v.guess or 0.0) for v in self._geometry.values()],
+            ]
+        )
+        value = stage.slopes(ca.vertcat(ca.SX(0, 1), *(stage.opened(key) for key in told)))
+        asked = np.concatenate([np.zeros(0), *(np.ravel(one.value) for one in told.values())])
+
+        def missed(x: np.ndarray) -> float:
+            return float(np.linalg.norm(np.array(value(np.concatenate([x, rest]), [1.0, 0.0])[0]).ravel() - asked))
+
+        units, found = self._units(stage, begin)[: before.size], list[np.ndarray]()
+        for aside in _ASIDE:
+            moved = before + aside * units * np.random.default_rng(0).uniform(-1, 1, before.size)
+            near_by = start_values(f, f.space.expanded(self._t0, moved, begin.p))
+            kept = {key: near(one, 1e-3) for key, one in near_by.items() if key not in wanted}
+            found.append(self.model.initial_state({**kept, **told}, inputs=self._inputs, **self._given).x)
+            if missed(found[-1]) <= 1e-3 * missed(before):
+                return found[-1]
+        return min(found, key=missed)
 
     def _more_at_the_end(self) -> np.ndarray | None:
         """By what states (nx,) are more than at the start where the motion is periodic, NaN what drifts."""
@@ -265,23 +315,14 @@ class OptimalControl:
         drifting = np.isnan(self.by_state(dict.fromkeys(self._drifting, np.nan)))
         return np.where(drifting, np.nan, self.by_state(self._turns))
 
-    def _total(self, stage: Stage, kind: str) -> ca.SX:
-        """The sum of one kind of costs."""
-        total = sum((stage.opened(one) for one in getattr(self._cost, kind)), ca.SX(0))
-        if total.numel() != 1:
-            raise OptionError(
-                f"minimise: among {kind} is one of {total.numel()} entries. Give a number: its square, its norm, or one entry."
-            )
-        return total
-
     def _open_start(self, stage: Stage, first: np.ndarray) -> Limits:
         """What is given; what is free, between its bounds; then all states as they are at the guess, as far as they do not follow from these."""
         given = {k: v.value if isinstance(v, exactly) else v for k, v in (self._start or {}).items() if not isinstance(v, near)}
         limits = [self._limits(stage, k, np.asarray(v, dtype=float)) for k, v in given.items()]
         limits += [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
-        limits.append(Limits(self._functions.space.x, first, first, "start values"))
+        limits.append(Limits(self._functions.space.x, first, first, GIVEN))
         value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
-        return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), "start values")
+        return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), GIVEN)
 
     def _first(self, stage: Stage, stops: list[tuple[float, np.ndarray]], mesh: Mesh, units: np.ndarray) -> Guess:
         geometry = np.array([v.guess for v in self._geometry.values()], dtype=float)
@@ -298,7 +339,23 @@ class OptimalControl:
             geometry,
             units,
             turned=self.by_state(self._turns or {}) != 0,
+            sought=self._sought(stage, stops[0][1], units),
         )
+
+    def _sought(self, stage: Stage, x: np.ndarray, units: np.ndarray) -> np.ndarray:
+        """(nx,): which positions are told on the way or at the end."""
+        nx, nq = x.size, stage.functions.space.nq
+        told = ca.vertcat(ca.SX(0, 1), *(stage.opened(key) for at, values in self._here if at > 0 for key in values))
+        rest = np.concatenate(
+            [np.zeros(stage.width - nx), [self._time.guess or 1.0], [float(v.guess or 0.0) for v in self._geometry.values()]]
+        )
+        much = np.append(units[:nx], np.ones(rest.size))
+        z = beside(stage, np.append(x, rest), much, 1.0)
+        slope, closing = stage.slopes(told)(z, [1.0, 0.0])[1], stage.slopes_of(stage.closing, z, 1.0) * units[:nx]
+        found = np.array(slope).reshape(-1, nx) * units[:nx]
+        left = np.abs(found - (np.linalg.pinv(closing, 1e-9) @ closing @ found.T).T)
+        of_places = left[np.max(left[:, nq:], axis=1, initial=0.0) <= 1e-9 * np.max(left[:, :nq], axis=1, initial=0.0)]
+        return np.max(of_places, axis=0, initial=0.0) > 1e-6 * np.max(of_places, initial=0.0)
 
     def _units(self, stage: Stage, begin: InitialState) -> np.ndarray:
         """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds."""
@@ -311,19 +368,13 @@ class OptimalControl:
         for expression, lower, upper in self._path:
             for k, entry in enumerate(self._mode.inputs):
                 if expression is entry:
-                    size = max(abs(float(v)) for v in (lower, upper) if np.isfinite(v))
+                    size = max((abs(float(v)) for v in (lower, upper) if np.isfinite(v)), default=0.0)
                     drive[k] = size if size > 0 else 1.0
         return np.concatenate([states, states[nq : nq + nv] / time, np.ones(loops), drive])
 
     def _limits(self, stage: Stage, key: Expression, value: Any) -> Limits:
         column = stage.opened(key)
-        low, high = (_numbers(v) for v in _pair(value))
-        try:
-            lower, upper = (np.broadcast_to(np.asarray(v, dtype=float).ravel(order="F"), (column.numel(),)) for v in (low, high))
-        except (TypeError, ValueError, OverflowError):
-            raise OptionError(f"{self.name(key)} has {column.numel()} entries; its value {value!r} does not fit.") from None
-        if np.isnan(lower).any() or np.isnan(upper).any() or np.any(lower > upper):
-            raise OptionError(f"{self.name(key)} is to be between {low} and {high}: give numbers in order.")
+        lower, upper = _ordered(_pair(value), self.name(key), column.numel())
         return Limits(column, lower, upper, self.name(key))
 
     def by_state(self, values: Mapping[Expression, float]) -> np.ndarray:
@@ -366,6 +417,20 @@ class OptimalControl:
         return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
 
 
+def _total(stage: Stage, cost: Cost, what: str) -> Total:
+    """In unknowns of a stage."""
+
+    def added(kind: str) -> ca.SX:
+        found = sum((stage.opened(one) for one in getattr(cost, kind)), ca.SX(0))
+        if found.numel() != 1:
+            raise OptionError(
+                f"{what}: among {kind} is one of {found.numel()} entries. Give a number: its square, its norm, or one entry."
+            )
+        return found
+
+    return Total(added("integrals"), added("averages"), added("starts"), added("ends"), cost.duration)
+
+
 def _duration(time: Any) -> free:
     if isinstance(time, free):
         found = time.checked("The time [s]")
@@ -378,6 +443,24 @@ def _duration(time: Any) -> free:
     if length <= 0:
         raise OptionError(f"OptimalControl: the time must be positive, not {length:g} s.")
     return free(length, length, length)
+
+
+def _ordered(pair: tuple[Any, Any], name: str, entries: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper limits of `entries` numbers. Raises `OptionError` where nothing lies between them."""
+    try:
+        lower, upper = (np.asarray(_numbers(v), dtype=float).ravel(order="F") for v in pair)
+        if entries is not None:
+            lower, upper = (np.broadcast_to(v, (entries,)) for v in (lower, upper))
+    except (TypeError, ValueError, OverflowError):
+        said = pair[0] if pair[0] is pair[1] else pair
+        raise OptionError(
+            f"{name}: {said!r} does not fit{'' if entries is None else f' its {entries} entries'}. Give numbers."
+        ) from None
+    if np.isnan(lower).any() or np.isnan(upper).any() or (lower == np.inf).any() or (upper == -np.inf).any():
+        raise OptionError(f"{name} is to be between {pair[0]} and {pair[1]}: give numbers in order.")
+    if np.any(lower > upper):
+        raise OptionError(f"{name} is to stay above {pair[0]} and below {pair[1]}, which cross.")
+    return lower, upper
 
 
 def _pair(value: Any) -> tuple[Any, Any]:

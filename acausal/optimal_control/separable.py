@@ -150,7 +150,7 @@ class Program:
     def solver(self, plugin: str, options: dict[str, Any]) -> ca.Function:
         """`casadi.nlpsol` with these derivatives."""
         w = ca.MX.sym("w", self.size)
-        cost, rows = self._values(w)
+        cost, rows = self.of_cost()._values(w)[0], self._values(w)[1]
         return ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**self.derivatives, **options})
 
     @functools.cached_property
@@ -221,13 +221,11 @@ class Program:
     @functools.cached_property
     def _gradient(self) -> ca.Function:
         w, p = ca.MX.sym("w", self.size), ca.MX.sym("p", 0)
-        gradient = ca.MX(ca.DM(self.cost))
-        for entries, (rows, places, weights) in self._slopes(w):
-            of_cost = rows == COST
-            if of_cost.any():
-                spread = _sparse(places[of_cost], np.flatnonzero(of_cost), weights[of_cost], self.size, rows.size)
-                gradient += spread @ entries
-        return ca.Function("grad_f", [w, p], [self._values(w)[0], gradient], ["x", "p"], ["f", "grad_f_x"])
+        own, gradient = self.of_cost(), ca.MX(ca.DM(self.cost))
+        for entries, (rows, places, weights) in own._slopes(w):
+            paid = np.flatnonzero(rows == COST)
+            gradient += _sparse(places[paid], paid, weights[paid], self.size, rows.size) @ entries
+        return ca.Function("grad_f", [w, p], [own._values(w)[0], gradient], ["x", "p"], ["f", "grad_f_x"])
 
     @functools.cached_property
     def _jacobian(self) -> ca.Function:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from acausal.errors import OptimalControlError
+from acausal.arguments import finite, whole_number
+from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link, linked
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.promises import broken_promises, no_number
 from acausal.optimal_control.separable import Program
 from acausal.optimal_control.transcription import Asked, Transcribed, transcribe
 
@@ -21,6 +24,10 @@ _SOLVER_TOLERANCE = 1e-9
 """Of the program in units of its own."""
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
 """What ipopt says of Ctrl-C: none of our functions raises anything else."""
+_COARSE = 1e-3
+"""How far off intervals are that tell more of the mesh than of the motion."""
+_BOTTOMLESS = 1e8
+"""Units of the cost, in which its slope is 1 at the guess: farther down there is no least value."""
 _MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -87,6 +94,9 @@ def best_of(
     parts: Sequence[Part], links: Sequence[Link], plugin: str, options: dict[str, Any], tolerance: float, refinements: int
 ) -> Found:
     """Solved on a mesh, and again where intervals are off by more than the tolerance. Raises `OptimalControlError`."""
+    if not finite(tolerance, "solve: the tolerance") > 0:
+        raise OptionError(f"solve: the tolerance must be positive, not {tolerance:g}.")
+    whole_number(refinements, "solve: refinements", 0)
     iterations, seconds = 0, 0.0
     for attempt in range(refinements + 1):
         problem = whole(parts, links)
@@ -103,9 +113,23 @@ def best_of(
         found = Found(phases, cost, iterations, seconds)
         if not stats["success"]:
             raise OptimalControlError(
-                _failure(problem, w, str(stats["return_status"])), phases[0] if len(phases) == 1 else phases
+                _failure(problem, w, cost, str(stats["return_status"])), phases[0] if len(phases) == 1 else phases
             )
-        if attempt == refinements or all(one.defect <= tolerance for one in phases):
+        broken = [words for k, one in enumerate(problem.parts) for words in broken_promises(one, problem.unknowns(w, k))]
+        if broken:
+            raise OptimalControlError(
+                f"A motion was found, but what is asked for contradicts itself: {'; '.join(broken[:4])}. Leave something of it out, or begin elsewhere with ocp.guess(run).",
+                phases[0] if len(phases) == 1 else phases,
+            )
+        off = max(one.defect for one in phases)
+        if attempt == refinements or off <= tolerance:
+            if off > max(tolerance, _COARSE) and refinements > 0:
+                warnings.warn(
+                    f"The mesh is too coarse for this motion still: intervals are off by {off:.1e} when they are simulated, where {tolerance:.0e} was asked for. "
+                    "Begin with more intervals, or allow more refinements; look at best.defects.",
+                    AccuracyWarning,
+                    stacklevel=3,
+                )
             return found
         parts = [replace(part, mesh=_finer(one, tolerance), guess=one.motion) for part, one in zip(parts, phases, strict=True)]
     raise AssertionError
@@ -127,7 +151,10 @@ def _finer(best: Optimum, tolerance: float) -> Mesh:
 
 def search(program: Program, plugin: str, options: dict[str, Any], *, warm: bool) -> tuple[np.ndarray, float, dict[str, Any]]:
     """Unknowns, cost, and what the solver says of its search."""
-    solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
+    try:
+        solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
+    except RuntimeError as refused:
+        raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
     (least, most), (lower, upper) = program.bounds, program.limits
     found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
     return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()
@@ -144,8 +171,8 @@ def ipopt_options(*, warm: bool) -> dict[str, Any]:
     return options
 
 
-def _failure(problem: Whole, w: np.ndarray, status: str) -> str:
-    """Which constraints are violated most, by part and time."""
+def _failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
+    """Which constraints are violated most, by part and time; what has no value."""
     program = problem.program
     g = np.array(program.values(w)[1]).ravel()
     off = np.maximum(program.limits[0] - g, g - program.limits[1])
@@ -160,8 +187,22 @@ def _failure(problem: Whole, w: np.ndarray, status: str) -> str:
         "Maximum_Iterations_Exceeded": "the search took too many iterations",
         "Restoration_Failed": "the search could not come nearer to what is asked for",
         "Diverging_Iterates": "the cost has no least value, or bounds are missing",
+        "Invalid_Number_Detected": "something has no finite value or slope where the search was",
+        "Error_In_Step_Computation": "something has no slope where the search was",
     }
-    words = [f"No optimum was found: {reasons.get(status, status)}."]
+    if cost < -_BOTTOMLESS * problem.program.unit:
+        status = "Diverging_Iterates"
+    words = [f"No optimum was found: {reasons.get(status, status)}; the cost came to {cost:.4g}."]
+    blank = [
+        name
+        for k, one in enumerate(problem.parts)
+        for v in (w, problem.program.guess)
+        for name in no_number(one, problem.unknowns(v, k))
+    ]
+    if blank:
+        words.append(
+            f"No finite value or slope have: {', '.join(dict.fromkeys(blank[:4]))}. A root, a norm or a quotient may be of zero there."
+        )
     if worst:
         listed = [_where(problem, w, name, phase, entry) for (name, phase), entry in list(worst.items())[:4]]
         words.append("What could not be met: " + "; ".join(listed) + ".")

@@ -36,10 +36,20 @@ class Stage:
 
     @functools.cached_property
     def sizes(self) -> tuple[int, int, int, int]:
-        """Of states, accelerations, multipliers (of loops, then reactions) and inputs."""
-        space, system = self.functions.space, self.functions.outputs.system
-        multipliers = system.constraints.jacobian.shape[0] + self.mode.reactions.numel()
-        return space.x.numel(), space.velocities, multipliers, len(self.mode.inputs)
+        """Of states, accelerations, multipliers (of loops, then reactions, then those that stretch quaternions) and inputs."""
+        space = self.functions.space
+        return space.x.numel(), space.velocities, self.reacting + len(self.quaternions), len(self.mode.inputs)
+
+    @functools.cached_property
+    def reacting(self) -> int:
+        """Number of multipliers of loops and of reactions."""
+        return self.functions.outputs.system.constraints.jacobian.shape[0] + self.mode.reactions.numel()
+
+    @functools.cached_property
+    def quaternions(self) -> list[list[int]]:
+        """Numbers of the states of each."""
+        found = self.functions.quaternion_states
+        return [found[k : k + 4] for k in range(0, len(found), 4)]
 
     @property
     def width(self) -> int:
@@ -49,10 +59,9 @@ class Stage:
     @functools.cached_property
     def unknowns(self) -> ca.SX:
         """States, accelerations, multipliers, inputs, then the duration of the motion [s] and free parameters."""
-        _, velocities, multipliers, _ = self.sizes
-        reactions = self.mode.reactions
-        self_made = ca.SX.sym("acceleration", velocities), ca.SX.sym("multipliers", multipliers - reactions.numel())
-        given = (entry.sx for entry in self.mode.inputs)
+        reactions, velocities = self.mode.reactions, self.sizes[1]
+        self_made = ca.SX.sym("acceleration", velocities), ca.SX.sym("multipliers", self.reacting - reactions.numel())
+        given = (ca.SX.sym("stretch", len(self.quaternions)), *(entry.sx for entry in self.mode.inputs))
         geometry = ca.SX.sym("free", len(self.free))
         return ca.vertcat(self.functions.space.x, *self_made, reactions, *given, ca.SX.sym("duration"), geometry)
 
@@ -104,6 +113,16 @@ class Stage:
         return ca.vertcat(given[:first, :], self._parts[1], given[last:, :])
 
     @functools.cached_property
+    def collocated(self) -> ca.SX:
+        """`rates`, with quaternions stretched by multipliers of their own, by so much that they keep their length: all four entries are collocated,
+        since none of them follows from the others all the way round.
+        """
+        rates = ca.SX(self.rates)
+        for k, places in enumerate(self.quaternions):
+            rates[places] += self._parts[2][self.reacting + k] * self.functions.space.x[places]
+        return rates
+
+    @functools.cached_property
     def balance(self) -> ca.SX:
         """What is off of the equations of motion: of forces, then of accelerations of loops, and what each reaction is given by."""
         return ca.vertcat(self.balance_at(self.rates, self._parts[2]), *self._by_laws(self.rates))
@@ -112,7 +131,7 @@ class Stage:
         """What is off of forces, then of accelerations of loops, for rates of states (nx, 1) and these multipliers."""
         f = self.mode.free
         space, loops = f.space, f.outputs.system.constraints.jacobian.shape[0]
-        everything = ca.substitute(space.system.u, self.mode.reactions, multipliers[loops:, :])
+        everything = ca.substitute(space.system.u, self.mode.reactions, multipliers[loops : self.reacting, :])
         residual = f.residual_dynamics(space.system.t, space.x, rates, multipliers[:loops, :], self._alive(everything), space.p)
         first, last, end = space.nq, space.nq + space.velocities, space.x.numel()
         return ca.vertcat(residual[first:last, :], residual[end:, :])
@@ -129,9 +148,9 @@ class Stage:
 
     @functools.cached_property
     def acting(self) -> np.ndarray:
-        """(multipliers,): which are given by what acts, and not by accelerations that are held."""
+        """(reacting,): which multipliers are given by what acts, and not by accelerations that are held."""
         held = [self.mode.holds(law) and not self.mode.rate(law).is_constant() for law in self.mode.laws]
-        loops = self.sizes[2] - self.mode.reactions.numel()
+        loops = self.reacting - self.mode.reactions.numel()
         of_laws = [not hold for law, hold in zip(self.mode.laws, held, strict=True) for _ in law.row.reactions]
         return np.array([False] * loops + of_laws, dtype=bool)
 
@@ -147,7 +166,11 @@ class Stage:
     @functools.cached_property
     def closing(self) -> ca.Function:
         """(unknowns, data) -> invariants, and their slopes by the states (rows, nx)."""
-        return self._with_slopes(self.invariants[0], 0, self.sizes[0])
+        return self.slopes(self.invariants[0])
+
+    def slopes(self, column: ca.SX) -> ca.Function:
+        """(unknowns, data) -> a column, and its slopes by the states (rows, nx)."""
+        return self._with_slopes(column, 0, self.sizes[0])
 
     @functools.cached_property
     def moving(self) -> ca.Function:
@@ -186,24 +209,24 @@ class Stage:
 
     def ruling(self, z: np.ndarray, at: float, units: np.ndarray) -> list[int]:
         """Numbers of the multipliers that are not idle: given by what acts, or holding what others do not."""
-        nx, nv, loops, _ = self.sizes
+        nx, nv, _, _ = self.sizes
         slopes = self.slopes_of(self.driving, z, at)[nv:, :nv] * units[nx : nx + nv]
         held = np.flatnonzero(~self.acting)
         ruled = {int(held[r]) for r in independent_rows(slopes[held])}
-        ruled |= {r for r in range(loops) if self.acting[r] and not self.silent[r]}
+        ruled |= {r for r in range(self.reacting) if self.acting[r] and not self.silent[r]}
         return sorted(ruled)
 
     @functools.cached_property
     def silent(self) -> np.ndarray:
-        """(multipliers,): which are reactions of what is open, and zero."""
-        loops = self.sizes[2] - self.mode.reactions.numel()
+        """(reacting,): which multipliers are reactions of what is open, and zero."""
+        loops = self.reacting - self.mode.reactions.numel()
         pairs = zip(self.mode.laws, self.mode.words, strict=True)
         return np.array([False] * loops + [word in ("open", "off") for law, word in pairs for _ in law.row.reactions], dtype=bool)
 
     @functools.cached_property
     def equation_names(self) -> list[str]:
         """Of each row of `balance`, for messages."""
-        loops, (_, nv, _, _) = self.sizes[2] - self.mode.reactions.numel(), self.sizes
+        loops, nv = self.reacting - self.mode.reactions.numel(), self.sizes[1]
         first = self.functions.space.nq
         moving = [f"the equations of motion of {self.functions.state_names[first + i]}" for i in range(nv)]
         ruled = [f"the law of {law.name}" for law in self.mode.laws for _ in law.row.reactions]
@@ -226,9 +249,11 @@ def independent_rows(matrix: np.ndarray) -> tuple[int, ...]:
 
 
 def independent_states(
-    stage: Stage, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = ()
+    stage: Stage, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = (), *, whole: bool = False
 ) -> tuple[list[int], list[int]]:
-    """Which states (of all but those that follow) are collocated; and which invariants hold the others: rows that do not follow from others."""
+    """Which states (of all but those that follow) are collocated, with `whole` quaternions; and which invariants hold the others: rows that do not
+    follow from others.
+    """
     n = stage.invariants[1]
     nx, nv, _, _ = stage.sizes
     nq = stage.functions.space.nq
@@ -240,6 +265,7 @@ def independent_states(
         length = np.linalg.norm(own, axis=1)
         own = own / np.where(length > 0, length, 1.0)[:, None]
         gone = independent_entries(own, [k - columns.start for k in preferred if k in columns]).dependent
-        kept = [k for k in kept if k - columns.start not in gone or k not in columns]
+        turning = {k for places in stage.quaternions for k in places} if whole else set[int]()
+        kept = [k for k in kept if k - columns.start not in gone or k not in columns or k in turning]
         used += [block[0] + r for r in independent_rows(own)]
     return kept, used

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.errors import OptionError
 from acausal.numerics.folding import folded_function
-from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.guess import Guess, closed
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.optimal_control.stage import Stage, independent_rows, independent_states
@@ -32,9 +33,26 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
+class Total:
+    """A sum of integrals, averages and values at the `starts` and `ends` (1, 1), with `per_second` times the duration."""
+
+    integrals: ca.SX
+    averages: ca.SX
+    starts: ca.SX
+    ends: ca.SX
+    per_second: float
+
+
+_CLEAR, _SAME = 1e-3, 1e-7
+"""Of the largest slope of a vector's entries: what clearly changes, and what does not at all."""
+GIVEN = "start values"
+"""The name of what is given at the start and holds with what is free there."""
+
+
+@dataclass(frozen=True, eq=False)
 class Asked:
     """A problem, by unknowns of a `stage`. `path`: at every point; `here`: at parts of the duration; `start` (nx,): all states, NaN what is open;
-    `integrals`, `averages`, `starts`, `ends`: sums of what is minimised, with `per_second` times the duration. `periodic`: by what the states
+    `cost`: what is minimised; `totals`: what else stays between two numbers, with names. `periodic`: by what the states
     (nx,) are more at the end than at the start, NaN what is open. `held`: inputs are constant in each interval. `duration` and `geometry`:
     (2,) and (free parameters, 2) bounds.
     """
@@ -44,11 +62,8 @@ class Asked:
     here: Sequence[tuple[float, Limits]]
     start: np.ndarray | None
     periodic: np.ndarray | None
-    integrals: ca.SX
-    averages: ca.SX
-    starts: ca.SX
-    ends: ca.SX
-    per_second: float
+    cost: Total
+    totals: Sequence[tuple[Total, float, float, str]]
     held: bool
     duration: np.ndarray
     geometry: np.ndarray
@@ -157,11 +172,12 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
     size[layout.tail] = guess.duration
     size[layout.tail + 1 :] = np.where(guess.free == 0, 1.0, np.abs(guess.free))
     bounds = _bounds(asked, layout, w)
-    terms: list[Term] = [_dynamics(asked, layout, rows, w, units, bounds)]
-    terms += _conditions(asked, layout, rows, w)
-    terms += _ends(asked, layout)
+    sums = _sums(asked, layout, rows)
+    terms: list[Term] = [_dynamics(asked, layout, rows, w, units, bounds, sums)]
+    terms += _conditions(asked, layout, rows, w, size)
+    terms += _ends(sums, layout)
     cost = np.zeros(layout.size)
-    cost[layout.tail] = asked.per_second
+    cost[layout.tail] = asked.cost.per_second
     i, j, value = (np.array(part) for part in zip(*rows.linear, strict=True))
     plain = Program(
         [_scaled(term, size) for term in terms],
@@ -206,20 +222,32 @@ def _bounds(asked: Asked, layout: Layout, w: np.ndarray) -> np.ndarray:
     return bounds
 
 
-def _dynamics(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, units: np.ndarray, bounds: np.ndarray) -> Term:
+def _sums(asked: Asked, layout: Layout, rows: _Rows) -> list[tuple[Total, int]]:
+    """What is summed up over the motion, each with its row: first the cost."""
+    found = [(asked.cost, COST)]
+    for total, lower, upper, name in asked.totals:
+        row = rows.add(lower, upper, name, 1.0)
+        if total.per_second:
+            rows.linear.append((row, layout.tail, total.per_second))
+        found.append((total, row))
+    return found
+
+
+def _dynamics(
+    asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, units: np.ndarray, bounds: np.ndarray, sums: list[tuple[Total, int]]
+) -> Term:
     stage, mesh = asked.stage, layout.mesh
-    nx, nv, loops, _ = stage.sizes
+    nx, nv, loops = *stage.sizes[:2], stage.reacting
     K, s = mesh.intervals, mesh.tableau.stages
     labels = stage.functions.state_names
     path = [(limits, r) for limits in asked.path for r in range(limits.value.numel()) if not _is_unknown(stage, limits.value[r])]
     length = stage.data[1]
     values = ca.vertcat(
-        length * stage.duration * stage.put(stage.rates),
+        length * stage.duration * stage.put(stage.collocated),
         stage.put(stage.balance),
         stage.put(stage.invariants[0]),
         *(stage.put(limits.value[r]) for limits, r in path),
-        length * stage.duration * stage.put(asked.integrals),
-        length * stage.put(asked.averages),
+        *(length * stage.put(stage.duration * total.integrals + total.averages) for total, _ in sums),
     )
     held = stage.invariants[0].numel()
     number = np.full((values.numel(), K * s), NOWHERE)
@@ -227,7 +255,7 @@ def _dynamics(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, units: n
     extra = np.arange(layout.tail, layout.size)
     for k in range(K):
         middle, half = w[np.append(layout.places[k, s // 2], extra)], float(mesh.points[k, s // 2])
-        kept, used = independent_states(stage, middle, half, units)
+        kept, used = independent_states(stage, middle, half, units, whole=True)
         loop_rows = stage.ruling(middle, half, units)
         idle = [nx + nv + r for r in range(loops) if r not in loop_rows]
         bounds[:, layout.places[k][:, idle]] = 0.0  # multipliers that rigid bodies leave open
@@ -245,7 +273,7 @@ def _dynamics(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, units: n
                 number[nx + nv + loops + r, column] = rows.add(0.0, 0.0, "closed loops", at)
             for r, (limits, e) in enumerate(path):
                 number[nx + nv + loops + held + r, column] = rows.add(limits.lower[e], limits.upper[e], limits.name, at)
-            number[-2:, column], weights[-2:, column] = COST, mesh.tableau.b[j]
+            number[-len(sums) :, column], weights[-len(sums) :, column] = [row for _, row in sums], mesh.tableau.b[j]
     function = folded_function("point", [stage.unknowns, stage.data], [ca.densify(values)])
     places = np.vstack([layout.places.reshape(-1, stage.width).T, *(np.full(K * s, e) for e in extra)])
     data = np.vstack([mesh.points.ravel(), np.repeat(mesh.lengths, s)])
@@ -260,23 +288,29 @@ def _at(layout: Layout, k: int, value: ca.SX, number: list[int], weights: float 
     """A column of values at the node k, of the unknowns that stand in it."""
     stage = layout.stage
     used = stage.used([value])
+    if np.any(layout.node(k)[used] < 0):
+        raise OptionError(
+            "At the start only positions, velocities and other states are known: forces, accelerations and inputs begin just after it. "
+            "Bound them all the time, or ask for them a little later, ocp.at(0.01, {...})."
+        )
     function = folded_function("end", [stage.unknowns[used], stage.data], [ca.densify(value)])
     places = layout.node(k)[used][:, None]
     data = np.array([[layout.mesh.nodes[k]], [0.0]])
     return Term(function, places, np.ones(places.shape), data, np.array(number)[:, None], np.full((len(number), 1), weights))
 
 
-def _ends(asked: Asked, layout: Layout) -> list[Term]:
+def _ends(sums: list[tuple[Total, int]], layout: Layout) -> list[Term]:
     found: list[Term] = []
-    for k, value in ((0, asked.starts), (layout.mesh.intervals, asked.ends)):
-        column = asked.stage.put(value)
-        if not column.is_constant():
-            found.append(_at(layout, k, column, [COST]))
+    for total, row in sums:
+        for k, value in ((0, total.starts), (layout.mesh.intervals, total.ends)):
+            column = layout.stage.put(value)
+            if not column.is_constant():
+                found.append(_at(layout, k, column, [row]))
     return found
 
 
-def _conditions(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray) -> list[Term]:
-    """What holds at the start, at places of the path and at the end, without what follows from invariants."""
+def _conditions(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, size: np.ndarray) -> list[Term]:
+    """What holds at the start, at places of the path and at the end, without what follows from invariants and from one another."""
     stage, mesh = asked.stage, layout.mesh
     nx = stage.sizes[0]
     terms: list[Term] = []
@@ -288,14 +322,19 @@ def _conditions(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray) -> lis
         if used:
             number = [rows.add(0.0, 0.0, "closed loops", 0.0) for _ in used]
             terms.append(_at(layout, 0, stage.put(stage.invariants[0][list(used)]), number))
+    at_node: dict[int, list[tuple[float, Limits]]] = {}
     for at, limits in asked.here:
-        k = int(np.argmin(np.abs(mesh.nodes - at)))
-        z = np.where(layout.node(k) >= 0, w[layout.node(k)], 0.0)
-        value = stage.put(limits.value)
-        needed = _not_following(stage, value, z, at, fixed if k == 0 else np.zeros(nx, dtype=bool), limits)
-        if needed:
-            number = [rows.add(limits.lower[r], limits.upper[r], limits.name, at) for r in needed]
-            terms.append(_at(layout, k, value[needed], number))
+        at_node.setdefault(int(np.argmin(np.abs(mesh.nodes - at))), []).append((at, limits))
+    for k, said in at_node.items():
+        node = layout.node(k)
+        z, much = np.where(node >= 0, w[node], 0.0), np.where(node >= 0, size[node], 1.0)
+        needed = _not_following(stage, said, z, much, fixed if k == 0 else np.zeros(nx, dtype=bool))
+        for (at, limits), own in zip(said, needed, strict=True):
+            if own:
+                number = [rows.add(limits.lower[r], limits.upper[r], limits.name, at) for r in own]
+                terms.append(_at(layout, k, stage.put(limits.value)[own], number))
+    if asked.periodic is None or not np.isfinite(asked.periodic).all():
+        terms += _path_at_start(asked, layout, rows, fixed)
     if asked.periodic is not None:
         turned = [int(i) for i in np.flatnonzero(np.nan_to_num(asked.periodic))]
         kept, _ = independent_states(stage, first, 0.0, np.ones(stage.width), turned)
@@ -307,28 +346,92 @@ def _conditions(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray) -> lis
     return terms
 
 
-def _not_following(stage: Stage, value: ca.SX, z: np.ndarray, at: float, fixed: np.ndarray, limits: Limits) -> list[int]:
-    """Rows of a condition that invariants and rows before them do not imply; bounds that leave room are all kept."""
+def _path_at_start(asked: Asked, layout: Layout, rows: _Rows, fixed: np.ndarray) -> list[Term]:
+    """Of what is bounded all the time that which is known by states alone, where these are free: the first point of an interval comes later."""
+    stage, terms = asked.stage, list[Term]()
+    nx = stage.sizes[0]
+    here = {k for k in range(nx) if not fixed[k]} | set(range(stage.width + 1, stage.width + 1 + len(stage.free)))
+    known = {*range(nx), *here, stage.width}
+    for limits in asked.path:
+        value = stage.put(limits.value)
+        for r in range(value.numel()):
+            used = set(stage.used([value[r]]))
+            if not _is_unknown(stage, limits.value[r]) and used & here and used <= known:
+                number = [rows.add(limits.lower[r], limits.upper[r], limits.name, 0.0)]
+                terms.append(_at(layout, 0, value[r], number))
+    return terms
+
+
+def beside(stage: Stage, z: np.ndarray, much: np.ndarray, at: float) -> np.ndarray:
+    """A point a little away from `z` with its loops closed: at rest, stretched or straight up slopes vanish that do not elsewhere."""
+    nx, moved = stage.sizes[0], z + 0.03 * much * np.random.default_rng(0).uniform(-1, 1, z.size)
+    moved[nx:] = z[nx:]
+    moved[:nx] = closed(stage, moved[None, :nx], np.array([at]), z[stage.width], z[stage.width + 1 :], np.ones(nx))[0]
+    return moved
+
+
+def _not_following(
+    stage: Stage, said: Sequence[tuple[float, Limits]], z: np.ndarray, much: np.ndarray, fixed: np.ndarray
+) -> list[list[int]]:
+    """Rows of each of these conditions that invariants and other rows do not imply, the best conditioned ones; bounds that leave room are all kept."""
+    free = np.append(~fixed, np.ones(z.size - fixed.size, dtype=bool))
+    needed: list[list[int]] = [[] for _ in said]
+    equal = [np.flatnonzero(limits.lower == limits.upper) for _, limits in said]
+    for there, least in ((z, _CLEAR), (beside(stage, z, much, said[0][0]), _SAME)):
+        known = (
+            np.pad(stage.slopes_of(stage.closing, there, said[0][0]), ((0, 0), (0, z.size - fixed.size)))[:, free] * much[free]
+        )
+        slopes = [_slopes(stage, limits, there, at)[:, free] * much[free] for at, limits in said]
+        for c, (_, limits) in enumerate(said):
+            if limits.name == GIVEN and there is z:
+                needed[c] = _given(limits, slopes[c], known)
+            room = (limits.lower < limits.upper) & slopes[c].any(axis=1) & (limits.name != GIVEN)
+            needed[c] = sorted({*needed[c], *np.flatnonzero(room).tolist()})
+        had = [_unit(slopes[c][r]) for c, (_, limits) in enumerate(said) for r in needed[c] if limits.lower[r] == limits.upper[r]]
+        size = [np.max(np.linalg.norm(own, axis=1), initial=0.0) or 1.0 for own in slopes]
+        wanted = [
+            (c, r) for c, (_, limits) in enumerate(said) if limits.name != GIVEN for r in equal[c].tolist() if r not in needed[c]
+        ]
+        for k in _independent([*map(_unit, known), *had], [slopes[c][r] / size[c] for c, r in wanted], least):
+            needed[wanted[k][0]].append(wanted[k][1])
+    return [sorted(own) for own in needed]
+
+
+def _slopes(stage: Stage, limits: Limits, z: np.ndarray, at: float) -> np.ndarray:
+    value = stage.put(limits.value)
     slope = ca.Function("slope", [stage.unknowns, stage.data], [ca.densify(ca.jacobian(value, stage.unknowns))])
-    own = np.array(slope(z, [at, 0.0])).reshape(value.numel(), -1)
-    of_states = stage.slopes_of(stage.closing, z, at)
-    above = np.pad(of_states, ((0, 0), (0, own.shape[1] - of_states.shape[1])))
-    free = np.append(~fixed, np.ones(own.shape[1] - fixed.size, dtype=bool))
-    basis = list(above[:, free])
-    needed: list[int] = []
-    for r, row in enumerate(own[:, free]):
-        if limits.lower[r] < limits.upper[r] or _adds(basis, row):
+    return np.array(slope(z, [at, 0.0])).reshape(value.numel(), -1)
+
+
+def _given(limits: Limits, own: np.ndarray, known: np.ndarray) -> list[int]:
+    """Of what is given at the start: all else is as at the guess where nothing is said of it; what leaves room there says something."""
+    basis, needed = [*map(_unit, known)], list[int]()
+    for r, row in enumerate(own):
+        if limits.lower[r] < limits.upper[r] or _independent(basis, [_unit(row)], 1e-6):
             needed.append(r)
-            basis.append(row)
+            basis.append(_unit(row))
     return needed
 
 
-def _adds(basis: list[np.ndarray], row: np.ndarray) -> bool:
-    length = np.linalg.norm(row)
-    if length == 0 or not basis:
-        return bool(length > 0)
-    known = np.array([b / np.linalg.norm(b) for b in basis if np.linalg.norm(b) > 0]).T
-    if not known.size:
-        return True
-    rest = row / length - known @ np.linalg.lstsq(known, row / length, rcond=1e-9)[0]
-    return bool(np.linalg.norm(rest) > 1e-6)
+def _unit(row: np.ndarray) -> np.ndarray:
+    length = float(np.linalg.norm(row))
+    return row / length if length > 0 else row
+
+
+def _independent(basis: Sequence[np.ndarray], rows: Sequence[np.ndarray], least: float) -> list[int]:
+    """Numbers of rows that are not combinations of the basis and of one another by more than `least`, the farthest from these first."""
+    if not rows:
+        return []
+    rest, found = np.array(rows), list[int]()
+    if basis:
+        _, s, V = np.linalg.svd(np.array(basis), full_matrices=False)
+        V = V[s > 1e-9 * np.max(s, initial=0.0)]
+        rest = rest - rest @ V.T @ V
+    while True:
+        length = np.linalg.norm(rest, axis=1)
+        k = int(np.argmax(length))
+        if length[k] <= least:
+            return found
+        found.append(k)
+        rest = rest - np.outer(rest @ rest[k], rest[k]) / length[k] ** 2
+        rest[k] = 0.0
