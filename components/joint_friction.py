@@ -12,8 +12,8 @@ import numpy as np
 from acausal.errors import IncompatibleError, ParameterError
 from acausal.language.component import add_connection
 from acausal.language.connector import Frame
-from acausal.language.expression import Expression, Magnitude, Reaction, Scalar, scalar
-from acausal.language.mode_laws import DryFriction, ModeLaw
+from acausal.language.expression import Expression, Magnitude, Reaction, Scalar, scalar, sx
+from acausal.language.mode_laws import DryFriction, ModeLaw, together
 from acausal.language.origin import origin
 from acausal.parts.contact import read
 from acausal.parts.force import AbstractReactiveForce, Action, at_ends
@@ -22,6 +22,7 @@ from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 from components.contacts.laws import Coulomb
 from components.joints.cylindrical import Cylindrical
+from components.joints.planar import Planar
 from components.joints.prismatic import Prismatic
 from components.joints.revolute import Revolute
 from components.joints.screw import Screw
@@ -45,6 +46,9 @@ class AbstractBorneFriction(AbstractReactiveForce, ABC):
             raise ParameterError(f"{type(self).__name__}'s joint is {joint!r} ({origin()}). Give the joint that it is beside.")
         if not isinstance(law, Coulomb):
             raise ParameterError(f"{type(self).__name__}'s law is {law!r} ({origin()}). Give Coulomb(0.1).")
+        if (law.patch is not None) != (directions == 3):
+            what = "rubs as a patch: give Coulomb(0.1, patch=Patch(radius))" if directions == 3 else "does not spin: leave out the law's patch"
+            raise ParameterError(f"{type(self).__name__} of a {type(joint).__name__} {what} ({origin()}).")
         self.joint, self.law = joint, law
         self.q, self.v = joint.q, joint.v
         self.drag = tuple(Reaction(unit, "friction, along the slip") for _ in range(directions))
@@ -70,8 +74,8 @@ class AbstractBorneFriction(AbstractReactiveForce, ABC):
         sizes = [Magnitude(force) for force in self.presses()]
         load = sum(sizes[1:], 1.0 * sizes[0])
         slip = read(self.rubs(self.q.sx)[0].T @ self.v.sx)
-        drag = self.drag[0] if len(self.drag) == 1 else (self.drag[0], self.drag[1])
-        yield DryFriction(drag, slip, self.law.mu * load, self.law.static * load)
+        pressure = None if self.law.patch is None else self.law.patch.pressure
+        yield DryFriction(together(self.drag), slip, self.law.mu * load, self.law.static * load, pressure=pressure)
 
     @final
     def actions(self, placement: Placement) -> tuple[Action, ...]:
@@ -82,7 +86,7 @@ class AbstractBorneFriction(AbstractReactiveForce, ABC):
 @final
 class JointFriction(AbstractBorneFriction):
     """Dry friction of a joint by the force that it truly bears, of two components where these are two: beside a Revolute, Prismatic,
-    Cylindrical or Screw.
+    Cylindrical, Screw or Planar.
 
     `law`: Coulomb(mu, static), with N below; `drag`: what drives frame_b forward, against the slip where it slips.
 
@@ -91,29 +95,34 @@ class JointFriction(AbstractBorneFriction):
     - Prismatic: force up to mu N, N across the axis. Cylindrical, a sleeve of `radius`: along it and around it together.
     - With `length` [m] a bearing or slide bears at its ends: N = |F/2 + F'| + |F/2 - F'|, with a couple F' length across the axis, as
       where a drawer jams.
+    - Planar, a disk that slides and spins: `law` with a `patch` about frame_b, N the force along the normal.
     - Screw with a square thread of mean `radius`: along the thread, N across its flank; held by itself where the lead's slope is below mu.
 
         scene.bearing = JointFriction(scene.hinge, Coulomb(0.1), radius=0.02)
     """
 
     def __init__(
-        self, joint: Revolute | Prismatic | Cylindrical | Screw, law: Coulomb, radius: Scalar | None = None, collar: Scalar | None = None, length: Scalar | None = None
+        self, joint: Revolute | Prismatic | Cylindrical | Screw | Planar, law: Coulomb, radius: Scalar | None = None, collar: Scalar | None = None, length: Scalar | None = None
     ) -> None:  # fmt: skip
-        if not isinstance(joint, Revolute | Prismatic | Cylindrical | Screw):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(joint, Revolute | Prismatic | Cylindrical | Screw | Planar):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise IncompatibleError(
-                f"JointFriction is beside a Revolute, Prismatic, Cylindrical or Screw, and was given {joint!r} ({origin()}). Give the joint: scene.hinge."
+                f"JointFriction is beside a Revolute, Prismatic, Cylindrical, Screw or Planar, and was given {joint!r} ({origin()}). Give the joint: scene.hinge."
             )
-        needs = not isinstance(joint, Prismatic)
+        needs = not isinstance(joint, Prismatic | Planar)
         name = type(joint).__name__
         self.radius = _measure(radius, "radius", name, needs, needs)
         self.collar = _measure(collar, "collar", name, isinstance(joint, Revolute), False)
-        self.length = _measure(length, "length", name, not isinstance(joint, Screw), False)
-        self._beside(joint, law, 1 + isinstance(joint, Cylindrical), "N*m" if isinstance(joint, Revolute) else "N")
+        self.length = _measure(length, "length", name, not isinstance(joint, Screw | Planar), False)
+        self._beside(joint, law, 3 if isinstance(joint, Planar) else 1 + isinstance(joint, Cylindrical), "N*m" if isinstance(joint, Revolute) else "N")
 
     def rubs(self, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         joint, axis, none, r = self.joint, self._axes[:, 2], ca.SX.zeros(3), ca.SX(_plain(self.radius))
         if isinstance(joint, Revolute):
             return ca.SX(1), ca.vertcat(axis, none)
+        if isinstance(joint, Planar):
+            assert self.law.patch is not None
+            edge = sx(self.law.patch.radius)
+            return ca.diag(ca.vertcat(1, 1, edge)), ca.diagcat(edge * axis, self._axes[:, :2])[:, [1, 2, 0]]
         if isinstance(joint, Prismatic):
             return ca.SX(1), ca.vertcat(none, axis)
         if isinstance(joint, Cylindrical):
@@ -124,6 +133,8 @@ class JointFriction(AbstractBorneFriction):
     def presses(self) -> Sequence[Expression]:
         torque, force = self.borne
         axis, across = read(self._axes[:, 2]), read(self._axes[:, :2].T)
+        if isinstance(self.joint, Planar):
+            return [axis.T @ force]
         r = _expression(self.radius) if isinstance(self.joint, Revolute | Screw) else 1.0
         if isinstance(self.joint, Screw):
             return [read(self._along_thread) / r * (axis.T @ force)]
@@ -140,7 +151,7 @@ class JointFriction(AbstractBorneFriction):
     def _axes(self) -> ca.SX:
         """(3, 3), the last one along the joint's axis."""
         joint = self.joint
-        assert isinstance(joint, Revolute | Prismatic | Cylindrical | Screw)
+        assert isinstance(joint, Revolute | Prismatic | Cylindrical | Screw | Planar)
         return symbolic(joint.mounting())
 
     @property

@@ -31,7 +31,7 @@ class SetFunctions:
 @dataclass(frozen=True, eq=False)
 class ModeFunctions:
     """`masks`: how many of the inputs u are masks, the last ones: one for each of `one_sided` laws, then two for each of `lines`, frictions in one
-    direction, six for each of `planes`, those in two, and three for each of `magnitudes` that limits depend on; where rows are `redundant` their damping, and the
+    direction, six for each of `planes`, those in two, eight for each of `patches`, and three for each of `magnitudes` that limits depend on; where rows are `redundant` their damping, and the
     reactions that are carried on: since when, n of them, and their rates; and `discretes`, which are `set`.
 
     `guards`: (t, x, u, p) -> positive as long as the masks are right: one for each one-sided row, two for each friction and each magnitude. `decision`: (t, x, u, p) -> what
@@ -42,6 +42,7 @@ class ModeFunctions:
     one_sided: int
     lines: int
     planes: int
+    patches: int
     magnitudes: int
     redundant: bool
     guards: ca.Function
@@ -55,7 +56,7 @@ class ModeFunctions:
     @property
     def masks(self) -> int:
         """How many there are."""
-        friction = 2 * self.lines + 6 * self.planes + 3 * self.magnitudes
+        friction = 2 * self.lines + 6 * self.planes + 8 * self.patches + 3 * self.magnitudes
         return self.one_sided + friction + self.redundant * (2 + 2 * self.reactions) + self.discretes
 
     @property
@@ -76,12 +77,12 @@ class ModeFunctions:
     @property
     def laws(self) -> int:
         """How many there are."""
-        return self.one_sided + self.lines + self.planes
+        return self.one_sided + self.lines + self.planes + self.patches
 
     @property
     def reactions(self) -> int:
         """How many there are."""
-        return self.one_sided + self.lines + 2 * self.planes
+        return self.one_sided + self.lines + 2 * self.planes + 3 * self.patches
 
 
 @dataclass(frozen=True)

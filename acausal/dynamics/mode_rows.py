@@ -11,7 +11,7 @@ from acausal.dynamics.readings import Readings
 from acausal.errors import ModelError
 from acausal.language.expression import Discrete, Expression, Magnitude, Parameter, Reaction, Scalar, declared, sx
 from acausal.language.flatten import FlatSystem, Part
-from acausal.language.mode_laws import DryFriction, Lock, OneSided, OneWay
+from acausal.language.mode_laws import DryFriction, Lock, OneSided, OneWay, Pressure
 from acausal.language.when import when
 from acausal.numerics.terms import rounded
 
@@ -26,10 +26,10 @@ class Size:
 
 @dataclass(frozen=True)
 class ModeRow:
-    """A law of `reactions`, one or two: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
+    """A law of `reactions`, one to three: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
     is the slip [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
     `gate`: positive where that may close. `sizes`: which the limits depend on. `impact`: by which law of impact, see impacts.h; `back`: how much of a slip comes
-    back in one.
+    back in one; `pressure`: of a patch, which has three reactions.
     """
 
     part: Part
@@ -43,6 +43,7 @@ class ModeRow:
     sizes: tuple[Size, ...] = ()
     impact: int = 0
     back: ca.SX = field(default_factory=lambda: ca.SX(0))
+    pressure: Pressure | None = None
 
     @property
     def gap(self) -> ca.SX:
@@ -64,6 +65,11 @@ class ModeRow:
         return len(self.reactions)
 
     @property
+    def masks(self) -> int:
+        """How many inputs say what it does."""
+        return 1 if self.one_sided else (2, 6, 8)[self.size - 1]
+
+    @property
     def reaction(self) -> Reaction:
         """The first one."""
         return self.reactions[0]
@@ -75,7 +81,7 @@ class ModeRow:
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
         sizes = tuple(replace(size, of=ca.substitute([size.of], list(old), list(new))[0]) for size in self.sizes)
         gate = None if self.gate is None else found[-1]
-        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2])
+        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2], self.pressure)
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,7 @@ def lock_rows(flat: FlatSystem, readings: Readings) -> tuple[LockRows, ...]:
 
 
 def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
-    """Of all parts: one-sided ones first, then friction in one direction, then in two. Raises `ModelError` for a reaction without a law, or with two, and what
+    """Of all parts: one-sided ones first, then friction in one direction, then in two, then of patches. Raises `ModelError` for a reaction without a law, or with two, and what
     `Readings.resolved` raises."""
     found: list[ModeRow] = []
     locked: list[Reaction] = []
@@ -135,7 +141,7 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
                 slip, limits = ca.vec(read(law.slip)), (read(law.sliding), read(law.holding))
                 sizes = tuple(Size(symbol, read(symbol.of)) for symbol in _magnitudes(ca.vertcat(*limits)))
-                found.append(ModeRow(part, law.reactions, slip, None, *limits, sizes=sizes, back=read(law.restitution)))
+                found.append(ModeRow(part, law.reactions, slip, None, *limits, sizes=sizes, back=read(law.restitution), pressure=law.pressure))
             else:
                 raise ModelError(
                     f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...), ac.DryFriction(...) and ac.Lock(...)."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import final
 
 from acausal.errors import ModelError, ParameterError
@@ -37,6 +38,15 @@ class OneSided:
 
 
 @final
+class Pressure(Enum):
+    """How a round patch presses: the same everywhere; as balls by Hertz, p ~ sqrt(1 - (r / radius)^2); along its edge."""
+
+    UNIFORM = 1
+    HERTZ = 2
+    RING = 3
+
+
+@final
 @dataclass(frozen=True, eq=False)
 class DryFriction:
     """`reaction` is what keeps `slip` at zero, as far as it is at most `holding`; where it slips, it is `sliding` against the slip.
@@ -45,16 +55,27 @@ class DryFriction:
     pair of reactions: then limits are those of the pair's norm. `holding` and `sliding` [N or N*m]: expressions in which also reactions of one-sided laws may
     stand, as factors, and `ac.Magnitude`s of what joints bear. `holding` >= `sliding` >= 0; `sliding` unless given. `restitution`
     (0 ... 1): how much of a slip comes back in an impact, as far as friction can.
+
+    A round patch that slides and spins at once has three: the slip of its centre along two directions, and the speed of its edge, radius times spin; with three
+    reactions [N], the last one times the radius is a torque. `pressure`: of the patch; limits are those of sliding alone. Each point rubs against its own slip.
     """
 
-    reaction: Reaction | tuple[Reaction, Reaction]
+    reaction: Reaction | tuple[Reaction, Reaction] | tuple[Reaction, Reaction, Reaction]
     slip: Expression
     sliding: Scalar
     holding: Scalar = field(default=None)  # pyright: ignore[reportAssignmentType]  # as much as `sliding`
     restitution: Scalar = 0.0
+    pressure: Pressure | None = None
 
     def __post_init__(self) -> None:
         _check(self.reaction, self.slip, "DryFriction", "slip")
+        if not (self.pressure is None or isinstance(self.pressure, Pressure)):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ModelError(f"DryFriction's pressure is {self.pressure!r} ({origin()}). Give ac.Pressure.UNIFORM, HERTZ or RING.")
+        if (len(self.reactions) == 3) != (self.pressure is not None):
+            raise ModelError(
+                f"DryFriction has {len(self.reactions)} reactions and pressure={self.pressure!r} ({origin()}). Three of them are those of a patch, with its "
+                "pressure: ac.DryFriction((self.a, self.b, self.twist), slip, limit, pressure=ac.Pressure.UNIFORM)."
+            )
         object.__setattr__(self, "restitution", impact_law(self.restitution, "DryFriction's restitution").restitution)
         sliding = scalar(self.sliding, "DryFriction's sliding", non_negative=True)
         holding = sliding if self.holding is None else scalar(self.holding, "DryFriction's holding", non_negative=True)  # pyright: ignore[reportUnnecessaryComparison]
@@ -67,8 +88,15 @@ class DryFriction:
 
     @property
     def reactions(self) -> tuple[Reaction, ...]:
-        """One or two."""
+        """One to three."""
         return self.reaction if isinstance(self.reaction, tuple) else (self.reaction,)
+
+
+def together(reactions: tuple[Reaction, ...]) -> Reaction | tuple[Reaction, Reaction] | tuple[Reaction, Reaction, Reaction]:
+    """One to three, as `DryFriction` has them."""
+    if len(reactions) == 1:
+        return reactions[0]
+    return (reactions[0], reactions[1]) if len(reactions) == 2 else (reactions[0], reactions[1], reactions[2])
 
 
 @final
@@ -126,10 +154,10 @@ ModeLaw = OneSided | DryFriction | OneWay | Lock | when
 
 def _check(reaction: object, moved: object, law: str, name: str) -> None:
     given: tuple[object, ...] = reaction if isinstance(reaction, tuple) and law == "DryFriction" else (reaction,)  # pyright: ignore[reportUnknownVariableType]
-    if not all(isinstance(entry, Reaction) for entry in given) or len(given) not in (1, 2):
+    if not all(isinstance(entry, Reaction) for entry in given) or len(given) not in (1, 2, 3):
         raise ModelError(
             f"{law}'s reaction is {reaction!r} ({origin()}). Keep one as an attribute of the part: self.push = ac.Reaction('N')."
         )
     if not isinstance(moved, Expression) or moved.sx.numel() != len(given):
-        what = "a scalar expression" if len(given) == 1 else "a column of two expressions"
+        what = ("a scalar expression", "a column of two expressions", "a column of three expressions")[len(given) - 1]
         raise ModelError(f"{law}'s {name} is {moved!r} ({origin()}). Give {what} of the scene's variables.")

@@ -148,6 +148,8 @@ def phase_mode(functions: Functions, said: Mapping[Any, str]) -> PhaseMode:
         needed = {s.element_hash() for s in ca.symvar(ca.veccat(found.rate(law), law.row.moved))}
         if any(entry.sx.element_hash() in needed for entry in found.inputs):
             raise OptionError(f"OptimalControl: {law.name} is moved by an input itself. Let the input be a force.")
+        if law.row.pressure is not None:
+            raise OptionError(f"OptimalControl: {law.name} is the friction of a patch, which this does not go with yet.")
     return replace_words(found, said, "OptimalControl")
 
 

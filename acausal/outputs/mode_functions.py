@@ -34,13 +34,13 @@ def mode_functions(
     if m is None:
         none = ca.SX(0, 1)
         return ModeFunctions(
-            0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), masked("mode_invariants", rows),
+            0, 0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), masked("mode_invariants", rows),
             masked("mode_projection", step), (), discretes,
         )  # fmt: skip
     size = [row.size for row in m.frictions]
     return ModeFunctions(
-        m.one_sided, size.count(1), size.count(2), len(m.magnitudes.sizes), m.redundant, function("mode_guards", m.guards),
-        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m))),
+        m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant, function("mode_guards", m.guards),
+        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m))),
         masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
     )  # fmt: skip
 
@@ -77,3 +77,8 @@ def _magnitudes(m: Modes) -> ca.SX:
     parts = [ca.substitute(forces, m.reactions, none), ca.vec(ca.jacobian(forces, m.reactions).T)]
     parts += [ca.vec(ca.jacobian(limit, m.magnitudes.symbols).T) for limit in _limits(m)]
     return ca.vertcat(*(ca.densify(part) for part in parts))
+
+
+def _pressures(m: Modes) -> ca.SX:
+    """What patches press with, by number: the end of that column."""
+    return ca.vertcat(ca.SX(0, 1), *(row.pressure.value for row in m.frictions if row.pressure is not None))

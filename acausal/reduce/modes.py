@@ -19,6 +19,7 @@ from acausal.dynamics.mode_rows import LockRows, ModeRow, Size
 from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
 from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
+from acausal.numerics import patches
 from acausal.numerics.elimination import eliminated, undamped
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import ROUNDING
@@ -33,7 +34,7 @@ _REFINEMENTS = 4
 class Modes:
     """Rows of reactions and what the masks make of them, by t, x, u (masks last) and p; n reactions in all.
 
-    `rows`: laws, one-sided ones first, then friction in one direction, then in two. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
+    `rows`: laws, one-sided ones first, then friction in one direction, then in two, then of patches. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
     without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
     positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
     what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember. `at_once`: whether a row
@@ -92,19 +93,20 @@ def refuse_modes(rows: Sequence[ModeRow | LockRows], what: str) -> None:
 @dataclass(frozen=True)
 class _Masks:
     """Of one law. `holds`: 1 where its rows hold. Of friction: `slides` 1 where the force is against the slip, `frozen` 1 where it is against `along` (size), near
-    slip zero; `threshold`: of the slip, between these."""
+    slip zero; `threshold`: of the slip, between these. Of a patch `faster`: 1 where it slides faster than its edge turns, -1 where slower, 0 where it is not looked at."""
 
     holds: Mode
     slides: Mode | None = None
     frozen: Mode | None = None
     threshold: Mode | None = None
     along: tuple[Mode, ...] = ()
+    faster: Mode | None = None
 
     @property
     def all(self) -> tuple[Mode, ...]:
         """In the order of the inputs."""
         given = (self.holds, self.slides, self.frozen, self.threshold)
-        return (*(mask for mask in given if mask is not None), *self.along)
+        return (*(mask for mask in given if mask is not None), *self.along, *(() if self.faster is None else (self.faster,)))
 
 
 def _masks(row: ModeRow, names: Mapping[Any, str]) -> _Masks:
@@ -114,10 +116,11 @@ def _masks(row: ModeRow, names: Mapping[Any, str]) -> _Masks:
     sticks = Mode(f"{name}.sticks", "1 where it sticks, else 0")
     if row.size == 1:
         return _Masks(sticks, along=(Mode(f"{name}.slides", "sign of the slip where it slides, else 0"),))
-    along = tuple(Mode(f"{name}.along[{k}]", "direction of the slip while that is not clear of zero") for k in range(2))
+    along = tuple(Mode(f"{name}.along[{k}]", "direction of the slip while that is not clear of zero") for k in range(row.size))
     return _Masks(
         sticks, Mode(f"{name}.slides", "1 where it slides, else 0"), Mode(f"{name}.starts", "1 where its direction is held, else 0"),
         Mode(f"{name}.threshold", "slip below which its direction is held"), along,
+        None if row.pressure is None else Mode(f"{name}.faster", "which of slip and spin is faster, 1 or -1, or 0"),
     )  # fmt: skip
 
 
@@ -331,10 +334,25 @@ def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], lis
                 "that is free to move."
             )
         living = np.flatnonzero(moves).tolist()
+        row = row if len(living) in (0, row.size) else _without_parts(row, living)
         dead += [row.reactions[k].sx for k in range(row.size) if k not in living]
         if living:
             kept.append(replace(row, reactions=tuple(row.reactions[k] for k in living), moved=row.moved[living]))
     return sorted(kept, key=lambda row: (not row.one_sided, row.size)), dead
+
+
+def _without_parts(row: ModeRow, living: Sequence[int]) -> ModeRow:
+    """A friction of which only these rows live. Raises `ModelError` where a patch slides one way only, and spins."""
+    if row.pressure is None or row.sliding is None or row.holding is None:
+        return row
+    if living == [2]:
+        part = patches.spinning(row.pressure)
+        return replace(row, pressure=None, sliding=part * row.sliding, holding=part * row.holding)
+    if 2 in living:
+        raise ModelError(
+            f"The patch of {row.part.where} can slide one way only, and spin: that is not there yet. Let it slide in a plane, or hold its spin."
+        )
+    return replace(row, pressure=None)
 
 
 @dataclass(frozen=True)
@@ -383,12 +401,12 @@ class _Masked:
         found: list[tuple[ModeRow, ca.SX]] = []
         for row, mask in zip(self.rows, self.masks, strict=True):
             first = len(found)
-            slip = rate[first : first + row.size, :]
-            for k in range(row.size):
-                part = mask.along[k].sx if mask.along else ca.SX(0)
-                if mask.slides is not None and mask.frozen is not None:
-                    part = mask.frozen.sx * part + mask.slides.sx * slip[k] / ca.sqrt(ca.sumsqr(slip) + (1 - mask.slides.sx))
-                found.append((row, part))
+            slip, parts = rate[first : first + row.size, :], ca.vertcat(ca.SX(0, 1), *(along.sx for along in mask.along))
+            if mask.slides is not None and mask.frozen is not None:
+                none = 1 - mask.slides.sx
+                way = slip / ca.sqrt(ca.sumsqr(slip) + none) if row.pressure is None else patches.against(row.pressure, slip, none)
+                parts = mask.frozen.sx * parts + mask.slides.sx * way
+            found += [(row, parts[k] if mask.along else ca.SX(0)) for k in range(row.size)]
         return found
 
     def matrix(self, rate: ca.SX) -> ca.SX:
@@ -462,14 +480,19 @@ class _Masked:
             slides, frozen, least = mask.slides.sx, mask.frozen.sx, mask.threshold.sx
             along = ca.vertcat(*(entry.sx for entry in mask.along))
             # what is added changes no digit where it counts, and leaves a derivative where the root is zero
-            size = ca.sqrt(ca.sumsqr(force) + (_LITTLE * limit) ** 2 + (1 - holds))
+            little = (_LITTLE * limit) ** 2 + (1 - holds)
+            size = ca.sqrt(ca.sumsqr(force) + little) if row.pressure is None else patches.size(row.pressure, force, little)
             speed, slow = (
                 ca.sqrt(ca.sumsqr(slip) + (1 - slides)),
                 ca.sqrt(ca.sumsqr(slip) + (_LITTLE * least) ** 2 + (1 - frozen)),
             )
             inside = holds * (limit - size) + frozen * ca.dot(along, slip) + slides * (speed - least)
             guards.append(inside - (1 - holds - frozen - slides) * limit)
-            guards.append(frozen * (2 * least - slow) + slides * limit + (1 - frozen - slides))
+            way = limit
+            if mask.faster is not None:
+                apart = (ca.sumsqr(slip[:2]) - slip[2] ** 2) / ca.sqrt(ca.sumsqr(slip) + (1 - slides))
+                way = mask.faster.sx * apart + 1 - mask.faster.sx**2
+            guards.append(frozen * (2 * least - slow) + slides * way + (1 - frozen - slides))
         return ca.vertcat(*guards)
 
 

@@ -16,12 +16,12 @@
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
 
-/* What is decided by, at one place; frictions: first those along lines. Limits may grow with `magnitudes` too, those of forces (3 each), which are `force` and
+/* What is decided by, at one place; frictions: first those along lines, then those in planes, then those of patches, by their `pressure`. Limits may grow with `magnitudes` too, those of forces (3 each), which are `force` and
    what reactions add to it. */
 typedef struct {
-    long n, gaps, lines, frictions, magnitudes;
+    long n, gaps, lines, planes, frictions, magnitudes;
     const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *kind, *back, *bounce;
-    const double *force, *force_by, *hold_size, *slide_size;
+    const double *force, *force_by, *hold_size, *slide_size, *pressure;
     const double *gap_noise, *rate_noise;
 } Decision;
 
@@ -35,7 +35,7 @@ enum Law {
     STARTS  /* friction that is at its limit: in the direction that is found */
 };
 
-/* A problem. law (gaps + frictions); along (2 each): of frictions, the direction of the slip; floor (gaps): least reactions, null: zero; constants: whether limits
+/* A problem. law (gaps + frictions); along (3 each): of frictions, what acts against the slip, with the sign turned and by the limit: its direction, but of patches; floor (gaps): least reactions, null: zero; constants: whether limits
    count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 5 n. */
 typedef struct {
     const Decision *D;
@@ -50,9 +50,33 @@ typedef struct {
 static double unit_of(double compliance) { return compliance > 0 ? sqrt(compliance) : 1; }
 
 static long row_of(const Decision *D, long friction) {
-    return friction < D->lines ? D->gaps + friction : D->gaps + D->lines + 2 * (friction - D->lines);
+    long patch = friction - D->lines - D->planes;
+    return friction < D->lines ? D->gaps + friction : D->gaps + D->lines + 2 * (friction - D->lines) + (patch > 0 ? patch : 0);
 }
-static long rows_of(const Decision *D, long friction) { return friction < D->lines ? 1 : 2; }
+static long rows_of(const Decision *D, long friction) { return friction < D->lines ? 1 : friction < D->lines + D->planes ? 2 : 3; }
+static int pressure_of(const Decision *D, long friction) { return friction < D->lines + D->planes ? NO_PATCH : (int)D->pressure[friction - D->lines - D->planes]; }
+
+/* Of slips, accelerations or forces of all rows, those of a friction: how large they are. */
+static double size_of(const Decision *D, long friction, const double *of) {
+    const double *r = of + row_of(D, friction);
+    long rows = rows_of(D, friction);
+    return rows == 1 ? fabs(r[0]) : rows == 2 ? hypot(r[0], r[1]) : hypot(hypot(r[0], r[1]), r[2]);
+}
+
+/* Which limit a force (rows) needs, at least. */
+static double limit_needed(const Decision *D, long friction, const double *r) {
+    long rows = rows_of(D, friction);
+    return rows == 1 ? fabs(r[0]) : rows == 2 ? hypot(r[0], r[1]) : patch_size(pressure_of(D, friction), r);
+}
+
+/* What acts against a slip u (rows), not zero, with the sign turned and by the limit. */
+static void against(const Decision *D, long friction, const double *u, double *e) {
+    long rows = rows_of(D, friction);
+    double slip = rows == 1 ? fabs(u[0]) : hypot(u[0], u[1]);
+    if (rows > 2) patch_against(pressure_of(D, friction), u, e);
+    else
+        for (long k = 0; k < rows; k++) e[k] = u[k] / slip;
+}
 static double floor_of(const Problem *p, long i) { return p->floor ? p->floor[i] : 0; }
 
 /* Whether the limit of sliding counts for a friction, by what was asked of it. */
@@ -124,12 +148,22 @@ static double sweep(const Problem *p) {
     }
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
-        double *r = p->push + i, limit = limit_of(p, f), old[2] = {r[0], size > 1 ? r[1] : 0};
+        double *r = p->push + i, limit = limit_of(p, f), old[3];
+        memcpy(old, r, sizeof(double) * (size_t)size);
         if (law == OFF) continue;
         if (law == AGAINST) {
-            for (long k = 0; k < size; k++) r[k] = -limit * p->along[2 * f + k];
+            for (long k = 0; k < size; k++) r[k] = -limit * p->along[3 * f + k];
         } else if (size == 1) {
             r[0] = fmin(fmax(r[0] - rate_of(p, i) / (d * W[i * n + i]), -limit), limit);
+        } else if (size == 3) {
+            for (int again = 0; again < 8; again++) {
+                double w = d * (W[i * n + i] + W[(i + 1) * (n + 1)] + W[(i + 2) * (n + 1)]), y[3], Q[9];
+                for (long k = 0; k < size; k++) y[k] = r[k] - rate_of(p, i + k) / w;
+                int inside = !(limit > 0) || patch_size(pressure_of(D, f), y) <= limit;
+                for (long k = 0; k < size && !inside; k++) y[k] /= limit;
+                if (!inside) nearest_on_patch(pressure_of(D, f), y, y, Q);
+                for (long k = 0; k < size; k++) r[k] = inside ? (limit > 0 ? y[k] : 0) : limit * y[k];
+            }
         } else {
             double a = d * W[i * n + i], b = W[i * n + i + 1], c = W[(i + 1) * n + i], e = d * W[(i + 1) * n + i + 1], det = a * e - b * c;
             double u = rate_of(p, i), v = rate_of(p, i + 1);
@@ -190,20 +224,25 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
     for (long i = 0; i < n; i++) p->rate[i] = rate_of(p, i);
     for (long f = -D->gaps; f < D->frictions; f++) {
         long first = f < 0 ? f + D->gaps : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), law = asked[D->gaps + f];
-        double w = (1 + p->damping) * (W[first * n + first] + (size > 1 ? W[(first + 1) * n + first + 1] : 0));
-        double limit = f < 0 ? 0 : limit_of(p, f), e[2] = {0, 0}, y[2] = {0, 0}, far = 0;
+        double w = 0, limit = f < 0 ? 0 : limit_of(p, f), e[3] = {0, 0, 0}, y[3] = {0, 0, 0}, Q[9], far = 0;
+        for (long k = first; k < first + size; k++) w += W[k * n + k];
+        w *= 1 + p->damping;
         for (long k = 0; k < size && w > 0; k++) y[k] = p->push[first + k] - p->rate[first + k] / w;
         if (law == MAY_HOLD || law == MAY_SLIDE) {
-            far = hypot(y[0], y[1]);
+            far = f < 0 ? 0 : limit_needed(D, f, y);
             if (!(w > 0) && f >= 0) { /* a joint whose slip turns round while all goes on: nothing that it does stops that */
                 for (long k = 0; k < size; k++) y[k] = -p->rate[first + k];
-                far = hypot(y[0], y[1]) > 0 ? INFINITY : 0;
+                far = limit_needed(D, f, y) > 0 ? INFINITY : 0;
             }
             law = f < 0 ? (y[0] > floor_of(p, first) ? HOLDS : OPENS) : !(limit > 0) ? OFF : far <= limit ? HOLDS : STARTS;
         }
         p->law[D->gaps + f] = law;
-        if (law == AGAINST) e[0] = -p->along[2 * f], e[1] = size > 1 ? -p->along[2 * f + 1] : 0;
-        for (long k = 0; k < size && law == STARTS; k++) e[k] = y[k] / hypot(y[0], y[1]);
+        for (long k = 0; k < size && law == AGAINST; k++) e[k] = -p->along[3 * f + k];
+        if (law == STARTS && size < 3) against(D, f, y, e);
+        else if (law == STARTS) {
+            for (long k = 0; k < size; k++) y[k] /= limit;
+            nearest_on_patch(pressure_of(D, f), y, e, Q);
+        }
         if (A && (law == AGAINST || law == STARTS)) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;
@@ -218,10 +257,12 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
                 double held = law == OPENS ? floor_of(p, i) : law == AGAINST || law == STARTS ? limit * e[k] : 0;
                 b[i] = (held - p->push[i]) / unit[i];
                 if (A) A[i * n + i] += 1;
-                for (long j = 0; A && j < n && limit > 0 && (law == AGAINST || law == STARTS); j++) A[i * n + j] -= by[j] * e[k] * unit[j] / unit[i];
+                double moved = e[k]; /* by the limit */
+                for (long m = 0; m < size && size > 2 && law == STARTS; m++) moved -= Q[3 * k + m] * y[m];
+                for (long j = 0; A && j < n && limit > 0 && (law == AGAINST || law == STARTS); j++) A[i * n + j] -= by[j] * moved * unit[j] / unit[i];
                 if (law == STARTS && size > 1 && w > 0) {
-                    for (long m = 0; m < 2; m++) { /* the direction turns: (1 - e e') / far */
-                        double part = limit / far * ((k == m) - e[k] * e[m]);
+                    for (long m = 0; m < size; m++) { /* the direction turns: (1 - e e') / far */
+                        double part = size > 2 ? Q[3 * k + m] : limit / far * ((k == m) - e[k] * e[m]);
                         if (A) A[i * n + first + m] -= part * unit[first + m] / unit[i];
                         for (long j = 0; A && j < n; j++) A[i * n + j] += part * W[(first + m) * n + j] / w * unit[j] / unit[i];
                         if (A) A[i * n + first + m] += part * p->damping * W[(first + m) * (n + 1)] / w * unit[first + m] / unit[i];
@@ -290,9 +331,8 @@ static int answers(const Problem *p) {
         long i = row_of(D, f), law = p->law[D->gaps + f];
         double unit = unit_of(D->W[i * n + i]);
         if (law == HOLDS) {
-            double size = rows_of(D, f) > 1 ? hypot(p->push[i], p->push[i + 1]) : fabs(p->push[i]);
-            if ((size - limit_of(p, f)) * unit > far) return 0;
-        } else if (law == STARTS && rows_of(D, f) == 1 && p->rate[i] * p->along[2 * f] / unit < -far) {
+            if ((limit_needed(D, f, p->push + i) - limit_of(p, f)) * unit > far) return 0;
+        } else if (law == STARTS && rows_of(D, f) == 1 && p->rate[i] * p->along[3 * f] / unit < -far) {
             return 0;
         }
     }
@@ -375,7 +415,7 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
                 continue;
             }
             long f = j - gaps;
-            double part = place[j] >= 0 ? -1 : p->law[j] == AGAINST ? -p->along[2 * f] : 0;
+            double part = place[j] >= 0 ? -1 : p->law[j] == AGAINST ? -p->along[3 * f] : 0;
             if (part == 0) continue;
             const double *by = limit_by(p, f);
             q += w * part * limit_of(p, f);
@@ -414,7 +454,7 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
         int low = isnan(value[k]), high = !isnan(value[k + held]); /* a slip upwards leaves the force at its lower limit, and the other way round */
         double limit = limit_of(p, f), force = low ? -limit : high ? limit : value[k] * unit[i] - limit;
         p->push[i] = force;
-        p->along[2 * f] = low ? 1 : -1;
+        p->along[3 * f] = low ? 1 : -1;
         p->law[i] = !(limit > 0) ? OFF : low || high ? STARTS : HOLDS;
     }
     return 1;
@@ -466,12 +506,13 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
     find_rates(p);
     for (long f = 0; f < D->frictions; f++) { /* the way of the slip; of what would carry more, if others of the rows that depend on it did not have to carry the rest: against the force */
         long i = row_of(D, f), size = rows_of(D, f), *law = p->law + D->gaps + f;
-        double u = p->rate[i], v = size > 1 ? p->rate[i + 1] : 0, speed = hypot(u, v), force = hypot(p->push[i], size > 1 ? p->push[i + 1] : 0);
-        int full = *law == HOLDS && p->damping > 0 && force > 0 && force >= (1 - FITS) * limit_of(p, f);
+        double speed = size_of(D, f, p->rate), force = size_of(D, f, p->push), *e = p->along + 3 * f;
+        int full = *law == HOLDS && p->damping > 0 && force > 0 && limit_needed(D, f, p->push + i) >= (1 - FITS) * limit_of(p, f);
         if (full) *law = STARTS;
         if (*law != STARTS) continue;
-        p->along[2 * f] = size == 1 ? (p->push[i] > 0 ? -1 : 1) : speed > 0 && !full ? u / speed : -p->push[i] / force;
-        p->along[2 * f + 1] = size == 1 ? 0 : speed > 0 && !full ? v / speed : -p->push[i + 1] / force;
+        if (size > 1 && speed > 0 && !full) against(D, f, p->rate + i, e);
+        else
+            for (long k = 0; k < size; k++) e[k] = size == 1 ? (p->push[i] > 0 ? -1 : 1) : -p->push[i + k] / (size > 2 ? limit_of(p, f) : force);
     }
     return !answers(p) ? 0 : whole ? 1 : ROUGHLY;
 }

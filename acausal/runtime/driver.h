@@ -378,6 +378,7 @@ static double next_size(Integrator *I, double h, double error) {
 static double converging(const Integrator *I, double h, double contraction, int failed) {
     if (failed) return 0.7 * h;
     if (contraction == 0) return INFINITY;
+    contraction = fmin(contraction, 1); /* it converged: more than that is said by first changes that are rounding */
     return I->copies && !I->state->newton_now ? h * sqrt(SQUARED / contraction) : h * PLAIN / contraction;
 }
 

@@ -226,7 +226,7 @@ static long friction_of(const Decision *D, const long *touching, long i) {
 
 /* Whether an impact of one gap moves another gap that closes, or its friction. */
 static int moves_other(const Decision *D, const long *touching, long i, long j) {
-    long n = D->n, f[2] = {friction_of(D, touching, i), friction_of(D, touching, j)}, rows[2][3], count[2];
+    long n = D->n, f[2] = {friction_of(D, touching, i), friction_of(D, touching, j)}, rows[2][4], count[2];
     const long gap[2] = {i, j};
     for (int side = 0; side < 2; side++) {
         rows[side][0] = gap[side];
@@ -252,7 +252,7 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
     memcpy(met, D->rate, sizeof(double) * (size_t)n);
     for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || D->kind[i] == BY_POISSON;
     for (long f = 0; f < D->frictions; f++) plain &= D->back[f] == 0;
-    if (I->directions && !plain) return NO_DERIVATIVES;
+    if (I->directions && (!plain || I->patches)) return NO_DERIVATIVES;
     for (long blows = 0; blows < (plain ? 1 : BLOWS * D->gaps); blows++) {
         long closes = plain, together = plain; /* where all strike together, what touches is asked only once */
         for (long i = 0; i < D->gaps; i++) {

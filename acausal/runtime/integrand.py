@@ -70,7 +70,8 @@ class Integrand:
                 np.arange(m.one_sided),
                 m.one_sided + 2 * np.arange(m.lines).repeat(2),
                 first + 6 * np.arange(m.planes).repeat(2),
-                first + 6 * m.planes + 3 * np.arange(m.magnitudes).repeat(2),
+                first + 6 * m.planes + 8 * np.arange(m.patches).repeat(2),
+                first + 6 * m.planes + 8 * m.patches + 3 * np.arange(m.magnitudes).repeat(2),
                 self.held + np.arange(m.set_count),
             ]
             found.insert(0, np.concatenate(parts))
@@ -113,7 +114,7 @@ class Integrand:
             "promised": int(self.unheld_exact is not None),
             "through": int(self.unheld_exact is not None and self.unheld_exact.through),
             "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
-            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "magnitudes", "redundant", "discretes", "set_count")},
+            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "discretes", "set_count")},
         }  # fmt: skip
 
     @functools.cached_property

@@ -82,7 +82,7 @@ static void pose_held(const Decision *D, const long *law, const double *along, H
         for (long f = 0; f < D->frictions; f++) {
             if (law[D->gaps + f] != AGAINST) continue;
             for (long k = 0; k < rows_of(D, f); k++) {
-                double part = D->W[i * n + row_of(D, f) + k] * along[2 * f + k] * unit;
+                double part = D->W[i * n + row_of(D, f) + k] * along[3 * f + k] * unit;
                 S->b[a] += part * D->slide[f];
                 for (long c = 0; c < m && part != 0; c++)
                     if (S->row[c] < D->gaps) S->A[a * m + c] -= part * D->slide_by[f * n + S->row[c]] / unit_of(D->W[S->row[c] * n + S->row[c]]);
@@ -328,7 +328,7 @@ static int moves_nothing(const Held *S, const Decision *D, const long *law, cons
             long j = S->row[a];
             double by = W[j], change = (S->found[a] - S->least[a]) / unit_of(D->W[j * n + j]);
             for (long f = 0; f < D->frictions && j < D->gaps; f++)
-                for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == AGAINST; k++) by -= D->slide_by[f * n + j] * along[2 * f + k] * W[row_of(D, f) + k];
+                for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == AGAINST; k++) by -= D->slide_by[f * n + j] * along[3 * f + k] * W[row_of(D, f) + k];
             sum += by * change;
         }
         if (!(fabs(sum) <= DEPENDENT * unit_of(W[i]))) return 0;
@@ -347,7 +347,7 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
     if (!decision_later(I, later, &D)) return -1;
     gather(&D, law, first, &S, seen);
     for (long f = 0; f < D.frictions; f++) /* limits that are not linear: those of least norm are taken */
-        if ((law[D.gaps + f] == AGAINST || (law[D.gaps + f] == HOLDS && seen[D.gaps + f] == first + 1)) && grows_with_magnitudes(&D, f)) return 0;
+        if ((law[D.gaps + f] == AGAINST || (law[D.gaps + f] == HOLDS && seen[D.gaps + f] == first + 1)) && (grows_with_magnitudes(&D, f) || (rows_of(&D, f) > 2 && law[D.gaps + f] == HOLDS))) return 0;
     pose_held(&D, law, along, &S);
     int found = find_middle(&S, &D);
     if (!found || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;

@@ -23,14 +23,16 @@
 #define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
 #define DAMPING 1e-6   /* of these, in units of the least of the other pivots, see acausal/reduce/modes.py */
 #define NEAR_ZERO 1e-9 /* of the slips met: where their direction is held */
+#define ALIKE 1e-3     /* of the slip: where a patch slides as fast as its edge turns; forces bend there, and a step ends */
+#define NEARER 1e-2    /* of that, for patches: what they act against turns until the end */
 
-static long frictions_of(const Integrator *I) { return I->lines + I->planes; }
-static long reactions_of(const Integrator *I) { return I->one_sided + I->lines + 2 * I->planes; }
+static long frictions_of(const Integrator *I) { return I->lines + I->planes + I->patches; }
+static long reactions_of(const Integrator *I) { return I->one_sided + I->lines + 2 * I->planes + 3 * I->patches; }
 
 /* Where the masks of a friction begin. */
 static long mask_of(const Integrator *I, long friction) {
-    long n = I->one_sided;
-    return friction < I->lines ? n + 2 * friction : n + 2 * I->lines + 6 * (friction - I->lines);
+    long n = I->one_sided, patch = friction - I->lines - I->planes;
+    return friction < I->lines ? n + 2 * friction : n + 2 * I->lines + 6 * (friction - I->lines) + (patch > 0 ? 2 * patch : 0);
 }
 
 /* Where the masks of a magnitude begin: the direction that its force is along, until it is across it. */
@@ -62,7 +64,7 @@ static int make_modes(Integrator *I) {
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
-    T->push = reserve_doubles(I, 6 * n + 2 * F + F + n * n + 5 * n);
+    T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n);
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
     T->near_knot = reserve_doubles(I, I->one_sided + n);
@@ -82,7 +84,7 @@ static Room room_of(const Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I);
     double *at = T->push;
     long *k = T->status;
-    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 2 * F, at + 6 * n + 3 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
 }
 
 /* What is to be solved for there, from these rates or accelerations on; without limits that do not grow with reactions, unless it is said that they count. */
@@ -93,7 +95,7 @@ static Problem problem_of(const Integrator *I, const Decision *D, Room R, const 
 /* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
 static Decision decision_of(const Integrator *I, const double *at, const double *noise) {
     long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I);
-    Decision D = {.n = n, .gaps = gaps, .lines = I->lines, .frictions = m, .magnitudes = I->magnitudes, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
+    Decision D = {.n = n, .gaps = gaps, .lines = I->lines, .planes = I->planes, .frictions = m, .magnitudes = I->magnitudes, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
     D.rate = at + gaps;
     D.free = D.rate + n;
     D.W = D.free + n;
@@ -109,6 +111,7 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.force_by = D.force + 3 * I->magnitudes;
     D.hold_size = D.force_by + 3 * I->magnitudes * n;
     D.slide_size = D.hold_size + m * I->magnitudes;
+    D.pressure = D.slide_size + m * I->magnitudes;
     return D;
 }
 
@@ -278,21 +281,24 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double grown) {
     }
     for (long f = 0; f < D->frictions; f++) {
         long law = R.law[D->gaps + f], i = row_of(D, f);
-        double *mask = T->side + mask_of(I, f), *e = R.along + 2 * f;
+        double *mask = T->side + mask_of(I, f), *e = R.along + 3 * f;
         mask[0] = law == HOLDS;
         if (f < I->lines) {
             mask[1] = law == AGAINST || law == STARTS ? e[0] : 0;
             continue;
         }
-        double slip = hypot(D->rate[i], D->rate[i + 1]), gain = hypot(R.rate[i], R.rate[i + 1]) * grown;
+        double slip = size_of(D, f, D->rate), gain = size_of(D, f, R.rate) * grown, noise = 0;
+        for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[i + k];
         R.met[f] = fmax(R.met[f], fmax(slip, law == STARTS ? gain : 0));
-        double least = fmax(NEAR_ZERO * R.met[f], 4 * (D->rate_noise[i] + D->rate_noise[i + 1]));
+        double least = fmax((rows_of(D, f) > 2 ? NEARER : 1) * NEAR_ZERO * R.met[f], 4 * noise);
         int held = law == STARTS || (law == AGAINST && slip < 2 * least);
         mask[1] = law == AGAINST && !held;
         mask[2] = held;
         mask[3] = least;
-        mask[4] = held ? e[0] : 0;
-        mask[5] = held ? e[1] : 0;
+        for (long k = 0; k < rows_of(D, f); k++) mask[4 + k] = held ? e[k] : 0;
+        if (rows_of(D, f) < 3) continue;
+        double faster = hypot(D->rate[i], D->rate[i + 1]) - fabs(D->rate[i + 2]);
+        mask[7] = mask[1] == 1 && fabs(faster) > ALIKE * slip ? (faster > 0 ? 1 : -1) : 0;
     }
     if (I->redundant) T->side[carried_of(I) - 1] = DAMPING * least_pivot(D, R.law, R.work, R.place);
 }
@@ -380,16 +386,16 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
     struct State *T = I->state;
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f), size = rows_of(D, f), first = I->one_sided + 2 * f;
-        double *mask = T->side + mask_of(I, f), *e = R.along + 2 * f, u = D->rate[i], v = size > 1 ? D->rate[i + 1] : 0, slip = hypot(u, v);
-        double nil = D->rate_noise[i] + (size > 1 ? D->rate_noise[i + 1] : 0);
-        if (before) nil = fmax(nil, NIL * (fabs(before[i]) + (size > 1 ? fabs(before[i + 1]) : 0)));
+        double *mask = T->side + mask_of(I, f), *e = R.along + 3 * f, slip = size_of(D, f, D->rate), nil = 0, was = 0;
+        for (long k = 0; k < size; k++) nil += D->rate_noise[i + k], was += before ? fabs(before[i + k]) : 0;
+        nil = fmax(nil, NIL * was);
         int held = size > 1 && mask[2] == 1, stops = row == first && mask[0] == 0 && (size == 1 ? mask[1] != 0 : held), stuck = !before && mask[0] == 1;
         for (long k = 0; k < size; k++) stuck &= !has_jumped(I, D, D->gaps + i + k);
         int zero = stuck || stops || slip <= nil;
         R.touching[D->gaps + f] = zero ? 1 : 2;
-        if (size == 1 || zero) e[0] = u > 0 ? 1 : -1, e[1] = 0;
-        else if (held && !before && slip < 2 * mask[3] && row != first + 1) e[0] = mask[4], e[1] = mask[5];
-        else e[0] = u / slip, e[1] = v / slip;
+        if (size == 1 || zero) e[0] = D->rate[i] > 0 ? 1 : -1, e[1] = e[2] = 0;
+        else if (held && !before && slip < 2 * mask[3] && row != first + 1) memcpy(e, mask + 4, sizeof(double) * (size_t)size);
+        else against(D, f, D->rate + i, e);
     }
 }
 
@@ -407,7 +413,7 @@ static double yield_of(const Decision *D, Room R, long gap) {
             double sum = D->W[row[a] * n + row[b]];
             for (long f = 0; f < D->frictions && row[b] < D->gaps; f++)
                 for (long k = 0; k < rows_of(D, f) && R.touching[D->gaps + f] == 2; k++)
-                    sum -= D->slide_by[f * n + row[b]] * R.along[2 * f + k] * D->W[row[a] * n + row_of(D, f) + k];
+                    sum -= D->slide_by[f * n + row[b]] * R.along[3 * f + k] * D->W[row[a] * n + row_of(D, f) + k];
             A[a * m + b] = sum / (unit_of(D->W[row[a] * n + row[a]]) * unit_of(D->W[row[b] * n + row[b]]));
         }
     for (long k = 0; k < m - 1; k++)
@@ -423,7 +429,7 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     for (long f = 0; f < D->frictions; f++)
         for (long i = 0; i < D->gaps && R.touching[D->gaps + f] == 2; i++) {
             double by = D->slide_by[f * D->n + i], alone = D->W[i * D->n + i];
-            for (long k = 0; k < rows_of(D, f); k++) alone -= by * R.along[2 * f + k] * D->W[i * D->n + row_of(D, f) + k];
+            for (long k = 0; k < rows_of(D, f); k++) alone -= by * R.along[3 * f + k] * D->W[i * D->n + row_of(D, f) + k];
             if (by == 0 || alone > 0 || !R.touching[i] || I->redundant || yield_of(D, R, i) > 0) continue;
             I->worst = D->gaps + f;
             return NO_MODE;

@@ -26,6 +26,7 @@ INLINE double smaller(double a, double b) { return a <= b || b != b ? a : b; }
 #include "dense.h"
 #include "guards.h"
 #include "switches.h"
+#include "patch.h"
 #include "complementary.h"
 #include "modes.h"
 #include "advance.h"

@@ -60,7 +60,7 @@ static void note_law(const Integrator *I, long *first, long row) {
 /* Whether a row tells where the direction of a slip in a plane begins to be held: there the flow is the same to either side. */
 static int only_turns(const Integrator *I, long row) {
     long first = I->one_sided + 2 * I->lines;
-    return row >= first && row < first + 2 * I->planes && I->state->side[mask_of(I, I->lines + (row - first) / 2) + 1] == 1;
+    return row >= first && row < first + 2 * (I->planes + I->patches) && I->state->side[mask_of(I, I->lines + (row - first) / 2) + 1] == 1;
 }
 
 /* How much later the row vanishes, direction by direction, into T->delay. Returns 0 when the input function failed. */
@@ -179,7 +179,7 @@ static void change_choice(const Problem *p, const Decision *d, const double *sta
     for (long i = 0; i < n; i++) right[i] = y[i] = 0, M[i * n + i] = 1;
     for (long law = 0; law < D->gaps + D->frictions; law++) {
         long f = law - D->gaps, first = f < 0 ? law : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), is = p->law[law];
-        double limit = f < 0 ? 0 : limit_of(p, f), change = f < 0 ? 0 : limit_change(p, d, f), *e = p->along + 2 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]) - p->damping * FITS * hypot(p->start[first], p->start[first + 1]);
+        double limit = f < 0 ? 0 : limit_of(p, f), change = f < 0 ? 0 : limit_change(p, d, f), *e = p->along + 3 * f, speed = f < 0 || size == 1 ? 0 : hypot(p->rate[first], p->rate[first + 1]) - p->damping * FITS * hypot(p->start[first], p->start[first + 1]);
         if (f >= 0) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;

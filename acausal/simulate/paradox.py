@@ -68,7 +68,7 @@ def _place(functions: Functions, run: Trajectory, modes: Modes) -> _Place:
     holds, mask, row_of = np.zeros(n, dtype=bool), 0, 0
     for row in modes.rows:
         holds[row_of : row_of + row.size] = masks[mask] == 1
-        row_of, mask = row_of + row.size, mask + (1 if row.one_sided else 2 if row.size == 1 else 6)
+        row_of, mask = row_of + row.size, mask + row.masks
     return _Place(found[0].ravel(), found[1], holds, found[2], found[3], found[4])
 
 

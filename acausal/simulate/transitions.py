@@ -92,7 +92,7 @@ def laws_of(outputs: Outputs) -> tuple[Law, ...]:
     reaction = mask = 0
     for row in modes.rows:
         size = row.size
-        width = 1 if row.one_sided else 2 if size == 1 else 6
+        width = row.masks
         name = row.part.path if paths.count(row.part.path) == 1 else outputs.name(row.reaction).removesuffix("[0]")
         found.append(
             Law(

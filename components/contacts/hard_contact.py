@@ -11,8 +11,8 @@ import numpy as np
 
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Reaction
-from acausal.language.mode_laws import DryFriction, ModeLaw, OneSided
+from acausal.language.expression import Expression, Reaction, sx
+from acausal.language.mode_laws import DryFriction, ModeLaw, OneSided, together
 from acausal.language.origin import origin
 from acausal.parts.contact import AbstractNearest, AbstractTouch, read
 from acausal.parts.force import AbstractReactiveForce, Action
@@ -31,7 +31,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
     """What pushes as long as it touches, with friction, by a `Hard` law. Must call `_react`, and provide `ends`, `follows`, `near` and
     `seen`.
 
-    `push` [N] along the normal on b's body, `drag` [N] on it along each tangent; against them on a's.
+    `push` [N] along the normal on b's body, `drag` [N] on it along each tangent, and of a patch about the normal, at its edge; against them on a's.
     """
 
     law: Hard
@@ -45,6 +45,10 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
         self.law = law
         self.push = Reaction("N", "push along the normal")
         count = 0 if law.friction is None else directions
+        if law.friction is not None and law.friction.patch is not None:
+            if not isinstance(self, HardContact):
+                raise ParameterError(f"{type(self).__name__}'s friction has a patch, and a point has none ({origin()}). Leave it out, or let bodies touch: Contact(...).")
+            count = 3
         self.drag = tuple(Reaction("N", "friction along a tangent") for _ in range(count))
 
     @property
@@ -78,18 +82,26 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
         yield OneSided(self.push, read(gap), self.law.restitution)
         if friction is not None:
             slip = read(near.tangents).T @ (self.ends()[0].rotation.T @ self.slip)
-            drag = self.drag[0] if len(self.drag) == 1 else (self.drag[0], self.drag[1])
-            yield DryFriction(drag, slip, friction.mu * self.push, friction.static * self.push, friction.restitution)
+            pressure = None
+            if friction.patch is not None:
+                a, b = self.ends()
+                assert isinstance(b, Frame)
+                spin = read(near.normal).T @ (a.rotation.T @ (b.angular_velocity - a.angular_velocity))
+                slip, pressure = read(ca.vertcat(slip.sx, sx(friction.patch.radius) * spin.sx)), friction.patch.pressure
+            yield DryFriction(together(self.drag), slip, friction.mu * self.push, friction.static * self.push, friction.restitution, pressure)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         a, b = self.ends()
         near = self.near(placement.relative_pose(a, b))
         force = near.normal * self.push.sx
-        for k, drag in enumerate(self.drag):
+        for k, drag in enumerate(self.drag[:2]):
             force += near.tangents[:, k] * drag.sx
         R, p = symbolic(near.pose.rotation), symbolic(near.pose.position)
         about = ca.cross(near.point_b - p, force)  # where they are along one another this is zero by itself
-        return (Action(a, -force, -ca.cross(near.point_b, force)), Action(b, R.T @ force, R.T @ about))
+        twist = ca.SX.zeros(3)
+        if self.law.friction is not None and self.law.friction.patch is not None:
+            twist = near.normal * sx(self.law.friction.patch.radius) * self.drag[2].sx
+        return (Action(a, -force, -ca.cross(near.point_b, force) - twist), Action(b, R.T @ force, R.T @ (about + twist)))
 
 
 @final

@@ -12,6 +12,7 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Scalar, scalar, sx
 from acausal.language.impact_laws import AbstractImpactLaw, Restitution, checked_below, impact_law
+from acausal.language.mode_laws import Pressure
 from acausal.language.origin import origin
 from acausal.parts.pose import symbolic
 from components.contacts.nearness import Nearness
@@ -217,20 +218,38 @@ class HuntCrossley:
 
 
 @final
+class Patch:
+    """A round patch of `radius` [m] > 0 that slides and spins at once, each point rubbing against its own slip; `pressure`: UNIFORM, HERTZ (of balls), or RING (all
+    at the edge).
+
+        Hard(friction=Coulomb(0.3, patch=Patch(0.01)))
+    """
+
+    def __init__(self, radius: Scalar, pressure: Pressure = Pressure.UNIFORM) -> None:
+        self.radius = scalar(radius, "Patch's radius", positive=True, unit="m")
+        if not isinstance(pressure, Pressure):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ParameterError(f"Patch's pressure is {pressure!r} ({origin()}). Give ac.Pressure.UNIFORM, HERTZ or RING.")
+        self.pressure = pressure
+
+
+@final
 class Coulomb:
     """Dry friction: where it slips `mu` >= 0 times the normal force against the slip, where it sticks as much as it needs, up to `static` >= mu times it.
 
     `static`: mu unless given. In both directions along the surface alike. It holds without creeping. `restitution` from 0 to 1: how much of the slip comes back in
-    an impact, as far as friction can, such as of a ball of rubber.
+    an impact, as far as friction can, such as of a ball of rubber. `patch`: Patch(radius) where the spin rubs too; with a point it does not.
 
         Hard(restitution=0.5, friction=Coulomb(0.3, static=0.4))
     """
 
-    def __init__(self, mu: Scalar, static: Scalar | None = None, restitution: Scalar = 0.0) -> None:
+    def __init__(self, mu: Scalar, static: Scalar | None = None, restitution: Scalar = 0.0, patch: Patch | None = None) -> None:
         self.mu = scalar(mu, "Coulomb's mu", non_negative=True, unit="1")
         self.static = self.mu if static is None else scalar(static, "Coulomb's static", non_negative=True, unit="1")
 
         self.restitution = checked_restitution(restitution, "Coulomb").restitution
+        if not (patch is None or isinstance(patch, Patch)):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ParameterError(f"Coulomb's patch is {patch!r} ({origin()}). Give Patch(radius), or None for a point.")
+        self.patch = patch
 
         def check(found: np.ndarray) -> None:
             if found.item() < 0:
