@@ -47,7 +47,11 @@ class AbstractBorneFriction(AbstractReactiveForce, ABC):
         if not isinstance(law, Coulomb):
             raise ParameterError(f"{type(self).__name__}'s law is {law!r} ({origin()}). Give Coulomb(0.1).")
         if (law.patch is not None) != (directions == 3):
-            what = "rubs as a patch: give Coulomb(0.1, patch=Patch(radius))" if directions == 3 else "does not spin: leave out the law's patch"
+            what = (
+                "rubs as a patch: give Coulomb(0.1, patch=Patch(radius))"
+                if directions == 3
+                else "does not spin: leave out the law's patch"
+            )
             raise ParameterError(f"{type(self).__name__} of a {type(joint).__name__} {what} ({origin()}).")
         self.joint, self.law = joint, law
         self.q, self.v = joint.q, joint.v
@@ -113,7 +117,12 @@ class JointFriction(AbstractBorneFriction):
         self.radius = _measure(radius, "radius", name, needs, needs)
         self.collar = _measure(collar, "collar", name, isinstance(joint, Revolute), False)
         self.length = _measure(length, "length", name, not isinstance(joint, Screw | Planar), False)
-        self._beside(joint, law, 3 if isinstance(joint, Planar) else 1 + isinstance(joint, Cylindrical), "N*m" if isinstance(joint, Revolute) else "N")
+        self._beside(
+            joint,
+            law,
+            3 if isinstance(joint, Planar) else 1 + isinstance(joint, Cylindrical),
+            "N*m" if isinstance(joint, Revolute) else "N",
+        )
 
     def rubs(self, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         joint, axis, none, r = self.joint, self._axes[:, 2], ca.SX.zeros(3), ca.SX(_plain(self.radius))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import acausal as ac
-from components import Coulomb, Force, PointOnPlane, RigidBody, World
+from components import Coulomb, Force, Particle, PointOnPlane, RigidBody, World
 
 G = 9.81
 CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))
@@ -46,3 +47,43 @@ def test_a_pushed_box_tips_when_its_load_leaves_its_feet_and_no_foot_opens_befor
     drag = sum(before[foot.friction_force][0] for foot in scene.feet)
     assert drag[:2] == pytest.approx(-9.99 * tips * size * np.array(direction), rel=1e-9)
     assert np.max(np.abs(before[scene.box.frame.position] - [[0, 0, 0.2 * size]])) < 1e-12 * size
+
+
+def test_a_pushed_box_slides_when_friction_of_all_feet_together_is_too_little_however_slowly_that_begins() -> None:
+    """F = mu m g, whichever foot is at its limit before; then m v' = F - mu m g, from zero on, in steps that the motion asks for."""
+    scene, start = pushed((2, 0, 1, 3), 0.3, (0.6, 0.8))
+    run = ac.build(scene).simulate(0.8, start, rtol=1e-12)
+    slides = 0.3 * 2 * G / 10
+    assert [t.time for t in run.transitions if t.changes] == pytest.approx([slides], rel=1e-11)
+    speed = 10 * (0.8**2 - slides**2) / 4 - 0.3 * G * (0.8 - slides)
+    assert run[scene.box.frame.velocity][-1] == pytest.approx([0.6 * speed, 0.8 * speed, 0], abs=1e-11)
+    assert run.steps.t.size < 200
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0])
+def test_a_slip_that_begins_slowly_and_turns_is_that_of_another_program(unit: float) -> None:
+    """A point on a plane, whose load turns while it grows past its friction: from a little later on, on the motion to which all others are drawn."""
+    scene = ac.System()
+    scene.world, scene.point, scene.foot = (
+        World((0, 0, -G * unit)),
+        Particle(2.0),
+        PointOnPlane(unilateral=True, friction=Coulomb(0.3)),
+    )
+    scene.connect(scene.world.frame, scene.foot.frame_a)
+    scene.connect(scene.foot.frame_b, scene.point.point)
+    scene.push = Force(lambda t: (6 * unit * t, unit * (8 * t + 3 * t * t), 0))
+    scene.connect(scene.push.point, scene.point.point)
+    p = scene.point.point
+    run = ac.build(scene).simulate(0.8, {p.position: (0, 0, 0), p.velocity: (0, 0, 0)}, rtol=1e-12)
+    (slides,) = [t.time for t in run.transitions if t.changes]
+    assert np.hypot(6 * slides, 8 * slides + 3 * slides**2) == pytest.approx(0.6 * G, rel=1e-12)
+
+    def rates(t: float, v: np.ndarray) -> np.ndarray:
+        return np.array([3 * t, 4 * t + 1.5 * t * t]) - 0.3 * G * v / np.hypot(*v)
+
+    load, later = np.array([6, 8 + 3 * slides]), 1e-4
+    grows = load @ np.array([6, 8 + 6 * slides]) / np.linalg.norm(load) / 2
+    begun = grows * later**2 / 2 * load / np.linalg.norm(load)
+    other = solve_ivp(rates, (slides + later, 0.8), begun, "Radau", rtol=1e-10, atol=1e-14)
+    assert run[p.velocity][-1][:2] / unit == pytest.approx(other.y[:, -1], rel=1e-6)
+    assert run.steps.t.size < 200

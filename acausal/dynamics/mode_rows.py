@@ -81,7 +81,9 @@ class ModeRow:
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
         sizes = tuple(replace(size, of=ca.substitute([size.of], list(old), list(new))[0]) for size in self.sizes)
         gate = None if self.gate is None else found[-1]
-        return ModeRow(self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2], self.pressure)
+        return ModeRow(
+            self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2], self.pressure
+        )
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,11 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
                 slip, limits = ca.vec(read(law.slip)), (read(law.sliding), read(law.holding))
                 sizes = tuple(Size(symbol, read(symbol.of)) for symbol in _magnitudes(ca.vertcat(*limits)))
-                found.append(ModeRow(part, law.reactions, slip, None, *limits, sizes=sizes, back=read(law.restitution), pressure=law.pressure))
+                found.append(
+                    ModeRow(
+                        part, law.reactions, slip, None, *limits, sizes=sizes, back=read(law.restitution), pressure=law.pressure
+                    )
+                )
             else:
                 raise ModelError(
                     f"laws() of {part.where} gives {law!r}. Give ac.OneSided(...), ac.OneWay(...), ac.DryFriction(...) and ac.Lock(...)."

@@ -70,7 +70,9 @@ class DryFriction:
     def __post_init__(self) -> None:
         _check(self.reaction, self.slip, "DryFriction", "slip")
         if not (self.pressure is None or isinstance(self.pressure, Pressure)):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ModelError(f"DryFriction's pressure is {self.pressure!r} ({origin()}). Give ac.Pressure.UNIFORM, HERTZ or RING.")
+            raise ModelError(
+                f"DryFriction's pressure is {self.pressure!r} ({origin()}). Give ac.Pressure.UNIFORM, HERTZ or RING."
+            )
         if (len(self.reactions) == 3) != (self.pressure is not None):
             raise ModelError(
                 f"DryFriction has {len(self.reactions)} reactions and pressure={self.pressure!r} ({origin()}). Three of them are those of a patch, with its "

@@ -13,7 +13,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.special import beta
 
 from acausal.language.mode_laws import Pressure
 
@@ -101,7 +100,9 @@ def _hertz_sliding(k2: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Where it slides faster than its edge turns."""
     j = np.arange(_TERMS + 1)
     binomial = np.cumprod(np.concatenate([[1.0], (2 * j[1:] - 1) / (2 * j[1:])]))
-    slide = -(binomial**2) / (2 * j - 1) * 1.5 * beta(j + 1, 1.5)  # 2 / pi of E of rings, over all radii
+    slide = (
+        -(binomial**2) / (2 * j - 1) * np.cumprod(np.concatenate([[1.0], j[1:] / (j[1:] + 1.5)]))
+    )  # 2 / pi of E of rings, over all radii
     spin = -2 * j[1:] / (2 * j[1:] - 1) * slide[1:]
     low = _polynomial(slide[:-1], k2), _polynomial(spin, k2)
     above = ca.sqrt((k2 - _SERIES) ** 2 + _LEAST)

@@ -404,7 +404,9 @@ class _Masked:
             slip, parts = rate[first : first + row.size, :], ca.vertcat(ca.SX(0, 1), *(along.sx for along in mask.along))
             if mask.slides is not None and mask.frozen is not None:
                 none = 1 - mask.slides.sx
-                way = slip / ca.sqrt(ca.sumsqr(slip) + none) if row.pressure is None else patches.against(row.pressure, slip, none)
+                way = (
+                    slip / ca.sqrt(ca.sumsqr(slip) + none) if row.pressure is None else patches.against(row.pressure, slip, none)
+                )
                 parts = mask.frozen.sx * parts + mask.slides.sx * way
             found += [(row, parts[k] if mask.along else ca.SX(0)) for k in range(row.size)]
         return found

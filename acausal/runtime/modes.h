@@ -264,9 +264,31 @@ static void set_directions_of_forces(Integrator *I, const Problem *p) {
     }
 }
 
-/* Masks for the laws that have been found for accelerations. `grown` [s]: in what time accelerations make slips that
-   are clear of zero, where they begin. */
-static void set_masks(Integrator *I, const Decision *D, Room R, double grown) {
+/* How fast slips in planes will be that begin, in a step as it is planned, into R.met: by their accelerations and by how these grow, since what is just at its limit begins
+   hardly at all. So large are states then that they move: they are not known better by being small at first. 0 when the input function failed. */
+static int foresee_slips(Integrator *I, Decision *D, Room R, double planned, double later) {
+    struct State *T = I->state;
+    long n = D->n, begun = 0;
+    double *first = R.centre;
+    for (long f = I->lines; f < D->frictions; f++) begun |= R.law[D->gaps + f] == STARTS;
+    if (!begun) return 1;
+    memcpy(first, D->free, sizeof(double) * (size_t)n);
+    if (!decision_later(I, 2 * later, D)) return 0;
+    for (long f = I->lines; f < D->frictions; f++) {
+        long i = row_of(D, f);
+        double grows[3];
+        for (long k = 0; k < rows_of(D, f); k++) grows[k] = (D->free[i + k] - first[i + k]) / later;
+        double jerk = hypot(grows[0], grows[1]), gain = planned * (size_of(D, f, R.rate) + 0.5 * planned * (rows_of(D, f) > 2 ? hypot(jerk, grows[2]) : jerk));
+        if (R.law[D->gaps + f] != STARTS || !isfinite(gain)) continue;
+        R.met[f] = fmax(R.met[f], gain);
+        for (long k = i; k < i + rows_of(D, f); k++)
+            for (long x = 0; x < I->nx && D->W[k * n + k] > 0; x++) T->size[x] = fmax(T->size[x], gain * fabs(D->J[x * n + k]) / D->W[k * n + k]);
+    }
+    return decision_later(I, later, D);
+}
+
+/* Masks for the laws that have been found for accelerations. */
+static void set_masks(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     double largest = 0;
     long n = D->n;
@@ -287,9 +309,9 @@ static void set_masks(Integrator *I, const Decision *D, Room R, double grown) {
             mask[1] = law == AGAINST || law == STARTS ? e[0] : 0;
             continue;
         }
-        double slip = size_of(D, f, D->rate), gain = size_of(D, f, R.rate) * grown, noise = 0;
+        double slip = size_of(D, f, D->rate), noise = 0;
         for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[i + k];
-        R.met[f] = fmax(R.met[f], fmax(slip, law == STARTS ? gain : 0));
+        R.met[f] = fmax(R.met[f], slip);
         double least = fmax((rows_of(D, f) > 2 ? NEARER : 1) * NEAR_ZERO * R.met[f], 4 * noise);
         int held = law == STARTS || (law == AGAINST && slip < 2 * least);
         mask[1] = law == AGAINST && !held;
@@ -351,7 +373,8 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     }
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
-    set_masks(I, &D, R, later > LATER * planned ? 0.5 * planned * planned / later : planned);
+    if (!foresee_slips(I, &D, R, planned, later)) return INPUT_FAILED;
+    set_masks(I, &D, R);
     set_directions_of_forces(I, &p);
     return REACHED_END;
 }

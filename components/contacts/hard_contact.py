@@ -47,7 +47,9 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
         count = 0 if law.friction is None else directions
         if law.friction is not None and law.friction.patch is not None:
             if not isinstance(self, HardContact):
-                raise ParameterError(f"{type(self).__name__}'s friction has a patch, and a point has none ({origin()}). Leave it out, or let bodies touch: Contact(...).")
+                raise ParameterError(
+                    f"{type(self).__name__}'s friction has a patch, and a point has none ({origin()}). Leave it out, or let bodies touch: Contact(...)."
+                )
             count = 3
         self.drag = tuple(Reaction("N", "friction along a tangent") for _ in range(count))
 
@@ -88,7 +90,9 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
                 assert isinstance(b, Frame)
                 spin = read(near.normal).T @ (a.rotation.T @ (b.angular_velocity - a.angular_velocity))
                 slip, pressure = read(ca.vertcat(slip.sx, sx(friction.patch.radius) * spin.sx)), friction.patch.pressure
-            yield DryFriction(together(self.drag), slip, friction.mu * self.push, friction.static * self.push, friction.restitution, pressure)
+            yield DryFriction(
+                together(self.drag), slip, friction.mu * self.push, friction.static * self.push, friction.restitution, pressure
+            )
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         a, b = self.ends()
