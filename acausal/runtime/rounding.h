@@ -57,6 +57,14 @@ INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b
 #undef TWO
 #undef TRUTH
 
+/* Room for slopes of the rates and factors of them. 0 when memory is short. */
+static int make_forgetting(Integrator *I) {
+    struct State *T = I->state;
+    if (T->slopes_of) return 1;
+    T->slopes_of = reserve_doubles(I, I->pattern.start[I->nx] + 1);
+    return (make_sparse(I) && make_factors(I, &T->forgetting) && T->slopes_of) || I->counted;
+}
+
 /* Room for pairs of a program's values. 0 when memory is short. */
 static int make_pairs(Integrator *I, const Kernel *k) {
     struct State *T = I->state;
@@ -69,10 +77,11 @@ static int make_pairs(Integrator *I, const Kernel *k) {
         T->pair_room[p] = sizes[p];
         all = all && *pairs[p];
     }
-    if (T->forgotten) return I->counted || all;
-    T->forgotten = reserve_doubles(I, I->pattern.start[I->nx] + 3 * I->nx + 1);
-    all = make_sparse(I) && make_factors(I, &T->forgetting) && all;
-    return I->counted || (all && T->forgotten);
+    if (!T->forgotten) {
+        T->forgotten = reserve_doubles(I, 3 * I->nx + 1);
+        all = all && T->forgotten && (!I->block || make_forgetting(I));
+    }
+    return I->counted ? make_forgetting(I) : all;
 }
 
 /* The program of the rates (0) or guards (1) for which pairs have room; null where there is none. */
@@ -154,6 +163,33 @@ static void add_remembered(Integrator *I, double h, const double *rates, double 
     }
 }
 
+/* The same to first order in h, of random combinations of the disturbances: as much as the largest of them. 0 when the input function failed. */
+static int add_carried(Integrator *I, double t, const double *x, double h, const double *rates, const double *size, double *sum) {
+    struct State *T = I->state;
+    long n = I->nx;
+    V *in = T->point_in, *out = T->point_out;
+    double part = INFINITY;
+    if (!rate_at(I, t, x, T->rate)) return 0;
+    int exact = is_near(I, in);
+    for (long i = 0; i < n; i++)
+        if (rates[i] > 0) part = fmin(part, 1e-7 * size[i] / rates[i]);
+    for (long first = 0; first < SAMPLES && part > 0 && part < INFINITY; first += LANES) {
+        for (long i = 0; i < n; i++)
+            for (long l = 0; l < LANES; l++) in[1 + i][l] = x[i] + (drawn((first + l) * n + i) >> 31 ? part : -part) * rates[i];
+        rates_at(I, exact, in, out);
+        I->evaluations += LANES;
+        for (long i = 0; i < n; i++)
+            for (long l = 0; l < LANES; l++) sum[i] = fmax(sum[i], fabs(h * (out[i][l] - T->rate[i]) / part));
+    }
+    return 1;
+}
+
+#define DEAR 1e3 /* evaluations of the rates that factors cost */
+
+/* Whether factors of the slopes of the rates cost more than all else, and steps do without them: fixed-point iteration converges where a disturbance is
+   carried on by little more than the first order in h. */
+static int is_dear(const Integrator *I) { return !I->state->newton_now && I->pattern.work > DEAR * (double)I->operations; }
+
 /* What rounding seems to add to the rates at (t, x) in an implicit step of size h, per state, each operation counted. A state that is the integral of a
    disturbed one is disturbed with it, and what decays fast forgets: |(1 - h J)^-1| r for disturbances r. 0 when the input function failed. */
 static int rounding_of_rates(Integrator *I, const Kernel *k, double t, const double *x, double h, double *rates) {
@@ -167,7 +203,13 @@ static int rounding_of_rates(Integrator *I, const Kernel *k, double t, const dou
         size[i] = fmax(size[i], fabs(h) * rates[i]);
         sum[i] = 0;
     }
-    T->J = sum + n;
+    if (is_dear(I)) {
+        int carried = add_carried(I, t, x, h, rates, size, sum);
+        for (long i = 0; i < n && carried; i++) rates[i] = fmax(rates[i], sum[i]);
+        return carried;
+    }
+    if (!make_forgetting(I)) return 1;
+    T->J = T->slopes_of;
     T->row = row;
     int given = slopes_of_rates(I, t, x, size, T->J);
     for (long i = 0; i < n; i++) size[i] = size[i] > 0 ? size[i] : 1;

@@ -194,7 +194,7 @@ struct State {
     struct Factors forgetting;
     double *krylov;          /* work of looking for stiffness */
     V *pair_in, *pair_out, *pair_frame; /* pairs of values, of which the second are disturbed */
-    double *forgotten;       /* work of looking for rounding: slopes of the rates and vectors */
+    double *forgotten, *slopes_of; /* work of looking for rounding: vectors, slopes of the rates */
     double *row;             /* what is much in each row of the matrix that is factorised */
     V *clearance_in, *clearance_out, *clearance_c, *nodes[8], *node_rates[8], *node_along[8], *one_along, *ahead;
     double *across;
