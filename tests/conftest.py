@@ -1,5 +1,13 @@
-"""Workers of pytest have a core each: threads of linear algebra in each would wait for one another."""
+"""Workers of pytest have a core each: threads of linear algebra in each would wait for one another. What is there before the first test stays."""
 
+import gc
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when numpy is first imported
+
+
+def pytest_collection_finish() -> None:
+    """Modules and tests are no garbage, and need not be looked at again and again: that takes five hundredths of all time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 10, 10)

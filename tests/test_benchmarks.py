@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cProfile
 import importlib
 import pkgutil
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import acausal as ac
 import benchmarks
 from acausal.emit.compiler import cache_folder
 from benchmarks import bits, calls, compiler_flags, dynamics, growth, hard_cases, loops, modes, plot, scene_sizes, sizes, stiff
@@ -79,3 +81,25 @@ SHARES: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("name", SHARES)
 def test_a_share_of_a_benchmark_runs(name: str, tmp_path: Path) -> None:
     SHARES[name](tmp_path)
+
+
+LONG: dict[str, Callable[[int], ac.System]] = {
+    "rotors, springs, gears": growth.shafts,
+    "resistors, capacitors": growth.ladder,
+    "masses, springs, dampers": lambda count: stiff.row_of_masses(count, 1e3, 1.0)[0],
+}
+
+
+def calls_to_build(scene: ac.System) -> int:
+    """Calls of functions, those in C too: they count what time only hints at."""
+    profile = cProfile.Profile()
+    profile.runcall(ac.build, scene)
+    return sum(entry.callcount for entry in profile.getstats())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_building_takes_work_in_proportion_to_the_parts(name: str) -> None:
+    ac.build(LONG[name](2))
+    few, more, most = (calls_to_build(LONG[name](count)) for count in (15, 30, 60))
+    assert most - more < 2.3 * (more - few)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from benchmarks.chains import chain
 from components import (
     Force,
     Particle,
@@ -164,3 +165,15 @@ def test_a_force_that_begins_at_once_moves_what_rests(compiled, jump, size):
     run = ac.build(scene).simulate(10.0, compiled=compiled, rtol=1e-9)
     assert abs(run[scene.rail.v][-1] - size * (10.0 - jump)) < 1e-7 * size
     assert run.statistics.steps < 100
+
+
+@pytest.mark.slow
+def test_rounding_of_a_long_chain_is_looked_at_without_an_evaluation_for_each_state():
+    """All states move one another: factors of a full matrix would take the memory and the time of the square and the cube of their number."""
+    scene = chain(120)
+    model = ac.build(scene)
+    start = {joint.q: 0.1 * (k % 3) for k, joint in enumerate(scene.joints)}
+    at_rounding = model.simulate(0.3, start, rtol=1e-15, atol=3e-22, samples=2)
+    assert np.max(np.abs(at_rounding.x - model.simulate(0.3, start, rtol=1e-12, samples=2).x)) < 1e-13
+    assert 10 < at_rounding.statistics.rejected < 30
+    assert at_rounding.statistics.evaluations < 55 * at_rounding.statistics.steps

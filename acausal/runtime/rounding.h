@@ -184,7 +184,7 @@ static int add_carried(Integrator *I, double t, const double *x, double h, const
     return 1;
 }
 
-#define DEAR 1e3 /* evaluations of the rates that factors cost */
+#define DEAR 1e2 /* evaluations of the rates that factors cost */
 
 /* Whether factors of the slopes of the rates cost more than all else, and steps do without them: fixed-point iteration converges where a disturbance is
    carried on by little more than the first order in h. */
