@@ -92,7 +92,7 @@ def _begun(functions: Functions, began: OperatingPoint, laws: Sequence[Law], ste
 def _wrong(system: ReducedSystem, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
     """Which guards of masks are negative (n,)."""
     assert system.modes is not None
-    guards = Differentiable(system, system.modes.guards)
+    guards = Differentiable(system, system.modes.systems.unrolled(system.modes.guards))
     allowed = _TOUCH * np.abs(guards.along(at, np.eye(at.x.size))) @ sizes + ROUNDING * guards.rounding(at, sizes)
     return guards.value(at) < -allowed
 

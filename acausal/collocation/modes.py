@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.staged import Function
+
 
 @dataclass(frozen=True, eq=False)
 class SetFunctions:
@@ -45,10 +47,10 @@ class ModeFunctions:
     patches: int
     magnitudes: int
     redundant: bool
-    guards: ca.Function
+    guards: Function
     decision: ca.Function
     invariants: ca.Function
-    projection: ca.Function
+    projection: Function
     words: tuple[str, ...]
     discretes: int = 0
     set: SetFunctions | None = None
@@ -70,7 +72,7 @@ class ModeFunctions:
         return self.words if self.set is None else (*self.words, *self.set.words)
 
     @property
-    def rows(self) -> tuple[ca.Function, ...]:
+    def rows(self) -> tuple[Function, ...]:
         """Of all guards, in their order."""
         return (self.guards,) if self.set is None else (self.guards, self.set.guards)
 

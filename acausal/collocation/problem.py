@@ -14,6 +14,7 @@ import numpy as np
 from acausal.arguments import finite, whole_number
 from acausal.collocation.modes import ModesMet, WithModes
 from acausal.errors import OptionError, RoundingWarning
+from acausal.numerics.staged import Function
 from acausal.wording import callers_level
 
 Progress = Callable[[float], None]
@@ -67,7 +68,7 @@ class Problem:
     `clearance` is small.
     """
 
-    rhs: ca.Function
+    rhs: Function
     invariants: ca.Function | None
     project: ca.Function | None
     inputs: Callable[[np.ndarray], np.ndarray]

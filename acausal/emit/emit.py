@@ -13,9 +13,10 @@ from pathlib import Path
 
 import casadi as ca
 
-from acausal.emit.statements import LEAVES, Statements, statements
+from acausal.emit.statements import ANSWER, LEAVES, SYSTEM, Statements, statements
+from acausal.numerics import staged
 
-EMITTER = (Path(__file__), Path(__file__).with_name("statements.py"))
+EMITTER = (Path(__file__), Path(__file__).with_name("statements.py"), Path(staged.__file__))
 """The files that make C: whoever keeps it depends on their content."""
 
 _UNARY = {
@@ -73,7 +74,7 @@ class Source:
     work: int
 
 
-def emit(function: ca.Function, name: str, *, parameters: tuple[int, ...] = (), chunk: int = _CHUNK) -> Source:
+def emit(function: staged.Function, name: str, *, parameters: tuple[int, ...] = (), chunk: int = _CHUNK) -> Source:
     """C of an `SX` function. `parameters`: numbers of the arguments that seldom change; what depends on them only is computed once.
 
     Raises `ExportError` for an operation that has no C, and for functions that cannot be expanded to `SX`.
@@ -89,7 +90,7 @@ def emit(function: ca.Function, name: str, *, parameters: tuple[int, ...] = (), 
 
 def translation_units(sources: Sequence[Source], parts: int) -> list[str]:
     """C files with all functions, of about the same length, at most `parts`; few where there is little."""
-    head = '#include "lanes.h"\n#include "vector_math.h"\n'
+    head = '#include "lanes.h"\n#include "systems.h"\n#include "vector_math.h"\n'
     pieces = sorted((piece for source in sources for piece in source.pieces[:-1]), key=len, reverse=True)
     total = sum(map(len, pieces))
     units = [[head] for _ in range(max(1, min(parts, total // 80_000)))]
@@ -124,10 +125,15 @@ def _body(
     for place, v in results:
         writes[home.get(v, 0)].append((place, v))
     work, size = _work_slots(chunks, home, last)
+    rooms: dict[int, int] = {}
+    for i in inside:
+        if values[i].code == SYSTEM:
+            rooms[i] = size
+            size += found.systems[values[i].place].room
     pieces: list[str] = []
     for k, part in enumerate(chunks):
         title = f"HIDDEN void {name}_{k}{_ARGUMENTS}" if len(chunks) > 1 else f"EXPORT void {name}{_ARGUMENTS}"
-        body = _lines(found, part, home, k, slots, work, last, writes[k])
+        body = _lines(found, part, k, slots, work, rooms, last, writes[k])
         pieces.append("".join([f"{title} {{\n(void)in; (void)c; (void)out; (void)w;\n", *body, "}\n"]))
     if len(chunks) > 1:
         declared = "".join(f"HIDDEN void {name}_{k}{_ARGUMENTS};\n" for k in range(len(chunks)))
@@ -158,10 +164,10 @@ def _work_slots(chunks: list[list[int]], home: dict[int, int], last: dict[int, i
 def _lines(
     found: Statements,
     part: list[int],
-    home: dict[int, int],
     here: int,
     slots: dict[int, int],
     work: dict[int, int],
+    rooms: dict[int, int],
     last: dict[int, int],
     writes: list[tuple[int, int]],
 ) -> list[str]:
@@ -189,6 +195,20 @@ def _lines(
     for i in part:
         if i not in loaded:
             value = values[i]
+            if value.code == SYSTEM:
+                shape, room = found.systems[value.place], rooms[i]
+                lines += [f"w[{room + k}] = {name_of(a)};\n" for k, a in enumerate(value.args)]
+                lines.append(f"solve_system(w + {room}, {shape.rows}, {shape.columns}, {int(shape.damped)});\n")
+                loaded[i] = ""
+                continue
+            if value.code == ANSWER:
+                system = value.args[0]
+                place = rooms[system] + found.systems[values[system].place].operands + value.place
+                lines.append(f"const V x{i} = w[{place}];\n")
+                loaded[i] = f"x{i}"
+                if last.get(i, -1) > here:
+                    lines.append(f"w[{work[i]}] = x{i};\n")
+                continue
             arguments = [name_of(a) for a in value.args]
             pair = turns.get(value.args[0]) if value.code in (ca.OP_SIN, ca.OP_COS) else None
             if pair is not None:

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from acausal.emit.statements import BINARY, LEAVES, UNARY, Statements, Value, statements
+from acausal.emit.statements import ANSWER, BINARY, LEAVES, SYSTEM, UNARY, Statements, Value, statements
+from acausal.numerics.staged import Function, LinearSystem
 
 _END, _LOAD, _STORE, NUMBER, _SINCOS = range(5)
 _CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
-_MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL = range(5 + len(_CODES), 9 + len(_CODES))
+_MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL, _MOVE, _SYSTEM = range(5 + len(_CODES), 11 + len(_CODES))
 _WIDTH = 5
 _NOTHING = (0,) * _WIDTH
 _PRODUCTS = (ca.OP_MUL, ca.OP_SQ)
@@ -49,7 +50,7 @@ class _Step(NamedTuple):
     place: int = 0
 
 
-def program(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
+def program(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
     """The program of a function. `parameters`: numbers of the arguments that seldom change.
 
     Raises `ExportError` for functions that cannot be expanded to `SX`.
@@ -57,16 +58,46 @@ def program(function: ca.Function, name: str, lanes: int, *, parameters: tuple[i
     found = statements(function, name, parameters)
     numbers = _numbers(found)
     lasting = {v: k for k, v in enumerate((*found.kept, *numbers))}
-    rare, end = _placed(_steps(found, found.rare, lasting, ()), lasting)
-    often, end_often = _placed(_steps(found, found.often, lasting, found.results), lasting)
+    rooms = _Rooms.of(found, lasting)
+    rare, end = _placed(_steps(found, found.rare, lasting, ()), lasting, rooms)
+    often, end_often = _placed(_steps(found, found.often, lasting, found.results), lasting, rooms)
     literals = [_number(lasting[v], found.values[v]) for v in numbers]
+    settled = [_row(_MOVE, slot, lasting[v]) for v in numbers for slot in rooms.slots.get(v, ())]
     return Program(
-        _scaled([*literals, *rare, _row(_END)], lanes),
+        _scaled([*literals, *rare, *settled, _row(_END)], lanes),
         _scaled([*often, _row(_END)], lanes),
         found.inputs,
         found.outputs,
         max(end, end_often),
     )
+
+
+@dataclass(frozen=True)
+class _Rooms:
+    """Places where systems stand, behind lasting values: of each system the first one, of each operand those it is put to, `end` behind all."""
+
+    first: tuple[int, ...]
+    slots: dict[int, list[int]]
+    shapes: tuple[LinearSystem, ...]
+    end: int
+
+    @staticmethod
+    def of(found: Statements, lasting: dict[int, int]) -> _Rooms:
+        """Of the systems of a function."""
+        first: list[int] = []
+        slots: dict[int, list[int]] = {}
+        at = len(lasting)
+        for value in found.values:
+            if value.code == SYSTEM:
+                for k, v in enumerate(value.args):
+                    slots.setdefault(v, []).append(at + k)
+                first.append(at)
+                at += found.systems[value.place].room
+        return _Rooms(tuple(first), slots, found.systems, at)
+
+    def answer(self, system: int, place: int) -> int:
+        """Where it is found."""
+        return self.first[system] + self.shapes[system].operands + place
 
 
 def _numbers(found: Statements) -> list[int]:
@@ -107,7 +138,13 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
         if i in absorbed or (i in made and i not in lasting):
             continue
         value = values[i]
-        code, of, to = _CODES[value.code], value.args, (i,)
+        if value.code == ANSWER:
+            steps.append(_Step(ANSWER, (i,), (), value.place))
+            made.add(i)
+            for place in outputs.get(i, ()):
+                steps.append(_Step(_STORE, (), (i,), place))
+            continue
+        code, of, to = _SYSTEM if value.code == SYSTEM else _CODES[value.code], value.args, (i,)
         if i in into:
             product, (code, rest) = into[i]
             of = (*_factors(values[product]), rest)
@@ -116,7 +153,7 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
         for a in of:
             if a not in made:
                 bring(a)
-        steps.append(_Step(code, to, of))
+        steps.append(_Step(code, to, of, value.place))
         made.update(to)
         for v in to:
             if v in outputs:
@@ -153,29 +190,42 @@ def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -
     return found
 
 
-def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[_Row], int]:
-    """Statements with places in the frame; a place is used again once its value is dead. Also the places that are needed."""
+def _placed(steps: list[_Step], lasting: dict[int, int], rooms: _Rooms) -> tuple[list[_Row], int]:
+    """Statements with places in the frame; a place is used again once its value is dead, but for those of systems. Also the places that are needed."""
     last: dict[int, int] = {}
     for k, step in enumerate(steps):
         for v in (*step.to, *step.of):
             last[v] = k
     place = dict(lasting)
+    stays = {*lasting, *rooms.slots}
     free: list[int] = []
-    size = len(lasting)
+    size = rooms.end
+    system = -1
     rows: list[_Row] = []
     for k, (code, to, of, where) in enumerate(steps):
+        if code == _SYSTEM:
+            system = where
+            shape = rooms.shapes[system]
+            rows.append(_row(_SYSTEM, rooms.first[system], shape.rows, shape.columns, int(shape.damped)))
+            continue
+        if code == ANSWER:
+            place[to[0]] = rooms.answer(system, where)
+            stays.add(to[0])
+            continue
         operands = [place[v] for v in of]
         for v in {*of}:
-            if last[v] == k and v not in lasting:
+            if last[v] == k and v not in stays:
                 free.append(place[v])
         for v in to:
+            if v in rooms.slots and v not in place:
+                place[v] = rooms.slots[v][0]
             if v not in place:
                 if not free:
                     free.append(size)
                     size += 1
                 place[v] = free.pop()
         results = [place[v] for v in to]
-        free += [place[v] for v in to if last[v] == k and v not in lasting]
+        free += [place[v] for v in to if last[v] == k and v not in stays]
         if code == _LOAD:
             rows.append(_row(_LOAD, results[0], where))
         elif code == _STORE:
@@ -184,6 +234,8 @@ def _placed(steps: list[_Step], lasting: dict[int, int]) -> tuple[list[_Row], in
             rows.append(_row(_SINCOS, results[0], operands[0], results[1]))
         else:
             rows.append(_row(code, results[0], *operands))
+        for v in to:
+            rows += [_row(_MOVE, slot, place[v]) for slot in rooms.slots.get(v, ()) if slot != place[v]]
     return rows, size
 
 
@@ -199,5 +251,5 @@ def _scaled(rows: Sequence[_Row], lanes: int) -> np.ndarray:
     """Places in bytes."""
     table = np.array(rows, dtype=np.int32)
     table[:, 1] *= 8 * lanes
-    table[table[:, 0] != NUMBER, 2:] *= 8 * lanes
+    table[(table[:, 0] != NUMBER) & (table[:, 0] != _SYSTEM), 2:] *= 8 * lanes
     return np.ascontiguousarray(table)

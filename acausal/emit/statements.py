@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import ExportError
+from acausal.numerics.staged import Function, LinearSystem, systems_of
 
 UNARY = tuple(
     getattr(ca, f"OP_{name}")
@@ -25,6 +28,8 @@ BINARY = tuple(
 )  # fmt: skip
 LEAVES = (ca.OP_INPUT, ca.OP_CONST)
 _COPY = (ca.OP_ASSIGN, ca.OP_LIFT)
+SYSTEM, ANSWER = -1, -2
+"""No operations of CasADi: a system of linear equations, whose operands are `args` and whose number is `place`; and its answer at `place`, of args[0]."""
 
 
 class Value(NamedTuple):
@@ -52,6 +57,7 @@ class Statements:
     kept: tuple[int, ...]
     inputs: int
     outputs: int
+    systems: tuple[LinearSystem, ...] = ()
 
     def pairs(self, part: list[int]) -> dict[int, tuple[int, int]]:
         """argument -> (its sine, its cosine), of those that are both made in a part of the statements."""
@@ -61,11 +67,12 @@ class Statements:
         return {a: (sines[a], cosines[a]) for a in sines if a in cosines}
 
 
-def statements(function: ca.Function, name: str, parameters: tuple[int, ...] = ()) -> Statements:
+def statements(function: Function, name: str, parameters: tuple[int, ...] = ()) -> Statements:
     """The statements of a function. `parameters`: numbers of the arguments that seldom change.
 
     Raises `ExportError` for operations that are not known here, and for functions that cannot be expanded to `SX`.
     """
+    function, systems = systems_of(function)
     if not function.is_a("SXFunction"):
         try:
             function = function.expand()
@@ -78,12 +85,45 @@ def statements(function: ca.Function, name: str, parameters: tuple[int, ...] = (
     found = _Collected()
     results = _read(function, name, first, found)
     values = tuple(found.values)
+    given, outputs = function.n_in() - len(systems), sum(function.nnz_out(i) for i in range(function.n_out() - len(systems)))
+    if systems:
+        values, results = _with_systems(values, results, systems, first[given], outputs)
     needed, fixed = _needed(values, results), _fixed(values, seldom)
     wanted = {a for i, v in enumerate(values) if needed[i] and not fixed[i] for a in v.args} | {v for _, v in results}
     kept = tuple(sorted(i for i in wanted if fixed[i] and values[i].code not in LEAVES))
     rare, often = (tuple(i for i in range(len(values)) if needed[i] and fixed[i] is kind) for kind in (True, False))
-    outputs = sum(function.nnz_out(i) for i in range(function.n_out()))
-    return Statements(values, tuple(results), rare, often, kept, first[-1], outputs)
+    return Statements(values, tuple(results), rare, often, kept, first[given], outputs, systems)
+
+
+def _with_systems(
+    values: tuple[Value, ...], results: list[tuple[int, int]], systems: Sequence[LinearSystem], inputs: int, outputs: int
+) -> tuple[tuple[Value, ...], list[tuple[int, int]]]:
+    """Values and results of which the inputs from `inputs` on have become answers, and the results from `outputs` on operands: what needs a system stands behind it."""
+    begins = inputs + np.cumsum([0, *(system.answers for system in systems)])
+    stage: list[int] = []  # number of the first system that is needed, counted from behind: 0 for none
+    for value in values:
+        own = (
+            int(np.searchsorted(begins, value.place, side="right")) if value.code == ca.OP_INPUT and value.place >= inputs else 0
+        )
+        stage.append(max((stage[a] for a in value.args), default=own))
+    found: list[Value] = []
+    new: dict[int, int] = {}
+    of_result = dict(results)
+    at, system = outputs, -1
+    for k in range(len(systems) + 1):
+        for i, value in enumerate(values):
+            if stage[i] != k:
+                continue
+            new[i] = len(found)
+            if value.code == ca.OP_INPUT and k:
+                found.append(Value(ANSWER, (system,), 0.0, value.place - int(begins[k - 1])))
+            else:
+                found.append(value._replace(args=tuple(new[a] for a in value.args)))
+        if k < len(systems):
+            system = len(found)
+            found.append(Value(SYSTEM, tuple(new[of_result[at + j]] for j in range(systems[k].operands)), 0.0, k))
+            at += systems[k].operands
+    return tuple(found), [(place, new[v]) for place, v in results if place < outputs]
 
 
 class _Collected:

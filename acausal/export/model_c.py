@@ -19,6 +19,7 @@ from acausal.export.start_functions import StartFunctions
 from acausal.integrators.radau import ADAPTIVE
 from acausal.language.expression import Expression
 from acausal.language.when import when
+from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.kernels import Wanted
@@ -69,7 +70,7 @@ def model_c(
     integrand = f.integrand
     shown = [f.outputs.resolve(e) for e in outputs.values()]
     wanted = [*integrand.wanted, integrand.jvp]
-    paired = [*integrand.exact, Wanted("disturbed_rhs", integrand.rates, (3,))]
+    paired = [*integrand.exact, Wanted("disturbed_rhs", plain(integrand.rates), (3,))]
     if events:
         guards = f.output(ca.vertcat(*(f.outputs.resolve(e.expression) for e in events)), name="guards")
         wanted.append(guard := integrand.guard(guards))

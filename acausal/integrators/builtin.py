@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.collocation.problem import Accuracy, Problem, Progress, Solution, Statistics, Status, StatusKind
 from acausal.integrators.base import AbstractIntegrator
+from acausal.numerics.staged import plain
 
 _GRID = 100
 
@@ -50,7 +51,7 @@ def _integrate_builtin(
     Inputs are held over each interval. Dense output integrates again from the nearest grid point, so it has the method's accuracy.
     """
     started = time.perf_counter()
-    f = problem.rhs
+    f = plain(problem.rhs)
     t, x, u, p, span, begin = (
         ca.MX.sym(n, k)
         for n, k in (("t", 1), ("x", f.size1_in(1)), ("u", f.size1_in(2)), ("p", f.size1_in(3)), ("span", 1), ("begin", 1))

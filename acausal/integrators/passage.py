@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.collocation.problem import Problem
+from acausal.numerics.staged import plain
 
 _CROSSING = 5e-5
 _AHEAD = 0.016
@@ -78,7 +79,7 @@ class Passage:
 
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n, nx)."""
-        return np.array(self.problem.rhs(t[None, :], X.T, self.problem.inputs(t), self._p(t.size))).T
+        return np.array(plain(self.problem.rhs)(t[None, :], X.T, self.problem.inputs(t), self._p(t.size))).T
 
     def projected(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n, nx), once."""

@@ -8,6 +8,7 @@ import numpy as np
 from acausal.arguments import finite, shown, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
+from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
 
 _PROJECTIONS = 3
@@ -18,7 +19,7 @@ def step_of(functions: Functions, method: str, order: int, h: float | None) -> c
     """Of a model's states, which are brought onto its invariants; see `Model.step`. Where parts open, slip or strike: within the mode that the masks tell, which are
     the last of the inputs."""
     f = functions
-    project = f.projection if f.modes is None else f.modes.projection
+    project = f.projection if f.modes is None else plain(f.modes.projection)
     return step_function(f.explicit_dynamics, project, method=method, order=order, h=h, holds=f.holds)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.folding import folded_function
+from acausal.numerics.staged import Function, Staged, Systems, composed, systems_of
 
 _COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX)
 _WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
@@ -25,44 +25,49 @@ class Switching:
     `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ... `guards`: like `rates`, what else is smooth then.
     """
 
-    rates: ca.Function
-    rows: ca.Function
-    sides: ca.Function
+    rates: Function
+    rows: Function
+    sides: Function
     switch: np.ndarray
     factor: np.ndarray
     plus: np.ndarray
     words: tuple[str, ...]
-    guards: ca.Function
+    guards: Function
 
 
-def switching(function: ca.Function, guards: ca.Function | None = None) -> Switching | None:
+def switching(given: Function, guards: Function | None = None) -> Switching | None:
     """That of an SX function (t, x, u, p) -> x', and of others that hold the same switches; None without any switch."""
+    function, shapes = systems_of(given)
     if not function.is_a("SXFunction"):
         return None
-    n = function.size1_out(0)
-    if guards is not None:
-        symbols = [ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate("txup")]
-        function = ca.Function("both", symbols, [ca.densify(ca.vertcat(function(*symbols), guards(*symbols)))])
-    codes = {function.instruction_id(k) for k in range(function.n_instructions())}
+    n, parts = function.size1_out(0), [function, *([] if guards is None else [systems_of(guards)[0]])]
+    codes = {part.instruction_id(k) for part in parts for k in range(part.n_instructions())}
     if not codes & _SWITCHES:
         return None
+    if guards is not None:
+        function, shapes = systems_of(composed("both", [given, guards], lambda _, both: [ca.vertcat(both[0][0], both[1][0])]))
     found = _Holder()
-    arguments = [ca.vertcat(*(ca.SX.sym(f"{name}_{k}") for k in range(function.size1_in(i)))) for i, name in enumerate("txup")]
-    held = found.held(function, arguments)
+    names = [*"txup", *(f"answer{k}_" for k in range(len(shapes)))]
+    arguments = [ca.vertcat(*(ca.SX.sym(f"{name}_{k}") for k in range(function.size1_in(i)))) for i, name in enumerate(names)]
+    (held, *operands), (_, *true_operands) = found.held(function, arguments)
     if not found.sides:
         return None
-    t, x, u, p = arguments
+    (t, x, u, p), answers = arguments[:4], tuple(arguments[4:])
     inputs = ca.vertcat(u, *found.sides)
-    true = ca.Function("true", arguments, [ca.vertcat(*(row.true for row in found.switches))])
+    systems, true = Systems(shapes, tuple(operands), answers), Systems(shapes, tuple(true_operands), answers)
+
+    def made(name: str, result: ca.SX) -> Function:
+        return Staged.of(name, [t, x, inputs, p], [ca.densify(result)], systems)
+
     return Switching(
-        folded_function("rates", [t, x, inputs, p], [ca.densify(held[:n, :])]),
-        folded_function("rows", [t, x, inputs, p], [ca.densify(ca.vertcat(*found.rows))]),
-        folded_function("sides", arguments, [ca.densify(true(*arguments))]),
+        made("rates", held[:n, :]),
+        made("rows", ca.vertcat(*found.rows)),
+        Staged.of("sides", [t, x, u, p], [ca.densify(ca.vertcat(*(row.true for row in found.switches)))], true),
         np.array(found.switch),
         np.array(found.factor, dtype=float),
         np.array(found.plus, dtype=float),
         tuple(switch.words for switch in found.switches),
-        folded_function("guards", [t, x, inputs, p], [ca.densify(held[n:, :])]),
+        made("guards", held[n:, :]),
     )
 
 
@@ -90,21 +95,20 @@ class _Holder:
         self.plus: list[float] = []
         self._known: list[tuple[ca.SX, ca.SX]] = []
 
-    def held(self, f: ca.Function, arguments: Sequence[ca.SX]) -> ca.SX:
-        """The first result with switches held."""
+    def held(self, f: ca.Function, arguments: Sequence[ca.SX]) -> tuple[list[ca.SX], list[ca.SX]]:
+        """The results with switches held, and as they are."""
         size = f.sz_w() + 1
         work, true, moving = [ca.SX(0)] * size, [ca.SX(0)] * size, [False] * size
-        result = ca.SX.zeros(f.sparsity_out(0))
-        entries = [ca.SX(0)] * f.nnz_out(0)
+        results = [[[ca.SX(0)] * f.nnz_out(i) for i in range(f.n_out())] for _ in range(2)]
         for k in range(f.n_instructions()):
             code, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
             if code == ca.OP_OUTPUT:
-                if to[0] == 0:
-                    entries[to[1]] = work[of[0]]
+                for found, values in zip(results, (work, true), strict=True):
+                    found[to[0]][to[1]] = values[of[0]]
                 continue
             if code == ca.OP_INPUT:
                 work[to[0]] = true[to[0]] = arguments[of[0]][of[1]]
-                moving[to[0]] = of[0] < 3
+                moving[to[0]] = of[0] != 3  # parameters
             elif code == ca.OP_CONST:
                 work[to[0]] = true[to[0]] = ca.SX(f.instruction_constant(k))
                 moving[to[0]] = False
@@ -117,9 +121,15 @@ class _Holder:
                 else:
                     work[to[0]] = ca.SX.unary(code, a[0]) if len(of) == 1 else ca.SX.binary(code, a[0], a[1])
                 true[to[0]], moving[to[0]] = exact, now
-        for k, entry in enumerate(entries):
-            result.nz[k] = entry
-        return result
+
+        def filled(values: list[list[ca.SX]]) -> list[ca.SX]:
+            found = [ca.SX.zeros(f.sparsity_out(i)) for i in range(f.n_out())]
+            for result, entries in zip(found, values, strict=True):
+                for k, entry in enumerate(entries):
+                    result.nz[k] = entry
+            return found
+
+        return filled(results[0]), filled(results[1])
 
     def _side(self, code: int, a: list[ca.SX], true: list[ca.SX]) -> ca.SX:
         """The result of a switching operation on `a`, held."""

@@ -20,6 +20,7 @@ from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.language.when import when
 from acausal.numerics.folding import folded_function
+from acausal.numerics.staged import Function, Staged, operations_of
 from acausal.numerics.switching import switching
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
@@ -225,8 +226,8 @@ class Functions:
 
     @functools.cached_property
     def operations_of_power_and_rates(self) -> tuple[int, int]:
-        """Of `power_loss` and of `explicit_dynamics`, once."""
-        return operations(self.power_loss), operations(self.explicit_dynamics)
+        """Of `power_loss` and of `staged_dynamics`, once."""
+        return operations(self.power_loss), operations_of(self.staged_dynamics)
 
     @functools.cached_property
     def constraint_position(self) -> ca.Function:
@@ -318,10 +319,19 @@ class Functions:
         return self._integrand(self.modes)
 
     def _integrand(self, modes: ModeFunctions | None) -> Integrand:
+        rates = self.staged_dynamics
         return Integrand(
-            self.explicit_dynamics, self.invariants, self.projection, self.clearance, self.exact, self.space.nq,
-            switching(self.explicit_dynamics, None if modes is None else modes.guards), modes,
+            rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, None if modes is None else modes.guards), modes,
         )  # fmt: skip
+
+    @functools.cached_property
+    def staged_dynamics(self) -> Function:
+        """`explicit_dynamics`; with modes, where reactions are answers of systems that are solved in numbers."""
+        modes, space = self.outputs.system.modes, self.space
+        if modes is None:
+            return self.explicit_dynamics
+        rates = ca.densify(space.put(space.kept(modes.x_dot)))
+        return Staged.of("explicit_dynamics", space.arguments, [rates], modes.systems.with_operands(space.put))
 
     @functools.cached_property
     def modes(self) -> ModeFunctions | None:

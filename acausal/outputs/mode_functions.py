@@ -6,6 +6,7 @@ import casadi as ca
 
 from acausal.collocation.modes import ModeFunctions
 from acausal.numerics.folding import folded_function
+from acausal.numerics.staged import Function, Staged, Systems
 from acausal.reduce.modes import Modes
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
@@ -27,21 +28,27 @@ def mode_functions(
     def function(name: str, result: ca.SX) -> ca.Function:
         return folded_function(name, [t, x, u, p], [ca.densify(space.put(result))], ["t", "x", "u", "p"], [name])
 
-    def masked(name: str, result: ca.SX) -> ca.Function:
+    systems = Systems() if m is None else m.systems.with_operands(space.put)
+
+    def masked(name: str, result: ca.SX) -> Function:
+        return Staged.of(name, [t, x, masks, p], [ca.densify(result)], systems)
+
+    def invariants_of(name: str, result: ca.SX) -> ca.Function:
         return folded_function(name, [t, x, masks, p], [ca.densify(result)], ["t", "x", "masks", "p"], [name])
 
     discretes = len(system.flat.discretes)
     if m is None:
         none = ca.SX(0, 1)
         return ModeFunctions(
-            0, 0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), masked("mode_invariants", rows),
+            0, 0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), invariants_of("mode_invariants", rows),
             masked("mode_projection", step), (), discretes,
         )  # fmt: skip
     size = [row.size for row in m.frictions]
     return ModeFunctions(
-        m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant, function("mode_guards", m.guards),
+        m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
+        Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems),
         function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m))),
-        masked("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
+        invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
     )  # fmt: skip
 
 

@@ -8,8 +8,9 @@ first: with friction that slides they are not positive where no motion exists (P
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -20,14 +21,11 @@ from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
 from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
 from acausal.numerics import patches
-from acausal.numerics.elimination import eliminated, undamped
+from acausal.numerics.staged import Systems
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import ROUNDING
 from acausal.reduce.magnitudes import Magnitudes
 from acausal.wording import compact
-
-_REFINEMENTS = 4
-"""Where rows depend on one another and are damped (in units of each row's compliance, by a millionth of what they leave independent): then reactions are those of least norm, in whatever order rows are."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +33,9 @@ class Modes:
     """Rows of reactions and what the masks make of them, by t, x, u (masks last) and p; n reactions in all.
 
     `rows`: laws, one-sided ones first, then friction in one direction, then in two, then of patches. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
-    without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `found` (n, 1): the reactions, whose symbols are `reactions`. `guards`:
+    without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `solved` (n, 1): the reactions, whose symbols are `reactions`; `x_dot`: rates with these. `guards`:
     positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
-    what is held. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember. `at_once`: whether a row
-    follows from reactions at once, so that these cancel in its value but for rounding.
+    what is held. All four hold answers of `systems`. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember.
     """
 
     rows: tuple[ModeRow, ...]
@@ -48,13 +45,19 @@ class Modes:
     free: ca.SX
     compliance: ca.SX
     response: ca.SX
-    found: ca.SX
+    solved: ca.SX
+    x_dot: ca.SX
     guards: ca.SX
     invariants: ca.SX
     correction: ca.SX
+    systems: Systems
     redundant: bool
     magnitudes: Magnitudes
-    at_once: bool
+
+    @functools.cached_property
+    def found(self) -> ca.SX:
+        """The reactions (n, 1), without systems that are to be solved."""
+        return self.systems.unrolled(self.solved)
 
     @property
     def one_sided(self) -> int:
@@ -221,16 +224,16 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
         for row, holds, part in zip(owner, system.holds, ca.vertsplit(rate), strict=True)
     ]
     gaps = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided))
-    pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)))
+    pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)), ca.vertcat(*system.holds))
     places, along = positions_in(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
     moved = ca.SX.zeros(motion.x.numel())
     if places:
         moved[places] = (along @ pushes[:, 0])[places]
     everything = [*(mask for own in masks for mask in own.all), *magnitudes.masks, *(() if shared is None else shared.all)]
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
+    x_dot = ca.substitute(motion.x_dot, reactions, values)
     found = Modes(
-        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, guards, invariants, moved + J @ pushes[:, 1], redundant, magnitudes,
-        any(moves.at_once),
+        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, x_dot, guards, invariants, moved + J @ pushes[:, 1], system.systems, redundant, magnitudes,
     )  # fmt: skip
     return found, ca.vertcat(ca.SX(0, 1), *dead)
 
@@ -355,9 +358,9 @@ def _without_parts(row: ModeRow, living: Sequence[int]) -> ModeRow:
     return replace(row, pressure=None)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Masked:
-    """One linear system for all modes. `damping`: of rows that depend on one another, None where none do. `at_once`: see `_Moves`."""
+    """One linear system for all modes. `damping`: of rows that depend on one another, None where none do. `at_once`: see `_Moves`. `systems`: what is to be solved so far."""
 
     rows: Sequence[ModeRow]
     masks: Sequence[_Masks]
@@ -366,17 +369,19 @@ class _Masked:
     damping: ca.SX | None
     at_once: tuple[bool, ...]
     magnitudes: Magnitudes
+    systems: Systems = field(default_factory=Systems)
 
     def found(self, free: ca.SX, rate: ca.SX, carried: ca.SX, acceleration: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The reactions (n, 1), and guards, see `Modes`; nearest to what is `carried` on, where they are not unique. `acceleration` is by reactions."""
         symbols, M = self.magnitudes.symbols, self.matrix(rate)
-        by = self.solved(M, ca.horzcat(self.right(free, rate) - M @ carried, self.by_magnitudes(rate)))
+        by = self.solved(M, ca.horzcat(self.right(free, rate) - M @ carried, self.by_magnitudes(rate)), self.active)
         given, more = carried + by[:, 0], by[:, 1:]
         if any(
             self.at_once
         ):  # what a large compliance leaves: a valve that leaks little has no voltage, where its current is all that flows
             left = ca.substitute(acceleration, self.reactions, given)
-            given -= self.solved(M, ca.vertcat(*(h * left[i] if self.at_once[i] else ca.SX(0) for i, h in enumerate(self.holds))))
+            rest = ca.vertcat(*(h * left[i] if self.at_once[i] else ca.SX(0) for i, h in enumerate(self.holds)))
+            given -= self.solved(M, rest, self.active)
         if not symbols.numel():
             return given, self.guards(given, rate, symbols)
         slopes = [ca.jacobian(size.of, self.reactions) @ more for size in self.magnitudes.sizes]
@@ -452,14 +457,23 @@ class _Masked:
                 found[i, j] = both * W[i, j] + (1 - holds[i] if i == j else 0)
         return found
 
-    def solved(self, M: ca.SX, right: ca.SX) -> ca.SX:
+    @property
+    def active(self) -> ca.SX:
+        """(n, 1): not zero where a row of the matrix is more than one of the unit matrix."""
+        found: list[ca.SX] = []
+        for row, mask in zip(self.rows, self.masks, strict=True):
+            slides = ca.SX(0)
+            if row.sliding is not None and ca.depends_on(row.sliding, self.reactions):
+                given = mask.along if mask.slides is None or mask.frozen is None else (mask.slides, mask.frozen)
+                slides = sum((entry.sx**2 for entry in given), slides)
+            found += [mask.holds.sx + slides] * row.size
+        return ca.vertcat(*found)
+
+    def solved(self, M: ca.SX, right: ca.SX, active: ca.SX) -> ca.SX:
         """M^-1 right; where M has no inverse, of least norm in units of the compliances."""
-        if self.damping is None:
-            return eliminated(M, right)
-        held = ca.vertcat(
-            *(holds * entry for holds, entry in zip(self.holds, ca.vertsplit(ca.diag(self.compliance)), strict=True))
-        )
-        return undamped(M, self.damping * held, right, _REFINEMENTS)
+        damping = None if self.damping is None else self.damping * ca.vertcat(*self.holds) * ca.diag(self.compliance)
+        self.systems, answers = self.systems.with_one(active, M, right, damping)
+        return answers
 
     def guards(self, found: ca.SX, rate: ca.SX, sizes: ca.SX) -> ca.SX:
         """Of laws, see `Modes`."""

@@ -369,12 +369,9 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         system.scalar, rates=put(system.scalar.rates), tau=put(system.scalar.tau), led=None,
         solved=solved | {reaction: put(reaction.sx) for row in rows for reaction in row.reactions},
     )  # fmt: skip
-    x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel()))
-    if modes is not None:
-        x_dot = put(system.x_dot) if modes.at_once else x_dot + modes.response @ modes.found
     exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
     return dataclasses.replace(
-        system, flat=flat, u=own, u_defaults=known, x_dot=x_dot, v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
+        system, flat=flat, u=own, u_defaults=known, x_dot=put(system.x_dot), v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
         scalar=scalar, modes=modes, exact=exact, unmasked=system, mechanics=system.mechanics.with_reactions(r, found),
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.collocation.modes import ModeFunctions
 from acausal.collocation.problem import Exact
 from acausal.numerics.bound import copied_states
-from acausal.numerics.folding import folded_function
+from acausal.numerics.staged import Function, Staged, Systems, called, composed, operations_of, systems_of
 from acausal.numerics.switching import Switching
 from acausal.runtime.kernels import Wanted
 from acausal.runtime.pattern import Pattern, jacobian_pattern
@@ -25,7 +25,7 @@ class Integrand:
     inputs of `function`, and held, too.
     """
 
-    function: ca.Function
+    function: Function
     invariants: ca.Function | None = None
     project: ca.Function | None = None
     clearance: ca.Function | None = None
@@ -35,7 +35,7 @@ class Integrand:
     modes: ModeFunctions | None = None
 
     @property
-    def rates(self) -> ca.Function:
+    def rates(self) -> Function:
         """(t, x, u, p) -> x', switches held."""
         return self.function if self.switching is None else self.switching.rates
 
@@ -90,7 +90,7 @@ class Integrand:
         return self.invariants_and_projection is not None
 
     @property
-    def invariants_and_projection(self) -> tuple[ca.Function, ca.Function] | None:
+    def invariants_and_projection(self) -> tuple[Function, Function] | None:
         """Functions of t, x, masks if there are any, and p."""
         if self.modes is not None:
             return self.modes.invariants, self.modes.projection
@@ -99,7 +99,7 @@ class Integrand:
     @functools.cached_property
     def copies(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """x'[first] = x[second]."""
-        pairs = copied_states(self.rates)
+        pairs = copied_states(systems_of(self.rates)[0])
         return tuple(i for i, _ in pairs), tuple(j for _, j in pairs)
 
     @functools.cached_property
@@ -110,7 +110,7 @@ class Integrand:
             "nx": nx, "nu": nu, "np": np,
             "ng": self.invariants_and_projection[0].size1_out(0) if self.invariants_and_projection is not None else 0,
             "copies": len(self.copies[0]), "positions": self.positions,
-            "operations": self.function.n_instructions(),
+            "operations": operations_of(self.function),
             "promised": int(self.unheld_exact is not None),
             "through": int(self.unheld_exact is not None and self.unheld_exact.through),
             "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
@@ -143,15 +143,14 @@ class Integrand:
         return {} if found is None else {"set_direction": found.directions, "set_first": found.first, "set_target": found.targets}
 
     @functools.cached_property
-    def rows(self) -> ca.Function:
+    def rows(self) -> Function:
         """(t, x, u, p) -> values that are positive as long as masks, and then sides, are the true ones."""
         if self.modes is None:
             assert self.switching is not None
             return self.switching.rows
         first, *rest = (self.with_sides(function) for function in self.modes.rows)
         parts = [first, *rest] if self.switching is None else [self.switching.guards, *rest, self.switching.rows]
-        symbols = [ca.SX.sym(name, self.rates.size1_in(i)) for i, name in enumerate("txup")]
-        return folded_function("rows", symbols, [ca.densify(ca.vertcat(*(part.call(symbols)[0] for part in parts)))])
+        return composed("rows", parts, lambda _, results: [ca.vertcat(*(result[0] for result in results))])
 
     @functools.cached_property
     def jvp(self) -> Wanted:
@@ -209,26 +208,34 @@ class Integrand:
         """Guards (t, x, u, p) -> values."""
         return Wanted("guard", self.with_sides(function), (3,))
 
-    def with_sides(self, function: ca.Function) -> ca.Function:
+    def with_sides(self, function: Function) -> Function:
         """A function (t, x, u, p) as one that is given the sides of switches too."""
         if not self.sides:
             return function
         nx, nu, np = (self.rates.size1_in(i) for i in (1, 2, 3))
         t, x, u, p = (ca.SX.sym(name, n) for name, n in zip("txup", (1, nx, nu, np), strict=True))
-        return ca.Function(function.name(), [t, x, u, p], [function.call([t, x, u[: nu - self.sides], p])[0]])
+        found, systems = called(function, [t, x, u[: nu - self.sides], p])
+        return Staged.of(function.name(), [t, x, u, p], [found[0]], systems)
 
 
-def _directional_derivative(function: ca.Function, arguments: tuple[int, ...]) -> ca.Function:
+def _directional_derivative(function: Function, arguments: tuple[int, ...]) -> Function:
     """(all arguments, directions of those named) -> derivative of the first result in these directions, exact."""
     symbols = [ca.SX.sym(f"a{i}", function.size1_in(i)) for i in range(function.n_in())]
     directions = [ca.SX.sym(f"d{i}", function.size1_in(i)) for i in arguments]
-    at = ca.vertcat(*(symbols[i] for i in arguments))
-    product = ca.jtimes(ca.densify(function.call(symbols)[0]), at, ca.vertcat(*directions))
-    return ca.Function("product", [*symbols, *directions], [ca.densify(product)], {"cse": True})
+    (result, *_), systems = called(function, symbols)
+    along, by, change = [symbols[i] for i in arguments], list(directions), Systems()
+    for shape, operands, answers in zip(systems.shapes, systems.operands, systems.answers, strict=True):
+        active, M, damping, B = shape.parts(operands)
+        X = ca.reshape(answers, shape.columns, shape.rows).T
+        rest = ca.jtimes(ca.vec(B - M @ X), ca.vertcat(*along), ca.vertcat(*by))  # M dX = dB - dM X
+        change = change + Systems((shape,), (operands,), (answers,))
+        change, dX = change.with_one(active, M, ca.reshape(rest, shape.rows, shape.columns), damping if shape.damped else None)
+        along.append(answers)
+        by.append(ca.vec(dX.T))
+    product = ca.jtimes(ca.densify(result), ca.vertcat(*along), ca.vertcat(*by))
+    return Staged.of("product", [*symbols, *directions], [ca.densify(product)], change)
 
 
-def _projection_with_invariants(invariants: ca.Function, project: ca.Function) -> ca.Function:
+def _projection_with_invariants(invariants: Function, project: Function) -> Function:
     """(t, x, p) -> x nearer to the invariants, and the invariants at the given x; with masks before p where there are any."""
-    symbols = [ca.SX.sym(f"a{i}", invariants.size1_in(i)) for i in range(invariants.n_in())]
-    results = [ca.densify(f.call(symbols)[0]) for f in (project, invariants)]
-    return ca.Function("projection", symbols, results, {"cse": True})
+    return composed("projection", [project, invariants], lambda _, results: [results[0][0], results[1][0]])

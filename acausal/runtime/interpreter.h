@@ -4,6 +4,7 @@
 
    All values of a program stand in one frame: what depends on parameters only, numbers, then values that come and go. The frame is the
    array `c` of the kernel; a statement is five integers, its operation and places in bytes. */
+#include "systems.h"
 #include "vector_math.h"
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" /* labels as values */
@@ -21,7 +22,7 @@ enum { WIDTH = 5 };
     O(NE, v_truth(A != B)) O(AND, v_truth((A != v_all(0.0)) & (B != v_all(0.0)))) O(OR, v_truth((A != v_all(0.0)) | (B != v_all(0.0)))) \
     O(IF_ELSE_ZERO, v_select(A != v_all(0.0), B, v_all(0.0))) O(POW, v_pow(A, B)) O(FMIN, v_fmin(A, B)) O(FMAX, v_fmax(A, B)) \
     O(FMOD, v_fmod(A, B)) O(REMAINDER, v_remainder(A, B)) O(COPYSIGN, v_copysign(A, B)) O(ATAN2, v_atan2(A, B)) O(HYPOT, v_hypot(A, B)) \
-    O(MUL_ADD, A * B + C) O(MUL_SUB, A * B - C) O(SUB_MUL, C - A * B) O(MUL_MUL, A * B * C)
+    O(MUL_ADD, A * B + C) O(MUL_SUB, A * B - C) O(SUB_MUL, C - A * B) O(MUL_MUL, A * B * C) O(MOVE, A)
 
 #define INTERPRETER interpret
 #define VALUE V
@@ -33,6 +34,7 @@ enum { WIDTH = 5 };
 #define ALONG
 #define SINCOS v_sincos
 #define TABLE OPERATIONS
+#define SYSTEM(at, n, m, damped) solve_system(at, n, m, damped)
 #include "statements.h"
 
 #include "twofold.h"

@@ -23,6 +23,7 @@ from acausal.emit.library import sources
 from acausal.emit.program import Program, program
 from acausal.errors import ExportError
 from acausal.numerics.bound import BoundFunction, arguments
+from acausal.numerics.staged import Function, plain, systems_of
 from acausal.runtime.load import Runtime, usable
 
 logger = logging.getLogger("acausal")
@@ -50,8 +51,14 @@ class Wanted:
     """A function that is to become a kernel, and the numbers of its arguments that seldom change."""
 
     name: str
-    function: ca.Function
+    function: Function
     parameters: tuple[int, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What it is told apart by."""
+        function, systems = systems_of(self.function)
+        return f"{self.name}\0{self.parameters}\0{systems}\0{function.serialize()}"
 
 
 class How(enum.Enum):
@@ -84,7 +91,7 @@ class Kernels:
         elif self._compilation is not None and self._compilation.cached() and self._took_compiled():
             pass
         elif how is How.CASADI:
-            self.current = [_evaluated(w.function, self._alive, self.stopped) for w in wanted]
+            self.current = [_evaluated(plain(w.function), self._alive, self.stopped) for w in wanted]
             self.kind = "CasADi's"
         else:
             programs = [program(w.function, w.name, runtime.lanes, parameters=w.parameters) for w in wanted]
@@ -144,8 +151,7 @@ class Compilation:
 
     def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)) -> None:
         self._wanted, self._command, self._options = wanted, command, options
-        parts = [f"{w.name}\0{w.parameters}\0{w.function.serialize()}" for w in wanted]
-        self._key = hashlib.sha256("\0".join([_sources(), *parts]).encode()).hexdigest()
+        self._key = hashlib.sha256("\0".join([_sources(), *(w.key for w in wanted)]).encode()).hexdigest()
         self._begun: float | None = None
         self._ended: float | None = None
         self.succeeded = self.spoilt = False
@@ -208,15 +214,15 @@ class Interpreted:
     program: Program
 
 
-def interpreted(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Interpreted:
+def interpreted(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Interpreted:
     """Raises `ExportError` for functions that cannot be expanded to `SX`."""
     made = program(function, name, lanes, parameters=parameters)
     return Interpreted(_interpreted(made), made)
 
 
-def paired(function: ca.Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Interpreted:
+def paired(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...]) -> Interpreted:
     """A program whose values take the room of two, for twofold.h or rounding.h. Raises `ExportError` for functions that cannot be expanded to `SX`."""
-    made = interpreted(function, name, 2 * lanes, parameters=parameters)
+    made = interpreted(plain(function), name, 2 * lanes, parameters=parameters)
     made.kernel.constants, made.kernel.twofold = 2 * made.kernel.constants, True
     return made
 
@@ -256,5 +262,5 @@ def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
 @functools.cache
 def _sources() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
-    headers = [sources()[name] for name in ("names.h", "lanes.h", "vector_math.h")]
+    headers = [sources()[name] for name in ("names.h", "lanes.h", "systems.h", "vector_math.h")]
     return hashlib.sha256(b"\0".join([*headers, *(file.read_bytes() for file in EMITTER)])).hexdigest()

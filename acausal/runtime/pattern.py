@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.staged import Function, dependence
+
 
 @dataclass(frozen=True)
 class Pattern:
@@ -34,9 +36,9 @@ class Pattern:
         return ca.mtimes(A.T, A).ldl(False)[0].nnz() + n
 
 
-def jacobian_pattern(rhs: ca.Function) -> Pattern:
+def jacobian_pattern(rhs: Function) -> Pattern:
     """Of rhs(t, x, u, p) by x."""
-    entries = rhs.jac_sparsity(0, 1)
+    entries = dependence(rhs, 1)
     colours = entries.uni_coloring()
     colour = np.zeros(entries.size2(), dtype=np.int64)
     columns, groups = colours.get_triplet()

@@ -8,7 +8,7 @@ static void give_masks(Integrator *I, const double *masks) {
 /* Corrects x until the corrections, in units of the largest states so far, stop shrinking; ten times at most. Returns whether x was
    changed. */
 static int project(Integrator *I, double t, double *x) {
-    if (!I->ng || is_crossing(I, t, x)) return 0;
+    if (!I->ng || is_crossing(I, t, x) || is_still(I)) return 0;
     struct State *T = I->state;
     int exact = has_exact(I) && !I->masks && clearance_at(I, t, x) < EXACT;
     V *in = T->projection_in, *out = T->projection_out;

@@ -36,7 +36,7 @@ INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b
     O(IF_ELSE_ZERO, d_select(A.hi != v_all(0.0), B, same_pair(v_all(0.0)))) O(POW, TWO(v_pow)) O(FMIN, EXACTLY_TWO(v_fmin)) O(FMAX, EXACTLY_TWO(v_fmax)) \
     O(FMOD, TWO(v_fmod)) O(REMAINDER, TWO(v_remainder)) O(COPYSIGN, ((Pair){v_copysign(A.hi, B.hi), v_copysign(A.lo, B.hi)})) O(ATAN2, TWO(v_atan2)) \
     O(HYPOT, TWO(v_hypot)) O(MUL_ADD, pair_add(pair_mul(A, B, draw), C, draw)) O(MUL_SUB, pair_add(pair_mul(A, B, draw), d_neg(C), draw)) \
-    O(SUB_MUL, pair_add(d_neg(pair_mul(A, B, draw)), C, draw)) O(MUL_MUL, pair_mul(pair_mul(A, B, draw), C, draw))
+    O(SUB_MUL, pair_add(d_neg(pair_mul(A, B, draw)), C, draw)) O(MUL_MUL, pair_mul(pair_mul(A, B, draw), C, draw)) O(MOVE, A)
 
 #define DISTURBED_SINCOS(a, sine, cosine) (*(sine) = ONE(v_sin), *(cosine) = ONE(v_cos))
 #define INTERPRETER interpret_disturbed
@@ -49,6 +49,7 @@ INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b
 #define ALONG , Words *draw
 #define SINCOS DISTURBED_SINCOS
 #define TABLE DISTURBED
+#define SYSTEM(at, n, m, damped) ((void)0)
 #include "statements.h"
 #undef DISTURBED_SINCOS
 #undef EXACTLY

@@ -1,6 +1,6 @@
 /* The loop of an interpreter over the statements of a program, included once for each kind of values: a function INTERPRETER of values VALUE with the
    operations of TABLE and SINCOS. `in` and `out` hold plain values or these values (OUTSIDE), of which a VALUE takes the room of PARTS; OF_OUTSIDE
-   and TO_OUTSIDE make one of the other. ALONG: more arguments, after a comma. All these names are free again behind it. */
+   and TO_OUTSIDE make one of the other. SYSTEM solves linear equations (see systems.h). ALONG: more arguments, after a comma. All these names are free again behind it. */
 #define AT(k) (*(VALUE *)((char *)frame + s[k]))
 #define A AT(2)
 #define B AT(3)
@@ -9,7 +9,7 @@
 
 static void INTERPRETER(const int *s, const OUTSIDE *in, V *frame, OUTSIDE *out ALONG) {
 #define LABEL(name, result) &&at_##name,
-    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, TABLE(LABEL)};
+    static const void *const labels[] = {&&at_end, &&at_load, &&at_store, &&at_number, &&at_sincos, TABLE(LABEL) &&at_system};
 #undef LABEL
     s -= WIDTH;
     NEXT;
@@ -31,6 +31,7 @@ at_sincos: {
 #define CASE(name, result) at_##name: AT(1) = result; NEXT;
     TABLE(CASE)
 #undef CASE
+at_system: SYSTEM(&AT(1), s[2], s[3], s[4]); NEXT;
 at_end:;
 }
 
@@ -48,4 +49,5 @@ at_end:;
 #undef OF_NUMBER
 #undef ALONG
 #undef SINCOS
+#undef SYSTEM
 #undef TABLE

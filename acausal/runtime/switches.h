@@ -126,15 +126,17 @@ static int hop(Integrator *I, double time, double h) {
     return 1;
 }
 
-/* To where the row of a switch has become negative by no more than rounding. Returns 0 when the input function failed. */
+/* To where the row of a switch has become negative by no more than rounding; what closes is at zero, since what is beyond would be energy that is given back. Returns 0
+   when the input function failed. */
 static int meet_row(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
     long k = I->steps - I->first;
     double h = k > 0 ? I->times[k] - I->times[k - 1] : L->planned, farthest = L->over ? HOP * h : INSTANT * L->planned;
     for (int again = 0; again < 3 && L->slope < 0 && h > 0; again++) { /* a jump keeps its instant */
         if (!rows_at(I, I->t, I->x)) return 0;
-        double value = T->one_row[L->row], noise = T->row_noise[L->row], time = -(value + noise) / L->slope;
-        if ((value <= 0 && value >= -2 * noise) || !(fabs(time) <= farthest)) break;
+        int closes = L->row < I->one_sided;
+        double value = T->one_row[L->row], noise = T->row_noise[L->row], time = -(closes ? value : value + noise) / L->slope;
+        if ((closes ? fabs(value) <= noise / ROUNDINGS : value <= 0 && value >= -2 * noise) || !(fabs(time) <= farthest)) break;
         if (!hop(I, time, h)) return 0;
     }
     return 1;

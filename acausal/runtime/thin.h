@@ -11,7 +11,7 @@ enum Masked { OF_RATES, OF_ROWS, OF_PROJECTION, OF_JACOBIAN, MASKED };
 
 struct ThinMode {
     int *program[MASKED];
-    long length[MASKED], calls[MASKED], tried[MASKED], known;
+    long length[MASKED], calls[MASKED], tried[MASKED], known, still; /* still: nothing is corrected */
     signed char *masks; /* 0, 1, -1, or 2: any number */
 };
 
@@ -25,12 +25,15 @@ struct Thin {
 };
 
 #define NAME_OF(name, result) OP_##name,
-enum { OP_END, OP_LOAD, OP_STORE, OP_NUMBER, OP_SINCOS, OPERATIONS(NAME_OF) OP_SECOND, OP_PLACE };
+enum { OP_END, OP_LOAD, OP_STORE, OP_NUMBER, OP_SINCOS, OPERATIONS(NAME_OF) OP_SYSTEM, OP_SECOND, OP_PLACE, OP_ANSWER };
 #undef NAME_OF
 
-/* A value of a program: made by an operation of others; loaded (of[0]: place of the input); one of the frame that stays (OP_PLACE, of[0]); a number. */
+/* A value of a program: made by an operation of others; loaded (of[0]: place of the input); one of the frame that stays (OP_PLACE, of[0]); a number; a system
+   (rows, columns, damped); an answer of one (of[0]) in a place of its own. */
 typedef struct {
     int code, of[3], place, last; /* where it is put; the last statement that needs it */
+    int home;                     /* place of a system's operand, which nothing else is put to; -1: it has none */
+    long operands, first;         /* of a system: where they begin in `listed`; its first place */
     double number;
 } Made;
 
@@ -40,12 +43,13 @@ static int is_number(const Made *m, double number) { return m->code == OP_NUMBER
 
 typedef struct {
     Made *made;
-    int count;
+    int count, *listed;
+    long list, room; /* operands listed; the next place that systems may have */
 } Values;
 
 static int make(Values *v, int code, int a, int b, int c) {
     Made *m = &v->made[v->count];
-    *m = (Made){code, {a, b, c}, -1, -1, 0};
+    *m = (Made){.code = code, .of = {a, b, c}, .place = -1, .last = -1, .home = -1};
     return v->count++;
 }
 
@@ -117,23 +121,82 @@ static int simplified(Values *v, int code, int a, int b, int c) {
     return make(v, code, a, b, c);
 }
 
-/* The values that a program makes, by masks that are inputs from `first` on, and the results (place, value, ...) into `stores`; how many results. `at`: value in each place of the frame;
-   `lasting`: how many places of the frame stay as they are, those of numbers that are written out here too, since programs of other modes read them. */
-static long follow_program(const int *program, const V *frame, long first, long masks, const signed char *key, int *at, Values *v, int *stores, int *lasting) {
+/* The value in a place of the frame. */
+static int value_in(Values *v, const V *frame, int *at, long place) {
+    if (at[place] < 0) {
+        double number = frame[place][0];
+        at[place] = number == 0 || number == 1 || number == -1 ? make_number(v, number) : make(v, OP_PLACE, (int)place, 0, 0);
+    }
+    return at[place];
+}
+
+/* What stands where a system is (see systems.h). */
+typedef struct {
+    long n, m, damped, M, damping, right, answer;
+} Layout;
+static Layout layout_of(long first, long n, long m, long damped) {
+    Layout l = {n, m, damped, first + n, first + n + n * n, 0, 0};
+    l.right = l.damping + (damped ? n : 0);
+    l.answer = l.right + n * m;
+    return l;
+}
+static long room_of_system(long n, long m, long damped) { return layout_of(0, n, m, damped).answer + n * m + n * n + n * m + (damped ? 2 * n * m : 0) + n; }
+
+/* A system of the rows alone that are active with these masks; what is known of others goes to its right side. */
+static void make_system(Values *v, const V *frame, int *at, const int *s, int *active) {
+    long first = s[1] / (long)sizeof(V), n = s[2], m = s[3], damped = s[4], k = 0;
+    Layout l = layout_of(first, n, m, damped);
+    for (long i = 0; i < n; i++) {
+        int on = value_in(v, frame, at, first + i);
+        if (!is_number(&v->made[on], 0)) active[k++] = (int)i;
+        else
+            for (long c = 0; c < m; c++) at[l.answer + i * m + c] = value_in(v, frame, at, l.right + i * m + c);
+    }
+    if (!k) return;
+    int *list = v->listed + v->list, one = make_number(v, 1), system;
+    long q = 0;
+    for (long a = 0; a < k; a++) list[q++] = one;
+    for (long a = 0; a < k; a++)
+        for (long b = 0; b < k; b++) list[q++] = value_in(v, frame, at, l.M + active[a] * n + active[b]);
+    for (long a = 0; a < k && damped; a++) list[q++] = value_in(v, frame, at, l.damping + active[a]);
+    for (long a = 0; a < k; a++)
+        for (long c = 0; c < m; c++) {
+            int right = value_in(v, frame, at, l.right + active[a] * m + c);
+            for (long j = 0, next = 0; j < n; j++) {
+                if (next < k && active[next] == j) {
+                    next++;
+                    continue;
+                }
+                int known = at[l.answer + j * m + c];
+                if (!is_number(&v->made[known], 0)) right = simplified(v, OP_SUB_MUL, value_in(v, frame, at, l.M + active[a] * n + j), known, right);
+            }
+            list[q++] = right;
+        }
+    system = make(v, OP_SYSTEM, (int)k, (int)m, (int)damped);
+    v->made[system].operands = v->list;
+    v->made[system].first = v->room;
+    v->list += q;
+    for (long a = 0; a < k; a++)
+        for (long c = 0; c < m; c++) {
+            int answer = make(v, OP_ANSWER, system, 0, 0);
+            v->made[answer].place = (int)((layout_of(v->room, k, m, damped).answer + a * m + c) * (long)sizeof(V));
+            at[l.answer + active[a] * m + c] = answer;
+        }
+    v->room += room_of_system(k, m, damped);
+}
+
+/* The values that a program makes, by masks that are inputs from `first` on, and the results (place, value, ...) into `stores`; how many results. `at`: value in each place of the frame. */
+static long follow_program(const int *program, const V *frame, long first, long masks, const signed char *key, int *at, int *active, Values *v, int *stores) {
     const int unit = (int)sizeof(V);
     long results = 0;
     for (const int *s = program; *s != OP_END; s += WIDTH) {
-        int code = *s, of[3] = {0, 0, 0}, to = s[1] / unit, count = code == OP_STORE || code == OP_SINCOS ? 1 : operands_of(code);
-        for (int k = 0; k < count; k++) {
-            int place = s[2 + k] / unit;
-            if (at[place] < 0) {
-                double number = frame[place][0];
-                if (place >= *lasting) *lasting = place + 1;
-                at[place] = number == 0 || number == 1 || number == -1 ? make_number(v, number) : make(v, OP_PLACE, place, 0, 0);
-            }
-            of[k] = at[place];
-        }
-        if (code == OP_STORE) {
+        int code = *s, of[3] = {0, 0, 0}, to = s[1] / unit, count = code == OP_STORE || code == OP_SINCOS || code == OP_MOVE ? 1 : operands_of(code);
+        for (int k = 0; k < count; k++) of[k] = value_in(v, frame, at, s[2 + k] / unit);
+        if (code == OP_MOVE) {
+            at[to] = of[0];
+        } else if (code == OP_SYSTEM) {
+            make_system(v, frame, at, s, active);
+        } else if (code == OP_STORE) {
             stores[2 * results] = s[1];
             stores[2 * results++ + 1] = of[0];
         } else if (code == OP_NUMBER) {
@@ -154,39 +217,68 @@ static long follow_program(const int *program, const V *frame, long first, long 
     return results;
 }
 
+static long operands_in(const Made *m) {
+    if (m->code == OP_SYSTEM) return layout_of(0, m->of[0], m->of[1], m->of[2]).answer;
+    return m->code == OP_SINCOS || m->code == OP_SECOND || m->code == OP_ANSWER ? 1 : operands_of(m->code);
+}
+static int operand_in(const Values *v, const Made *m, long j) { return m->code == OP_SYSTEM ? v->listed[m->operands + j] : m->of[j]; }
+
 /* The last statement that needs each value, by the numbers of values; results are needed by the end. */
 static void find_last(Values *v, const int *stores, long results) {
     for (long k = 0; k < results; k++) v->made[stores[2 * k + 1]].last = v->count;
     for (int k = v->count - 1; k >= 0; k--) {
-        Made *m = &v->made[k];
+        const Made *m = &v->made[k];
         if (m->last < 0) continue;
-        int count = m->code == OP_SINCOS || m->code == OP_SECOND ? 1 : operands_of(m->code);
-        for (int j = 0; j < count; j++)
-            if (v->made[m->of[j]].last < k) v->made[m->of[j]].last = k;
+        long count = operands_in(m);
+        for (long j = 0; j < count; j++) {
+            Made *of = &v->made[operand_in(v, m, j)];
+            if (of->last < k) of->last = k;
+        }
     }
 }
 
-/* The statements of what is needed, places from `first` on being free, of which there are `room`; their number, 0 where places do not suffice. */
-static long write_program(Values *v, const int *stores, long results, int first, int room, int *free, int *program) {
+/* Operands of systems are made where these need them. */
+static void find_homes(Values *v) {
+    for (int k = 0; k < v->count; k++) {
+        const Made *m = &v->made[k];
+        if (m->code != OP_SYSTEM || m->last < 0) continue;
+        for (long q = 0; q < operands_in(m); q++) {
+            Made *of = &v->made[operand_in(v, m, q)];
+            int anywhere = of->code != OP_PLACE && of->code != OP_ANSWER && of->code != OP_SINCOS && of->code != OP_SECOND;
+            if (anywhere && of->home < 0) of->home = (int)((m->first + q) * (long)sizeof(V));
+        }
+    }
+}
+
+/* The statements of what is needed, places from `first` on being free up to `room`, but for those of systems from `begin` on; their number, 0 where places do not suffice. */
+static long write_program(Values *v, const int *stores, long results, int first, int begin, int room, int *free, int *program) {
     const int unit = (int)sizeof(V);
     int left = 0, *s = program;
-    for (int k = room; k > first; k--) free[left++] = k - 1;
+    for (int k = room; k > first; k--)
+        if (k - 1 < begin || k - 1 >= v->room) free[left++] = k - 1;
     for (int k = 0; k < v->count; k++) {
         Made *m = &v->made[k];
-        if (m->last < 0 || m->code == OP_SECOND) continue;
+        if (m->last < 0 || m->code == OP_SECOND || m->code == OP_ANSWER) continue;
         if (m->code == OP_PLACE) {
             m->place = m->of[0] * unit;
             continue;
         }
-        int count = m->code == OP_SINCOS ? 1 : operands_of(m->code);
+        long count = operands_in(m);
+        for (long j = 0; j < count && m->code == OP_SYSTEM; j++) {
+            const Made *of = &v->made[operand_in(v, m, j)];
+            int to = (int)(m->first + j) * unit;
+            if (of->place == to) continue;
+            s[0] = OP_MOVE, s[1] = to, s[2] = of->place, s[3] = s[4] = 0;
+            s += WIDTH;
+        }
         s[0] = m->code;
-        for (int j = 0; j < 3; j++) s[2 + j] = j < count ? v->made[m->of[j]].place : 0;
-        for (int j = 0; j < count; j++) { /* whose last need this is */
-            Made *old = &v->made[m->of[j]];
-            if (old->last == k && old->code != OP_PLACE && old->place >= 0) free[left++] = old->place / unit, old->last = -2;
+        for (int j = 0; j < 3; j++) s[2 + j] = m->code == OP_SYSTEM ? m->of[j] : j < count ? v->made[m->of[j]].place : 0;
+        for (long j = 0; j < count; j++) { /* whose last need this is */
+            Made *old = &v->made[operand_in(v, m, j)];
+            if (old->last == k && old->code != OP_PLACE && old->code != OP_ANSWER && old->home < 0 && old->place >= 0) free[left++] = old->place / unit, old->last = -2;
         }
         if (left < 2) return 0;
-        m->place = free[--left] * unit;
+        m->place = m->code == OP_SYSTEM ? (int)m->first * unit : m->home >= 0 ? m->home : free[--left] * unit;
         s[1] = m->place;
         if (m->code == OP_LOAD) s[2] = m->of[0];
         if (m->code == OP_NUMBER) memcpy(s + 2, &m->number, sizeof m->number);
@@ -209,22 +301,69 @@ static long write_program(Values *v, const int *stores, long results, int first,
     return (s - program) / WIDTH;
 }
 
+/* How many places, from the first one on, hold what a program needs and does not make, whatever the masks are; `made`: room for all places. */
+static int lasting_places(const int *program, int *made) {
+    const int unit = (int)sizeof(V);
+    int lasting = 0;
+    for (const int *s = program; *s != OP_END; s += WIDTH) {
+        int code = *s;
+        if (code == OP_SYSTEM) {
+            Layout l = layout_of(s[1] / unit, s[2], s[3], s[4]);
+            for (long k = s[1] / unit; k < l.answer; k++)
+                if (!made[k] && k >= lasting) lasting = (int)k + 1;
+            for (long k = 0; k < l.n * l.m; k++) made[l.answer + k] = 1;
+            continue;
+        }
+        int count = code == OP_STORE || code == OP_SINCOS || code == OP_MOVE ? 1 : operands_of(code);
+        for (int k = 0; k < count; k++) {
+            int place = s[2 + k] / unit;
+            if (!made[place] && place >= lasting) lasting = place + 1;
+        }
+        if (code != OP_STORE) made[s[1] / unit] = 1;
+        if (code == OP_SINCOS) made[s[3] / unit] = 1;
+    }
+    return lasting;
+}
+
 static long thin_frame(const Kernel *k) { return 2 * k->constants + 64; }
 
-/* The program of a kernel with these masks; null where it cannot be made. */
-static int *thinned(const Kernel *k, const V *frame, long first, long masks, const signed char *key, long statements, long *length) {
-    long places = thin_frame(k), most = 2 * statements + places;
-    Values v = {malloc(sizeof(Made) * (size_t)most), 0};
-    int *room = malloc(sizeof(int) * (size_t)(2 * places + 2 * k->outputs + 2)), *program = malloc(sizeof(int) * (size_t)(WIDTH * (2 * statements + places + 1)));
+/* Whether the first so many results are the inputs behind the first one. */
+static long are_inputs(const Values *v, const int *stores, long results, long count) {
+    const int unit = (int)sizeof(V);
+    long same = 0;
+    for (long k = 0; k < results; k++) {
+        const Made *m = &v->made[stores[2 * k + 1]];
+        if (stores[2 * k] < count * unit) same += m->code == OP_LOAD && m->of[0] == stores[2 * k] + unit;
+    }
+    return same == count;
+}
+
+/* The program of a kernel with these masks, null where it cannot be made; `still`: whether it leaves the first so many inputs behind the first as they are. */
+static int *thinned(const Kernel *k, const V *frame, long first, long masks, const signed char *key, long statements, long *length, long states, long *still) {
+    long places = thin_frame(k), operands = 0, widest = 0, updates = 0;
+    for (const int *s = k->program; *s != OP_END; s += WIDTH) {
+        if (*s != OP_SYSTEM) continue;
+        operands += layout_of(0, s[2], s[3], s[4]).answer;
+        updates += 2L * s[2] * (s[2] + 1) * s[3] + 2;
+        if (s[2] > widest) widest = s[2];
+    }
+    long most = 2 * statements + places + updates;
+    Values v = {.made = malloc(sizeof(Made) * (size_t)most), .room = k->constants, .listed = malloc(sizeof(int) * (size_t)(operands + 1))};
+    int *room = malloc(sizeof(int) * (size_t)(2 * places + 2 * k->outputs + 2 + widest)), *program = malloc(sizeof(int) * (size_t)(WIDTH * (most + operands + 1)));
     *length = 0;
-    if (v.made && room && program) {
-        int *at = room, *free_places = at + places, *stores = free_places + places, lasting = 0;
+    if (v.made && v.listed && room && program) {
+        int *at = room, *free_places = at + places, *stores = free_places + places, *active = stores + 2 * k->outputs + 2;
+        memset(at, 0, sizeof(int) * (size_t)places);
+        int lasting = lasting_places(k->program, at);
         for (long j = 0; j < places; j++) at[j] = -1;
-        long results = follow_program(k->program, frame, first, masks, key, at, &v, stores, &lasting);
+        long results = follow_program(k->program, frame, first, masks, key, at, active, &v, stores);
         find_last(&v, stores, results);
-        *length = write_program(&v, stores, results, lasting, (int)places, free_places, program);
+        find_homes(&v);
+        *still = are_inputs(&v, stores, results, states);
+        *length = write_program(&v, stores, results, lasting, (int)k->constants, (int)places, free_places, program);
     }
     free(v.made);
+    free(v.listed);
     free(room);
     if (*length) return program;
     free(program);
@@ -298,6 +437,7 @@ static void look_up_mode(const Integrator *I, const V *masks) {
         new->length[which] = new->calls[which] = new->tried[which] = 0;
     }
     new->known = 1;
+    new->still = 0;
     memcpy(new->masks, H->key, (size_t)I->masks);
 }
 
@@ -317,10 +457,18 @@ static const int *thin_program(Integrator *I, enum Masked which, const V *in) {
     H->calls[which]++;
     if (!now->tried[which] && ++now->calls[which] >= THIN_CALLS && (k->program || H->asked[which] || H->calls[which] > THIN_LONG)) {
         now->tried[which] = 1;
-        if (has_whole(I, which)) now->program[which] = thinned(&H->whole[which], H->frame[which], first, I->masks, now->masks, H->length[which], &now->length[which]);
+        long still = 0;
+        if (has_whole(I, which)) now->program[which] = thinned(&H->whole[which], H->frame[which], first, I->masks, now->masks, H->length[which], &now->length[which], I->nx, &still);
+        if (which == OF_PROJECTION) now->still = still;
     }
     double part = k->run ? THIN_GAIN : 1;
     return now->program[which] && (double)now->length[which] < part * (double)H->length[which] ? now->program[which] : 0;
+}
+
+/* Whether nothing is corrected in this mode. */
+static int is_still(const Integrator *I) {
+    const struct Thin *H = I->state->thin;
+    return H && H->now && H->now->still && memcmp(H->side, I->state->side, sizeof(double) * (size_t)I->masks) == 0;
 }
 
 /* Results at `in` of a kernel that has masks, if there are any. */

@@ -133,7 +133,8 @@ INLINE Pair d_rest_of_circle(Pair x) { return d_sqrt(d_mul(d_sub(d_one(), x), d_
     O(POW, ALONE(v_pow(A.hi, B.hi))) O(FMIN, d_select(d_less(B, A) | (A.hi != A.hi), B, A)) O(FMAX, d_select(d_less(A, B) | (A.hi != A.hi), B, A)) \
     O(FMOD, ALONE(v_fmod(A.hi, B.hi))) O(REMAINDER, ALONE(v_remainder(A.hi, B.hi))) O(COPYSIGN, d_select((v_copysign(A.hi, B.hi) == A.hi), A, d_neg(A))) \
     O(ATAN2, d_atan2(A, B)) O(HYPOT, d_sqrt(d_add(d_mul(A, A), d_mul(B, B)))) \
-    O(MUL_ADD, d_add(d_mul(A, B), C)) O(MUL_SUB, d_sub(d_mul(A, B), C)) O(SUB_MUL, d_sub(C, d_mul(A, B))) O(MUL_MUL, d_mul(d_mul(A, B), C))
+    O(MUL_ADD, d_add(d_mul(A, B), C)) O(MUL_SUB, d_sub(d_mul(A, B), C)) O(SUB_MUL, d_sub(C, d_mul(A, B))) O(MUL_MUL, d_mul(d_mul(A, B), C)) \
+    O(MOVE, A)
 
 /* `in` and `out` are plain values in lanes, for which places are half as far from one another. */
 #define INTERPRETER interpret_twofold
@@ -146,6 +147,7 @@ INLINE Pair d_rest_of_circle(Pair x) { return d_sqrt(d_mul(d_sub(d_one(), x), d_
 #define ALONG
 #define SINCOS d_sincos
 #define TABLE TWOFOLD
+#define SYSTEM(at, n, m, damped) ((void)0) /* programs of pairs have none */
 #include "statements.h"
 #undef ALONE
 #undef FIRST_ORDER

@@ -225,7 +225,7 @@ def _problem(
 ) -> Problem:
     native = functions.native(How.AUTO if compiled else How.CASADI)
     return Problem(
-        functions.explicit_dynamics, functions.invariants, functions.projection, signal, p, signal.constant, native, guards, None,
+        functions.staged_dynamics, functions.invariants, functions.projection, signal, p, signal.constant, native, guards, None,
         functions.clearance, functions.space.nq, read, knots, functions.exact, discretes,
     )  # fmt: skip
 

@@ -196,8 +196,11 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     Trapezoidal rule with slopes at the ends (Hermite's cubic); what the slopes bring in is taken for its error. Not judged where the
     power takes much arithmetic against the motion itself.
     """
-    steps, (of_power, of_rates) = run.steps.t.size, functions.operations_of_power_and_rates
-    if steps < _FEW or of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
+    steps = run.steps.t.size
+    if steps < _FEW:
+        return False
+    of_power, of_rates = functions.operations_of_power_and_rates
+    if of_power * steps > max(_CHEAP, _SHARE * of_rates * run.statistics.evaluations):
         return False
     begin, end = _power_at_ends(functions, run)
     h = np.diff(run.steps.t)
