@@ -74,7 +74,10 @@ def test_a_motion_on_another_circuit_than_the_sketch_passes_what_is_singular_the
     runs = [model.simulate(0.6, scene.start, rtol=1e-9, samples=3) for _ in range(2)]
     assert all(run.functions.outputs.system.constraints.singular for run in runs)
     assert runs[0].functions is runs[1].functions
-    assert runs[0].at(runs[0].solution.t).energy_error() < 1e-9
+    for rtol in (1e-6, 1e-9, 1e-12):
+        run = model.simulate(1.6, scene.start, rtol=rtol, samples=3)
+        assert run.at(run.solution.t).energy_error() < max(rtol, 1e-10)
+        assert run.statistics.steps < 200
     again = model.simulate(0.1, {scene.hinges[0].v: 1.0}, samples=2)
     assert again.functions is model.functions
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.collocation.problem import StatusKind
+from acausal.collocation.problem import StatusKind, Through
 from acausal.errors import AccuracyWarning, SimulationError
 from acausal.runtime.kernels import paired
 from acausal.runtime.load import runtime
@@ -211,7 +211,9 @@ def test_lengths_that_fit_to_rounding_are_a_crossing_and_others_are_none():
     for missed, singular in ((0.0, True), (1e-15, True), (1e-13, False), (3e-12, False), (-1e-10, False)):
         model = ac.build(four_bar(1.0, (0.4, 1.0, 0.4 + missed)))
         assert model.system.constraints.singular is singular, missed
-        assert (model.functions.exact is None) is singular
+        exact = model.functions.exact
+        assert exact is not None
+        assert (exact.through is Through.ALWAYS) is singular
 
 
 @pytest.mark.parametrize("turn", [0, 3])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from acausal.outputs.functions import operations
 from components import Prismatic, Revolute, RigidBody, Rod, RotationalDamper, RotationalGround, World
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
+from tests.linkages import hart, peaucellier, scissors
 from tests.scenes import FourBar, rotation
 from tests.similar import SCENES, Units
 from tests.test_formulations import bennett, line_symmetric, orthogonal
@@ -86,6 +88,56 @@ def test_four_bars_of_the_benchmark(rtol, error, energy, steps):
         assert drift(run) < energy
         assert scene.spread(run) < 1e-6
         assert run.statistics.steps < steps * end
+
+
+@pytest.mark.parametrize(
+    ("make", "point", "steps"), [(peaucellier, "C", 220), (hart, "E", 400), (functools.partial(scissors, 4), "l0", 240)]
+)
+def test_linkages_of_several_loops_pass_to_the_tolerance(make, point, steps):
+    """Their loops let go of one another nearer to a singular position, or in shorter times, than a single one does: what rates there are continued
+    from is as near as the motion asks for. Tighter tolerances are better ones.
+    """
+    scene = make()
+    model = ac.build(scene)
+    assert model.system.constraints.singular
+    hinge, ends = scene.hinge(point), list[np.ndarray]()
+    for rtol, energy in ((1e-12, 1e-10), (1e-9, 1e-9), (1e-6, 1e-6), (1e-3, 1e-3)):
+        run = model.simulate(6.0, {hinge.q: 0.0, hinge.v: 3.0}, rtol=rtol, samples=7)
+        ends.append(np.array([run[h.q][-1] for h in scene.hinges]))
+        assert drift(run) < energy
+        assert np.max(np.abs(ends[-1] - ends[0])) < 300 * energy
+        assert run.statistics.steps < steps
+
+
+@pytest.mark.parametrize(("make", "point"), [(peaucellier, "C"), (hart, "E"), (functools.partial(scissors, 3), "l0")])
+def test_linkages_of_several_loops_pass_in_fixed_steps(make, point):
+    scene = make()
+    hinge = scene.hinge(point)
+    assert drift(ac.build(scene).simulate(2.0, {hinge.q: 0.0, hinge.v: 3.0}, step=0.01)) < 1e-9
+
+
+def test_angles_of_cut_hinges_count_their_turns_however_few_times_are_read():
+    scene = scissors(3)
+    hinge = scene.hinge("l0")
+    run = ac.build(scene).simulate(4.0, {hinge.q: 0.0, hinge.v: 3.0}, rtol=1e-9, samples=2)
+    many = run.at(np.linspace(0, 4, 201))
+    assert max(abs(run[h.q][-1]) for h in scene.hinges) > 4 * np.pi
+    for h in scene.hinges:
+        assert abs(run[h.q][-1] - many[h.q][-1]) < 1e-9
+        assert abs(run.at(4.0)[h.q][0] - many[h.q][-1]) < 1e-9
+
+
+def test_derivatives_through_linkages_of_several_loops_are_those_of_differences():
+    """To fewer digits than elsewhere, and without steps for digits that are not there."""
+    scene = peaucellier()
+    model, hinge, change = ac.build(scene), scene.hinge("C"), 1e-5
+    start = {hinge.q: 0.0, hinge.v: 3.0}
+    after, before = (model.simulate(3.0, start | {hinge.v: 3.0 + d}, rtol=1e-12, samples=2) for d in (change, -change))
+    for rtol in (1e-9, 1e-12):
+        with pytest.warns(SingularWarning, match="sensitivities"):
+            found = model.sensitivities([0.0, 3.0], [hinge.v], start, rtol=rtol)
+        for h in scene.hinges:
+            assert abs(found[h.q][-1, 0] - (after[h.q][-1] - before[h.q][-1]) / (2 * change)) < 1e-2
 
 
 def test_four_bars_in_the_virtual_machine():

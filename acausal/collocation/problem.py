@@ -42,15 +42,23 @@ class Crossing:
     direction: int
 
 
+class Through(enum.Enum):
+    """How motions go that come near singular positions: all past them, some straight through, or all; with the numbers of `Through` in the runtime."""
+
+    NEVER = 0
+    SOMETIMES = 1
+    ALWAYS = 2
+
+
 @dataclass(frozen=True)
 class Exact:
-    """What makes `rhs` and `project` of a problem once more, for arithmetic with twice as many digits. `through`: whether motions may lead straight through
-    singular positions, not past them only.
+    """What makes `rhs` and `project` of a problem once more, for arithmetic with twice as many digits. Where all motions lead straight through it is used
+    only where rounding is in the way of the tolerance.
     """
 
     rhs: Callable[[], ca.Function]
     project: Callable[[], ca.Function]
-    through: bool
+    through: Through
     usual: np.ndarray
     """(nx,): 1 / how much a position or velocity of loops is, beside others; 0 for other states."""
 

@@ -8,7 +8,9 @@ At a singular position: branches of the motion cross, like the lines of x y = 0,
 stays on its branch, the one that its momentum selects. On the branch the acceleration has no singularity. Beside it it is wrong by about
 2 y (x'/x)^2, and no step across x = 0 would converge; at the nearest point with closed loops it is smooth where y < x. That point is
 found to rounding errors of 1e-16 / x, and accelerations to 1e-16 / x^3, across the branch; `clearance`, about x^2, tells the integrators
-where this matters, and what they do there is in acausal/integrators/passage.py. Nearer than 3e-5 the forces fade out.
+where this matters, and what they do there is in acausal/integrators/passage.py. Nearer than 3e-5 the forces fade out. How far a motion goes in the time
+in which its rates change is another matter than this distance: with several loops, or bars that turn fast there, rates are continued from
+nearer places, and are found in twice as many digits (below) where the tolerance leaves no other way.
 
 Where a motion misses such a position by d, as with lengths that nearly fit (x y = d^2), it turns onto the other branch within d, and nothing can be
 continued. There rates are found as they are, in twice as many digits (`LoopForces.exact`, acausal/runtime/twofold.h): what is lost is d^-3 of

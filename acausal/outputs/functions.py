@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.modes import ModeFunctions
-from acausal.collocation.problem import Exact
+from acausal.collocation.problem import Exact, Through
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import ExportError, UnknownVariableError
 from acausal.language.component import energy_unknown
@@ -282,7 +282,8 @@ class Functions:
         for part in s.constraints.examined:
             assert part.walk is not None
             usual[list(part.group.q_places)] = 1 / part.walk.unit
-        return Exact(self.exact_dynamics, self.exact_projection, s.constraints.singular, self.space.restricted(usual))
+        through = Through.NEVER if not s.constraints.singular else Through.SOMETIMES if s.constraints.narrow else Through.ALWAYS
+        return Exact(self.exact_dynamics, self.exact_projection, through, self.space.restricted(usual))
 
     def exact_dynamics(self) -> ca.Function:
         """(t, x, u, p) -> x' for arithmetic with twice as many digits, where there is such a function: long, and needed near singular positions only."""

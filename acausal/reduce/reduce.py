@@ -291,7 +291,7 @@ def reduce_system(
     x, second = ca.vertcat(tree.q, first, tree.v, last), ca.vertcat(v_dot, scalar.rates)
     arguments = [time.sx, tree.q, tree.v, states, u, p]
     exact = None
-    if constraints.narrow:
+    if constraints.narrow or (constraints.singular and not constraints.damped):
         more = forces.exact()
         v_dot_more = more.closed(free)[0]
         rates = on_branch(ca.vertcat(_put(steps, v_dot_more), scalar.rates), more, arguments, exact=True)

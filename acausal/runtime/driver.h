@@ -260,6 +260,10 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     double *off[2] = {T->before, T->most};
     int radau = S->method->kind == RADAU;
     double worst = 0, tail = 0, largest = 0, soonest = h / (T->unit * PART * T->reach);
+    if (goes_through(I, S)) {
+        T->start_known = 0;
+        return 0;
+    }
     for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->start_known && !rate_at(I, I->t, I->x, T->start_rate)) return -1;
     int beside = S->around || T->part > 0;
@@ -425,12 +429,24 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
 
 #define ASTRAY 0.01  /* of their sizes: stages that are off by more are no states of the motion, and their rounding explains nothing in the next try */
 
+/* That of a step around a singular position that all motions go straight through: along the branch, and across it beyond what rounding makes. */
+static double error_around(Integrator *I, Stages *S, double h) {
+    double along = has_exact(I) ? 0 : step_error_of(I, S, h);
+    forgive_lengths(I, S);
+    along = fmax(along, step_error_of(I, S, h));
+    legendre_coefficients(I, S, S->K);
+    double whole = step_error_of(I, S, h);
+    legendre_coefficients(I, S, S->G);
+    return fmax(along, whole);
+}
+
 /* The error of a step in units of its scale. Where it asks for shorter steps, what of it is rounding is looked at and forgiven, which no
    step size makes smaller; for as long as there is something to forgive. */
 static double step_error(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     int noisy = T->noisy;
     T->noisy = 0;
+    if (S->around && I->through == STRAIGHT) return error_around(I, S, h);
     double near = beside_branches(I, S), error = near * step_error_of(I, S, h);
     if (!noisy && error <= pow(CAREFUL / SHORTER, (double)(S->method->order + 1))) return error;
     sample_noise(I, S);
@@ -615,7 +631,7 @@ static enum Code one_adaptive(Integrator *I) {
             I->h = h * fmin(0.9, fmax(0.15, growth));
             I->rejected++;
             T->jacobian_fresh = T->jacobian_time == I->t;
-            misses++;
+            if (++misses > 1 && S->around && I->through == STRAIGHT) made_exact(I);
             continue;
         }
         if (leaves_branch(I, S)) {

@@ -112,7 +112,7 @@ class Integrand:
             "copies": len(self.copies[0]), "positions": self.positions,
             "operations": operations_of(self.function),
             "promised": int(self.unheld_exact is not None),
-            "through": int(self.unheld_exact is not None and self.unheld_exact.through),
+            "through": 0 if self.unheld_exact is None else self.unheld_exact.through.value,
             "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
             **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "discretes", "set_count")},
         }  # fmt: skip

@@ -31,6 +31,7 @@ from acausal.collocation.problem import (
     Statistics,
     Status,
     StatusKind,
+    Through,
 )
 from acausal.collocation.tableau import Tableau, refining
 from acausal.errors import ExportError, SimulationError
@@ -226,7 +227,7 @@ class NativeProblem:
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
         exact = None if self.integrand.masks else self.integrand.exact_projection
-        if exact is None:
+        if exact is None or self.integrand.numbers["through"] == Through.ALWAYS.value:
             self._project(self.kernels.current[1], times, rows, parameters, masks)
             return rows.T
         near = self._near(times, rows, parameters)

@@ -4,6 +4,10 @@
 #define CROSSING 5e-5
 #define AHEAD 0.016
 #define NODES 8
+#define NEAREST 4096 /* times as near as usual at most, what rates are continued from */
+#define LOST 1e3 /* times the best one: an error that is nothing but rounding */
+#define MUCH 0.01 /* part of the tolerance that two such rates may differ by: errors need not fall by a power of the distance yet */
+#define DIGITS_LOST 16 /* times as much as in twofold precision, what rounding makes of rates */
 #define CORRECTIONS 4
 #define SETTLING 10
 #define SEARCH 30
@@ -20,6 +24,9 @@
 #define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance: 8 roundings of some 50 terms */
 #define CLOSER 8 /* times as close, the next distance that rates may be continued from */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
+
+/* How motions go that come near one: all past it, some straight through, or all. */
+enum Through { PAST, PERHAPS, STRAIGHT };
 
 static const double node_places[NODES] = {-4, -3, -2, -1, 1, 2, 3, 4};
 static const double node_weights[NODES] = {-1.0 / 70, 4.0 / 35, -2.0 / 5, 4.0 / 5, 4.0 / 5, -2.0 / 5, 4.0 / 35, -1.0 / 70};
@@ -49,8 +56,18 @@ static V clearances(Integrator *I, const V *in) {
     return T->clearance_out[0];
 }
 
-/* Whether there are exact kernels, or can be. */
-static int has_exact(const Integrator *I) { return I->promised || present(&I->exact_rhs); }
+/* Whether there are exact kernels, or can be; where all motions lead straight through, whether they are needed, too. */
+static int has_exact(const Integrator *I) {
+    return (I->promised || present(&I->exact_rhs)) && (I->through != STRAIGHT || I->state->twofold);
+}
+
+/* From here on, where rounding is in the way of the tolerance; whether that is new. */
+static int made_exact(Integrator *I) {
+    struct State *T = I->state;
+    int before = has_exact(I);
+    T->twofold = 1;
+    return has_exact(I) && !before;
+}
 
 /* The rates (0), or one correction (1), in twofold precision; not finite where the kernel that was promised cannot be had. */
 static void run_exact(Integrator *I, int which, const V *in, V *out) {
@@ -175,8 +192,35 @@ static void correct_lane(Integrator *I, const V *in, V *K, V *along, long lane, 
 static void continued_rates(Integrator *I, const V *in, const V *K, long lane, double tau, double *out) {
     struct State *T = I->state;
     close_nodes(I, in, K, lane, tau);
-    for (long b = 0; b < NODES / LANES; b++) rates_at(I, 1, T->nodes[b], T->node_rates[b]);
+    for (long b = 0; b < NODES / LANES; b++) rates_at(I, has_exact(I), T->nodes[b], T->node_rates[b]);
     for (long i = I->positions; i < I->nx; i++) out[i] = continued(T->node_rates, i);
+}
+
+/* The part of the distance tau from which rates of a stage are continued on a motion that is known to lead straight through, 0 where they are better
+   than these themselves; into `rest` what is left of their error in a time tau, in units of the tolerance. Half as far, a polynomial through them is off
+   by a 256th, and rounding by eight times as much: it is gone so much nearer until that is no more than the tolerance. Twice as far from the singular
+   position as the state they end: one of those to either side would come to lie in it. */
+static double straight_from(Integrator *I, const Stages *S, long j, double tau, double *rest) {
+    struct State *T = I->state;
+    double unit = fmax(10 * KNOWN, I->step > 0 ? 0 : MUCH * I->rtol) / T->unit, part = 2, best = 0, least = 2 * sqrt(fmax(S->clear[j], 0));
+    double *farther = T->farther, *nearer = T->nearer;
+    *rest = INFINITY;
+    continued_rates(I, S->in[j / LANES], S->N[j / LANES], j % LANES, part * tau, farther);
+    while (*rest > 1 && 0.5 * part * AHEAD > least && part > 1.0 / NEAREST) {
+        part *= 0.5;
+        continued_rates(I, S->in[j / LANES], S->N[j / LANES], j % LANES, part * tau, nearer);
+        double sum = 0;
+        for (long i = I->positions; i < I->nx; i++) {
+            double change = (farther[i] - nearer[i]) / T->scale[i];
+            sum += change * change;
+        }
+        double left = sqrt(sum / (double)(I->nx - I->positions)) * part * tau / unit;
+        if (left < *rest) *rest = left, best = part;
+        else if (left > LOST * *rest) break;
+        double *swapped = farther;
+        farther = nearer, nearer = swapped;
+    }
+    return *rest > 1 && 0.5 * part * AHEAD <= least && has_exact(I) ? 0 : best;
 }
 
 /* Whether rates a and b of velocities differ by no more than what rounding of lengths makes of them at a distance that is tau away. */
@@ -220,6 +264,25 @@ static int is_continued(const Integrator *I, const Stages *S) {
     return beside;
 }
 
+/* Widens the scales of velocities to what lengths that are rounded, or that fit to their rounding only, make of them. */
+static void forgive_lengths(Integrator *I, const Stages *S) {
+    struct State *T = I->state;
+    double least = T->part > 0 ? 0.25 * AHEAD * AHEAD * T->part * T->part : INFINITY, speed = 0;
+    for (long j = 0; j < S->s; j++)
+        if (!(S->tau[j] > 0)) least = fmin(least, S->clear[j]);
+    for (long i = I->positions; i < I->nx; i++) speed = fmax(speed, T->size[i] * I->usual[i]);
+    double unknown = (has_exact(I) ? 1 : DIGITS_LOST) * EPS / fmax(least, EPS) * speed;
+    for (long i = I->positions; i < I->nx; i++)
+        if (I->usual[i] > 0) T->scale[i] = fmax(T->scale[i], unknown / I->usual[i]);
+}
+
+/* Whether a step goes through a singular position, where rates at its ends are known less than those between. */
+static int goes_through(const Integrator *I, const Stages *S) {
+    int next = 0;
+    for (long j = 0; j < S->s && S->around && I->through == STRAIGHT; j++) next |= S->clear[j] < CROSSING;
+    return next;
+}
+
 /* How many times less the error of a step has to be than elsewhere: where another branch comes close that nothing leads to, a part of the distance. */
 static double beside_branches(const Integrator *I, const Stages *S) {
     double least = INFINITY;
@@ -234,10 +297,19 @@ static void find_zone(Integrator *I, Stages *S, Judge *J) {
     long nearest = 0;
     for (long j = 0; j < S->s; j++) {
         S->tau[j] = S->clear[j] < CROSSING && (!exact || I->through) ? crossing(I, S->in[j / LANES], S->N[j / LANES], j % LANES, S->h) : 0;
-        around |= !exact && !(S->clear[j] >= NEARBY);
+        around |= (!exact || I->through == STRAIGHT) && !(S->clear[j] >= NEARBY);
         if (S->clear[j] < S->clear[nearest]) nearest = j;
     }
-    if (exact) { /* one decision for all stages: what they differ by is no motion */
+    if (I->through == STRAIGHT && S->tau[nearest] > 0) {
+        double rest, part = straight_from(I, S, nearest, S->tau[nearest], &rest);
+        if (rest > 1 && J->count && made_exact(I)) { /* the first guess may be poor */
+            look_around(I, S);
+            for (long b = 0; b < S->blocks; b++) rates_at(I, S->exact, S->in[b], S->N[b]);
+            part = straight_from(I, S, nearest, S->tau[nearest], &rest);
+        }
+        for (long j = 0; j < S->s; j++) S->tau[j] = 2 * sqrt(S->clear[j]) < AHEAD * part ? S->tau[j] * part : 0;
+        I->state->part = part;
+    } else if (exact) { /* one decision for all stages: what they differ by is no motion */
         double tau = S->tau[nearest], part = 0;
         if (tau > 0) part = continued_from(I, S->in[nearest / LANES], S->N[nearest / LANES], nearest % LANES, tau, S->clear[nearest]) / tau;
         for (long j = 0; j < S->s; j++) S->tau[j] = 2 * sqrt(S->clear[j]) < AHEAD * part ? S->tau[j] * part : 0;
@@ -335,7 +407,7 @@ static void beside_at(Integrator *I, int around, double h, double *rate) {
     struct State *T = I->state;
     V *in = T->point_in, *K = T->point_out;
     double clear = clearances(I, in)[0], tau = clear < CROSSING ? crossing(I, in, K, 0, h) : 0;
-    if (has_exact(I)) tau = 2 * sqrt(clear) < AHEAD * T->part ? tau * T->part : 0;
+    if (has_exact(I) || I->through == STRAIGHT) tau = 2 * sqrt(clear) < AHEAD * T->part ? tau * T->part : 0;
     if (around) along_branch(I, in, K, T->one_along);
     if (tau > 0) correct_lane(I, in, K, T->one_along, 0, tau);
     for (long i = 0; i < I->nx; i++) rate[i] = (around ? T->one_along : K)[i][0];
@@ -350,7 +422,9 @@ static double clearance_at(Integrator *I, double t, const double *x) {
 
 /* Whether a state is next to a singular position, where closing loops only adds rounding errors. */
 static int is_crossing(Integrator *I, double t, const double *x) {
-    return present(&I->clearance) && (!has_exact(I) || I->state->straight) && clearance_at(I, t, x) < CROSSING;
+    if (!present(&I->clearance) || (has_exact(I) && !I->state->straight)) return 0;
+    double part = I->through == STRAIGHT && I->state->part > 0 ? I->state->part : 1;
+    return clearance_at(I, t, x) < CROSSING * part * part;
 }
 
 /* Whether a step leads from elsewhere to beside a singular position, where its end is known to eps / x^2 only, or closely past two of them:
@@ -421,7 +495,7 @@ static int skips(Integrator *I, const Stages *S, double from, double to, double 
    digits tell from none. */
 static int is_lost(const Integrator *I, const Stages *S, double h) {
     double speed = 0;
-    if (!S->exact || !I->through) return 0;
+    if (!S->exact || I->through != PERHAPS) return 0;
     for (long i = I->positions; i < I->nx; i++) speed += I->x[i] * I->usual[i] * I->x[i] * I->usual[i];
     return h * sqrt(speed) < SHORTEST;
 }
@@ -438,7 +512,7 @@ static int leaps(Integrator *I, const Stages *S, long straight) {
 
 /* Whether a step goes from one branch to another that comes close to it, between two stages that see nothing of this. */
 static int leaves_branch(Integrator *I, Stages *S) {
-    if (!has_exact(I)) return 0;
+    if (!has_exact(I) || I->through == STRAIGHT) return 0;
     if (!S->around) return leaps(I, S, -1);
     long straight = 0; /* it may leave its branch elsewhere */
     for (long j = 1; j < S->s; j++)

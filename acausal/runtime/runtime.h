@@ -81,7 +81,7 @@ enum Code {
    Radau's by order, for where the motion is stiff; `operations` of the rates at one point tell what is cheaper. */
 typedef struct Integrator {
     long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards, positions, operations;
-    long through; /* whether motions may lead straight through singular positions, where exact kernels are given */
+    long through; /* whether motions lead straight through singular positions, where exact kernels are given: see Through */
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
     Kernel projection;  /* t, x, masks, p -> x nearer to the invariants, invariants (ng) at the given x */

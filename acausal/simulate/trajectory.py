@@ -24,7 +24,7 @@ from acausal.language.component import Component, System
 from acausal.language.expression import Expression, Reaction
 from acausal.language.when import when
 from acausal.outputs.expression_names import expression_name, expression_unit
-from acausal.outputs.functions import Functions
+from acausal.outputs.functions import Functions, Reading
 from acausal.outputs.outputs import Outputs
 from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
@@ -35,6 +35,8 @@ from acausal.start.initial import InitialState
 
 _MOST_SIDES = 10_000
 """Transitions that are drawn as jumps."""
+_LOOKS = 4
+"""Times in a step at which an angle is looked at, so that no full turn is lost."""
 
 
 @dataclass(frozen=True)
@@ -183,16 +185,28 @@ class Trajectory:
 
     def __getitem__(self, wanted: Expression | ca.SX | str) -> np.ndarray:
         reading = self.functions.reading(self.outputs.system.flat.named(wanted) if isinstance(wanted, str) else wanted)
-        given = self._given_by_loops if reading.of_loops else self._given_by_dynamics if reading.of_dynamics else None
-        values = self._evaluate(reading.series, given)
+        values = self._values(reading)
         if reading.angle:
-            values = np.unwrap(values, axis=1)
+            values = self._unwound(reading, values)
         rows, columns = reading.shape
         if rows == columns == 1:
             return values[0]
         if columns == 1:
             return values.T
         return values.T.reshape(-1, columns, rows).transpose(0, 2, 1)
+
+    def _values(self, reading: Reading) -> np.ndarray:
+        """(rows, n)."""
+        given = self._given_by_loops if reading.of_loops else self._given_by_dynamics if reading.of_dynamics else None
+        return self._evaluate(reading.series, given)
+
+    def _unwound(self, reading: Reading, values: np.ndarray) -> np.ndarray:
+        """Angles `values` (rows, n) that are known up to full turns, with those that they have made since the start, however few times are read."""
+        ends = self.steps.t
+        between = (ends[:-1, None] + np.diff(ends)[:, None] * np.arange(_LOOKS) / _LOOKS).ravel()
+        times = np.union1d(between[between <= np.max(self.t, initial=ends[0])], self.t)
+        angles = np.unwrap(self.at(times)._values(reading), axis=1)[:, np.searchsorted(times, self.t)]
+        return values + 2 * np.pi * np.round((angles - values) / (2 * np.pi))
 
     def _evaluate(self, series: Series, given: np.ndarray | None = None) -> np.ndarray:
         """(rows, n): a column function at all times at once; `given` follows the inputs."""

@@ -56,7 +56,7 @@ def warn_if_singular(functions: Functions, run: Trajectory) -> bool:
     values = matrices_at_steps(functions, run, functions.loop_matrix, steps)
     scale = np.sqrt(np.maximum(np.max(np.diagonal(values, axis1=1, axis2=2), axis=0), np.finfo(float).tiny))
     smallest = least_spectrum(values / scale[:, None] / scale, _SINGULAR)
-    if functions.exact is not None:
+    if system.constraints.narrow:
         smallest[smallest > _INVISIBLE] = np.inf  # what is nearer is known to as many digits as elsewhere
     if system.constraints.singular:
         smallest[~np.isin(steps, suspicious)] = np.inf
