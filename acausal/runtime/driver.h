@@ -492,7 +492,7 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
                 T->least[i] = 2 * noise;
                 explains = 1;
             }
-            T->before[i] += SOON * h * rate[i];
+            T->before[i] += SOON * h * (rate[i] + (isfinite(noise) ? drawn(i) & 1 ? noise : -noise : 0)); /* what is a product of others is known as badly as these are */
         }
     }
     T->doubts = 0;

@@ -8,12 +8,14 @@
 #define NO_MARGIN 1e-12 /* of the largest reaction: limits that leave no more than this leave nothing */
 #define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
 #define HARDEST 1e14    /* weight of s */
+#define APART_IN_TIME 100.0 /* times the look ahead: places by which the middle's rate is known to rounding */
 
 /* Some of the rows, which are to hold: A l = b in their units, reactions l = least + N z with z (free). `cone`: frictions among them. */
 typedef struct {
     long rows, free, frictions;
     long *row, *friction, *order;
     double size, *A, *b, *least, *N, *found, *y, *gradient, *H, *scratch;
+    double *drawn, *slope; /* room for rows */
     double *turn; /* of rows: their units in those of the first row of their friction */
     double *limit, *by; /* of frictions, (frictions), (frictions, rows) */
 } Held;
@@ -22,7 +24,7 @@ static int make_margin(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I);
     if (!I->redundant) return 1;
-    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 8 * n + 8);
+    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 10 * n + 8);
     T->margin_rows = reserve(I, sizeof(long) * (size_t)(8 * n + F));
     return I->counted || (T->margin && T->margin_rows);
 }
@@ -36,7 +38,7 @@ static Held held_of(const Integrator *I) {
     at += 2 * n * n + (n + 1) * (n + 1);
     S.by = at, S.limit = at + F * n;
     at += F * n + F;
-    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2, S.turn = at + 7 * n + 4;
+    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2, S.turn = at + 7 * n + 4, S.drawn = at + 8 * n + 4, S.slope = at + 9 * n + 4;
     return S;
 }
 
@@ -336,6 +338,16 @@ static int moves_nothing(const Held *S, const Decision *D, const long *law, cons
     return 1;
 }
 
+/* The middle of what holds these rows at a time that is so much later, into `found`; 0 where there is none, or it is of least norm, -1 when the input function failed. */
+static int middle_at(Integrator *I, const long *law, const double *along, double later, Held *S, double *found) {
+    Decision D;
+    if (!decision_later(I, later, &D)) return -1;
+    pose_held(&D, law, along, S);
+    if (find_middle(S, &D) != 1) return 0;
+    for (long a = 0; a < S->rows; a++) found[a] = S->found[a] * S->size / unit_of(D.W[S->row[a] * D.n + S->row[a]]);
+    return 1;
+}
+
 /* Whether rows of these laws that hang together with the first one may all hold, by what is known of them `later`: then they do, carry the middle on, and `push` is that.
    -1 when the input function failed. */
 static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, long *seen, double *push) {
@@ -357,16 +369,26 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
         if (found == 1) carried[i] = push[i];
     }
     if (found == 2) return 1;
-    T->side[at] = I->t + later;
-    for (int back = 0; back < 2; back++) { /* the same a little later, or where nothing fits there, earlier */
-        double by = back ? -little : little, size = S.size;
-        if (!decision_later(I, later + by, &D)) return -1;
-        pose_held(&D, law, along, &S);
-        if (find_middle(&S, &D) != 1) continue;
+    double *base = S.drawn, since = later;
+    if (later > 0 && middle_at(I, law, along, 0, &S, base) > 0) since = 0; /* what is carried on is that of now, however far one looks ahead */
+    else if (middle_at(I, law, along, later, &S, base) <= 0) return 1;
+    T->side[at] = I->t + since;
+    for (long a = 0; a < S.rows; a++) carried[S.row[a]] = base[a], drift[S.row[a]] = 0;
+    static const double part[] = {-25.0 / 12, 4, -3, 4.0 / 3, -0.25}; /* of values one after the other: their slope at the first one */
+    for (int back = 0; back < 2; back++) { /* later, or where nothing fits there, earlier */
+        double by = back ? -APART_IN_TIME * little : APART_IN_TIME * little, *slope = S.slope;
+        int fits = 1;
+        for (long a = 0; a < S.rows; a++) slope[a] = part[0] * carried[S.row[a]];
+        for (int k = 1; k < 5 && fits; k++) {
+            fits = middle_at(I, law, along, since + k * by, &S, base);
+            if (fits < 0) return -1;
+            for (long a = 0; a < S.rows; a++) slope[a] += part[k] * base[a];
+        }
+        if (!fits) continue;
         for (long a = 0; a < S.rows; a++) {
             long i = S.row[a];
-            double unit = unit_of(D.W[i * n + i]), change = S.found[a] * S.size / unit - carried[i];
-            drift[i] = fabs(change) * unit > 10 * NIL * size ? change / by : 0;
+            double unit = unit_of(D.W[i * n + i]);
+            drift[i] = fabs(slope[a]) * unit > 10 * NIL * S.size ? slope[a] / by : 0;
         }
         break;
     }

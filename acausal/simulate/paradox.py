@@ -12,6 +12,10 @@ from acausal.reduce.modes import Modes
 from acausal.simulate.trajectory import Trajectory
 
 
+_NEARLY = 1e-6
+"""Of the critical coefficient: so near to it forces grow beyond bounds within a rounding of time."""
+
+
 @dataclass(frozen=True)
 class _Place:
     """Of all rows (n): rates, compliances (n, n) and whether they hold; limits of sliding by reactions (frictions, n), and by magnitudes (frictions, m), whose forces
@@ -28,7 +32,8 @@ class _Place:
 def paradox(functions: Functions, run: Trajectory) -> str:
     """Which friction is beyond its critical coefficient where a run ends; empty if none is."""
     modes = functions.outputs.system.modes
-    assert modes is not None
+    if modes is None:
+        return ""
     at = _place(functions, run, modes)
     rows, first = list(modes.rows), 0
     for k, row in enumerate(rows):
@@ -37,7 +42,7 @@ def paradox(functions: Functions, run: Trajectory) -> str:
         if row.one_sided:
             continue
         mu, part = _worst(at, own, k - modes.one_sided)
-        if part >= 1 - 1e-9:
+        if part >= 1 - _NEARLY:
             return (
                 f"{row.part.where} slips with a coefficient of {mu:.6g}, and there the critical one is {mu / part:.6g}: from that on its friction makes what presses grow "
                 "by as much as it is itself, so that no acceleration obeys all laws, or several do (Painleve's paradox). Lower the coefficient, make what slips less slender, or let bodies yield there."

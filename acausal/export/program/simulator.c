@@ -300,7 +300,7 @@ static int gave_up(simulator_instance *s, enum Code code) {
     case SETS_NO_NUMBER:
     case SETS_TWICE:
     case SETS_BOUND:
-        snprintf(message, sizeof message, "%.120s %s.", model.laws[I->one_sided + I->lines + I->planes + I->worst],
+        snprintf(message, sizeof message, "%.120s %s.", model.laws[I->one_sided + I->lines + I->planes + I->patches + I->worst],
                  code == SETS_NO_NUMBER ? "sets something to what is no number" : code == SETS_TWICE ? "and another event set the same to different values" : "sets what constraints do not let be so");
         return failed(s, SIMULATOR_CANNOT_SET, message);
     case SETS_APART:
