@@ -547,3 +547,12 @@ def test_four_bar_with_friction_in_all_its_joints_turns_back_in_one_instant() ->
         load = np.linalg.norm(force - (force @ axis)[:, None] * axis, axis=1)
         assert np.abs(run[rubs[name].drag[0]]) == pytest.approx(0.2 * 0.02 * load, rel=1e-9)
     assert run.energy_error() < 1e-10
+
+
+def test_rod_that_slides_on_into_its_critical_position_is_told_so() -> None:
+    """Its normal force grows beyond bounds there."""
+    scene = leaning_rod(2.0)
+    with pytest.raises(
+        ac.errors.SimulationError, match=r"foot.* slips with a coefficient of 2, and there the critical one is 2:"
+    ):
+        ac.build(scene).simulate(0.3, leaning(scene, 0.5, -6.0, -2.0), rtol=1e-10)

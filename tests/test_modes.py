@@ -319,3 +319,28 @@ def test_friction_that_cannot_be_is_refused(law: Any, said: str, place: str):
             scene.rotor = Inertia(0.3)
         scene.connect(scene.rub.shaft, scene.rotor.flange_a if place == "shaft" else scene.hinge.flange)
         ac.build(scene).simulate(0.1)
+
+
+class LiftedFloor(ac.Component):
+    """Keeps a flange above a floor, which is half a metre higher at once after a second."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self) -> None:
+        self.push = ac.Reaction("N")
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -self.push)
+
+    def laws(self) -> Iterable[Any]:
+        yield ac.OneSided(self.push, self.flange.s - np.where(ac.time > 1.0, 0.5, 0.0), 0.5)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def test_what_is_on_the_wrong_side_of_a_floor_ends_the_run_by_name() -> None:
+    scene = ac.System()
+    scene.mass, scene.floor = SlidingMass(2.0), LiftedFloor()
+    scene.connect(scene.mass.flange_a, scene.floor.flange)
+    run = ac.build(scene).simulate(3.0, {scene.mass.s: 0.3, scene.mass.v: -0.1}, raise_on_failure=False)
+    assert run.status.kind is StatusKind.FALLS
+    assert run.t[-1] == pytest.approx(1.0, abs=1e-9)
+    assert "floor" in run.status.message

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import acausal as ac
-from components import Coulomb, Force, Particle, PointOnPlane, RigidBody, World
+from components import Coulomb, Force, Particle, PointOnPlane, Prismatic, RigidBody, World
 
 G = 9.81
 CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))
@@ -87,3 +89,41 @@ def test_a_slip_that_begins_slowly_and_turns_is_that_of_another_program(unit: fl
     other = solve_ivp(rates, (slides + later, 0.8), begun, "Radau", rtol=1e-10, atol=1e-14)
     assert run[p.velocity][-1][:2] / unit == pytest.approx(other.y[:, -1], rel=1e-6)
     assert run.steps.t.size < 200
+
+
+def loaded(order: tuple[int, ...], along: np.ndarray, friction: float) -> tuple[ac.System, list[Any], dict[Any, Any]]:
+    """A table of 3 kg on four legs, declared in an order, on which 2 kg run outward from its middle with 0.5 m/s."""
+    scene, corners = ac.System(), [(0.4, 0.3), (0.4, -0.3), (-0.4, 0.3), (-0.4, -0.3)]
+    scene.world, scene.table = World((0, 0, -G)), RigidBody.box(3.0, (0.8, 0.6, 0.05))
+    scene.rail, scene.load = Prismatic((*along, 0)), Particle(2.0)
+    legs = [PointOnPlane(unilateral=True, friction=Coulomb(friction) if friction else None) for _ in corners]
+    scene.legs = [legs[k] for k in order]
+    for leg, (x, y) in zip(legs, corners, strict=True):
+        scene.connect(scene.world.frame, leg.frame_a)
+        scene.connect(leg.frame_b, scene.table.at((x, y, -0.7)))
+    scene.connect(scene.table.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.load.point)
+    f = scene.table.frame
+    start = {f.position: (0, 0, 0.7), f.rotation: np.eye(3), f.velocity: (0, 0, 0), f.angular_velocity: (0, 0, 0)}
+    return scene, legs, start | {scene.rail.q: 0.0, scene.rail.v: 0.5}
+
+
+@pytest.mark.parametrize("direction", [(0.0, 1.0), (0.6, 0.5), (-0.5, 0.6)], ids=["across", "askew", "more"])
+def test_a_table_without_friction_stands_until_its_load_has_passed_the_edge(direction: tuple[float, float]) -> None:
+    """By M / m of its distance; what rests in zero until then takes no steps."""
+    along = np.array(direction) / np.hypot(*direction)
+    scene, _, start = loaded((2, 0, 3, 1), along, 0.0)
+    tips = 2.5 * min(a / abs(e) for a, e in zip((0.4, 0.3), along, strict=True) if e) / 0.5
+    run = ac.build(scene).simulate(tips + 0.05, start, rtol=1e-12, compiled=False)
+    assert next(t.time for t in run.transitions if t.changes) == pytest.approx(tips, rel=1e-10)
+    assert run.steps.t.size < 200
+
+
+def test_what_legs_carry_depends_on_no_order_until_it_tips() -> None:
+    along, found = np.array([0.6, 0.5]) / np.hypot(0.6, 0.5), list[np.ndarray]()
+    tips = 2.5 * 0.4 / along[0] / 0.5
+    for order in ((0, 1, 2, 3), (1, 3, 0, 2)):
+        scene, legs, start = loaded(order, along, 0.5)
+        run = ac.build(scene).simulate(0.995 * tips, start, rtol=1e-12, compiled=False)
+        found.append(np.array([run.at([0.3 * tips, 0.99 * tips])[leg.normal_force] for leg in legs]))
+    assert found[0] == pytest.approx(found[1], abs=1e-8)

@@ -43,6 +43,7 @@ class Code(enum.IntEnum):
     TIED = 19
     GAINS = 20
     SETS_APART = 21
+    FALLS = 22
 
 
 class Method(ctypes.Structure):

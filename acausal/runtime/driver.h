@@ -565,7 +565,7 @@ static enum Code finish_step(Integrator *I, const struct Landing *L) {
 /* Which part of a step of size h is to be made, so that it ends at a switch: 1 all of it, 0 none, since the step begins there, and has gone over. */
 static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, double *part) {
     *part = landing(I, S, h, L);
-    if (*part < 0) return INPUT_FAILED;
+    if (*part < 0) return *part == -2 ? FALLS : INPUT_FAILED;
     if (*part > 0) return REACHED_END;
     enum Code code = go_over(I, L);
     double t = I->t;

@@ -99,6 +99,11 @@ _OF_MODES = {
         "{0} and {1} strike in the same instant and move one another, and one after the other they leave with other speeds than the other way round. Let them strike at different "
         "times, or all at once: ac.Poisson(e) or ac.Newton(e) without in_sequence.",
     ),
+    Code.FALLS: (
+        StatusKind.FALLS,
+        "{0} is on the wrong side of what it should stay off: its gap has become negative, and nothing has struck. A gap must not jump: let what it is measured from move without "
+        "jumps, in comparisons and tables too, and ask for smaller steps (max_step) where it is narrow.",
+    ),
     Code.GAINS: (
         StatusKind.GAINS,
         "An impact of {0} gains energy: by Newton's law, or with slips that friction brings back, that can be where friction and the normal impulse move one another. "

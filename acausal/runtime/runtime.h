@@ -74,7 +74,8 @@ enum Code {
     SETS_BOUND,      /* it sets target `other`, and constraints do not let it be so */
     TIED,            /* impacts one after the other, and several at once: rows `worst` and `other` */
     GAINS,           /* energy is gained in an impact of row `worst` */
-    SETS_APART       /* row `worst` of locks is held, and does not meet: by `apart` */
+    SETS_APART,      /* row `worst` of locks is held, and does not meet: by `apart` */
+    FALLS            /* the gap of one-sided row `worst` is negative in the middle of the motion, by `apart` */
 };
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are

@@ -180,6 +180,18 @@ static int jump_directions(Integrator *I, long row, double shift, const double *
     return 1;
 }
 
+#define FALLEN 1000.0 /* roundings, and a tenth of that many tolerances of its terms, that no gap is below zero by where nothing has gone wrong */
+
+/* How far a gap may be below zero, by its rounding and the size of its terms. */
+static double deepest(const Integrator *I, double noise, double size) { return FALLEN * (noise + fmin(0.1 * I->rtol, 1e-5) * size); }
+
+/* The gap of a one-sided row has become negative, and nothing has struck. */
+static enum Code falls(Integrator *I, long row, double depth) {
+    I->worst = row;
+    I->apart = depth;
+    return FALLS;
+}
+
 /* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
 static enum Code go_over(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
@@ -288,12 +300,14 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
     return found;
 }
 
-/* The first row that becomes negative in a step, into L, and where; 2 where none does, -1 when the input function failed. */
+/* The first row that becomes negative in a step, into L, and where; 2 where none does, -1 when the input function failed, -2 where an
+   open gap is below zero at the end and nothing has been found on the way. */
 static double first_switch(Path *p, struct Landing *L) {
     Integrator *I = p->I;
     struct State *T = I->state;
     double theta[POINTS], v[POINTS], first = 2;
     int noise_known = 0;
+    long fallen = -1;
     int far = are_all_far(p);
     if (far) return far < 0 ? -1 : 2;
     for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? 1 : point_in(T->chebyshev, j);
@@ -306,6 +320,9 @@ static double first_switch(Path *p, struct Landing *L) {
         }
         if (!noise_known && !rows_at(I, p->t + p->h, p->stop)) return -1;
         noise_known = 1;
+        double most = fabs(v[0]);
+        for (int j = 1; j < POINTS; j++) most = fmax(most, fabs(v[j]));
+        if (r < I->one_sided && T->side[r] == 0 && v[POINTS - 1] < -deepest(I, T->row_noise[r] + fmax(-v[0], 0), most)) fallen = r;
         if (T->overs[I->row_switch[r]] > ENDLESS) continue;
         p->guard = r;
         p->noise = T->row_noise[r];
@@ -322,6 +339,10 @@ static double first_switch(Path *p, struct Landing *L) {
         if (!decided && v[0] <= p->noise && here > 0 && one_value(p, 0.5 * here) <= 2 * p->noise) here = 0;
         first = here;
         L->row = r;
+    }
+    if (first == 2 && fallen >= 0) {
+        falls(I, fallen, -T->row_values[(POINTS - 1) * I->row_count + fallen]);
+        return -2;
     }
     return first;
 }

@@ -203,7 +203,12 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
         worst = " Dry friction that sticks is like that: a law that is steep and smooth there, such as tanh(v / 1e-3) in place of sign(v), has a motion."
     if run is not None and status.kind is StatusKind.OVERLAPS:
         message = _overlap(functions, run) or message
-    if run is not None and status.kind in (StatusKind.NO_MODE, StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW, StatusKind.NOT_CONVERGED):
+    if run is not None and status.kind in (
+        StatusKind.NO_MODE,
+        StatusKind.NON_FINITE,
+        StatusKind.STEP_UNDERFLOW,
+        StatusKind.NOT_CONVERGED,
+    ):
         message = paradox(functions, run) or message
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."

@@ -291,6 +291,9 @@ static int gave_up(simulator_instance *s, enum Code code) {
     case OVERLAPS:
         snprintf(message, sizeof message, "The gap of %.120s is negative at the start, or after a jump of an input.", model.laws[I->worst]);
         return failed(s, SIMULATOR_OVERLAPS, message);
+    case FALLS:
+        snprintf(message, sizeof message, "The gap of %.120s has become negative, by %.6g, and nothing has struck.", model.laws[I->worst], I->apart);
+        return failed(s, SIMULATOR_OVERLAPS, message);
     case NO_MODE:
         snprintf(message, sizeof message, "Whether %.120s and what touches with it hold, slide or open: nothing obeys the laws of all of them.", model.laws[I->worst]);
         return failed(s, SIMULATOR_NO_MODE, message);

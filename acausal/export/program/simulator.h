@@ -56,7 +56,7 @@ typedef enum {
     SIMULATOR_OPEN_START,     /* the states do not close the loops, or there are none that do for these values */
     SIMULATOR_OTHER_MODEL,    /* with these values other equations would be needed, e.g. other constraints are independent */
     SIMULATOR_SLIDES,         /* the rates switch back and forth without end */
-    SIMULATOR_OVERLAPS,       /* the gap of a one-sided contact is negative at the start, or where an input jumps */
+    SIMULATOR_OVERLAPS,       /* the gap of a one-sided contact is negative at the start, where an input jumps, or where it jumps itself */
     SIMULATOR_NO_MODE,        /* whether contacts hold, slide or open: nothing obeys the laws of all of them */
     SIMULATOR_CHATTERS,       /* a contact changes its mode, or an event sets something, again and again in one instant */
     SIMULATOR_CANNOT_SET,     /* an event sets what cannot be so */
