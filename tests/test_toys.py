@@ -7,6 +7,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -24,6 +25,7 @@ from components import (
     PointOnPlane,
     Prismatic,
     RigidBody,
+    RoughContact,
     Sphere,
     Spring,
     World,
@@ -424,3 +426,73 @@ def test_a_woodpecker_jams_slips_and_pecks_as_a_program_says_that_tries_all_case
     assert found == pytest.approx(events, rel=INSTANT)
     scale = np.max(np.abs(np.array([run[x] for x in states])), axis=1).ravel()
     assert np.array([run[x][-1] for x in states]) / scale == pytest.approx(z[:6] / scale, abs=STATE)
+
+
+@pytest.mark.parametrize("lifts", [True, False])
+def test_a_tippe_top_slips_and_turns_over_as_its_own_equations_say(lifts: bool) -> None:
+    """A ball whose centre of mass is below its middle, by Newton and Euler: the force at its foot follows from that this stays on the floor."""
+    m, r, a, A, C, mu = 0.02, 0.02, 0.004, 3.0e-6, 2.8e-6, 0.3
+    up, tilt, spin = np.array([0.0, 0.0, 1.0]), 0.2, 120.0
+
+    def rates(_: float, y: np.ndarray) -> np.ndarray:
+        v, w, e = y[3:6], y[6:9], y[9:12]  # of the centre of mass, of the body, its axis
+        arm = a * e - r * up  # from the centre of mass, at -a e from the middle, to the foot
+        slip = v + np.cross(w, arm)
+        push = up - mu * slip[:2] @ np.eye(2, 3) / np.hypot(*slip[:2])
+        turned = np.cross(-w, A * w + (C - A) * (w @ e) * e)
+        inverse = np.eye(3) / A + (1 / C - 1 / A) * np.outer(e, e)
+        # the height of the foot, z - a e_z - r + ..., does not change: v_z' = -a e''_z
+        free, by = inverse @ turned, inverse @ np.cross(arm, push)
+        bend = np.cross(free, e)[2] + np.cross(w, np.cross(w, e))[2]
+        N = (G - a * bend) / (1 / m + a * np.cross(by, e)[2])
+        return np.concatenate([v, N * push / m - G * up, free + N * by, np.cross(w, e)])
+
+    e = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    begin = np.concatenate([r * up - a * e, [0.1, 0.0, 0.0], spin * up, e])
+    begin[3:6] -= np.cross(begin[6:9], a * e)
+    other = solve_ivp(rates, (0, 0.4), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    scene = ac.System()
+    scene.world, scene.top = World((0, 0, -G)), RigidBody(m, (A, A, C), centre_of_mass=(0, 0, -a))
+    scene.floor = (
+        Contact(Sphere(r), Plane(), Hard(friction=Coulomb(mu))) if lifts else RoughContact(Sphere(r), Plane(), Coulomb(mu))
+    )
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.top.frame)
+    f, c, s = scene.top.frame, np.cos(tilt), np.sin(tilt)
+    start = {
+        f.position: (0, 0, r),
+        f.rotation: ((c, 0, s), (0, 1, 0), (-s, 0, c)),
+        f.velocity: (0.1, 0, 0),
+        f.angular_velocity: (0, 0, spin),
+    }
+    run = ac.build(scene).simulate(0.4, start, rtol=1e-12)
+    axis = run[f.rotation][-1][:, 2]
+    assert axis == pytest.approx(other[9:12], abs=1e-9)
+    assert run[f.angular_velocity][-1] == pytest.approx(other[6:9], rel=1e-9, abs=1e-7)
+    assert run[f.position][-1] - a * axis == pytest.approx(other[:3], abs=1e-11)
+    assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.35])
+def test_a_car_with_its_lower_wheels_locked_stands_or_slides_by_what_these_bear(angle: float) -> None:
+    """The others roll freely. It slides where sin > mu times the part of the weight on the locked ones, which grows with its height and its braking."""
+    m, mu, before, behind, high = 900.0, 0.5, 1.2, 1.4, 0.6
+    scene = ac.System()
+    scene.world, scene.car = World((G * np.sin(angle), 0, -G * np.cos(angle))), RigidBody(m, (400.0, 1200.0, 1400.0))
+    scene.locked = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in range(2)]
+    scene.free = [PointOnPlane(unilateral=True) for _ in range(2)]
+    for wheels, x in ((scene.locked, before), (scene.free, -behind)):
+        for wheel, y in zip(wheels, (0.7, -0.7), strict=True):
+            scene.connect(scene.world.frame, wheel.frame_a)
+            scene.connect(wheel.frame_b, scene.car.at((x, y, -high)))
+    f = scene.car.frame
+    start = {f.position: (0, 0, high), f.rotation: np.eye(3), f.velocity: (0, 0, 0), f.angular_velocity: (0, 0, 0)}
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-11, compiled=False)
+    # moments about the centre: front * before - back * behind = rubs * high
+    slides = G * np.cos(angle) * behind / (before + behind - mu * high)
+    pull = G * np.sin(angle) - mu * slides
+    if pull > 0:
+        assert run[f.velocity][-1] == pytest.approx([pull, 0, 0], abs=1e-9)
+    else:
+        assert np.abs(run[f.velocity]).max() < 1e-12
+    assert (pull > 0) == (angle > 0.3)
