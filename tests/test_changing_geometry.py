@@ -17,13 +17,20 @@ from components import (
     Cable,
     Circle,
     Cone,
+    Contact,
+    Coulomb,
+    Hard,
     HeightField,
+    HuntCrossley,
     ImplicitSurface,
+    ParametricSurface,
     Particle,
+    Plane,
     PointOnCurve,
     PointOnSurface,
     PrescribedMotion,
     RigidBody,
+    Sliding,
     Sphere,
     World,
 )
@@ -138,6 +145,79 @@ def test_what_else_changes_a_guide_is_refused_and_jumps_are_told() -> None:
         ac.build(scene)
     with pytest.raises(ParameterError, match=r"law depends on the time .*test_changing_geometry\.py"):
         ImplicitSurface(lambda x, y, z: x**2 + y**2 + z**2 - (1 + ac.time.sx) ** 2, (1, 0, 0))
+    with pytest.raises(ParameterError, match=r"touches depends on the time .*test_changing_geometry\.py"):
+        Contact(Sphere(ac.time), Plane(), Sliding())
     scene = guided(PointOnCurve(Circle(ca.if_else(ac.time.sx < 0.5, 1.0, 1.3))), Particle(1.0), (0, -G, 0))
     with pytest.warns(JumpWarning, match="at t = 0.5 s"):
         ac.build(scene).simulate(1.0, {scene.guide.q: -1.0})
+
+
+@pytest.mark.parametrize(("law", "size"), [("hard", 1e-3), ("rough", 1.0), ("soft", 1e3), ("soft", 1.0)])
+def test_a_ball_on_a_ground_that_swells_bounces_as_on_a_table_that_is_lifted(law: str, size: float) -> None:
+    """On top of a sphere of changing radius, and on a plane that is carried: the same impacts, pushes and work."""
+    k = np.sqrt(size)
+    lift = 0.1 * size * np.sin(4 * ac.time / k)
+    laws = {"hard": Hard(0.9), "rough": Hard(0.9, Coulomb(0.3)), "soft": HuntCrossley(2e3 / size**1.5, damping=0.3 * k / size)}
+    scenes: list[Any] = []
+    for contact in (Contact(Sphere(0.1 * size), Sphere(size + lift), laws[law]), Contact(Sphere(0.1 * size), Plane(), laws[law])):
+        scene: Any = ac.System()
+        scene.world, scene.contact, scene.body = World((0, 0, -G)), contact, RigidBody.ball(2.0, 0.1 * size)
+        ground = scene.world.frame
+        if isinstance(contact.surface, Plane):
+            scene.drive = PrescribedMotion((0, 0, size + lift))
+            scene.connect(ground, scene.drive.frame_a)
+            ground = scene.drive.frame_b
+        scene.connect(ground, contact.frame_a)
+        scene.connect(contact.frame_b, scene.body.frame)
+        scenes.append(scene)
+    runs = [ac.build(one).simulate(2 * k, {one.body.frame.position: (0, 0, 1.4 * size)}, rtol=1e-11) for one in scenes]
+    places = [run[one.body.frame.position] / size for run, one in zip(runs, scenes, strict=True)]
+    assert np.max(np.abs(places[0] - places[1])) < 1e-7
+    assert len(runs[0].transitions) == len(runs[1].transitions) and (law == "soft" or len(runs[0].transitions) > 4)
+    assert max(run.energy_error() for run in runs) < 1e-7
+
+
+@pytest.mark.parametrize("kind", ["heights", "parametric"])
+def test_a_particle_leaves_a_wave_that_runs_where_it_leaves_one_that_is_carried(kind: str) -> None:
+    """Smooth: with its gap in closed form, and followed as a coordinate."""
+
+    def height(x: Any, y: Any) -> Any:
+        return 0.2 * ca.sin(3 * x) + 0.1 * y**2
+
+    def surface(shift: Any) -> Any:
+        if kind == "heights":
+            return HeightField(lambda x, y: height(x - shift, y))
+        return ParametricSurface(lambda a, b: (a, b, height(a - shift, b)), unit="m")
+
+    found: list[np.ndarray] = []
+    for shift in (0.5 * ac.time.sx, None):
+        scene: Any = ac.System()
+        scene.world, scene.guide, scene.body = World(), PointOnSurface(surface(0.0 if shift is None else shift), unilateral=True), Particle(1.0)
+        ground = scene.world.frame
+        if shift is None:
+            scene.cart = PrescribedMotion((0.5 * ac.time, 0, 0))
+            scene.connect(ground, scene.cart.frame_a)
+            ground = scene.cart.frame_b
+        scene.connect(ground, scene.guide.frame_a)
+        scene.connect(scene.guide.frame_b, scene.body.point)
+        point = scene.body.point
+        run = ac.build(scene).simulate(1.5, {point.position: (0.3, 0.2, 0.4), point.velocity: (3.0, 0.1, 0.0)}, rtol=1e-11)
+        assert len(run.transitions) > 1 and run.energy_error() < 1e-9
+        found.append(run[point.position])
+    assert np.max(np.abs(found[0] - found[1])) < 1e-8
+
+
+def test_a_bead_that_a_swelling_hoop_throws_off() -> None:
+    """Over a circle, with sideways held, and over a sphere: the same where it starts in the plane."""
+    radius = 1 + 0.4 * np.sin(2 * ac.time)
+    runs: list[Any] = []
+    for guide, gravity in (
+        (PointOnCurve(Circle(radius), unilateral=True, side="z"), (0, -G, 0)),
+        (PointOnSurface(Sphere(radius), unilateral=True), (0, -G, 0)),
+    ):
+        scene = guided(guide, Particle(1.0), gravity)
+        point = scene.body.point
+        run = ac.build(scene).simulate(1.2, {point.position: (0.6, 0.8, 0), point.velocity: (0.5, 0.2, 0)}, rtol=1e-11)
+        assert run.energy_error() < 1e-9
+        runs.append(run[point.position])
+    assert np.max(np.abs(runs[0] - runs[1])) < 1e-8

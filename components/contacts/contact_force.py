@@ -8,12 +8,12 @@ import casadi as ca
 
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame
-from acausal.language.expression import Expression
+from acausal.language.expression import Expression, time
 from acausal.language.origin import origin
 from acausal.parts.contact import AbstractNearest
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
-from acausal.parts.pose import symbolic
+from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import AbstractFriction, HuntCrossley
 from components.contacts.nearness import Nearness, nearness, single
 from components.contacts.touching import Touching
@@ -55,9 +55,8 @@ class ContactForce(AbstractForce, AbstractNearest):
         return single(self.shape, self.surface, self.frame_a, self.frame_b)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
-        near, velocity = self._seen(placement)
+        near, slip, rate, _ = self._seen(placement)
         R, p = symbolic(near.pose.rotation), symbolic(near.pose.position)
-        slip, rate = _parts(near, velocity)
         force = self._push(near.gap, rate) * near.normal - self._resistance(near.gap, rate, slip) * slip
         own, arm = R.T @ force, R.T @ (near.point_b - p)
         return (Action(self.frame_a, -force, -ca.cross(near.point_b, force)), Action(self.frame_b, own, ca.cross(arm, own)))
@@ -66,15 +65,18 @@ class ContactForce(AbstractForce, AbstractNearest):
         return self.law.energy(self._seen(placement)[0].gap) if isinstance(self.law, HuntCrossley) else ca.SX(0)
 
     def power_loss(self, placement: Placement) -> ca.SX:
-        near, velocity = self._seen(placement)
-        slip, rate = _parts(near, velocity)
-        elastic = self.law.slope(near.gap) if isinstance(self.law, HuntCrossley) else ca.SX(0)
-        return self._resistance(near.gap, rate, slip) * ca.sumsqr(slip) + (elastic - self._push(near.gap, rate)) * rate
+        near, slip, rate, change = self._seen(placement)
+        elastic, push = (self.law.slope(near.gap) if isinstance(self.law, HuntCrossley) else ca.SX(0)), self._push(near.gap, rate)
+        # what changes its shape does work
+        return self._resistance(near.gap, rate, slip) * ca.sumsqr(slip) + (elastic - push) * rate + push * change
 
-    def _seen(self, placement: Placement) -> tuple[Nearness, ca.SX]:
-        """Where the bodies are nearest, and the velocity (3, 1) of frame_b's over frame_a's there, in frame_a [m/s]."""
+    def _seen(self, placement: Placement) -> tuple[Nearness, ca.SX, ca.SX, ca.SX]:
+        """Where the bodies are nearest; slip (3, 1) of frame_b's over frame_a's there, in frame_a, the rate of the gap, and what of that comes from a change
+        of their shapes [m/s].
+        """
         if self.joint is not None:
-            return self.joint.nearness(), self.joint.velocity()
+            near = self.joint.nearness()
+            return near, *_parts(near, self.joint.velocity()), ca.SX(0)
         a, b = self.frame_a, self.frame_b
         X = placement.relative_pose(a, b)
         near = nearness(self.shape, self.surface, X)
@@ -85,7 +87,17 @@ class ContactForce(AbstractForce, AbstractNearest):
             )
         R, p, w_a = symbolic(X.rotation), symbolic(X.position), placement.angular_velocity(a)
         w, v = placement.angular_velocity(b) - R.T @ w_a, placement.velocity(b) - R.T @ (placement.velocity(a) + ca.cross(w_a, p))
-        return near, near.velocity(w, v)
+        slip, rate = _parts(near, near.velocity(w, v))
+        change = self._change(X)
+        return near, slip, rate + change, change
+
+    def _change(self, X: Pose) -> ca.SX:
+        """Rate of the gap of bodies at rest at the pose X_ab, by their shapes [m/s]."""
+        at = Pose(ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3))
+        near = nearness(self.shape, self.surface, at)
+        assert near is not None, "there is a closed form, see `_seen`"
+        known = [ca.vec(symbolic(part)) for pose in (at, X) for part in (pose.rotation, pose.position)]
+        return ca.substitute(ca.jtimes(near.gap, time.sx, ca.SX(1)), ca.vertcat(*known[:2]), ca.vertcat(*known[2:]))
 
     def _push(self, gap: ca.SX, rate: ca.SX) -> ca.SX:
         return self.law.push(gap, rate) if isinstance(self.law, HuntCrossley) else ca.SX(0)

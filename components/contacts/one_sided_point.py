@@ -10,7 +10,7 @@ from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.component import System
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Symbol, Variable, declared_in, time
+from acausal.language.expression import Expression, Variable
 from acausal.language.impact_laws import Restitution
 from acausal.language.origin import origin
 from acausal.parts.contact import AbstractTouch
@@ -31,7 +31,8 @@ class OneSidedPoint(System, AbstractTouch):
 
     0 <= gap, 0 <= normal_force [N], one of them zero; `law`: Hard(restitution, friction). Over a surface nothing else is held. Over a curve: its normal is
     across it and across `side`, x y' with x along the curve; sideways the point is held, without friction. `q` and `v`: where nearest points have no closed form,
-    the coordinates of the nearest place and the gap, and their rates; else the point's own part has coordinates.
+    the coordinates of the nearest place and the gap, and their rates; else the point's own part has coordinates. By numbers that are expressions of
+    `ac.time` the surface or curve changes its shape; what it is made of then moves along its normal.
 
         scene.floor = PointOnPlane(unilateral=True, restitution=0.8)
     """
@@ -41,10 +42,6 @@ class OneSidedPoint(System, AbstractTouch):
 
     def __init__(self, place: AbstractSurface | AbstractCurve, law: Hard, side: Axis = "y") -> None:
         place = place if isinstance(place, AbstractCurve) else checked_surface(place, "OneSidedPoint")
-        if time in leaves_of(place):
-            raise ParameterError(
-                f"OneSidedPoint's {type(place).__name__} changes with time ({origin()}): how it strikes is not known yet. Let frame_a move, on a PrescribedMotion."
-            )
         across = axis_vector(side, "OneSidedPoint's side")
         self.joint: PointOverSurface | PointOverCurve | None = None
         if isinstance(place, AbstractCurve):
@@ -86,13 +83,6 @@ class OneSidedPoint(System, AbstractTouch):
                 f"{self!r} has no '{name}': its point keeps its own coordinates. Look at its gap, force or slip."
             )
         return self.joint
-
-
-def leaves_of(place: AbstractSurface | AbstractCurve) -> frozenset[Symbol]:
-    """Declared symbols that its place depends on."""
-    if isinstance(place, AbstractCurve):
-        return declared_in(place.point(ca.SX.sym("s")))
-    return declared_in(place.point(ca.SX.sym("q", len(place.start))))
 
 
 def hard_law(part: str, unilateral: Any, restitution: Restitution, friction: Coulomb | None) -> Hard | None:

@@ -8,12 +8,13 @@ from typing import ClassVar, final
 import casadi as ca
 import numpy as np
 
-from acausal.language.expression import Variable, sx
+from acausal.language.expression import Expression, Variable, sx, time
 from acausal.parts.contact import read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from components.contacts.nearness import Nearness
 from components.geometry.curves import AbstractCurve, checked_curve
+from components.geometry.laws import at_time, changing
 from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
 from components.orientation import Axis, axis_vector
 
@@ -33,7 +34,7 @@ class AbstractPointOver(AbstractJoint, ABC):
     @final
     def nearness(self) -> Nearness:
         """Where it is nearest."""
-        X, axes, q = self.pose(self.q.sx, ca.SX(0)), self.axes(), self.q.sx
+        X, axes, q = self.pose(self.q.sx, time.sx), self.axes(), self.q.sx
         return Nearness(X, q[q.numel() - 1], sx(X.position), axes[:, -1], axes[:, : self.directions])
 
 
@@ -58,7 +59,11 @@ class PointOverSurface(AbstractPointOver):
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         place, over = self._parts(q)
-        return Pose(np.eye(3), over.point(place))
+        return Pose(np.eye(3), at_time(t, over.point(place))[0])
+
+    def given_motions(self) -> tuple[Expression, ...]:
+        q = ca.SX(ca.DM(self.start_q()))
+        return changing(self.surface.point(self._parts(q)[0]))
 
     def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
         return ca.vertcat(self.surface.rates(self._parts(q)[0], v[:2]), v[2])
@@ -103,7 +108,10 @@ class PointOverCurve(AbstractPointOver):
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         axes, point, _ = self._over(q[0])
-        return Pose(np.eye(3), point + q[1] * axes[:, 1])
+        return Pose(np.eye(3), at_time(t, point + q[1] * axes[:, 1])[0])
+
+    def given_motions(self) -> tuple[Expression, ...]:
+        return changing(self.curve.point(ca.SX(ca.DM(self.start_q()[:1]))))
 
     def domain(self, q: ca.SX) -> ca.SX:
         bend = self._over(q[0])[2]

@@ -7,7 +7,9 @@ from typing import final
 import casadi as ca
 import numpy as np
 
+from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Parameter, Variable, declared_in
+from acausal.language.origin import origin
 from acausal.parts.contact import AbstractContact, read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
@@ -185,7 +187,13 @@ def _radius(surface: AbstractSurface, place: tuple[float, ...]) -> float:
 
 
 def _value(column: ca.SX) -> np.ndarray:
-    """(n,) with parameters as they are."""
+    """(n,) with parameters as they are. Raises `ParameterError` for what depends on anything else."""
     known = [symbol for symbol in declared_in(column) if isinstance(symbol, Parameter)]
+    for symbol in declared_in(column) - set(known):
+        raise ParameterError(
+            f"What touches depends on the {symbol.kind} {symbol.name} ({origin()}), but its shape is to stay as it is. Use numbers and parameters, and let "
+            "frame_a move, e.g. on a PrescribedMotion. A ball may change, or change its ground, where it parts: by Hard(...) or HuntCrossley(...), over a "
+            "Plane, Sphere, Cylinder, Cone or Torus."
+        )
     given = ca.vertcat(ca.SX(0, 1), *(symbol.sx for symbol in known))
     return np.array(ca.Function("value", [given], [ca.densify(column)])([symbol.value for symbol in known])).ravel()
