@@ -1,7 +1,7 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
+CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Belt (open, crossed, elastic, slipping; StiffBelt, ElasticBelt, SlippingBelt), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb, of a Patch; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Held and let go: Latch, PointLatch, Gripper. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
@@ -13,6 +13,7 @@ RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
 """
 
 from components.amplifier import OperationalAmplifier
+from components.belt import Belt, ElasticBelt, SlippingBelt, StiffBelt
 from components.bodies import Fixed, Particle, RigidBody
 from components.cable import Cable, ConstantSum, LineOfAction
 from components.cam import CamFollower
@@ -150,6 +151,7 @@ __all__ = [
     "AngularAccelerationSource",
     "Apart",
     "Backlash",
+    "Belt",
     "Brake",
     "Bushing",
     "Cable",
@@ -177,6 +179,7 @@ __all__ = [
     "Diode",
     "Disk",
     "Drag",
+    "ElasticBelt",
     "ElasticGear",
     "ElectromotiveForce",
     "Ellipsoid",
@@ -276,6 +279,7 @@ __all__ = [
     "SignalVoltage",
     "Sliding",
     "SlidingMass",
+    "SlippingBelt",
     "SmoothCoulomb",
     "SpeedSource",
     "Sphere",
@@ -284,6 +288,7 @@ __all__ = [
     "Spring",
     "SpringDamper",
     "SteeredAxle",
+    "StiffBelt",
     "Sum",
     "Table",
     "Tangent",

@@ -16,6 +16,8 @@ from acausal.language.connector import Frame, Rotational, Translational
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
 from acausal.language.origin import origin
+from acausal.parts.bounded import AbstractBounded
+from acausal.parts.contact import read
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.span import AbstractSpan
 from acausal.visual.shapes import Torus
@@ -90,7 +92,7 @@ class Pulley:
 
 
 @final
-class Tangent(AbstractSpan):
+class Tangent(AbstractSpan, AbstractBounded):
     """A straight piece of rope from a `pulley` about frame_a to a point, frame_b, with its arc from the pulley's middle on, as a slide: s of `flange` is
     its length [m]. Made by `Cable`; frame_a is the pulley's.
 
@@ -98,6 +100,7 @@ class Tangent(AbstractSpan):
     """
 
     between_points = True
+    if_outside = "A rope cannot end inside of its pulley: begin with its end farther off, or make the radius smaller."
     flange = Translational.port()
 
     def __init__(self, pulley: Pulley) -> None:
@@ -111,6 +114,11 @@ class Tangent(AbstractSpan):
         u, _ = self._straight(X_ab)
         return self.pulley.rim(u), symbolic(X_ab.position)
 
+    def inside(self) -> Expression:
+        a, b = self.frame_a, self.frame_b
+        p, axis = (a.rotation.T @ (b.position - a.position)).sx, ca.SX(ca.DM(self.pulley.axis))
+        return read(1 - sx(self.pulley.radius) ** 2 / (ca.sumsqr(p) - ca.dot(p, axis) ** 2))
+
     def shapes(self) -> tuple[Any, ...]:
         return self.pulley.shapes()
 
@@ -119,35 +127,55 @@ class Tangent(AbstractSpan):
 
 
 @final
-class CommonTangent(AbstractSpan):
+class CommonTangent(AbstractSpan, AbstractBounded):
     """A straight piece of rope from `pulley_a` about frame_a to `pulley_b` about frame_b, in one plane, with its arcs from both middles on, as a slide: s
     of `flange` is its length [m]. It crosses from side to side where they turn in opposite senses. Made by `Cable`.
 
         scene.piece = CommonTangent(Pulley(scene.world.frame, 0.1), Pulley(scene.world.at((1, 0, 0)), 0.2))
     """
 
+    if_outside = "No straight piece runs from one pulley to the other: they overlap, or one is inside of the other. Move them apart, or make radii smaller."
     flange = Translational.port()
 
     def __init__(self, pulley_a: Pulley, pulley_b: Pulley) -> None:
         self.pulley_a, self.pulley_b = checked_pulley(pulley_a, "CommonTangent"), checked_pulley(pulley_b, "CommonTangent")
 
     def coordinate(self, X_ab: Pose) -> ca.SX:
-        u, length = self._straight(X_ab)
-        return length + self.pulley_a.arc(u) + self.pulley_b.turned_round.arc(-(symbolic(X_ab.rotation).T @ u))
+        return self._straight(X_ab)[1] + sum(self.arcs(X_ab), ca.SX(0))
+
+    def arcs(self, X_ab: Pose) -> tuple[ca.SX, ca.SX]:
+        """Lengths [m] on both pulleys, from the middle of the first and to that of the second."""
+        u, _ = self._straight(X_ab)
+        return self.pulley_a.arc(u), self.pulley_b.turned_round.arc(-(symbolic(X_ab.rotation).T @ u))
 
     def line(self, X_ab: Pose) -> tuple[ca.SX, ca.SX]:
         (u, _), R = self._straight(X_ab), symbolic(X_ab.rotation)
         return self.pulley_a.rim(u), symbolic(X_ab.position) + R @ self.pulley_b.rim(R.T @ u)
 
+    def inside(self) -> Expression:
+        p, apart = (
+            symbolic(pose_between(self.frame_a, self.frame_b).position),
+            self._apart(pose_between(self.frame_a, self.frame_b)),
+        )
+        across = ca.dot(p, ca.SX(ca.DM(self.pulley_a.axis)))
+        return read(1 - apart**2 / (ca.sumsqr(p) - across**2))
+
     def shapes(self) -> tuple[Any, ...]:
         return self.pulley_a.shapes()
 
+    def _apart(self, X_ab: Pose) -> ca.SX:
+        """By how much the radii differ, the second one negative where it turns the other way."""
+        a, b = self.pulley_a, self.pulley_b
+        same = ca.dot(ca.SX(ca.DM(a.axis)), symbolic(X_ab.rotation) @ ca.SX(ca.DM(b.axis)))
+        return sx(a.radius) - same * sx(b.radius)
+
     def _straight(self, X_ab: Pose) -> tuple[ca.SX, ca.SX]:
-        R, a, b = symbolic(X_ab.rotation), self.pulley_a, self.pulley_b
-        axis = ca.SX(ca.DM(a.axis))
-        # seen along one axis, the other circle turns the same way or not
-        same = ca.dot(axis, R @ ca.SX(ca.DM(b.axis)))
-        return _tangent(symbolic(X_ab.position), axis, sx(a.radius) - same * sx(b.radius))
+        return _tangent(symbolic(X_ab.position), ca.SX(ca.DM(self.pulley_a.axis)), self._apart(X_ab))
+
+
+def pose_between(a: Frame, b: Frame) -> Pose:
+    """X_ab, as read of the frames."""
+    return Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx)
 
 
 def _tangent(p: ca.SX, axis: ca.SX, apart: ca.SX) -> tuple[ca.SX, ca.SX]:

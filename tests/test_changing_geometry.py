@@ -192,7 +192,11 @@ def test_a_particle_leaves_a_wave_that_runs_where_it_leaves_one_that_is_carried(
     found: list[np.ndarray] = []
     for shift in (0.5 * ac.time.sx, None):
         scene: Any = ac.System()
-        scene.world, scene.guide, scene.body = World(), PointOnSurface(surface(0.0 if shift is None else shift), unilateral=True), Particle(1.0)
+        scene.world, scene.guide, scene.body = (
+            World(),
+            PointOnSurface(surface(0.0 if shift is None else shift), unilateral=True),
+            Particle(1.0),
+        )
         ground = scene.world.frame
         if shift is None:
             scene.cart = PrescribedMotion((0.5 * ac.time, 0, 0))

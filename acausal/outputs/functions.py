@@ -26,7 +26,8 @@ from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
 from acausal.outputs.outputs import Outputs
 from acausal.outputs.set_functions import set_functions
-from acausal.parts.contact import AbstractContact, AbstractNearest
+from acausal.parts.bounded import AbstractBounded
+from acausal.parts.contact import AbstractContact
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
 from acausal.reduce.holds import holds
@@ -385,17 +386,19 @@ class Functions:
 
     @functools.cached_property
     def domains(self) -> tuple[tuple[str, str, ca.Function], ...]:
-        """Joints of the tree whose coordinates have a limited domain, and contacts that know one nearest place, with their line; what is said outside of it;
-        (t, x, u, p) -> values that are positive inside.
+        """Joints of the tree whose coordinates have a limited domain, and parts that are bounded, with their line; what is said outside of it; (t, x, u, p) ->
+        values that are positive inside.
         """
         found: list[tuple[str, str, Any]] = []
         for item in self.outputs.system.tree_joints:
             joint = item.edge.joint
             found.append((f"'{item.edge.name}' ({joint.created_at})", joint.if_outside, joint.domain(joint.q.sx)))
         for part in self.outputs.system.flat.parts:
-            nearest = part.component
-            if isinstance(nearest, AbstractNearest):
-                found.append((f"'{part.path}' ({nearest.created_at})", nearest.if_many, self.outputs.resolve(nearest.single())))
+            bounded = part.component
+            if isinstance(bounded, AbstractBounded):
+                found.append(
+                    (f"'{part.path}' ({bounded.created_at})", bounded.if_outside, self.outputs.resolve(bounded.inside()))
+                )
         return tuple((name, why, self.output(domain, name="domain")) for name, why, domain in found if domain.numel())
 
     @functools.cached_property

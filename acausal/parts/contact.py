@@ -83,17 +83,6 @@ class AbstractTouch(ABC):
         return self.normal.T @ (turning - a.angular_velocity)
 
 
-class AbstractNearest(ABC):
-    """What acts where two bodies are nearest, by a closed form. Must provide `single`."""
-
-    if_many = "It lies flat, or is like it: more places than one are nearest. Begin otherwise: give the body a rotation that is not this one."
-    """Said where more places than one are nearest."""
-
-    @abstractmethod
-    def single(self) -> Expression:
-        """Positive where only one place is nearest, (k, 1), without unit and of size 1 well inside. Empty where that is everywhere."""
-
-
 class AbstractContact(AbstractConstraint, AbstractTouch, ABC):
     """A constraint by which bodies touch, and that could only push in nature: nothing stops it from pulling, and runs tell where it does.
 

@@ -30,6 +30,7 @@ from acausal.simulate.progress import Line, shown_progress
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import (
+    check_inside,
     failure,
     raise_if_interrupted,
     warn_if_not_followed,
@@ -121,6 +122,7 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     check_decided(functions.outputs.system, t0, whole.x, at.p)
     if functions.space.coordinates is None:
         check_circuit(functions.outputs.system, t0, whole.x, at.p)
+    check_inside(functions, t0, space.restricted(whole.x), signal(np.array([t0]))[:, 0], at.p)
     initial = InitialState(space.restricted(whole.x), space.extended(t0, whole.x, at.p), whole.account)
     read, guards = options.times(t0, end), guards_of(functions, options.events)
     problem = _problem(

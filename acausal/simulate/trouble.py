@@ -10,7 +10,15 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Status, StatusKind
-from acausal.errors import AcausalError, AccuracyWarning, AssemblyError, ContactWarning, JumpWarning, SingularWarning
+from acausal.errors import (
+    AcausalError,
+    AccuracyWarning,
+    AssemblyError,
+    ContactWarning,
+    JumpWarning,
+    SingularWarning,
+    StartValueError,
+)
 from acausal.outputs.functions import Functions
 from acausal.simulate.looks import MOST, at_steps, least_spectrum, matrices_at_steps, spread
 from acausal.simulate.paradox import paradox
@@ -110,15 +118,24 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
     return f"rows {rows}; free besides: {combination(opened, velocities)}"
 
 
+def check_inside(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
+    """Raises `StartValueError` for a part that begins outside of its domain."""
+    for part, why, inside in functions.domains:
+        given = np.zeros(inside.size1_in(2))
+        given[: u.size] = u
+        if not np.all(np.array(inside(t, x, given, p)) > 0):
+            raise StartValueError(f"At the start {part} is outside of its domain. {why}")
+
+
 def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
-    """Say so when a joint in the tree left the domain of its coordinates; whether one did."""
+    """Say so when a part left its domain; whether one did."""
     left = False
     for part, why, inside in functions.domains:
         values = at_steps(functions, run, inside)
         outside = np.flatnonzero(np.min(values, axis=0) < 0)
         if outside.size:
             warnings.warn(
-                f"By t = {run.steps.t[outside[0]]:.6g} s {part} has left the domain of its coordinates. {why} "
+                f"By t = {run.steps.t[outside[0]]:.6g} s {part} has left its domain. {why} "
                 "The motion from there on has no meaning; stop it before by an event.",
                 SingularWarning, stacklevel=callers_level(),
             )  # fmt: skip
@@ -274,11 +291,11 @@ def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
 
 
 def _at_a_border(functions: Functions, run: Trajectory) -> str:
-    """Which part has come to the border of the domain of its coordinates; empty if none has."""
+    """Which part has come to the border of its domain; empty if none has."""
     for part, why, inside in functions.domains:
         values = at_steps(functions, run, inside)
         if not np.all(values[:, -1] > _BORDER * np.clip(np.max(values, axis=1), 0.0, 1.0)):
-            return f" {part} has come to the border of the domain of its coordinates. {why}"
+            return f" {part} has come to the border of its domain. {why}"
     return ""
 
 

@@ -10,12 +10,12 @@ from acausal.errors import ParameterError
 from acausal.language.connector import Frame
 from acausal.language.expression import Expression, time
 from acausal.language.origin import origin
-from acausal.parts.contact import AbstractNearest
+from acausal.parts.bounded import AbstractBounded
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import AbstractFriction, HuntCrossley
-from components.contacts.nearness import Nearness, nearness, single
+from components.contacts.nearness import MANY, Nearness, nearness, single
 from components.contacts.touching import Touching
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
@@ -23,13 +23,14 @@ _LOOSE = "A contact is between two bodies: connect both of its frames."
 
 
 @final
-class ContactForce(AbstractForce, AbstractNearest):
+class ContactForce(AbstractForce, AbstractBounded):
     """What the body with the outside `shape` at frame_b and the `surface` of frame_a exert on one another by a law of forces: a part of `Contact`.
 
     `law`: HuntCrossley(...) where they may part, Viscous(...) or Creep(...) where a `joint`, Touching, lets them slide. The joint between the same
     frames knows where they are nearest; without one there is a closed form for the pair.
     """
 
+    if_outside = MANY
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 
@@ -51,7 +52,7 @@ class ContactForce(AbstractForce, AbstractNearest):
             )
         self.law, self.joint = law, joint
 
-    def single(self) -> Expression:
+    def inside(self) -> Expression:
         return single(self.shape, self.surface, self.frame_a, self.frame_b)
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:

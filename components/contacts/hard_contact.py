@@ -14,12 +14,13 @@ from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Reaction, sx
 from acausal.language.mode_laws import DryFriction, ModeLaw, OneSided, together
 from acausal.language.origin import origin
-from acausal.parts.contact import AbstractNearest, AbstractTouch, read
+from acausal.parts.bounded import AbstractBounded
+from acausal.parts.contact import AbstractTouch, read
 from acausal.parts.force import AbstractReactiveForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import Hard
-from components.contacts.nearness import Nearness, nearness, single
+from components.contacts.nearness import MANY, Nearness, nearness, single
 from components.contacts.point_over import AbstractPointOver
 from components.contacts.touching import Touching
 from components.geometry.surfaces import AbstractSurface, checked_surface
@@ -109,7 +110,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
 
 
 @final
-class HardContact(AbstractHardContact, AbstractNearest):
+class HardContact(AbstractHardContact, AbstractBounded):
     """The body with the outside `shape` at frame_b and the `surface` of frame_a, which push and rub one another by a `law`, Hard(...): a part of `Contact`.
 
     The `joint` between the same frames, Touching, knows where they are nearest; without one there is a closed form for the pair.
@@ -117,6 +118,7 @@ class HardContact(AbstractHardContact, AbstractNearest):
         scene.push = HardContact(Sphere(0.1), Plane(), Hard(restitution=0.5))
     """
 
+    if_outside = MANY
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 
@@ -147,7 +149,7 @@ class HardContact(AbstractHardContact, AbstractNearest):
             )
         return near
 
-    def single(self) -> Expression:
+    def inside(self) -> Expression:
         return single(self.shape, self.surface, self.frame_a, self.frame_b)
 
     def seen(self) -> Pose:

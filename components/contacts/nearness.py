@@ -12,6 +12,9 @@ from acausal.parts.contact import read
 from acausal.parts.pose import Pose, symbolic
 from components.geometry.surfaces import AbstractSurface, Plane, Sphere
 
+MANY = "It lies flat, or is like it: more places than one are nearest. Give the body a rotation that is not this one."
+"""Said where more places of two bodies than one are nearest."""
+
 
 @dataclass(frozen=True)
 class Nearness:
