@@ -136,12 +136,11 @@ class SlippingBelt(AbstractBelt):
     `drive` [N]: what it drives the second rim forward with, and the first back against.
     """
 
-    def __init__(
-        self, radii: Sequence[float | Expression], sections: Sequence[int], preload: Scalar, sliding: Scalar, holding: Scalar
-    ) -> None:
-        self._around(radii, sections, preload)
-        if self.count != 2:
-            raise ParameterError(f"SlippingBelt's radii are {shown(radii)} ({origin()}). Give two.")
+    def __init__(self, radius_a: Scalar, radius_b: Scalar, preload: Scalar, sliding: Scalar, holding: Scalar) -> None:
+        given = ((radius_a, "radius_a"), (radius_b, "radius_b"))
+        self._around(
+            [scalar(radius, f"SlippingBelt's {name}", positive=True, unit="m") for radius, name in given], [1, 1], preload
+        )
         self.sliding = scalar(sliding, "SlippingBelt's sliding", non_negative=True, unit="N")
         self.holding = scalar(holding, "SlippingBelt's holding", non_negative=True, unit="N")
         self.drive = Reaction("N", "what it drives the first rim forward with")
@@ -213,11 +212,16 @@ class Belt(System):
         radii, counts = [pulley.radius for _, pulley, _ in wheels], [len(section) for section in sections]
         self.tie: StiffBelt | ElasticBelt | SlippingBelt
         if friction is not None:
-            self.tie = SlippingBelt(radii, counts, preload, *self._limits(friction, preload, stiffness))
+            limits = self._limits(friction, preload, stiffness)
+            self.tie = SlippingBelt(self.pulleys[0].radius, self.pulleys[1].radius, preload, *limits)
         elif stiffness is not None:
             self.tie = ElasticBelt(radii, counts, preload, stiffness, damping)
         else:
             self.tie = StiffBelt(radii, counts, preload)
+        if stiffness is None and not _is_zero(scalar(damping, "Belt's damping", non_negative=True, unit="N*s/m")):
+            raise ParameterError(
+                f"A Belt with damping {shown(damping)} has no stiffness ({origin()}): it does not stretch. Give both, or neither."
+            )
         for section, ports in zip(sections, self.tie.pieces, strict=True):
             for piece, port in zip(section, ports, strict=True):
                 self.connect(piece.flange, port)
@@ -236,7 +240,8 @@ class Belt(System):
     @property
     def length(self) -> Expression:
         """Of the whole belt [m]."""
-        return sum((piece.flange.s for piece in self.pieces[1:]), 1.0 * self.pieces[0].flange.s)
+        lengths: list[Expression] = [port.s for section in self.tie.pieces for port in section]
+        return sum(lengths[1:], 1.0 * lengths[0])
 
     @property
     def slip(self) -> Expression:
@@ -264,3 +269,7 @@ class Belt(System):
         least = read(ca.fmin(*(wrap.sx for wrap in self.wraps)))
         slips, holds = (2.0 * mean * read(ca.tanh(0.5 * (mu * least).sx)) for mu in (friction.mu, friction.static))
         return slips, holds
+
+
+def _is_zero(value: float | Expression) -> bool:
+    return not isinstance(value, Expression) and value == 0

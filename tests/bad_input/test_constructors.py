@@ -52,6 +52,7 @@ USUAL: dict[str, Any] = {
     "LimitedSum.number": 2, "Relay.lower": 0.0, "Thermostat.lower": 0.0, "PotentialField.potential": lambda p, t: p[2],
     "flange": SlidingMass(1.0).flange_a, "flange_a": SlidingMass(1.0).flange_a, "flange_b": SlidingMass(1.0).flange_a, "EndStop": {"lower": -0.1},
     "pulley": Pulley(World().frame, 0.1), "pulley_a": Pulley(World().frame, 0.1), "pulley_b": Pulley(World().frame, 0.1), "RopeOverWheels.sections": (1, 2), "RopeOverWheels.radii": (0.1,),
+    "pulleys": (Pulley(World().frame, 0.1, wheel=RigidBody.disk(1.0, 0.1)), Pulley(World().at((1, 0, 0)), 0.1)), "radii": (0.1, 0.2, 0.3), "sections": (1, 1, 1),
     "ConstantSum.number": 2, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
