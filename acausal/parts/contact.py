@@ -33,6 +33,11 @@ class AbstractTouch(ABC):
         return Expression(ca.SX(0), frozenset())
 
     @property
+    def roughness(self) -> Expression | float | None:
+        """Coefficient of dry friction up to which it holds; None where it has none."""
+        return None
+
+    @property
     def normal(self) -> Expression:
         """Unit normal (3, 1) from frame_a's body to frame_b's."""
         return self.touch()[1]

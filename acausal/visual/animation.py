@@ -14,7 +14,7 @@ from acausal.visual.shapes import Arrow, Plane, Polygon, Rod, Shape, Vector
 
 PALETTE = ("#4C78A8", "#F58518", "#54A24B", "#E45756", "#72B7B2", "#B279A2", "#EECA3B", "#9D755D", "#5F9ED1", "#FF9DA6")
 PLANE_COLOUR = "#9fb0c1"
-LINK_KINDS = ("spring", "damper", "force", "string")
+LINK_KINDS = ("spring", "damper", "force", "string", "cone")
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,15 @@ class MovingBody:
 
 @dataclass(frozen=True)
 class MovingLink:
-    """From `starts` to `ends`, (n, 3) [m] each: kind 'spring' (a coil), 'damper', 'force' (an arrow) or 'string'."""
+    """From `starts` to `ends`, (n, 3) [m] each: kind 'spring' (a coil), 'damper', 'force' (an arrow), 'string', or 'cone' (of friction: from its tip to
+    the middle of its base, which is `slope` times as wide as it is high).
+    """
 
     name: str
     kind: str
     starts: np.ndarray
     ends: np.ndarray
+    slope: float = 0.0
 
 
 @dataclass(frozen=True)

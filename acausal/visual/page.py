@@ -62,7 +62,7 @@ def page_data(animation: Animation) -> dict[str, Any]:
             {"name": b.name, "colour": colour, "shapes": [_shape(s, b, animation) for s in b.shapes], "p": packed(b.positions), "q": packed(b.quaternions)}
             for b, colour in zip(animation.bodies, animation.colours(), strict=True)
         ],
-        "links": [{"name": k.name, "kind": k.kind, "a": packed(k.starts), "b": packed(k.ends)} for k in animation.links],
+        "links": [{"name": k.name, "kind": k.kind, "a": packed(k.starts), "b": packed(k.ends), "slope": k.slope} for k in animation.links],
         "joints": [
             {"name": j.name, "kind": j.kind, "axis": [float(a) for a in j.axis], "p": packed(j.positions), "q": packed(j.quaternions)}
             for j in animation.joints

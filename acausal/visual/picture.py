@@ -17,7 +17,7 @@ from acausal.visual.pyplot import new_figure, plain, saved
 from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
 from acausal.visual.view import View, view_of
 
-_LINK_COLOURS = {"spring": "#3d4957", "damper": "#8a63c4", "force": "#d1495b", "string": "#8d7b68"}
+_LINK_COLOURS = {"spring": "#3d4957", "damper": "#8a63c4", "force": "#d1495b", "string": "#8d7b68", "cone": "#e09f3e"}
 _MOST_LABELS = 12
 
 
@@ -221,6 +221,10 @@ def _draw_link(canvas: _Canvas, link: MovingLink, frame: int, strength: float, h
     if link.kind == "force":
         canvas.axes.annotate("", ends[1], ends[0], arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "alpha": strength, "shrinkA": 0, "shrinkB": 0}, zorder=height)  # fmt: skip
         return
+    if link.kind == "cone":
+        outline = _cone(canvas, link.starts[frame], link.ends[frame], link.slope)
+        canvas.axes.fill(outline[:, 0], outline[:, 1], color=colour, alpha=0.3 * strength, linewidth=0.8, zorder=height)
+        return
     if link.kind == "damper":
         # the cylinder; the piston rod comes out of it
         cylinder = ends[0] + np.array([[0.0], [0.5]]) * (ends[1] - ends[0])
@@ -228,6 +232,36 @@ def _draw_link(canvas: _Canvas, link: MovingLink, frame: int, strength: float, h
     line = _zigzag(ends, 2.0 * canvas.thickness) if link.kind == "spring" else ends
     width = {"spring": 1.1, "damper": 1.4, "string": 0.9}[link.kind]
     canvas.axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, alpha=strength, zorder=height)
+
+
+def _cone(canvas: _Canvas, tip: np.ndarray, middle: np.ndarray, slope: float) -> np.ndarray:
+    """Outline (k, 2) in the picture of a cone from its tip to the middle of its base (3,)."""
+    axis = middle - tip
+    length = float(np.linalg.norm(axis))
+    if length == 0:
+        return canvas.flat(tip[None, :])
+    u, v = across(axis / length)
+    angle = np.linspace(0, 2 * np.pi, 49)[:-1, None]
+    rim = canvas.flat(middle + slope * length * (np.cos(angle) * u + np.sin(angle) * v))
+    points = np.vstack([canvas.flat(tip[None, :]), rim])
+    return points[_around(points)]
+
+
+def _around(points: np.ndarray) -> list[int]:
+    """Numbers of points (n, 2) on the line around all of them, in order (Andrew's monotone chain)."""
+    order = np.lexsort(points.T[::-1])
+    halves: list[list[int]] = []
+    for numbers in (order, order[::-1]):
+        chain: list[int] = []
+        for k in map(int, numbers):
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = points[chain[-1]] - points[chain[-2]], points[k] - points[chain[-1]]
+                if ax * by - ay * bx > 0:
+                    break
+                chain.pop()
+            chain.append(k)
+        halves.append(chain[:-1])
+    return halves[0] + halves[1]
 
 
 def _zigzag(ends: np.ndarray, width: float) -> np.ndarray:

@@ -175,17 +175,21 @@ def _link(run: Motion, name: str, force: AbstractLineForce) -> MovingLink:
 
 
 def _pushes(run: Motion, longest: float) -> tuple[MovingLink, ...]:
-    """Arrows, the largest of them so long [m], where parts push that open or slide: as long as they push."""
+    """Arrows, the largest of them so long [m], where parts push that open or slide: as long as they push; and the cones that friction keeps them in."""
     system = run.outputs.system
     if system.modes is None:
         return ()
-    acting = {row.part.path for row in system.modes.rows}
+    acting, cones = {row.part.path for row in system.modes.rows}, list[tuple[str, np.ndarray, np.ndarray, float]]()
     mechanics, found = system.mechanics, list[tuple[str, np.ndarray, np.ndarray]]()
     for part, actions in zip(mechanics.mechanism.forces, mechanics.actions, strict=True):
         if part.path not in acting:
             continue
         if isinstance(part.component, AbstractTouch):
-            found.append((part.path, run[part.component.point_b], run[part.component.force]))
+            touch = part.component
+            found.append((part.path, run[touch.point_b], run[touch.force]))
+            if touch.roughness is not None:
+                slope = run[1.0 * touch.roughness][0] if isinstance(touch.roughness, Expression) else touch.roughness
+                cones.append((part.path, found[-1][1], run[touch.normal_force * touch.normal], float(slope)))
             continue
         for action in actions:
             X = mechanics.placement.pose(action.connector)
@@ -194,7 +198,11 @@ def _pushes(run: Motion, longest: float) -> tuple[MovingLink, ...]:
                 found.append((part.path, run[symbolic(X.position)], force))
     largest = max((float(np.max(np.linalg.norm(force, axis=1))) for _, _, force in found), default=0.0)
     per_force = longest / largest if largest > 0 else 0.0
-    return tuple(MovingLink(name, "force", point, point + per_force * force) for name, point, force in found)
+    arrows = (MovingLink(name, "force", point, point + per_force * force) for name, point, force in found)
+    kept_in = (
+        MovingLink(name, "cone", point, point + per_force * push, slope) for name, point, push, slope in cones if slope > 0
+    )
+    return (*arrows, *kept_in)
 
 
 def _strings(run: Motion) -> tuple[MovingLink, ...]:

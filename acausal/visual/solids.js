@@ -175,6 +175,12 @@ function makeSolids(thin) {
         head.position.y = length - 3.6 * thin * tip;
       } };
     },
+    cone: (look, width, shortest, longest, slope) => { // of friction, its tip at the contact
+      const glass = look.clone();
+      Object.assign(glass, { transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false });
+      const made = mesh(new THREE.CylinderGeometry(slope, 0, 1, 48, 1, true).translate(0, 0.5, 0), glass);
+      return { object: made, stretch: (length) => made.scale.setScalar(length) };
+    },
   };
   function jointMesh(kind, look) {
     if (kind === "hinge") return mesh(new THREE.CylinderGeometry(1.7 * thin, 1.7 * thin, 4.2 * thin, 28), look);

@@ -48,7 +48,7 @@
   scene.add(shade);
   const [unit, factor] = cell >= 1e3 ? ["km", 1e-3] : cell >= 1 ? ["m", 1] : cell >= 1e-3 ? ["mm", 1e3] : ["µm", 1e6];
   byId("scale").textContent = "one square: " + Number((factor * cell).toPrecision(3)) + " " + unit;
-  const metal = material("#5b6774"), linkLooks = { spring: material("#3d4957"), damper: material("#8a63c4"), force: material("#d1495b"), string: material("#8d7b68") };
+  const metal = material("#5b6774"), linkLooks = { spring: material("#3d4957"), damper: material("#8a63c4"), force: material("#d1495b"), string: material("#8d7b68"), cone: material("#e09f3e") };
   function squares(colour) { // many short lines on a disc: a long one that passes behind the camera is clipped badly by some drivers
     const count = 60, points = [];
     for (let i = -count; i <= count; i++) for (let j = -count; j < count; j++) {
@@ -106,8 +106,8 @@
       longest = Math.max(longest, length);
       shortest = Math.min(shortest, length);
     }
-    const made = linkMakers[link.kind](linkLooks[link.kind], Math.min(2.4 * thin, 0.15 * longest), shortest, longest || 1);
-    made.object.traverse((item) => { item.castShadow = true; });
+    const made = linkMakers[link.kind](linkLooks[link.kind], Math.min(2.4 * thin, 0.15 * longest), shortest, longest || 1, link.slope);
+    made.object.traverse((item) => { item.castShadow = link.kind !== "cone"; });
     naming(made.object, link.name);
     return { ...made, a, b };
   });
@@ -142,7 +142,7 @@
       return made;
     });
     if (bodies.length > 24) rows.push(row("transparent", "and " + (bodies.length - 24) + " more", false));
-    for (const kind of Object.keys(linkLooks)) if (DATA.links.some((link) => link.kind === kind)) rows.push(row("#" + linkLooks[kind].color.getHexString(), kind, true));
+    for (const kind of Object.keys(linkLooks)) if (DATA.links.some((link) => link.kind === kind)) rows.push(row("#" + linkLooks[kind].color.getHexString(), kind === "cone" ? "friction cone" : kind, true));
     if (joints.length) rows.push(row("#" + metal.color.getHexString(), "joint", false));
     byId("legend").replaceChildren(...rows);
     if (!rows.length) byId("legend").style.display = "none";

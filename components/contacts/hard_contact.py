@@ -71,6 +71,10 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
         return (self.ends()[1],)
 
     @property
+    def roughness(self) -> Expression | float | None:
+        return None if self.law.friction is None else self.law.friction.static
+
+    @property
     def gap(self) -> Expression:
         return read(self.near(self.seen()).gap)
 
