@@ -16,7 +16,7 @@ import components
 from acausal.errors import UnknownVariableError
 from acausal.language.connector import Connector
 from acausal.parts.joint import AbstractJoint
-from components import RigidBody, Spherical, TorqueSource
+from components import Coulomb, PointOnPlane, RigidBody, Spherical, TorqueSource, World
 from tests.scenes import FourBar, Pendulum, chain
 
 
@@ -153,3 +153,14 @@ def test_what_a_part_lists_is_what_its_users_read(part: type[ac.Component]) -> N
 def test_parts_list_what_is_made_from_them_and_abstract_ones_what_authors_give() -> None:
     assert {"at", "rod", "frame", "tip"} <= set(dir(RigidBody)) and "between" in dir(components.Revolute)
     assert {"pose", "rates", "domain"} <= set(dir(AbstractJoint)) and "equations" in dir(ac.Component)
+
+
+def test_what_is_read_of_contacts_is_told_by_its_name_and_not_by_its_formula() -> None:
+    scene: Any = ac.System()
+    scene.world, scene.box, scene.foot = World(), RigidBody.box(2.0, (0.4, 0.3, 0.2)), PointOnPlane(unilateral=True, friction=Coulomb(0.3))
+    scene.connect(scene.world.frame, scene.foot.frame_a)
+    scene.connect(scene.foot.frame_b, scene.box.at((0, 0, -0.1)))
+    run = ac.build(scene).simulate(0.1, {scene.box.frame.position[2]: 0.2})
+    foot = scene.foot
+    told = [run.label(reading) for reading in (foot.gap, foot.normal_force, foot.slip[1], foot.point_a)]
+    assert told == [f"foot.force_part.{name}" for name in ("gap", "normal_force", "slip[1]", "point_a")]

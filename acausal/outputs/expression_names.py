@@ -5,8 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
 
+from acausal.language.connector import Quantity
 from acausal.language.expression import Expression, Symbol, leaves, sx
+from acausal.numerics.thresholds import EDGE
+from acausal.parts.contact import AbstractTouch
 from acausal.wording import entry_names
 
 if TYPE_CHECKING:
@@ -16,8 +20,42 @@ _LONGEST = 80
 
 
 def expression_name(outputs: Outputs, wanted: Expression | ca.SX) -> str:
-    """Of the whole, e.g. `arm.elbow.q` or `(2*arm.elbow.q)`; cut off where it is long."""
-    return outputs.name(wanted) if isinstance(wanted, Symbol) else _cut(_spelled(outputs, wanted))
+    """Of the whole, e.g. `arm.elbow.q`, `floor.push.normal_force` or `(2*arm.elbow.q)`; cut off where it is long."""
+    if isinstance(wanted, Symbol):
+        return outputs.name(wanted)
+    return _of_touch(outputs, wanted) or _cut(_spelled(outputs, wanted))
+
+
+_OF_TOUCH = ("gap", "normal_force", "slip", "force", "friction_force", "point_b", "point_a", "normal", "pivoting")
+"""What is read of contacts, by formulas."""
+
+
+def _of_touch(outputs: Outputs, wanted: Expression | ca.SX) -> str:
+    """What of a contact this is, whole or an entry; empty where it is nothing of that kind. Formulas are the same where random numbers give the same."""
+    if not isinstance(wanted, Expression):
+        return ""
+    ends = {leaf.connector for leaf in wanted.leaves if isinstance(leaf, Quantity)}
+    for part in outputs.system.flat.parts:
+        touch = part.component
+        if not isinstance(touch, AbstractTouch) or ends.isdisjoint(touch.ends()):
+            continue
+        for name in _OF_TOUCH:
+            found: Expression = getattr(touch, name)
+            if wanted.leaves != found.leaves:
+                continue
+            if wanted.shape == found.shape and _same(wanted.sx, found.sx):
+                return f"{part.path}.{name}"
+            for k in range(found.sx.numel() if wanted.sx.numel() == 1 < found.sx.numel() else 0):
+                if _same(wanted.sx, found.sx[k]):
+                    return f"{part.path}.{name}[{k}]"
+    return ""
+
+
+def _same(a: ca.SX, b: ca.SX) -> bool:
+    symbols = ca.symvar(ca.veccat(a, b))
+    both = ca.Function("both", symbols, [ca.densify(a), ca.densify(b)])
+    values = np.random.default_rng(0).uniform(0.5, 1.5, (2, len(symbols)))
+    return all(np.allclose(*(np.array(side) for side in both(*row)), rtol=EDGE, atol=0.0) for row in values)
 
 
 def expression_unit(expression: Expression | ca.SX) -> str:
