@@ -157,7 +157,11 @@ def test_parts_list_what_is_made_from_them_and_abstract_ones_what_authors_give()
 
 def test_what_is_read_of_contacts_is_told_by_its_name_and_not_by_its_formula() -> None:
     scene: Any = ac.System()
-    scene.world, scene.box, scene.foot = World(), RigidBody.box(2.0, (0.4, 0.3, 0.2)), PointOnPlane(unilateral=True, friction=Coulomb(0.3))
+    scene.world, scene.box, scene.foot = (
+        World(),
+        RigidBody.box(2.0, (0.4, 0.3, 0.2)),
+        PointOnPlane(unilateral=True, friction=Coulomb(0.3)),
+    )
     scene.connect(scene.world.frame, scene.foot.frame_a)
     scene.connect(scene.foot.frame_b, scene.box.at((0, 0, -0.1)))
     run = ac.build(scene).simulate(0.1, {scene.box.frame.position[2]: 0.2})
