@@ -1,4 +1,4 @@
-"""A bowling ball slides, gets spin from the friction, and rolls from then on with five sevenths of its speed, whatever the friction.
+"""A bowling ball: it slides, gets spin from the friction, and rolls from then on with five sevenths of its speed, whatever the friction.
 
 It slides for 2 v / 7 mu g, and 12 v^2 / 49 mu g far; with a spin across its way it goes along a parabola first, and then straight on. O'Reilly, 9.8.
 """

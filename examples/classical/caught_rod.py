@@ -1,4 +1,4 @@
-"""A rod flies along, and one of its ends is caught on a pivot: a constraint that is imposed suddenly.
+"""A rod that is caught at one end: a constraint that is imposed suddenly.
 
 No impulse acts about the pivot: m v l / 2 = J w with J = m (l^2 / 3 + r^2 / 4), and 1 - m l^2 / 4 J of the energy is lost, a quarter where it is thin. Later it
 is let go, and flies off without a jump. O'Reilly, 2.10.
