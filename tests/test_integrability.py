@@ -22,6 +22,7 @@ from acausal.explain.integrability.velocity_forms import velocity_system
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, rotation_about_z
 from components import (
+    Brake,
     Gear,
     Prismatic,
     Revolute,
@@ -30,6 +31,7 @@ from components import (
     RollingDisk,
     RollingEllipsoid,
     RollingTorus,
+    SlidingMass,
     SpeedSource,
     World,
 )
@@ -489,3 +491,11 @@ def test_a_pendulum_has_no_constraints():
     table = ac.build(scene).constraints()
     assert len(table) == 0
     assert str(table) == "System: 0 constraints, 1 freedom in configuration, 1 in velocity, 0 hidden integrals"
+
+
+def test_scenes_without_joints_have_no_rows():
+    """Mass and friction on a line: nothing to examine, and no error for it."""
+    scene = ac.System()
+    scene.mass = SlidingMass(1.0)
+    scene.brake = Brake(scene.mass.flange_a, capacity=0.5)
+    assert str(ac.build(scene).constraints()).startswith("System: 0 constraints")

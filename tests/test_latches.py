@@ -301,6 +301,8 @@ def test_derivatives_through_what_is_fastened_are_refused() -> None:
         model.sensitivities([0.0, 1.0], [a.velocity], {a.position: (-1, 0, 0), a.velocity: (1, 0, 0), b.position: (0, 0, 0)})
     with pytest.raises(OptionError, match="minimal"):
         model.minimal()
+    with pytest.raises(OptionError, match=r"equations .*dock"):
+        model.equations()
 
 
 def test_what_is_held_at_the_start_loses_what_is_not_allowed() -> None:

@@ -13,7 +13,19 @@ import sympy as sp
 
 import acausal as ac
 from acausal.parts.unit_quaternions import unit_quaternions
-from components import Free, NonlinearSpring, Revolute, RigidBody, RotationalDamper, RotationalGround, TorqueSource, World
+from components import (
+    Force,
+    Free,
+    NonlinearSpring,
+    Particle,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    TorqueSource,
+    World,
+)
 from tests.analysis_scenes import Motor, Top
 from tests.scenes import DoublePendulum, FourBar, Pendulum, chain
 from tests.test_elimination import slider_crank, upright_disk
@@ -62,13 +74,27 @@ def dumbbell_in_orbit() -> ac.System:
     return scene
 
 
+def spring_beside(aside: float = -0.5) -> ac.System:
+    """A slide beside the anchor of a spring, `aside` [m] from it to either side, and a push by how far that is."""
+    scene = ac.System()
+    scene.world, scene.slide, scene.bead = World((0, 0, 0)), Prismatic("x"), Particle(1.3)
+    scene.aside, scene.spring = ac.Parameter(aside, "m"), NonlinearSpring(lambda r: 30 * (r - 1) ** 2)
+    scene.push = Force((2 * np.abs(scene.aside) + 3 * np.sqrt(scene.aside**2), 0, 0))
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.bead.point)
+    scene.connect(scene.world.at((0, scene.aside, 0)), scene.spring.point_a)
+    scene.connect(scene.spring.point_b, scene.bead.point)
+    scene.connect(scene.push.point, scene.bead.point)
+    return scene
+
+
 def motor() -> ac.System:
     return Motor(12.0, 1.5, 2e-3, 0.04, 1e-4, 2e-4)
 
 
 SCENES: list[Callable[[], ac.System]] = [
     Pendulum, DoublePendulum, triple_pendulum, spatial_arm, Top, FourBar, slider_crank, driven_pendulums, dumbbell_in_orbit, rolling_ball,
-    upright_disk, motor,
+    upright_disk, motor, spring_beside,
 ]  # fmt: skip
 
 
@@ -105,6 +131,10 @@ def numbers(model: ac.Model) -> dict[Any, float]:
         symbol = sp.Function(identifier(model.functions.outputs.name(state)))(T)
         k = s.nq + s.tree_velocities + i
         found |= {symbol: x[k], symbol.diff(T): x_dot[k]}
+    found |= {
+        sp.Symbol(identifier(model.functions.outputs.name(p)), **{"positive" if p.value > 0 else "real": True}): p.value
+        for p in s.flat.parameters
+    }
     return found | {sp.Function(identifier(n))(T): v for n, v in zip(model.input_names, u, strict=True)}
 
 

@@ -253,6 +253,8 @@ def _articulated(tree: Tree, data: Sequence[np.ndarray]) -> _Met:
 def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, loops: LoopMotions) -> list[tuple[int, float]]:
     """Links of a group of loops, with rows A (m, n) in the velocities `columns` (n,), that need a rotor, and its size."""
     own, rates = _owners(tree, columns), loops.rates
+    if not own:
+        return []
     rate = {i: float(np.max(rates[columns[places]])) for i, places in own.items()}
     least = {i: 0.0 if i in met.lost else max(0.0, float(np.linalg.eigvalsh(met.free[i])[0])) * rate[i] ** 2 for i in own}
     most = max(least.values())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import casadi as ca
@@ -43,8 +44,8 @@ def to_sympy(expression: ca.SX, symbols: Sequence[tuple[ca.SX, Sequence[Any]]]) 
 def _number(value: float) -> Any:
     import sympy
 
-    short = sympy.nsimplify(value, rational=True, tolerance=1e-15)
-    return short if short.q < 1000 else sympy.Float(value, 15)
+    short = Fraction(value).limit_denominator(999)
+    return sympy.Rational(short) if abs(float(short) - value) <= 1e-15 * abs(value) else sympy.Float(value, 15)
 
 
 def operations() -> dict[int, Any]:

@@ -19,6 +19,7 @@ from acausal.export.trigonometric_sums import Algebra, Sum, TooLarge
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.parts.unit_quaternions import unit_quaternions
+from acausal.reduce.modes import refuse_modes
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
 
@@ -97,10 +98,12 @@ def equations(functions: Functions) -> Equations:
     """The equations of motion in coordinates q_<joint>(t) and their derivatives (or v_<joint>(t) where q' is not v).
 
     Coordinates that follow from others in closed form stand on the left of a relation and nowhere else. Products of sines and cosines are sums
-    of waves from the beginning, so that nothing needs to be simplified. Raises `ExportError` for scenes with more terms than one cares to
-    read.
+    of waves from the beginning, so that nothing needs to be simplified. Symbols of parameters are positive where their values are, else real.
+    Raises `ExportError` for scenes with more terms than one cares to read, `OptionError` for those with latches.
     """
     import sympy
+
+    refuse_modes(functions.outputs.system.mechanics.locks, "equations")
 
     scene = _Scene(functions)
     if scene.size > _LARGEST:
@@ -145,7 +148,7 @@ class _Scene:
         self.rows = space.put(L.T @ (balance - A[self.held, :].T @ multipliers if forces else balance))
         self.time = sympy.Symbol("t")
         t = self.time
-        parameters = [sympy.Symbol(_identifier(functions.outputs.name(p)), positive=True) for p in system.flat.parameters]
+        parameters = [_parameter(_identifier(functions.outputs.name(p)), p.value) for p in system.flat.parameters]
         constants = [sympy.Symbol(f"c_{k + 1}") for k in range(space.elimination.constants.numel())]
         self.scalar = [sympy.Function(_identifier(functions.outputs.name(s)))(t) for s in system.scalar_states]
         accelerated = [self.velocities[i - nq].diff(t) for i in self.kept]
@@ -161,7 +164,6 @@ class _Scene:
                 own = self.coordinates[item.q.start + first : item.q.start + first + 4]
                 self.algebra.unit([self.algebra.symbol(name) for name in own])
         self.outer = frozenset(self._place(name) for name in (t, *inputs, *forces, *self.scalar))
-        self._positive = set(parameters)
 
     @property
     def size(self) -> int:
@@ -177,7 +179,7 @@ class _Scene:
         """The entries of a column of expressions."""
         if not column.numel():
             return []
-        values = [[self.algebra.symbol(name, name in self._positive) for name in names] for _, names in self.groups]
+        values = [[self.algebra.symbol(name) for name in names] for _, names in self.groups]
         return [_meant(row) for row in _sums(self.algebra, column, [group for group, _ in self.groups], values)]
 
     def balances(self) -> _Balances:
@@ -423,6 +425,13 @@ def _slips(system: ReducedSystem) -> ca.SX:
     """Velocity constraints that are not rates of position constraints."""
     c = system.constraints
     return ca.vertcat(ca.SX(0, 1), *(c.velocity[k] for k in c.slips))
+
+
+def _parameter(name: str, value: float) -> Any:
+    """Its symbol, which says that it is positive where it is now: sympy then takes it for its own size."""
+    import sympy
+
+    return sympy.Symbol(name, positive=True) if value > 0 else sympy.Symbol(name, real=True)
 
 
 def _identifier(path: str) -> str:

@@ -44,17 +44,14 @@ class Algebra:
     budget: int
     shown: int
     atoms: list[Any] = field(default_factory=list)
-    positive: set[int] = field(default_factory=set)
     units: dict[int, Sum] = field(default_factory=dict)
     """Atoms whose squares are sums of others: the first entry of a unit quaternion."""
     _known: dict[Any, int] = field(default_factory=dict)
     _bases: dict[int, Sum] = field(default_factory=dict)
 
-    def symbol(self, name: Any, positive: bool = False) -> Sum:
-        """A symbol of its own."""
+    def symbol(self, name: Any) -> Sum:
+        """A symbol of its own, of either sign."""
         k = self._atom(("symbol", name), name)
-        if positive:
-            self.positive.add(k)
         return {(((k, Fraction(1)),), "", ()): (1.0, 0.0)}
 
     def number(self, value: float) -> Sum:
@@ -123,7 +120,7 @@ class Algebra:
             raise ExportError("A division by zero has no readable form.")
         if len(a) == 1:
             ((powers, kind, _), (value, error)) = next(iter(a.items()))
-            split = exponent.denominator == 1 or (value > 0 and all(i in self.positive for i, _ in powers))
+            split = exponent.denominator == 1 or (value > 0 and not powers)
             if not kind and split:
                 number = float(value) ** float(exponent)
                 error = abs(number) * (abs(float(exponent)) * error / abs(value) + _EPS)

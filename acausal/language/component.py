@@ -72,6 +72,10 @@ class Component(metaclass=PartClass):
                 f"{cls.__name__}() takes no arguments; it was given {given} ({origin()}). {cls.if_given_arguments}"
             )
         check_arguments(cls, args, kwargs)
+        if lacking := sorted(cls.__abstractmethods__):
+            raise ModelError(
+                f"{cls.__name__} does not say its {', '.join(f'{name}()' for name in lacking)} ({origin()}). Write it in the class."
+            )
         self = super().__new__(cls)
         vars(self)["created_at"] = origin()
         return self

@@ -212,9 +212,9 @@ def analyse_constraints(
     chosen = [i for i, name in enumerate(names) if name in chosen_names]
     position_index = np.cumsum(is_position) - 1
     position = ca.vertcat(ca.SX(0, 1), *(rows.position for rows in loops))[
-        [int(position_index[i]) for i in chosen if is_position[i]]
+        [int(position_index[i]) for i in chosen if is_position[i]], :
     ]
-    velocity = ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in loops))[chosen]
+    velocity = ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in loops))[chosen, :]
     report = RankReport(
         tuple(i for i, name in enumerate(names) if name in kept), rank, sum(part.rank.rank_at_start for part in found)
     )

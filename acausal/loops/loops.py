@@ -68,8 +68,8 @@ class LoopRows:
                        + [(self.rows[k], self.wrench_basis[:, k]) for k in gone], key=lambda pair: pair[0].name)  # fmt: skip
         return replace(
             self,
-            position=self.position[[k for k in left if k < self.position.numel()]],
-            velocity=self.velocity[left],
+            position=self.position[[k for k in left if k < self.position.numel()], :],
+            velocity=self.velocity[left, :],
             wrench_basis=self.wrench_basis[:, left],
             rows=tuple(self.rows[k] for k in left),
             dropped_rows=tuple(row for row, _ in order),

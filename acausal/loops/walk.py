@@ -117,17 +117,17 @@ class Walk:
         self._drawn = np.zeros(symbolic.noise.numel_out(0))
         drawn = group.drawn
         at_guess = self._parts(guess, time)
-        silent = ~group.turning & ~np.any(np.nan_to_num(at_guess[1]), axis=0)
+        silent = ~group.turning & ~np.any(finite(np.abs(at_guess[1])), axis=0)
         reach = np.where(group.turning, 1.0, 0.0)
         if silent.any():
             bends = np.array(symbolic.bends(silent)(guess, time, values))
-            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), bends)
+            reach[silent] = bent_size(np.abs(at_guess[0][:, 0]) + self._rounding(guess), bends, self._used[:, silent])
         own, bent = self._bent(at_guess[1])
         reach = np.where(bent > 0, bent, reach)
         rng = np.random.default_rng(3)
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, time) for q in probes]
-        c, J, A, N, _ = (np.nan_to_num(np.max(np.abs(part), axis=0)) for part in map(np.array, zip(*found, strict=True)))
+        c, J, A, N, _ = (np.max(finite(np.abs(part)), axis=0) for part in map(np.array, zip(*found, strict=True)))
         instead = np.maximum(np.maximum(bent, _lengths_of_rates(A, N, group.turning)), self._inside())
         terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
         self.unit = unknown_sizes(J, group.turning, terms, drawn, instead)
@@ -135,15 +135,19 @@ class Walk:
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows
         self.dependent, self.rank, self.follows = (drawn.dependent(self._rows, least) for least in (DEPENDENT, RANK, FOLLOWS))
-        terms = np.nan_to_num(
-            np.max([np.array(symbolic.terms(q, self.rate, time, values)).ravel() for q in probes], axis=0, initial=0.0)
-        )
-        terms = terms + Drawn.joined([rows.drawn for rows in group.loops]).sizes
+        terms = [finite(np.array(symbolic.terms(q, self.rate, time, values)).ravel()) for q in probes]
+        terms = np.max(terms, axis=0, initial=0.0) + Drawn.joined([rows.drawn for rows in group.loops]).sizes
         self._velocity = _without_noise(A @ self.rate, terms)
         self.noise = ROUNDING * terms / self._velocity
         """What rounding makes of the rows in the velocities (m,), in parts of what is much for them."""
         one = np.ones(1)
         self._parts.scale((self._rows, one), (self._rows, self.unit), (self._velocity, self.rate), (self.unit, self.rate))
+
+    @functools.cached_property
+    def _used(self) -> np.ndarray:
+        """Which unknowns stand in which closing residuals (n, nq)."""
+        group = self.symbolic.group
+        return ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
 
     def _bent(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lengths of rows (m,) without angles whose slope J at the guess changes with place, as a rod between particles has it, and of the
@@ -152,10 +156,10 @@ class Walk:
         group, straight = self.symbolic.group, ~self.symbolic.group.turning
         if not (straight.any() and group.closing.numel()):
             return np.zeros(group.closing.numel()), np.zeros(self.guess.size)
-        used = ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
+        used = self._used
         bends = np.max(np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values))), axis=1)
         plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
-        slopes = np.max(np.nan_to_num(np.abs(J)), axis=1, initial=0.0)
+        slopes = np.max(finite(np.abs(J)), axis=1, initial=0.0)
         own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
         return own, np.max(own[:, None] * used, axis=0, initial=0.0)
 

@@ -154,16 +154,21 @@ def _bend(rows: ca.SX, y: ca.SX, along: np.ndarray) -> ca.SX:
     return ca.jtimes(ca.jtimes(rows, y, ca.DM(along)), y, ca.DM(along))
 
 
-def bent_size(terms: np.ndarray, bends: np.ndarray) -> np.ndarray:
+def bent_size(terms: np.ndarray, bends: np.ndarray, used: np.ndarray | None = None) -> np.ndarray:
     """How far unknowns (k,) go that no row changes with to first order, until rows with these `terms` (m,) and second derivatives `bends`
     (m, k + 1) change as much as their terms; 0 where nothing is bent.
 
-    Each by itself where rows bend along it: in a direction of all, differences that happen to be small look straight.
+    Each by itself where rows bend along it: in a direction of all, differences that happen to be small look straight. `used` (m, k): which stand in
+    which rows. Those that do though no row has a slope or bend that is a number, as in a distance that is zero, go as far as the terms, or else by 1.
     """
     curved = (bends != 0) & np.isfinite(bends)
     ratio = np.sqrt(2 * np.divide(terms[:, None], np.abs(bends), out=np.zeros(bends.shape), where=curved))
     reach = np.max(ratio, axis=0, initial=0.0)
-    return np.where(reach[:-1] > 0, reach[:-1], reach[-1])
+    found = np.where(reach[:-1] > 0, reach[:-1], reach[-1])
+    if used is None:
+        return found
+    own = np.max(np.where(np.isfinite(terms), terms, 0.0)[:, None] * used, axis=0, initial=0.0)
+    return np.where((found > 0) | ~used.any(axis=0), found, np.where(own > 0, own, 1.0))
 
 
 def row_sizes(largest: np.ndarray, unknowns: np.ndarray, terms: np.ndarray, drawn: Drawn | None = None) -> np.ndarray:

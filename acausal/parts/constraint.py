@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, final
 
 import casadi as ca
 import numpy as np
 
 from acausal.language.component import Component, add_connection
 from acausal.language.connector import Frame
-from acausal.language.expression import Scalar
+from acausal.language.expression import Expression, Scalar, time
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose
 from acausal.parts.rigid import AbstractRigidPart
@@ -76,6 +76,28 @@ class AbstractConstraint(Component, ABC):
         w_ab_b and v_ab_b: angular velocity [rad/s] and velocity of the origin [m/s] of frame_b against frame_a, in frame_b.
         """
         return ca.SX(0, 1)
+
+    @property
+    def moves_by_itself(self) -> bool:
+        """Whether what it holds changes with time."""
+        X, w, v, t = Pose(ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)), ca.SX.sym("w", 3), ca.SX.sym("v", 3), time.sx
+        rates = self.closure_rates(X, w, v, t)
+        at_rest = ca.substitute(rates, ca.vertcat(w, v), ca.SX.zeros(6))
+        position = self.closure(X, t)
+        rows = rates if position is None else ca.vertcat(position, rates)
+        return ca.depends_on(rows, t) or not at_rest.is_zero()
+
+    @final
+    def supplied_power(self) -> Expression | float:
+        """What it gives to its ends where it moves by itself [W]: less the wrenches into it times their twists."""
+        if not self.moves_by_itself:
+            return 0.0
+        power = Expression(ca.SX(0), frozenset())
+        for frame in (self.frame_a, self.frame_b):
+            flows = [(frame.force, frame.velocity), (frame.torque, frame.angular_velocity)]
+            for effort, flow in flows[: 1 if self.between_points else 2]:
+                power = power - Expression(ca.dot(effort.sx, flow.sx), frozenset((effort, flow)))
+        return power
 
     def looks_turned_round(self, behind_a: Inertia) -> bool:
         """Whether, with frame_b on the ground, this inertia about and in frame_a is one that belongs to frame_b; False where ends are alike."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.thresholds import EDGE
 from acausal.parts.pose import Matrix, Pose, product, symbolic, total
 
 _ROUND = 1e-9
@@ -36,6 +37,17 @@ class Inertia:
     def is_zero(self) -> bool:
         """Whether mass and second moment are zero by structure."""
         return is_zero(self.mass) and is_zero(self.second_moment)
+
+    @property
+    def is_physical(self) -> bool:
+        """Of numbers: whether some distribution of mass has it. Its moments of first and second order, with the mass, are then no squares below zero."""
+        mass, moment, second = float(self.mass), np.ravel(np.asarray(self.moment)), np.asarray(self.second_moment)
+        if np.max(np.abs(second - second.T)) > EDGE * np.max(np.abs(second)):
+            return False
+        spread = 0.5 * np.trace(second) * np.eye(3) - second
+        length = np.sqrt(np.trace(spread) / mass) if mass > 0 and np.trace(spread) > 0 else 1.0
+        whole = np.block([[spread / length**2, moment[:, None] / length], [moment[None, :] / length, np.array([[mass]])]])
+        return bool(np.linalg.eigvalsh(whole)[0] >= -EDGE * np.max(np.abs(whole)))
 
     def __add__(self, other: Inertia) -> Inertia:
         return Inertia(self.mass + other.mass, total(self.moment, other.moment), total(self.second_moment, other.second_moment))

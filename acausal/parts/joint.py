@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 import casadi as ca
 
 from acausal.language.connector import Rotational, Translational
-from acausal.language.expression import Expression, Variable
+from acausal.language.expression import Variable
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.motion import Motion, motion_from_pose
 from acausal.parts.pose import Pose, symbolic
@@ -97,19 +97,12 @@ class AbstractJoint(AbstractConstraint, ABC):
         """Its scalar ends, whatever they are called: at most one, and only where q is one number; other parts drive q there."""
         return tuple(end for end in self.connectors() if isinstance(end, Rotational | Translational))
 
-    @final
-    def supplied_power(self) -> Expression | float:
-        """What the joint gives to its ends where it moves by itself [W]: less the wrenches into it times their twists."""
+    @property
+    def moves_by_itself(self) -> bool:
         t = ca.SX.sym("t")
         X = self.pose(self.q.sx, t)
         moves = ca.depends_on(ca.vertcat(ca.vec(symbolic(X.rotation)), symbolic(X.position)), t)
-        if not moves and self.rates(self.q.sx, ca.SX.zeros(self.v.size), t).is_zero():
-            return 0.0
-        power = Expression(ca.SX(0), frozenset())
-        for frame in (self.frame_a, self.frame_b):
-            for effort, flow in ((frame.torque, frame.angular_velocity), (frame.force, frame.velocity)):
-                power = power - Expression(ca.dot(effort.sx, flow.sx), frozenset((effort, flow)))
-        return power
+        return moves or not self.rates(self.q.sx, ca.SX.zeros(self.v.size), t).is_zero()
 
     def start_q(self) -> tuple[float, ...]:
         """Configuration in which a search for initial values begins; zeros unless `q.start` says otherwise."""

@@ -14,7 +14,7 @@ from acausal.arguments import shown
 from acausal.errors import AcausalError, ModelError, ParameterError
 from acausal.language.component import Component
 from acausal.language.equation import Equation
-from acausal.language.expression import Expression, Parameter, Time, Variable, check_formula, declared, time
+from acausal.language.expression import Expression, Parameter, Time, Variable, check_formula, declared, sx, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.language.origin import shortened
 from acausal.numerics.thresholds import EDGE
@@ -27,6 +27,8 @@ from acausal.parts.inertia import Inertia
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
+from acausal.parts.pose_check import LookedJoint, one_sided_rows
+from acausal.parts.potential import AbstractPotential
 from acausal.parts.rigid import AbstractRigidPart, Attachment
 
 
@@ -63,7 +65,7 @@ class OwnPart:
             self._check_force(component)
         if isinstance(component, AbstractField):
             place = ca.SX.sym("p", 3)
-            self._scalar("potential(p, t)", lambda: component.potential(place, time.sx))
+            self._scalar("potential(p, t)", lambda: component.potential(place, time.sx), (place,))
         if isinstance(component, AbstractRigidPart):
             self._check_rigid(component)
 
@@ -142,7 +144,13 @@ class OwnPart:
             raise self._error(
                 "rates(q, v, t)", "is not linear in v. q' = N(q) v: each rate is a sum of velocities with factors of q."
             )
-        self._column("invariants(q, t)", lambda: joint.invariants(q, t), (q,))
+        kept = self._column("invariants(q, t)", lambda: joint.invariants(q, t), (q,))
+        for k in range(kept.numel()):
+            if not ca.depends_on(kept[k], q):
+                raise self._error(
+                    "invariants(q, t)",
+                    f"has a row {k} that does not depend on q. They are what stays zero, because of how q' is made.",
+                )
         self._column("domain(q)", lambda: joint.domain(q), (q,))
         self._check_rotation(joint, R, q)
         if q.numel() and not ca.depends_on(ca.vertcat(ca.vec(R), p), q):
@@ -150,6 +158,15 @@ class OwnPart:
         motions = self._called("motions(q, v, t)", lambda: joint.motions(q, v, t))
         if not (isinstance(motions, tuple) and all(isinstance(m, Motion) for m in motions)):
             raise self._error("motions(q, v, t)", f"gives {shown(motions)}. Return a tuple of Motion, or leave the method out.")
+        if not motions or sum(m.nv for m in motions) != v.numel():
+            raise self._error("motions(q, v, t)", f"have {sum(m.nv for m in motions)} velocities together; v has {v.numel()}.")
+        self._column("followed(q)", lambda: joint.followed(q), (q,))
+        turns = self._called("turns()", joint.turns)
+        if turns is not None and not (isinstance(turns, list | tuple) and len(turns) == q.numel()):
+            raise self._error("turns()", f"gives {shown(turns)}. Return a tuple of {q.numel()} truths, one for each entry of q.")
+        start = self._called("start_q()", joint.start_q)
+        if not (isinstance(start, list | tuple) and len(start) == q.numel() and np.isfinite(start).all()):
+            raise self._error("start_q()", f"gives {shown(start)}. Return a tuple of {q.numel()} finite numbers.")
         self._check_slope(joint, ca.vertcat(ca.vec(R), p), q)
 
     def _pose(self, call: str, method: Callable[[], Any], known: Sequence[ca.SX]) -> tuple[ca.SX, ca.SX]:
@@ -165,7 +182,7 @@ class OwnPart:
         return R, p
 
     def _check_matrix(self, call: str, name: str, value: Any) -> None:
-        if not isinstance(value, np.ndarray | ca.SX):
+        if not isinstance(value, np.ndarray | ca.SX) or (isinstance(value, np.ndarray) and value.dtype.kind not in "fiu"):
             raise self._error(
                 call, f"gives {shown(value)} as {name}. It must be CasADi's SX or an array of numpy; write .sx behind parameters."
             )
@@ -174,12 +191,14 @@ class OwnPart:
         """At a configuration of no special kind that meets the joint's own invariants; joints with invariants are not tried."""
         if joint.invariants(q, time.sx).numel():
             return
-        numbers = np.random.default_rng(0)
+        self._check_orthogonal("pose(q, t)", R, q, np.random.default_rng(0).uniform(0.1, 0.9, q.numel()))
+
+    def _check_orthogonal(self, call: str, R: ca.SX, q: ca.SX, at: np.ndarray) -> None:
         gap = ca.densify(ca.vertcat(ca.vec(R.T @ R - ca.SX.eye(3)), ca.det(R)))
-        *off, det = self._at(gap, q, numbers.uniform(0.1, 0.9, q.numel()))
+        *off, det = self._at(gap, q, at)
         if np.isfinite(off).all() and (np.max(np.abs(off)) > EDGE or det < 0):
             raise self._error(
-                "pose(q, t)",
+                call,
                 "gives a matrix that is no rotation (its columns are not unit vectors at right angles, right-handed). Build it from "
                 "rotation_about_z(...) and products of rotations.",
             )
@@ -229,11 +248,28 @@ class OwnPart:
         mounting = self._called("mounting()", constraint.mounting)
         if not isinstance(mounting, np.ndarray | ca.SX) or mounting.shape != (3, 3):
             raise self._error("mounting()", f"gives {shown(mounting)}. Return a rotation (3, 3) of numbers or SX.")
+        self._check_orthogonal("mounting()", symbolic(mounting), ca.SX(0, 1), np.zeros(0))
+        if not isinstance(constraint, AbstractJoint):
+            self._check_signs(constraint)
         if (
             isinstance(constraint, AbstractJoint)
             and self._called("coordinates(X_ab)", lambda: constraint.coordinates(X)) is not None
         ):
             self._column("coordinates(X_ab)", lambda: constraint.coordinates(X), (R, p), constraint.q.size)
+        if isinstance(constraint, AbstractJoint):
+            fault = next(LookedJoint.at_random(constraint).faults(), None)
+            if fault is not None:
+                raise self._error(*fault)
+
+    def _check_signs(self, constraint: AbstractConstraint) -> None:
+        """Rows pass through zero where they hold."""
+        rows = one_sided_rows(constraint)
+        if rows:
+            raise self._error(
+                "closure(X_ab, t)",
+                f"has a row {rows[0]} that does not pass through zero: it has no slope, or one sign to both sides of where it vanishes, as a square, a "
+                "distance that is to be zero, or an absolute value. So it forbids nothing to first order. Give a row for each direction, with its sign.",
+            )
 
     def _check_force(self, force: AbstractForce) -> None:
         placement = FreePlacement()
@@ -244,11 +280,24 @@ class OwnPart:
             ):  # fmt: skip
                 self._scalar(call, law)
         else:
+            if isinstance(force, AbstractPotential):
+                self._check_potential(force)
             self._check_actions(force, placement)
             self._scalar("potential_energy(placement)", lambda: force.potential_energy(placement))
             self._scalar("power_loss(placement)", lambda: force.power_loss(placement))
         if not self._called("actions(placement)", lambda: symbols_read(force)):
             self._check_balance(force)
+
+    def _check_potential(self, force: AbstractPotential) -> None:
+        X, w, v = Pose(ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)), ca.SX.sym("w", 3), ca.SX.sym("v", 3)
+        self._scalar("potential(X_ab, t)", lambda: force.potential(X, time.sx))
+        call = "damping(X_ab, w_ab_b, v_ab_b, t)"
+        found = self._called(call, lambda: force.damping(X, w, v, time.sx))
+        if not (isinstance(found, tuple) and len(found) == 2 and all(isinstance(e, ca.SX) and e.shape == (3, 1) for e in found)):
+            raise self._error(
+                call,
+                f"gives {shown(found)}. Return the torque and the force on frame_b, two columns of three: ca.SX(3, 1) for none.",
+            )
 
     def _check_actions(self, force: AbstractForce, placement: FreePlacement) -> None:
         call = "actions(placement)"
@@ -259,16 +308,22 @@ class OwnPart:
                 call, f"gives {shown(actions)}. Return a tuple of them{one}: return (Action(self.point, force, torque),)."
             )
         for action in actions:
+            for scalar in ca.symvar(ca.vertcat(action.force, action.torque)):
+                if declared(scalar) is None and not ca.depends_on(ca.vertcat(placement.y, placement.y_dot), scalar):
+                    raise self._error(call, f"contains the symbol '{scalar.name()}', which is declared nowhere.")
             if action.connector not in force.connectors():
                 raise self._error(
                     call, f"acts on {action.connector!r}, which is no connector of its own. Give it one, and connect it there."
                 )
 
-    def _scalar(self, call: str, method: Callable[[], Any]) -> None:
+    def _scalar(self, call: str, method: Callable[[], Any], known: Sequence[ca.SX] | None = None) -> None:
+        """`known`: of what it may be made, beside time and parameters; None: also of what it declares, read from others."""
         found = self._called(call, method)
         value = found if isinstance(found, ca.SX | Expression | int | float) else None
         if value is None or (not isinstance(value, int | float) and tuple(value.shape) != (1, 1)):
             raise self._error(call, f"gives {shown(found)}. Return one number or SX; ca.SX(0) for none.")
+        if known is not None and not isinstance(value, int | float):
+            self._check_symbols(call, sx(value), known)
 
     def _check_balance(self, force: AbstractForce) -> None:
         """What the forces do to the bodies comes from the potential energy, or is the power that is said to be lost or supplied."""
@@ -306,12 +361,31 @@ class OwnPart:
                 "inertia()",
                 f"gives {shown(inertia)}. Return Inertia(mass, first moment, second moment); Inertia.zero() for none.",
             )
+        for name, value, shape in (
+            ("first moment", inertia.moment, ((3,), (3, 1))),
+            ("second moment", inertia.second_moment, ((3, 3),)),
+        ):
+            if not _is_matrix(value) or value.shape not in shape:
+                raise self._error("inertia()", f"gives {shown(value)} as {name}. It must be an array or SX of shape {shape[0]}.")
         numbers = [x for x in (inertia.mass, inertia.moment, inertia.second_moment) if not isinstance(x, ca.SX)]
         if not all(np.isfinite(x).all() for x in numbers) or (not isinstance(inertia.mass, ca.SX) and inertia.mass < 0):
             raise ParameterError(
                 f"{self.part.where}: inertia() gives a mass of {inertia.mass} kg, moments {shown(inertia.moment)} and {shown(inertia.second_moment)}. They must be "
                 "finite, and the mass not negative."
             )
+        if len(numbers) == 3 and not inertia.is_physical:
+            raise ParameterError(
+                f"{self.part.where}: inertia() gives a mass of {inertia.mass} kg, moments {shown(inertia.moment)} and {shown(inertia.second_moment)} about "
+                "the origin of its frame: no distribution of mass has them. About the centre c the second moment is smaller by m (c' c - c c'), symmetric, and "
+                "none of its principal values larger than the sum of the others."
+            )
+        sketch = self._called("sketch_pose()", body.sketch_pose)
+        if sketch is not None and not (isinstance(sketch, Pose) and sketch.is_constant):
+            raise self._error("sketch_pose()", f"gives {shown(sketch)}. Return Pose(rotation, position) of numbers, or None.")
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, np.ndarray | ca.SX)
 
 
 def _listed(found: Any) -> list[Any]:

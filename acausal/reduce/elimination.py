@@ -83,7 +83,7 @@ def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, param
     plain = _plain(tree)
     if not plain or not (position.numel() or velocity.numel()):
         return Elimination.none()
-    q, v = tree.q[[k for k, _ in plain]], tree.v[[j for _, j in plain]]
+    q, v = tree.q[[k for k, _ in plain], :], tree.v[[j for _, j in plain], :]
     of_positions, of_rates = _linear(position, q, moving, tree.t), _linear(velocity, v, moving, tree.t)
     turns = tree.turning[0][[k for k, _ in plain]]
     numbers = _Numbers(parameters, values, np.ones(len(plain)), turns).measured([*of_positions, *of_rates])

@@ -88,7 +88,7 @@ class StateSpace:
         if not self.elimination.symbols or self.coordinates is not None:
             return ca.SX(0, 1)
         rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants)
-        return self.put(rows[[int(i) for i in np.flatnonzero(~self._open(rows, self.system.p_values))]])
+        return self.put(rows[[int(i) for i in np.flatnonzero(~self._open(rows, self.system.p_values))], :])
 
     def complaint(self, values: np.ndarray) -> str:
         """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""

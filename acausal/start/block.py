@@ -165,13 +165,14 @@ class Block:
         reach = np.where(of.turning, 1.0, 0.0)
         if not of.turning.all() and self.rows:
             c, J = self.constraints(y, data)
-            silent = ~of.turning & ~np.any(np.nan_to_num(J), axis=0)
+            silent = ~of.turning & ~np.any(finite(np.abs(J)), axis=0)
             if silent.any():
                 bent = curvature(self.hard, of.y, silent)
                 bends = np.array(
                     ca.Function("bends", [ca.vertcat(of.y, self.whole)], [ca.densify(bent)])(np.concatenate([y, data]))
                 )
-                reach[silent] = bent_size(np.abs(c) + self._rounding(y, data), bends)
+                used = ca.DM(ca.jacobian(self.hard, of.y).sparsity(), 1).full()[:, silent] > 0
+                reach[silent] = bent_size(np.abs(c) + self._rounding(y, data), bends, used)
         return [(y + reach * change, data) for change in _scatter(y.size)]
 
 
@@ -183,7 +184,7 @@ def _scatter(size: int) -> tuple[np.ndarray, ...]:
 
 def _most(found: Sequence[tuple[np.ndarray, np.ndarray]], shape: tuple[int, int]) -> np.ndarray:
     """Largest magnitudes of the Jacobians, entry by entry."""
-    return np.nan_to_num(np.max([np.abs(J) for _, J in found], axis=0), posinf=0.0) if found else np.zeros(shape)
+    return np.max([finite(np.abs(J)) for _, J in found], axis=0) if found else np.zeros(shape)
 
 
 def _moved(data: np.ndarray, places: np.ndarray, change: np.ndarray) -> np.ndarray:

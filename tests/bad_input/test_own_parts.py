@@ -11,9 +11,14 @@ import pytest
 
 import acausal as ac
 from acausal import errors
+from acausal.parts.constraint import AbstractConstraint
+from acausal.parts.field import AbstractField
+from acausal.parts.inertia import Inertia
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
-from components import RigidBody, World
+from acausal.parts.potential import AbstractPotential
+from acausal.parts.rigid import AbstractRigidPart, Attachment
+from components import Prismatic, RigidBody, World
 from tests.bad_input.messages import Wrong
 from tests.scenes import Pendulum
 
@@ -84,6 +89,60 @@ def joint(pose: Callable[[ca.SX], Any], nq: int = 1, nv: int = 1, *, declare: bo
     return call
 
 
+def joint_with(**methods: Callable[..., Any]) -> Callable[[], object]:
+    """Builds a slide along x with some of its methods replaced, as one of the hands that hold a body on another slide."""
+    slide = {"pose": lambda self, q, t: Pose(np.eye(3), ca.vertcat(q, 0, 0))}
+    Own = type("Own", (AbstractJoint,), {"q": ac.Variable("m"), "v": ac.Variable("m/s"), **slide, **methods})
+
+    def call() -> object:
+        scene = ac.System()
+        scene.world, scene.own, scene.slide, scene.ball = World(), Own(), Prismatic("x"), RigidBody.ball(1.0, 0.1)
+        for one in (scene.own, scene.slide):
+            scene.connect(scene.world.frame, one.frame_a)
+            scene.connect(one.frame_b, scene.ball.frame)
+        return ac.build(scene)
+
+    return call
+
+
+def part_between(base: type[Any], **methods: Callable[..., Any]) -> Callable[[], object]:
+    """Builds a ball that a part with these methods connects to the ground."""
+    Own = type("Own", (base,), methods)
+
+    def call() -> object:
+        scene = ac.System()
+        scene.world, scene.own, scene.ball = World(), Own(), RigidBody.ball(1.0, 0.1, position=(0.3, 0, 0))
+        ends = [end for end in scene.own.connectors() if end.name != "frame"]
+        for end, other in zip(ends, (scene.world.frame, scene.ball.frame), strict=False):
+            scene.connect(end, other)
+        return ac.build(scene)
+
+    return call
+
+
+def row(closure: Callable[[Pose], Any]) -> Callable[[], object]:
+    return part_between(AbstractConstraint, closure=lambda self, X, t: closure(X))
+
+
+def potential(law: Callable[[Pose], Any], **methods: Callable[..., Any]) -> Callable[[], object]:
+    return part_between(AbstractPotential, potential=lambda self, X, t: law(X), **methods)
+
+
+def body(mass: float, moment: Any, second: Any, sketch: Any = None) -> Callable[[], object]:
+    methods: dict[str, Any] = {
+        "frame": ac.Frame.port(), "inertia": lambda self: Inertia(mass, moment, second), "sketch_pose": lambda self: sketch,
+        "attachments": lambda self: (Attachment(self.frame, Pose.identity()),),
+    }  # fmt: skip
+    Own = type("Own", (AbstractRigidPart,), methods)
+
+    def call() -> object:
+        scene = ac.System()
+        scene.world, scene.own = World(), Own()
+        return ac.build(scene)
+
+    return call
+
+
 def foreign_variable(other: ac.Expression) -> Callable[[], object]:
     return with_equations(lambda s: [ac.equal(ac.der(s.level), other)])
 
@@ -111,6 +170,38 @@ CASES = [
     Wrong("joint that cannot move", joint(lambda q: Pose(EYE, ZERO)), errors.ModelError, ("does not depend on q",)),
     Wrong("joint with more q than v", joint(lambda q: Pose(EYE, q), 3, 2), errors.ModelError, ("3 configuration", "v has 2")),
     Wrong("joint with a matrix that is no rotation", joint(lambda q: Pose(2 * ca.SX.eye(3), ca.vertcat(q, 0, 0))), errors.ModelError, ("no rotation", "rotation_about_z")),
+    Wrong("joint whose closure is that of another", joint_with(closure=lambda s, X, t: ca.vertcat(X.position[0], X.position[2], X.rotation[0, 1], X.rotation[0, 2], X.rotation[1, 2])), errors.ModelError, ("closure(X_ab, t)", "does not vanish", HERE)),
+    Wrong("joint whose closure forbids too little", joint_with(closure=lambda s, X, t: ca.vertcat(X.position[1], X.position[2])), errors.ModelError, ("forbid 2 motions", "5 to forbid", HERE)),
+    Wrong("joint whose coordinates are not those of the pose", joint_with(coordinates=lambda s, X: 2 * X.position[0]), errors.ModelError, ("coordinates(X_ab)", "inverse of `pose`", HERE)),
+    Wrong("joint whose rates are zero", joint_with(rates=lambda s, q, v, t: 0 * v), errors.ModelError, ("0 ways with the 1 velocities", HERE)),
+    Wrong("joint with velocities that move the same", joint(lambda q: Pose(EYE, ca.vertcat(q[0] + q[1], 0, 0)), 2, 2), errors.ModelError, ("1 ways with the 2 velocities", HERE)),
+    Wrong("joint with invariants that are none", joint_with(invariants=lambda s, q, t: q - 1), errors.ModelError, ("do not stay zero along", HERE)),
+    Wrong("joint with an invariant that is a number", joint_with(invariants=lambda s, q, t: ca.SX(1)), errors.ModelError, ("row 0 that does not depend on q", HERE)),
+    Wrong("joint with motions of another", joint_with(motions=lambda s, q, v, t: Prismatic("y").motions(q, v, t)), errors.ModelError, ("another pose, or twist", HERE)),
+    Wrong("joint without motions", joint_with(motions=lambda s, q, v, t: ()), errors.ModelError, ("motions(q, v, t)", "0 velocities", HERE)),
+    Wrong("joint with a number for turns", joint_with(turns=lambda s: 3), errors.ModelError, ("turns()", "tuple of 1", HERE)),
+    Wrong("joint with too many turns", joint_with(turns=lambda s: (True, True)), errors.ModelError, ("turns()", "tuple of 1", HERE)),
+    Wrong("joint with a number for its start", joint_with(start_q=lambda s: 3), errors.ModelError, ("start_q()", "1 finite", HERE)),
+    Wrong("joint with too many starts", joint_with(start_q=lambda s: (1.0, 2.0)), errors.ModelError, ("start_q()", "1 finite", HERE)),
+    Wrong("joint with no number for its start", joint_with(start_q=lambda s: (float("nan"),)), errors.ModelError, ("start_q()", "1 finite", HERE)),
+    Wrong("joint mounted by what is no rotation", joint_with(mounting=lambda s: np.ones((3, 3))), errors.ModelError, ("mounting()", "no rotation", HERE)),
+    Wrong("joint whose pose is an array of objects", joint(lambda q: Pose(EYE, np.array([q, 0, 0], dtype=object))), errors.ModelError, ("pose(q, t)", "as position", HERE)),
+    Wrong("row that is a square", row(lambda X: X.position[2] ** 2), errors.ModelError, ("row 0 that does not pass through zero", HERE)),
+    Wrong("row that is a distance", row(lambda X: ca.norm_2(X.position)), errors.ModelError, ("row 0 that does not pass through zero", HERE)),
+    Wrong("row that is an absolute value", row(lambda X: ca.vertcat(X.position[1], ca.fabs(X.position[2] - 0.3))), errors.ModelError, ("row 1 that does not pass through zero", HERE)),
+    Wrong("row that is a cube", row(lambda X: X.position[2] ** 3), errors.ModelError, ("row 0 that does not pass through zero", HERE)),
+    Wrong("row of one side", row(lambda X: ca.fmax(X.position[2], 0)), errors.ModelError, ("row 0 that does not pass through zero", HERE)),
+    Wrong("row that is a truth", row(lambda X: X.position[2] > 0), errors.ModelError, ("row 0 that does not pass through zero", HERE)),
+    Wrong("potential that is nothing", potential(lambda X: None), errors.ModelError, ("potential(X_ab, t) gives None", HERE)),
+    Wrong("potential that is a vector", potential(lambda X: X.position), errors.ModelError, ("potential(X_ab, t)", "one number", HERE)),
+    Wrong("potential of a symbol of one's own", potential(lambda X: ca.SX.sym("k") * ca.sumsqr(X.position)), errors.ModelError, ("symbol 'k'", "declared nowhere", HERE)),
+    Wrong("damping that is one column", potential(lambda X: ca.sumsqr(X.position), damping=lambda s, X, w, v, t: -v), errors.ModelError, ("damping(X_ab, w_ab_b, v_ab_b, t)", "torque and the force", HERE)),
+    Wrong("field of a parameter of nobody", part_between(AbstractField, potential=lambda s, p, t: ac.Parameter(3.0) * ac.Expression(p[2], frozenset())), errors.ModelError, ("potential(p, t)", "belongs to no part", HERE)),
+    Wrong("body whose moments no mass has", body(1.0, np.zeros(3), np.diag([1.0, 1.0, 3.0])), errors.ParameterError, ("no distribution of mass", HERE)),
+    Wrong("body whose moments are about another point", body(2.0, np.array([5.0, 0, 0]), np.eye(3)), errors.ParameterError, ("no distribution of mass", HERE)),
+    Wrong("constraint that says nothing", part_between(AbstractConstraint), errors.ModelError, ("Own does not say its closure()", HERE)),
+    Wrong("body with moments of two entries", body(1.0, np.zeros(2), np.eye(3)), errors.ModelError, ("first moment", "(3,)", HERE)),
+    Wrong("body with a number for its sketch", body(1.0, np.zeros(3), np.eye(3), 3), errors.ModelError, ("sketch_pose()", HERE)),
     Wrong("vectors of different lengths", lambda: Pendulum().rod.tip.position + np.ones(2), errors.ExpressionError, ("(3, 1) and (2, 1)", HERE)),
     Wrong("text added to a variable", lambda: Pendulum().hinge.q + "1", errors.ExpressionError, ("'1'", HERE)),
     Wrong("entry that is not there", lambda: Pendulum().rod.tip.position[3], errors.ExpressionError, ("[3]", "(3, 1)", HERE)),

@@ -17,6 +17,7 @@ from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import motion_from_pose, reversed_motion
 from acausal.parts.pose import Pose, symbolic, vee
+from acausal.parts.pose_check import LookedJoint
 from acausal.reduce.reduce import reduce_system
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.mechanism import TreeEdge
@@ -75,6 +76,12 @@ def composed(joint: AbstractJoint, q: ca.SX, v: ca.SX, t: ca.SX, back: bool = Fa
             w = R.T @ w + twist[:3]
             X = X @ pose
     return X, ca.vertcat(w, vel)
+
+
+@pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)
+def test_its_methods_agree_as_they_must_for_joints_of_ones_own(cls):
+    looked = LookedJoint.at_random(make(cls))
+    assert looked.at and not list(looked.faults())
 
 
 @pytest.mark.parametrize("cls", catalogue(), ids=lambda c: c.__name__)

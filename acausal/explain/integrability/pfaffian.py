@@ -72,10 +72,9 @@ class PfaffianSystem:
         holonomic, forms = ca.substitute([self.holonomic, self.forms @ ca.diag(ca.SX(ca.DM(sizes)))], [self.y], [plain])
         start = self.start / sizes
         beside = start + np.random.default_rng(1).uniform(0.1, 0.4, start.size)
-        rows = np.array(ca.Function("rows", [self.y], [ca.densify(forms)])(beside)).reshape(-1, start.size)
-        slopes = np.array(ca.Function("slopes", [self.y], [ca.densify(ca.jacobian(holonomic, self.y))])(beside)).reshape(
-            -1, start.size
-        )
+        rows = np.array(ca.Function("rows", [self.y], [ca.densify(forms)])(beside)).reshape(forms.shape)
+        slope = ca.jacobian(holonomic, self.y)
+        slopes = np.array(ca.Function("slopes", [self.y], [ca.densify(slope)])(beside)).reshape(slope.shape)
         return PfaffianSystem(
             self.y, _divided(holonomic, slopes), ca.sparsify(_divided(forms, rows)), self.coordinate_names, self.names, start, self.timed,
             tuple(sizes.tolist()),
@@ -107,7 +106,7 @@ class PfaffianSystem:
             if rows and any(members[k] for k in group):
                 own = sorted(set[int]().union(*(members[k] for k in group)))
                 yield rows, PfaffianSystem(
-                    self.y[own], self.holonomic[[k for k in group if k < c]], self.forms[list(rows), own],
+                    self.y[own], self.holonomic[[k for k in group if k < c], :], self.forms[list(rows), own],
                     tuple(self.coordinate_names[i] for i in own), tuple(self.names[i] for i in rows), self.start[own], self.timed and last in own,
                     tuple(self.sizes[i] for i in own) if self.sizes else (),
                 )  # fmt: skip
