@@ -17,6 +17,7 @@ import pytest
 import acausal as ac
 from acausal.language.expression import Expression
 from acausal.language.mode_laws import ModeLaw
+from components import PointLatch, Revolute, RigidBody, World
 from tests.exported import (
     AUTO,
     CONDITION,
@@ -122,7 +123,22 @@ def thrower() -> Case:
     return Case(scene, {s: 1.0, v: 0.0}, 1.6, {"pull": scene.thrower.pull, "push": scene.floor.push}, ac.when(s - 0.15, "rising"))
 
 
-MADE: dict[str, Callable[[], Case]] = {made.__name__: made for made in (ball, belt, slide, box, linkage, bearing, thrower)}
+def caught() -> Case:
+    """A pendulum that a wall catches at its end, and lets go."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.arm = World(), Revolute("y"), RigidBody(1.0, (0.1, 0.1, 0.1), (0.0, 0.0, -0.8))
+    q, v = scene.hinge.q, scene.hinge.v
+    scene.catch = PointLatch(closes=q - 0.7, opens=ac.time - 0.4)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.arm.frame)
+    scene.connect(scene.world.at((-0.8 * np.sin(0.7), 0.0, -0.8 * np.cos(0.7))), scene.catch.frame_a)
+    scene.connect(scene.catch.frame_b, scene.arm.at((0.0, 0.0, -0.8)))
+    return Case(scene, {q: -0.3, v: 9.0}, 0.8, {"grip": scene.catch.force[2], "held": scene.catch.held}, ac.when(q - 0.3))
+
+
+MADE: dict[str, Callable[[], Case]] = {
+    made.__name__: made for made in (ball, belt, slide, box, linkage, bearing, thrower, caught)
+}
 BOX = pytest.param("box", marks=pytest.mark.slow)
 NAMES = [BOX if name == "box" else name for name in MADE]
 METHODS = {"auto": AUTO, "gauss": GAUSS, "radau": RADAU}

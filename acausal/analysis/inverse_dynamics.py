@@ -28,6 +28,7 @@ from acausal.start.inputs import InputValue
 from acausal.start.situation import Situation
 from acausal.start.start_values import near, softened
 from acausal.start.states import start_values
+from acausal.wording import counted
 
 
 @dataclass(frozen=True, repr=False)
@@ -107,7 +108,7 @@ class InverseDynamics:
     def __str__(self) -> str:
         scene = self.actuation.functions.outputs.system.flat.name
         rows = [
-            f"{scene}: {self.t[0]:g} s to {self.t[-1]:g} s, {self.t.size} times",
+            f"{scene}: {self.t[0]:g} s to {self.t[-1]:g} s, {counted(self.t.size, 'time')}",
             f"  {'force':<28} {'least':>12} {'largest':>12}",
         ]
         rows += [f"  {n:<28} {np.min(f):>12.6g} {np.max(f):>12.6g}" for n, f in zip(self.names, self.forces, strict=True)]

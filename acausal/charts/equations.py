@@ -86,8 +86,8 @@ class ChartEquations:
             return m.position(t, c_map.configuration(_merged(y, free, unit * z, rest), q_ref), p) / size
 
         c0 = c_map.coordinates(q0, q0)
-        c0 = c0 + ca.mtimes(ca.SX(ca.sparsify(ca.DM(self._invariant))), k.y[:n] - c0[free])
-        known = Known(_column(c0, rest) / unit, ca.vertcat(t0, c0[free], p0, q0))
+        c0 = c0 + ca.mtimes(ca.SX(ca.sparsify(ca.DM(self._invariant))), k.y[:n] - c0[free, :])
+        known = Known(_column(c0, rest) / unit, ca.vertcat(t0, c0[free, :], p0, q0))
         positions = follow(closing, known, ca.vertcat(k.t, k.y[:n], k.p, q0), self.steps)
         c = _merged(k.y[:n], free, unit * positions.z, rest)
         q = c_map.configuration(c, q0)
@@ -98,7 +98,7 @@ class ChartEquations:
             t, q, w, p = ca.vertsplit(known, [0, 1, 1 + nq, 1 + nq + len(free_w), known.numel()])
             return m.rate(t, q, _merged(w, free_w, unit_w * z, rest_w), p) / size_w
 
-        at = Known(_column(w0, rest_w) / unit_w, ca.vertcat(t0, q0, w0[free_w], p0))
+        at = Known(_column(w0, rest_w) / unit_w, ca.vertcat(t0, q0, w0[free_w, :], p0))
         rates = follow(moving, at, ca.vertcat(k.t, q, k.y[n:], k.p), self.steps)
         w = _merged(k.y[n:], free_w, unit_w * rates.z, rest_w)
         return _Point(c, q, w, positions, rates)
@@ -114,7 +114,7 @@ class ChartEquations:
         """(x, r) -> y."""
         s, k, choice = self.manifold.functions.outputs.system, self._symbols, self.choice
         c = self.manifold.coordinates.coordinates(s.x[: s.nq], self._reference(k.r)[1])
-        y = ca.vertcat(c[list(choice.positions)], s.x[s.nq :][list(choice.rates)])
+        y = ca.vertcat(c[list(choice.positions), :], s.x[s.nq :, :][list(choice.rates), :])
         return folded_function("restrict", [s.x, k.r], [ca.densify(y)])
 
     @functools.cached_property
@@ -126,7 +126,7 @@ class ChartEquations:
         c = self.manifold.coordinates.coordinates(q, q0)
         x_dot = self.manifold.functions.explicit_dynamics(k.t, ca.vertcat(at.q, at.w), k.u, k.p)
         c_dot = ca.substitute(ca.jtimes(c, q, x_dot[: s.nq]), q, at.q) if s.nq else ca.SX(0, 1)
-        y_dot = ca.vertcat(c_dot[list(self.choice.positions)], x_dot[s.nq :][list(self.choice.rates)])
+        y_dot = ca.vertcat(c_dot[list(self.choice.positions), :], x_dot[s.nq :, :][list(self.choice.rates), :])
         return folded_function(
             "explicit_dynamics", [k.t, k.y, k.u, ca.vertcat(k.p, k.r, self._limits)], [ca.densify(y_dot)], ["t", "y", "u", "p"], ["y_dot"])  # fmt: skip
 

@@ -89,7 +89,8 @@ class Expression:
     def __array__(self, *_: Any, **__: Any) -> np.ndarray:
         raise ExpressionError(
             f"{self!r} is symbolic and cannot become an array of numbers ({origin()}). Of numpy, elementary functions take it (np.sin, "
-            "np.sqrt ...); otherwise use CasADi's, e.g. ca.norm_2(...), or ca.vertcat(...) to put entries together."
+            "np.sqrt ...); otherwise use CasADi's, e.g. ca.norm_2(...), or ca.vertcat(...) to put entries together. A spline of scipy is given to an "
+            "ac.Input as its course, inputs={scene.u: spline}, or made of CasADi's, ca.interpolant(...)."
         )
 
     def __add__(self, other: Scalar) -> Expression:

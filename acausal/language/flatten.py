@@ -16,7 +16,7 @@ from acausal.errors import DuplicateError, IncompatibleError, ModelError, Unconn
 from acausal.graphs import Graph
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions
-from acausal.language.connector import Connector
+from acausal.language.connector import Connector, Frame, Point
 from acausal.language.expression import Discrete, Expression, Input, Mode, Parameter, Reaction, Symbol, Variable, leaves
 from acausal.wording import compact, grouped, nearest, shortened
 
@@ -102,10 +102,19 @@ class FlatSystem:
                 inside = row < found.shape[0] and all(c < found.shape[1] for c in column)
                 found = (found[row, column[0]] if column else found[row]) if inside else None
             if found is None:
-                hint = nearest(name, self.names.values()) or f" It has: {compact(self.names.values())}."
+                hint = self._hint(name)
                 raise UnknownVariableError(f"There is no '{name}' in the scene '{self.name}'.{hint}")
             self._found[name] = found
         return found
+
+    def _hint(self, name: str) -> str:
+        body, free, _ = name.partition(".free.")
+        own = [(c, path) for c, path in self.connector_paths.items() if path.startswith(f"{body}.") and isinstance(c, Point)]
+        if free and own:
+            seat, path = own[0]
+            turned = f", {path}.rotation" if isinstance(seat, Frame) else ""
+            return f" No joint of the scene holds {body}: say {path}.position{turned}, {path}.velocity, or give it a joint of its own, Free()."
+        return nearest(name, self.names.values()) or f" It has: {compact(self.names.values())}."
 
     def symbols(self, given: Any) -> Any:
         """What a user gives, one, a list, or a dictionary's keys, with names replaced by what they stand for."""

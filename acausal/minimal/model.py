@@ -29,6 +29,7 @@ from acausal.start.initial import InitialState
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.start.start_values import Start, near
 from acausal.start.states import consistent_states, start_values
+from acausal.wording import counted
 
 if TYPE_CHECKING:
     from acausal.simulate.simulation import Options
@@ -274,7 +275,7 @@ class MinimalModel(AbstractModel):
 
     def __str__(self) -> str:
         flat = self.atlas.functions.outputs.system.flat
-        return f"{flat.name}: {len(self.state_names)} states; {self.chart}"
+        return f"{flat.name}: {counted(len(self.state_names), 'state')}; {self.chart}"
 
 
 @on_one_thread

@@ -34,7 +34,7 @@ from acausal.reduce.holds import holds
 from acausal.reduce.state_space import StateSpace
 from acausal.runtime.integrand import Integrand
 from acausal.runtime.series import Series
-from acausal.wording import nearest
+from acausal.wording import counted, nearest
 
 if TYPE_CHECKING:
     from acausal.runtime.kernels import How
@@ -69,6 +69,9 @@ class Functions:
 
     outputs: Outputs
     space: StateSpace
+
+    def __repr__(self) -> str:
+        return f"<Functions of {self.outputs.system.flat.name}: {counted(len(self.state_names), 'state')}, {counted(len(self.input_names), 'input')}, {counted(len(self.parameter_names), 'parameter')}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _functions, (self.outputs, self.space, self._events)

@@ -16,12 +16,14 @@ from acausal.collocation.problem import Accuracy, Directions, Problem
 from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.reduce.modes import refuse_modes
 from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
 from acausal.start.situation import Situation
 from acausal.start.start_problem import start_problem
+from acausal.wording import counted
 
 Wanted = Parameter | Input | Expression
 _NO_MOTION = (SimulationError, AssemblyError, StartValueError, ParameterError)
@@ -42,6 +44,10 @@ class Sensitivities:
     names: tuple[str, ...]
     directions: Directions
     found: Sensitive
+
+    def __repr__(self) -> str:
+        scene, (states, times) = self.functions.outputs.system.flat.name, self.x.shape
+        return f"<Sensitivities of {scene}: {counted(states, 'state')} at {counted(times, 'time')} by {', '.join(self.names)}>"
 
     @property
     def x(self) -> np.ndarray:
@@ -121,7 +127,7 @@ def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[
             if isinstance(start[item], near):
                 raise OptionError(f"sensitivities: the start value of {item!r} is only near; give it exactly.")
             at, size = offset[item]
-            name = repr(item)
+            name = expression_name(functions.outputs, item)
             columns += [_Column(name + (f"[{k}]" if size > 1 else ""), start=at + k) for k in range(size)]
         else:
             raise OptionError(
