@@ -450,6 +450,16 @@ def test_parameters_and_time_move_the_chart():
         minimal.simulate(1.0)
 
 
+def test_one_hinge_that_is_driven_leaves_nothing():
+    scene = Pendulum()
+    scene.drive = AngleSource(np.sin(ac.time))
+    scene.connect(scene.drive.flange, scene.hinge.flange)
+    minimal = ac.build(scene).minimal()
+    assert str(minimal).startswith("Pendulum: 0 states") and minimal.chart.dependent == ("hinge.q", "hinge.v")
+    x = np.array(minimal.expand(0.7, [], [], [])).ravel()
+    assert np.max(np.abs(x - [np.sin(0.7), np.cos(0.7)])) < 1e-14
+
+
 def test_off_the_chart_everything_is_nan():
     scene = slider_crank()
     minimal = ac.build(scene).minimal({scene.a.q: 0.5}, prefer=[scene.slide.q])
