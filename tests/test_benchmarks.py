@@ -13,7 +13,21 @@ import pytest
 import acausal as ac
 import benchmarks
 from acausal.emit.compiler import cache_folder
-from benchmarks import bits, calls, compiler_flags, dynamics, growth, hard_cases, loops, modes, plot, scene_sizes, sizes, stiff
+from benchmarks import (
+    bits,
+    calls,
+    compiler_flags,
+    dynamics,
+    growth,
+    hard_cases,
+    loops,
+    modes,
+    optimal_control,
+    plot,
+    scene_sizes,
+    sizes,
+    stiff,
+)
 from benchmarks.mode_scenes import scenes as mode_scenes
 from benchmarks.peers import PEERS, reference, table
 from benchmarks.peers.equations import equations
@@ -55,6 +69,13 @@ def _hard_case(_: Path) -> None:
     assert entry.error < 1e-4
 
 
+def _optimal_control(_: Path) -> None:
+    row, part = optimal_control.ours(optimal_control.cart_pole, 25)
+    hand = optimal_control.by_hand(optimal_control.cart_pole_by_hand(), part, 0.0)
+    assert row.cost == pytest.approx(hand.cost, rel=1e-8)
+    assert row.iterations <= hand.iterations + 2
+
+
 def _bits(_: Path) -> None:
     found = bits.column(["simple_pendulum"], False)
     assert len(set(found["simple_pendulum"].values())) == 1
@@ -74,6 +95,7 @@ SHARES: dict[str, Callable[[Path], object]] = {
     "modes": _modes,
     "hard_cases": _hard_case,
     "bits": _bits,
+    "optimal_control": _optimal_control,
 }
 
 

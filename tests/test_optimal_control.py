@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
 from acausal.optimal_control import solving
+from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.simulate.trajectory import Trajectory
 from components import (
@@ -25,6 +26,7 @@ from components import (
     RollingBall,
     Torque,
     TorqueSource,
+    TranslationalDamper,
     TranslationalGround,
     TranslationalSpring,
     World,
@@ -99,6 +101,20 @@ def test_derivatives_of_separable_programs_are_those_of_casadi() -> None:
     found = own["grad_f"](at, [])[1], own["jac_g"](at, [])[1], own["hess_lag"](at, [], 1.3, factors)
     for one, other in zip(found, exact(at, 1.3, factors), strict=True):
         assert np.allclose(np.array(one), np.array(other), rtol=1e-13, atol=1e-13)
+
+
+def test_lanes_give_what_casadi_gives() -> None:
+    """A long function at many places, by its first calls and by later ones."""
+    z, c, count = ca.SX.sym("z", 3), ca.SX.sym("c"), 400
+    value = ca.vertcat(z[0] * ca.sin(z[1]) * c, z[2])
+    for _ in range(60):
+        value = ca.vertcat(0.3 * ca.sin(value[1]) + 0.1 * value[0] * c, 0.3 * ca.cos(value[0]) - 0.1 * value[1])
+    f, rng = ca.Function("f", [z, c], [value]), np.random.default_rng(0)
+    at = rng.normal(size=(count, 3)), rng.normal(size=(count, 1))
+    lanes, plain = mapped(f, count), plainly(f, count)
+    assert isinstance(lanes, Lanes)
+    for _ in range(4):
+        assert np.allclose(np.array(lanes(*at)), np.array(plain(*at)), rtol=1e-12, atol=1e-12)
 
 
 def rest_to_rest(model: ac.Model, scene: Sledge, time: float | ac.free) -> ac.OptimalControl:
@@ -214,6 +230,72 @@ def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:
     assert best.run[scene.a.q][-1] == pytest.approx(0.3 + 2 * np.pi, abs=1e-4)
     work = best.run.kinetic_energy + best.run.potential_energy + best.run.energy_loss
     assert np.ptp(work) < 1e-8 * np.max(best.run.kinetic_energy)
+
+
+class Press(ac.System):
+    """A slider-crank that is turned by a torque, against a damper at its slider."""
+
+    def __init__(self) -> None:
+        self.torque = ac.Input("N m")
+        self.world = World(gravity=(0, 0, -9.81))
+        self.crank, self.pin, self.wrist, self.guide = Revolute("y"), Revolute("y"), Revolute("y"), Prismatic("x")
+        self.arm, self.rod = RigidBody.rod(1.0, (0.15, 0, 0)), RigidBody.rod(1.0, (0.5, 0, 0))
+        self.slider = RigidBody.box(2.0, (0.1, 0.1, 0.08))
+        self.motor, self.work, self.ground = TorqueSource(self.torque), TranslationalDamper(40.0), TranslationalGround()
+        self.connect(self.world.frame, self.crank.frame_a, self.guide.frame_a)
+        self.connect(self.crank.frame_b, self.arm.frame)
+        self.connect(self.arm.tip, self.pin.frame_a)
+        self.connect(self.pin.frame_b, self.rod.frame)
+        self.connect(self.rod.tip, self.wrist.frame_a)
+        self.connect(self.wrist.frame_b, self.slider.frame)
+        self.connect(self.guide.frame_b, self.slider.frame)
+        self.connect(self.motor.flange, self.crank.flange)
+        self.connect(self.ground.flange, self.work.flange_a)
+        self.connect(self.work.flange_b, self.guide.flange)
+
+
+def test_a_slider_crank_turns_as_in_one_coordinate() -> None:
+    """A cycle of least effort, loops closed to rounding, and the cost is that of the textbook's one equation for the angle of the crank."""
+    scene = Press()
+    model = ac.build(scene)
+    turn = ac.OptimalControl(model, 0.5)
+    turn.start({scene.crank.q: 0.0, scene.crank.v: ac.free(2, 40, 12)})
+    turn.periodic(turns={scene.crank.q: 1})
+    turn.minimise(ac.integral(scene.torque**2))
+    best = turn.solve(32, order=13, refinements=0)
+    assert model.functions.invariants is not None
+    gaps = [np.max(np.abs(np.array(model.functions.invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
+    assert max(gaps) < 1e-12
+    assert best.cost == pytest.approx(press_by_hand(32, 7, best), rel=1e-8)
+
+
+def press_by_hand(intervals: int, stages: int, best: Any) -> float:
+    """The least cost near a motion: kinetic energy M(q) q'^2 / 2, height of gravity and the slider's way by the crank's angle alone."""
+    r, rod, g, x, u = 0.15, 0.5, 9.81, ca.SX.sym("x", 2), ca.SX.sym("u")
+    q, v = x[0], x[1]
+    lean = ca.asin(r / rod * ca.sin(q))
+    way = r * ca.cos(q) + rod * ca.cos(lean)
+    middle = ca.vertcat((r * ca.cos(q) + way) / 2, r * ca.sin(q) / 2)
+    M = r**2 / 3 + ca.sumsqr(ca.jacobian(middle, q)) + rod**2 / 12 * ca.jacobian(lean, q) ** 2 + 2.0 * ca.jacobian(way, q) ** 2
+    height = -g * r * ca.sin(q)
+    force = u - 0.5 * ca.jacobian(M, q) * v**2 - ca.jacobian(height, q) - 40.0 * ca.jacobian(way, q) ** 2 * v
+    rate = ca.Function("rate", [x, u], [ca.vertcat(v, force / M)])
+    C, _, b = ca.collocation_coeff(ca.collocation_points(stages, "radau"))
+    opti, h = ca.Opti(), 0.5 / intervals
+    X, U, cost = opti.variable(2, stages * intervals + 1), opti.variable(1, stages * intervals), 0
+    for i in range(intervals):
+        block, own = X[:, stages * i : stages * (i + 1) + 1], U[:, stages * i : stages * (i + 1)]
+        opti.subject_to(ca.vec(block @ C - h * rate.map(stages)(block[:, 1:], own)) == 0)
+        cost += h * own**2 @ b
+    opti.subject_to(X[0, 0] == 0)
+    opti.subject_to(X[:, -1] - X[:, 0] == ca.DM([2 * np.pi, 0]))
+    opti.minimize(cost)
+    at = best.motion.at(np.append(0.0, best.mesh.points.ravel()))
+    names = list(best.model.state_names)
+    opti.set_initial(X, at[:, [names.index("crank.q"), names.index("crank.v")]].T)
+    opti.set_initial(U, at[1:, -1:].T)
+    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-10})
+    return float(opti.solve().value(opti.f))
 
 
 def test_reactions_are_bounded_by_name() -> None:

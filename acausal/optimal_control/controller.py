@@ -66,9 +66,16 @@ class Controller:
         return through(c, np.eye(c.size))[-1]
 
     @functools.cached_property
-    def _solver(self) -> ca.Function:
+    def _first(self) -> ca.Function:
+        return self._solver(known=False)
+
+    @functools.cached_property
+    def _again(self) -> ca.Function:
+        return self._solver(known=True)
+
+    def _solver(self, *, known: bool) -> ca.Function:
         own = {} if self._step is not None else self._options
-        return self._program.solver("ipopt", {**ipopt_options(warm=True), **own, "error_on_fail": False})
+        return self._program.solver("ipopt", {**ipopt_options(warm=True, known=known), **own, "error_on_fail": False})
 
     def _solved(self, state: np.ndarray) -> None:
         """All the way."""
@@ -78,10 +85,11 @@ class Controller:
         guess = transcribed.unknowns(self._shifted(state))
         (least, most), (lower, upper) = bounds, program.limits
         more: dict[str, Any] = {}
+        solver = self._first
         if self._multipliers is not None:
-            more = {"lam_x0": self._multipliers[0], "lam_g0": self._multipliers[1]}
-        found = self._solver(x0=np.clip(guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper, **more)
-        stats = self._solver.stats()
+            solver, more = self._again, {"lam_x0": self._multipliers[0], "lam_g0": self._multipliers[1]}
+        found = solver(x0=np.clip(guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper, **more)
+        stats = solver.stats()
         self._w, self._iterations = np.array(found["x"]).ravel(), int(stats["iter_count"])
         if not stats["success"]:
             raise OptimalControlError(f"No motion was found from the states {state}: {stats['return_status']}.", self.best)

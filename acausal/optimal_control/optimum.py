@@ -58,8 +58,11 @@ class Optimum:
 
     @functools.cached_property
     def motion(self) -> Guess:
-        """All unknowns at the points of the mesh."""
-        return self.transcribed.motion(self.unknowns)
+        """All unknowns at the points of the mesh; loops, which an interior point leaves open by its last digits, closed to rounding."""
+        found, stage = self.transcribed.motion(self.unknowns), self.transcribed.asked.stage
+        nx = stage.sizes[0]
+        x = closed(stage, found.values[:, :nx], found.times, found.duration, found.free, np.ones(nx), fresh=False)
+        return replace(found, values=np.column_stack([x, found.values[:, nx:]]))
 
     @property
     def duration(self) -> float:

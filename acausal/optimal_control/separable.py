@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.folding import folded_function
+from acausal.optimal_control.lanes import mapped, plainly
 
 COST, NOWHERE = -1, -2
 """The row of what is minimised, and that of values which are not used."""
@@ -45,10 +46,9 @@ class Term:
 
     @functools.cached_property
     def slopes(self) -> ca.Function:
-        """(z, c) -> values, entries of their Jacobian by columns."""
+        """(z, c) -> entries of the Jacobian of the values, by columns."""
         z, c = self._symbols
-        value = self.function(z, c)
-        return folded_function("slopes", [z, c], [value, _entries(ca.jacobian(value, z))])
+        return folded_function("slopes", [z, c], [_entries(ca.jacobian(self.function(z, c), z))])
 
     @functools.cached_property
     def slope_entries(self) -> tuple[np.ndarray, np.ndarray]:
@@ -77,12 +77,24 @@ class Term:
         return ca.SX.sym("z", self.places.shape[0]), ca.SX.sym("c", self.data.shape[0])
 
     def at(self, w: ca.MX) -> tuple[ca.MX, ca.DM]:
-        """The arguments (z, c) at all places, side by side."""
-        return ca.reshape(w[self.places.ravel(order="F").tolist()], *self.places.shape) * ca.DM(self.units), ca.DM(self.data)
+        """The arguments (z, c) at all places, a row for each."""
+        return ca.reshape(w[self.places.ravel().tolist()], *self.places.shape[::-1]) * ca.DM(self.units.T), ca.DM(self.data.T)
+
+    @functools.cached_property
+    def _at_places(self) -> dict[str, ca.Function]:
+        """Those functions that were asked for at all places."""
+        return {}
+
+    def everywhere(self, function: ca.Function, *arguments: ca.MX | ca.DM) -> ca.MX:
+        """Its values at all places: of the first value at all of them, then of the second."""
+        name = function.name()
+        if name not in self._at_places:
+            self._at_places[name] = mapped(function, self.count)
+        return ca.vec(self._at_places[name](*arguments))
 
 
 def _entries(matrix: ca.SX) -> ca.SX:
-    return ca.densify(matrix.nz[:]) if matrix.nnz() else ca.SX(0, 1)
+    return ca.vec(ca.densify(matrix.nz[:])) if matrix.nnz() else ca.SX(0, 1)  # of a row, `nz` is a row
 
 
 def _places(sparsity: ca.Sparsity) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +163,9 @@ class Program:
         """`casadi.nlpsol` with these derivatives."""
         w = ca.MX.sym("w", self.size)
         cost, rows = self.of_cost()._values(w)[0], self._values(w)[1]
-        return ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**self.derivatives, **options})
+        solver = ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**self.derivatives, **options})
+        solver.of = self  # type: ignore[attr-defined]  # what functions call lives as long as it does
+        return solver
 
     @functools.cached_property
     def derivatives(self) -> dict[str, ca.Function]:
@@ -202,7 +216,9 @@ class Program:
         total = self._linear @ w
         for term in self.terms:
             if term.count:
-                total += self._adding(term) @ ca.vec(term.function.map(term.count)(*term.at(w)))
+                total += self._adding(term) @ ca.vec(
+                    plainly(term.function, term.count)(*term.at(w))
+                )  # CasADi differentiates it, too
         return ca.dot(ca.DM(self.cost), w) + total[self.rows], total[: self.rows]
 
     def _adding(self, term: Term) -> ca.DM:
@@ -243,7 +259,7 @@ class Program:
         for term in self.terms:
             i, j = term.slope_entries
             if term.count and i.size:
-                entries = ca.vec(term.slopes.map(term.count)(*term.at(w))[1])
+                entries = term.everywhere(term.slopes, *term.at(w))
                 where = term.rows[i], term.places[j], term.weights[i] * term.units[j]
                 found.append((entries, (_column(where[0]), _column(where[1]), _column(where[2]))))
         return found
@@ -259,9 +275,9 @@ class Program:
             if not (term.count and i.size):
                 continue
             own = self._adding(term).T @ factors
-            entries = ca.vec(term.curvature.map(term.count)(*term.at(w), ca.reshape(own, *term.rows.shape)))
+            entries = term.everywhere(term.curvature, *term.at(w), ca.reshape(own, *term.rows.shape[::-1]))
             a, b = _column(term.places[i]), _column(term.places[j])
-            twice = np.where((a == b) & np.tile(i != j, term.count), 2.0, 1.0)  # two arguments that are one unknown
+            twice = np.where((a == b) & np.repeat(i != j, term.count), 2.0, 1.0)  # two arguments that are one unknown
             found.add(
                 np.minimum(a, b),
                 np.maximum(a, b),
@@ -273,7 +289,7 @@ class Program:
 
 
 def _column(table: np.ndarray) -> np.ndarray:
-    return table.ravel(order="F")
+    return table.ravel()
 
 
 def _sparse(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, n: int, m: int) -> ca.DM:

@@ -160,14 +160,19 @@ def search(program: Program, plugin: str, options: dict[str, Any], *, warm: bool
     return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()
 
 
-def ipopt_options(*, warm: bool) -> dict[str, Any]:
-    """Quiet, in the units of the program; `warm`: where a solution is near."""
+def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
+    """Quiet, in the units of the program; `warm`: where a solution is near; `known`: its multipliers, too."""
     options = {
         "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _SOLVER_TOLERANCE, "ipopt.nlp_scaling_method": "none",
         "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.mu_strategy": "adaptive",
+        "ipopt.mumps_pivot_order": 0,  # minimum degree: bands as narrow as these need no graph to be cut
     }  # fmt: skip
     if warm:
         options |= {"ipopt.mu_init": 1e-4, "ipopt.mu_strategy": "monotone", "ipopt.warm_start_init_point": "yes"}
+    if known:
+        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+        options |= {"ipopt.mu_init": 1e-8, **{f"ipopt.warm_start_{one}": 1e-9 for one in pushes}}
+        options |= {"ipopt.fast_step_computation": "yes", "ipopt.min_refinement_steps": 0}
     return options
 
 

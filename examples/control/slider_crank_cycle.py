@@ -10,7 +10,7 @@ import numpy as np
 import acausal as ac
 from components import Prismatic, Revolute, RigidBody, TorqueSource, TranslationalDamper, TranslationalGround, World
 
-LIMIT = 1e-3  # of what main returns
+LIMIT = 1e-6  # of what main returns
 
 
 def main(folder: str = "out") -> float:
@@ -42,7 +42,7 @@ def main(folder: str = "out") -> float:
     turn.periodic(turns={scene.crank.q: 1})
     turn.bound(ac.norm(scene.wrist.frame_b.force), upper=120.0)
     turn.minimise(ac.integral(scene.torque**2))
-    best = turn.solve(24)
+    best = turn.solve(24, tolerance=1e-9)
     print(best)
     invariants = model.functions.invariants
     assert invariants is not None

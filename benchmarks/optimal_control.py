@@ -1,0 +1,339 @@
+"""Optimal control beside the same collocation written by hand for `casadi.Opti`,.
+
+python -m benchmarks.optimal_control
+
+The same problem, mesh (Radau, order 5), solver and tolerance. Seconds of the processor: `build` from the scene, or the equations, to the solver; `first` from
+the guess; `warm` again from the solution found, begun a hundredth aside, with its multipliers. Of the warm solution: what functions take, and what is left
+for linear algebra and the rest of the solver.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import acausal as ac
+from acausal.optimal_control.mesh import Mesher
+from acausal.optimal_control.solving import Part, ipopt_options, whole
+from components import (
+    ForceSource,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    TorqueSource,
+    TranslationalDamper,
+    TranslationalGround,
+    World,
+)
+
+_ASIDE, _REPEAT = 0.01, 5
+_RADAU = ca.collocation_points(3, "radau")
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured of one tool; seconds."""
+
+    name: str
+    cost: float
+    build: float
+    first: float
+    iterations: int
+    warm: float
+    again: int
+    functions: float
+
+    def __str__(self) -> str:
+        ms = (1e3 * one for one in (self.build, self.first, self.warm, self.functions, self.warm - self.functions))
+        build, first, warm, functions, rest = (f"{one:.3g}" for one in ms)
+        return f"| {self.name} | {self.cost:.9g} | {build} | {first} | {self.iterations} | {warm} | {self.again} | {functions} | {rest} |"
+
+
+HEAD = "| | cost | build | first [ms] | iterations | warm [ms] | iterations | functions [ms] | rest [ms] |\n" + "|---" * 9 + "|"
+
+
+class CartPole(ac.System):
+    """A cart with a rod on a hinge, both with friction; the force on the cart is an input."""
+
+    def __init__(self) -> None:
+        self.force = ac.Input("N")
+        self.mass, self.load = ac.Parameter(1.0, "kg"), ac.Parameter(0.3, "kg")
+        self.length = ac.Parameter(0.6, "m")
+        self.drag, self.rub = ac.Parameter(0.0, "N*s/m"), ac.Parameter(0.0, "N*m*s/rad")
+        self.world, self.rail, self.hinge = World(gravity=(0, 0, -9.81)), Prismatic("x"), Revolute("y")
+        self.cart, self.rod = RigidBody(self.mass, (1, 1, 1)), RigidBody.rod(self.load, (0, 0, -self.length))
+        self.motor, self.ground, self.still = ForceSource(self.force), TranslationalGround(), RotationalGround()
+        self.slide, self.bearing = TranslationalDamper(self.drag), RotationalDamper(self.rub)
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.cart.frame)
+        self.connect(self.cart.frame, self.hinge.frame_a)
+        self.connect(self.hinge.frame_b, self.rod.frame)
+        self.connect(self.motor.flange, self.slide.flange_b, self.rail.flange)
+        self.connect(self.ground.flange, self.slide.flange_a)
+        self.connect(self.still.flange, self.bearing.flange_a)
+        self.connect(self.hinge.flange, self.bearing.flange_b)
+
+
+class Arm(ac.System):
+    """Six hinges in a row, each with a motor."""
+
+    AXES = ("z", "y", "y", "x", "y", "x")
+    LINKS = ((0, 0, 0.4), (0, 0, 0.5), (0.2, 0, 0), (0.3, 0, 0), (0.08, 0, 0), (0.06, 0, 0))
+    MASSES = (12.0, 8.0, 4.0, 3.0, 1.2, 0.6)
+    TORQUES = (120.0, 150.0, 70.0, 15.0, 12.0, 6.0)
+    START = (0.0, 0.3, 0.2, 0.0, 0.5, 0.0)
+    END = (1.8, 0.9, -0.4, 0.5, 0.8, -1.0)
+
+    def __init__(self) -> None:
+        self.torques = [ac.Input("N m") for _ in self.AXES]
+        self.world = World(gravity=(0, 0, -9.81))
+        self.hinges = [Revolute(axis) for axis in self.AXES]
+        self.links = [RigidBody.rod(mass, tip, radius=0.05) for mass, tip in zip(self.MASSES, self.LINKS, strict=True)]
+        self.motors = [TorqueSource(torque) for torque in self.torques]
+        before = self.world.frame
+        for hinge, link, motor in zip(self.hinges, self.links, self.motors, strict=True):
+            self.connect(before, hinge.frame_a)
+            self.connect(hinge.frame_b, link.frame)
+            self.connect(motor.flange, hinge.flange)
+            before = link.tip
+
+
+@dataclass(frozen=True)
+class Textbook:
+    """x' = `rate` (x, u), from `start` to `end` in a `time`, |u| <= `most`, |x| <= `bound`, least integral of sum (u / `weights`)^2."""
+
+    rate: ca.Function
+    time: float
+    start: np.ndarray
+    end: np.ndarray
+    most: np.ndarray
+    bound: np.ndarray
+    weights: np.ndarray
+
+
+def cart_pole() -> ac.OptimalControl:
+    """Swings up."""
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), 2.0)
+    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
+    ocp.end({scene.rail.q: 0.0, scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
+    ocp.bound(scene.force, -20, 20)
+    ocp.minimise(ac.integral(scene.force**2))
+    return ocp
+
+
+def cart_pole_by_hand() -> Textbook:
+    """Of textbooks: thin rod of 0.3 kg and 0.6 m on a cart of 1 kg, angle from hanging."""
+    m, half, g = 0.3, 0.3, 9.81
+    x, u = ca.SX.sym("x", 4), ca.SX.sym("u")
+    s, k = ca.sin(x[1]), ca.cos(x[1])
+    M = ca.vertcat(ca.horzcat(1 + m, -m * half * k), ca.horzcat(-m * half * k, 4 / 3 * m * half**2))
+    f = ca.vertcat(u - m * half * s * x[3] ** 2, -m * g * half * s)
+    rate = ca.Function("rate", [x, u], [ca.vertcat(x[2:], ca.solve(M, f))])
+    return Textbook(rate, 2.0, np.zeros(4), np.array([0, np.pi, 0, 0]), np.array([20.0]), np.full(4, np.inf), np.ones(1))
+
+
+def arm() -> ac.OptimalControl:
+    """Moves its tool in half a second."""
+    scene = Arm()
+    ocp = ac.OptimalControl(ac.build(scene), 0.5)
+    ocp.start({hinge.q: q for hinge, q in zip(scene.hinges, Arm.START, strict=True)})
+    ocp.end({hinge.q: q for hinge, q in zip(scene.hinges, Arm.END, strict=True)} | {hinge.v: 0 for hinge in scene.hinges})
+    for hinge, torque, most in zip(scene.hinges, scene.torques, Arm.TORQUES, strict=True):
+        ocp.bound(torque, -most, most)
+        ocp.bound(hinge.v, -6, 6)
+    ocp.minimise(ac.integral(sum((torque / most) ** 2 for torque, most in zip(scene.torques, Arm.TORQUES, strict=True))))
+    return ocp
+
+
+def arm_by_hand() -> Textbook:
+    """Nobody writes six axes by hand: the model's explicit dynamics, as users give them to Opti."""
+    f = ac.build(Arm()).functions.explicit_dynamics
+    x, u = ca.SX.sym("x", 12), ca.SX.sym("u", 6)
+    rate = ca.Function("rate", [x, u], [f(0, x, u, ca.SX(0, 1))], {"cse": True})
+    most = np.array(Arm.TORQUES)
+    bound = np.array([np.inf] * 6 + [6.0] * 6)
+    return Textbook(rate, 0.5, np.append(Arm.START, np.zeros(6)), np.append(Arm.END, np.zeros(6)), most, bound, most)
+
+
+def timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    """What it gives, and its seconds of the processor."""
+    begin = time.process_time()
+    return call(), time.process_time() - begin
+
+
+def least(call: Callable[[], Any]) -> tuple[Any, float]:
+    """Of several calls the quickest."""
+    return min((timed(call) for _ in range(_REPEAT)), key=lambda pair: pair[1])
+
+
+def functions_of(stats: Mapping[str, Any]) -> float:
+    """Seconds of the processor in functions."""
+    return sum(float(value) for key, value in stats.items() if key.startswith("t_proc_nlp_"))
+
+
+def ours(make: Callable[[], ac.OptimalControl], intervals: int) -> tuple[Row, Part]:
+    """By this package."""
+
+    def built() -> tuple[Any, Any, Any]:
+        part = make().part(Mesher(intervals, 5, "free", "ipopt"))
+        program = whole([part], []).program
+        return part, program, program.solver("ipopt", {**ipopt_options(warm=False), "error_on_fail": False})
+
+    (part, program, solver), build = timed(built)
+    (low, high), (lower, upper) = program.bounds, program.limits
+    begin = np.clip(program.guess, low, high)
+    found, first = timed(lambda: solver(x0=begin, lbx=low, ubx=high, lbg=lower, ubg=upper))
+    iterations = int(solver.stats()["iter_count"])
+    again = program.solver("ipopt", {**ipopt_options(warm=True, known=True), "error_on_fail": False})
+    aside = np.zeros(program.size)
+    aside[: part.asked.stage.functions.space.nq] = _ASIDE
+    warm = {"x0": found["x"], "lam_x0": found["lam_x"], "lam_g0": found["lam_g"], "lbg": lower, "ubg": upper}
+    _, seconds = least(lambda: again(lbx=low + aside, ubx=high + aside, **warm))
+    stats = again.stats()
+    row = Row(
+        "acausal",
+        float(found["f"]) * program.unit,
+        build,
+        first,
+        iterations,
+        seconds,
+        int(stats["iter_count"]),
+        functions_of(stats),
+    )
+    return row, part
+
+
+def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
+    """The same mesh and guess for `casadi.Opti`."""
+    intervals, n, nu = part.mesh.intervals, textbook.start.size, textbook.most.size
+
+    def built() -> tuple[ca.Opti, Any, Any, Any]:
+        opti = ca.Opti()
+        X, U, begin = opti.variable(n, 3 * intervals + 1), opti.variable(nu, 3 * intervals), opti.parameter(n)
+        C, _, b = ca.collocation_coeff(_RADAU)
+        h, cost = textbook.time / intervals, ca.MX(0)
+        rates = textbook.rate.map(3)
+        for i in range(intervals):
+            block, own = X[:, 3 * i : 3 * i + 4], U[:, 3 * i : 3 * i + 3]
+            opti.subject_to(ca.vec(block @ C - h * rates(block[:, 1:], own)) == 0)
+            cost += h * ca.dot(ca.repmat(b.T, nu, 1), (own / ca.repmat(ca.DM(textbook.weights), 1, 3)) ** 2)
+        opti.subject_to(X[:, 0] == begin)
+        opti.subject_to(X[:, -1] == ca.DM(textbook.end))
+        opti.subject_to(
+            opti.bounded(-ca.repmat(ca.DM(textbook.most), 1, 3 * intervals), U, ca.repmat(ca.DM(textbook.most), 1, 3 * intervals))
+        )
+        for k in np.flatnonzero(np.isfinite(textbook.bound)).tolist():
+            opti.subject_to(opti.bounded(-textbook.bound[k], X[k, :], textbook.bound[k]))
+        opti.minimize(cost)
+        opti.set_value(begin, textbook.start)
+        values = part.guess.at(np.append(0.0, part.mesh.points.ravel()))
+        opti.set_initial(X, values[:, :n].T)
+        opti.set_initial(U, values[1:, values.shape[1] - nu :].T)
+        options = {
+            key.removeprefix("ipopt."): value for key, value in _by_hand_options(warm=False).items() if key.startswith("ipopt.")
+        }
+        opti.solver("ipopt", {"print_time": False}, options)
+        return opti, X, U, begin
+
+    (opti, X, U, begin), build = timed(built)
+    found, first = timed(opti.solve)
+    iterations, cost = int(opti.stats()["iter_count"]), float(found.value(opti.f))
+    for one in (X, U, opti.lam_g):
+        opti.set_initial(one, found.value(one))
+    options = {
+        key.removeprefix("ipopt."): value for key, value in _by_hand_options(warm=True).items() if key.startswith("ipopt.")
+    }
+    opti.solver("ipopt", {"print_time": False}, options)
+    aside = np.where(np.arange(n) < n // 2, _ASIDE, 0.0)
+    opti.set_value(begin, textbook.start + aside)
+    opti.solve()  # makes its functions
+    _, seconds = least(opti.solve)
+    stats = opti.stats()
+    return Row(
+        "casadi.Opti, by hand",
+        cost,
+        build_before + build,
+        first,
+        iterations,
+        seconds,
+        int(stats["iter_count"]),
+        functions_of(stats),
+    )
+
+
+def _by_hand_options(*, warm: bool) -> dict[str, Any]:
+    """The same tolerances and start; the scaling and linear algebra of ipopt as they are usually."""
+    found = ipopt_options(warm=warm, known=warm)
+    ours_alone = ("nlp_scaling_method", "mumps_pivot_order", "fast_step_computation", "min_refinement_steps")
+    return {key: value for key, value in found.items() if key.removeprefix("ipopt.") not in ours_alone}
+
+
+def horizon() -> None:
+    """A step of a receding horizon of the cart-pole with 25 intervals, by one step of a quadratic program and by ipopt."""
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: 0.3, scene.hinge.q: np.pi - 0.2})
+    ocp.bound(scene.force, -30, 30)
+    ocp.minimise(
+        ac.integral(10 * scene.rail.q**2 + 50 * (scene.hinge.q - np.pi) ** 2 + 0.01 * scene.force**2 + 0.1 * scene.rail.v**2)
+    )
+    for solver in ("piqp", "ipopt"):
+        control, build = timed(lambda solver=solver: ocp.controller(0.04, 25, order=3, controls="constant", solver=solver))
+        control([0.3, np.pi - 0.2, 0, 0])
+        x, times = np.array([0.3, np.pi - 0.2, 0, 0]), list[float]()
+        for _ in range(30):
+            times.append(timed(lambda control=control, x=x: control(x))[1])
+            x = control.best.x[:, 1]
+        print(
+            f"receding horizon, 25 intervals, {solver}: build {1e3 * build:.0f} ms, a step {1e3 * float(np.median(times)):.2f} ms, {control.best.iterations} iterations"
+        )
+
+
+def recordings() -> None:
+    """Five parameters of the cart-pole from two outputs at a hundred instants."""
+    scene = CartPole()
+    model = ac.build(scene)
+    unknowns = [scene.mass, scene.load, scene.length, scene.drag, scene.rub]
+    t = np.linspace(0.03, 3.0, 100)
+    push = ac.samples(np.linspace(0, 3, 61), 4 * np.sin(2.1 * np.linspace(0, 3, 61)))
+    start: Any = {scene.rail.q: 0.0, scene.hinge.q: 1.0}
+    true = dict(zip(unknowns, (1.1, 0.33, 0.55, 0.4, 0.02), strict=True))
+    run = model.simulate(3.0, start, inputs={scene.force: push}, parameters=true, rtol=1e-10).at(t)
+    rng = np.random.default_rng(0)
+    data: Any = {one: (t, run[one] + 0.002 * rng.normal(size=t.size), 0.002) for one in (scene.rail.q, scene.hinge.q)}
+    first = {scene.drag: 0.2, scene.rub: 0.01}
+
+    def fitted() -> Any:
+        return ac.estimate(model, data, unknowns, start, inputs={scene.force: push}, parameters=first)
+
+    fitted()
+    found, seconds = least(fitted)
+    print(f"five parameters from 200 samples: {1e3 * seconds:.1f} ms, {found.evaluations} motions with slopes\n{found}")
+
+
+def main() -> None:
+    """Prints tables."""
+    for name, make, hand, intervals in (
+        ("cart-pole, 25 intervals", cart_pole, cart_pole_by_hand, 25),
+        ("six axes, 50 intervals", arm, arm_by_hand, 50),
+    ):
+        print(f"\n{name}\n\n{HEAD}")
+        row, part = ours(make, intervals)
+        print(row)
+        textbook, build = timed(hand)
+        print(by_hand(textbook, part, build))
+    print()
+    horizon()
+    recordings()
+
+
+if __name__ == "__main__":
+    main()
