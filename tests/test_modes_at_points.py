@@ -7,6 +7,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import EquilibriumError, OptionError
+from components import Coulomb, PointOnPlane, RigidBody, World
 from tests.rough import bouncing, dragged, rubbing
 
 
@@ -54,6 +55,20 @@ def test_block_on_the_ground_rests_where_it_is_put() -> None:
     scene = dragged()
     found = ac.build(scene).equilibrium({scene.z.q: 0.4, scene.x.q: 0.2})
     assert found.point.x == pytest.approx([0.2, 0.05, 0, 0], abs=1e-12) and found.free == ("x.q",)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5, -2.0])
+def test_body_on_two_feet_rests_on_a_slope_where_it_stands(height: float) -> None:
+    """The mode is that of the place where it is put, velocities alone being taken from it."""
+    scene = ac.System()
+    scene.world, scene.body = World(gravity=(9.81 * np.sin(0.3), 0, -9.81 * np.cos(0.3))), RigidBody.ball(1.0, 0.1)
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(0.5)) for _ in range(2)]
+    for foot, x in zip(scene.feet, (0.0, 0.3), strict=True):
+        scene.connect(scene.world.at((0, 0, height)), foot.frame_a)
+        scene.connect(foot.frame_b, scene.body.at((x, 0, 0)))
+    found = ac.build(scene).equilibrium({scene.body.frame.position: (1, 2, height)})
+    assert np.ravel(found[scene.body.frame.position]) == pytest.approx([1, 2, height], abs=1e-12)
+    assert np.ravel(found[scene.feet[0].normal_force]) == pytest.approx([9.81 * np.cos(0.3)])
 
 
 def test_no_equilibrium_is_said_where_nothing_holds() -> None:

@@ -65,7 +65,7 @@ def _begun(functions: Functions, began: OperatingPoint, laws: Sequence[Law], ste
     assert modes is not None
     still = began.x.copy()
     if not steady:
-        still[list({int(i) for i in modes.response.sparsity().row()})] = 0.0
+        still[[i for i in range(still.size) if not modes.response[i, :].is_zero()]] = 0.0
     at = OperatingPoint(began.t, still, began.u, began.p)
     try:
         decided = in_its_mode(functions, at, "equilibrium")
