@@ -429,3 +429,25 @@ def test_minimal_models_refuse_what_is_set() -> None:
     free = falling()
     with pytest.raises(OptionError, match=r"model\.simulate only"):
         ac.build(free).minimal({free.mass.s: 1.0}).simulate(1.0, events=[ac.when(free.mass.s, set={free.mass.v: 0.0})])
+
+
+@pytest.mark.parametrize("method", ["gauss", "radau"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_what_a_motion_keeps_at_zero_sets_nothing(method: str, rtol: float, size: float) -> None:
+    """The energy against that of the start: what the tolerance makes of it passes nothing, in either direction; a small multiple of what moves does."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod = World((0, 0, -9.81 * size)), Revolute("y"), RigidBody.rod(1.0, (0, 0, -size))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    q, v = scene.hinge.q, scene.hinge.v
+    energy = size**2 * (v**2 / 6 - 9.81 / 2 * (np.cos(q) - np.cos(0.5)))
+    run = ac.build(scene).simulate(
+        10.0,
+        {q: 0.5},
+        rtol=rtol,
+        method=method,
+        events=[ac.when(energy, "both", set={v: 2 * v}), ac.when(1e-3 * q, "falling", set={v: v})],
+    )
+    counted = [change.time for change in run.transitions]
+    assert len(counted) == 6 and abs(run[q]).max() < 0.5 + 10 * rtol

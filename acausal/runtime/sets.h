@@ -18,7 +18,7 @@ static int make_sets(Integrator *I) {
     if (d && !arranged(I, &I->set_change, &T->set_change_in, &T->set_change_out, &T->set_change_c, 1 + I->nx + I->nu)) return 0;
     if (d && !I->counted) give_inputs(I, T->set_change_in);
     T->set_side = reserve_doubles(I, n + 1);
-    T->set_rows = reserve_doubles(I, 5 * n + 1);
+    T->set_rows = reserve_doubles(I, 6 * n + 1);
     T->set_x = reserve_doubles(I, targets + 1);
     T->lock_noise = reserve_doubles(I, I->set.outputs + 1);
     T->set_fired = reserve(I, sizeof(long) * (size_t)(3 * n + 1));
@@ -80,17 +80,20 @@ static int find_set_slopes(Integrator *I, double *slope) {
 static int look_ahead(Integrator *I, double planned) {
     struct State *T = I->state;
     long n = I->set_count, first = first_set(I), left = 0;
-    double *value = T->set_rows, *side = T->set_rows + n, *slope = T->set_rows + 2 * n, *zero = T->set_rows + 4 * n, *x = T->set_x, *rate = T->most, later = SOONEST * planned;
+    double *value = T->set_rows, *side = T->set_rows + n, *slope = T->set_rows + 2 * n, *zero = T->set_rows + 4 * n, *rest = T->set_rows + 5 * n, *x = T->set_x, *rate = T->most, later = SOONEST * planned;
     if (!rows_at(I, I->t, I->x)) return 0;
     for (long k = 0; k < n; k++) {
-        double s = T->set_side[k], noise = fmax(MET * T->row_noise[first + k], zero[k]);
+        int rests = rests_at_zero(I, first + k, T->one_row[first + k]);
+        if (rests < 0) return 0;
+        rest[k] = rests ? at_rest(I, first + k) : 0;
+        double s = T->set_side[k], noise = fmax(MET * T->row_noise[first + k], fmax(zero[k], rest[k]));
         value[k] = T->one_row[first + k] / (s != 0 ? s : 1);
         side[k] = value[k] > noise ? 1 : value[k] < -noise ? -1 : 0;
         if (side[k] == 0) value[k] = 0, left++;
     }
     if (left && !find_set_slopes(I, slope)) return 0;
     for (long k = 0; k < n && left; k++) {
-        if (side[k] != 0 || slope[k] == 0) continue;
+        if (side[k] != 0 || slope[k] == 0 || rest[k] > 0) continue;
         side[k] = slope[k] > 0 ? 1 : -1;
         left--;
     }
@@ -101,7 +104,7 @@ static int look_ahead(Integrator *I, double planned) {
         for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * rate[i];
         if (!rows_at(I, I->t + later, x)) return 0;
         for (long k = 0; k < n; k++) {
-            double s = T->set_side[k], there = T->one_row[first + k] / (s != 0 ? s : 1), noise = MET * T->row_noise[first + k];
+            double s = T->set_side[k], there = T->one_row[first + k] / (s != 0 ? s : 1), noise = fmax(MET * T->row_noise[first + k], 2 * rest[k]);
             if (side[k] != 0 || !(fabs(there) > noise)) continue;
             side[k] = there > 0 ? 1 : -1;
             left--;

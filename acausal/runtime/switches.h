@@ -300,6 +300,18 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
     return found;
 }
 
+static int find_set_slopes(Integrator *I, double *slope);
+
+/* How far from zero the tolerance leaves a guard of something that sets. */
+static double at_rest(const Integrator *I, long row) { return I->state->row_noise[row] * fmax(MET, ROUNDINGS * I->rtol / EPS); }
+
+/* Whether such a guard rests at zero: it is as near as the tolerance tells, and so it is at the end if it goes on as it does here. -1: the input function failed. */
+static int rests_at_zero(Integrator *I, long row, double value) {
+    double *slope = I->state->set_rows + 2 * I->set_count, known = at_rest(I, row);
+    if (!(fabs(value) <= known)) return 0;
+    return find_set_slopes(I, slope) ? fabs(slope[row - first_set(I)] * (I->end - I->t)) <= known : -1;
+}
+
 /* The first row that becomes negative in a step, into L, and where; 2 where none does, -1 when the input function failed, -2 where an
    open gap is below zero at the end and nothing has been found on the way. */
 static double first_switch(Path *p, struct Landing *L) {
@@ -326,7 +338,13 @@ static double first_switch(Path *p, struct Landing *L) {
         if (T->overs[I->row_switch[r]] > ENDLESS) continue;
         p->guard = r;
         p->noise = T->row_noise[r];
-        if (r >= first_set(I) && r < I->mode_rows && fabs(v[0]) <= MET * p->noise) p->noise *= MET; /* what is at zero has passed where it is seen to get away */
+        if (r >= first_set(I) && r < I->mode_rows) { /* what is at zero has passed where it is seen to get away */
+            if (fabs(v[0]) <= MET * p->noise) p->noise *= MET;
+            int rests = rests_at_zero(I, r, v[0]);
+            if (rests < 0) return -1;
+            if (rests) p->noise = fmax(p->noise, fabs(v[0]) + at_rest(I, r));
+            if (rests && fabs(v[POINTS - 1]) <= p->noise) continue; /* the inside of a step is known less well than its ends */
+        }
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
         if (decided) p->noise = fmax(p->noise, (r < first_set(I) ? -2 : -1.01) * v[0]);
         for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
