@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
 import acausal as ac
@@ -19,6 +20,7 @@ from components import (
     Coulomb,
     Cylinder,
     Ellipsoid,
+    EndStop,
     Hard,
     HeightField,
     ImplicitSurface,
@@ -30,6 +32,7 @@ from components import (
     PointOnCurve,
     PointOnPlane,
     PointOnSurface,
+    Prismatic,
     Revolute,
     RigidBody,
     Rope,
@@ -598,3 +601,31 @@ def test_a_dropped_box_comes_to_rest_in_the_same_place_in_every_order_of_its_fee
         found.append(np.concatenate([run[frame.position][-1] / size, run[frame.rotation][-1].ravel()]))
     assert found[0][2] == pytest.approx(0.1, abs=1e-12)
     assert found[1] == pytest.approx(found[0], abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["point", "ball", "rope", "stop"])
+@pytest.mark.parametrize(("shift", "start"), [(0.0, 0.0), (1.0, 0.7), (1e3, 0.0), (1e6, 0.3)])
+def test_what_is_put_where_it_touches_rests_there_however_far_away(kind: str, shift: float, start: float) -> None:
+    """Places whose difference is a number are rounded too: 0.3 - 0.1 - 0.2 is no overlap, nor is what is left of it at 1e6 m."""
+    R, o = Rotation.from_rotvec([0.4, -0.9, 1.3]).as_matrix(), shift * np.array([0.3, -0.7, 0.6])
+    scene = ac.System()
+    scene.world, scene.slide, scene.box = World(tuple(R @ (0, 0, -9.81))), Prismatic("z"), RigidBody.box(1.0, (0.1, 0.1, 0.1))
+
+    def there(height: float) -> ac.Frame:
+        return scene.world.at(tuple(o + R @ (0, 0, height)), rotation=R)
+
+    scene.connect(there(0.3 - start), scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.box.frame)
+    if kind == "stop":
+        scene.held = EndStop(scene.slide.flange, lower=start + 0.3 - 0.1 - 0.2)
+    else:
+        scene.held = {
+            "point": lambda: PointOnPlane(unilateral=True),
+            "ball": lambda: Contact(Sphere(0.2), Plane(), Hard(0.5)),
+            "rope": lambda: Rope(0.2),
+        }[kind]()
+        scene.connect(there(0.5 if kind == "rope" else 0.1), scene.held.frame_a)
+        scene.connect(scene.held.frame_b, scene.box.at((0, 0, -0.2)) if kind == "point" else scene.box.frame)
+    run = ac.build(scene).simulate(0.3, {scene.slide.q: start, scene.slide.v: 0.0})
+    assert run[scene.slide.q] == pytest.approx(start, abs=1e-8)
+    assert len(run.transitions) == 0 or run.transitions[-1].time < 1e-3

@@ -29,7 +29,8 @@ class ModeRow:
     """A law of `reactions`, one to three: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
     is the slip [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
     `gate`: positive where that may close. `sizes`: which the limits depend on. `impact`: by which law of impact, see impacts.h; `back`: how much of a slip comes
-    back in one; `pressure`: of a patch, which has three reactions.
+    back in one; `pressure`: of a patch, which has three reactions; `terms`: the sizes of what the gap is made of where it is read, as of places whose
+    difference is a number.
     """
 
     part: Part
@@ -44,6 +45,7 @@ class ModeRow:
     impact: int = 0
     back: ca.SX = field(default_factory=lambda: ca.SX(0))
     pressure: Pressure | None = None
+    terms: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     @property
     def gap(self) -> ca.SX:
@@ -77,12 +79,24 @@ class ModeRow:
     def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> ModeRow:
         """With values in place of symbols."""
         columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
-        found = ca.substitute([*columns, self.back, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new))
+        found = ca.substitute(
+            [*columns, self.terms, self.back, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new)
+        )
         rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
         sizes = tuple(replace(size, of=ca.substitute([size.of], list(old), list(new))[0]) for size in self.sizes)
         gate = None if self.gate is None else found[-1]
         return ModeRow(
-            self.part, self.reactions, found[0], *rest, self.one_way, gate, sizes, self.impact, found[-2], self.pressure
+            self.part,
+            self.reactions,
+            found[0],
+            *rest,
+            self.one_way,
+            gate,
+            sizes,
+            self.impact,
+            found[-2],
+            self.pressure,
+            found[-3],
         )
 
 
@@ -136,7 +150,8 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 locked += law.reactions
                 continue
             if isinstance(law, OneSided):
-                found.append(ModeRow(part, (law.reaction,), read(law.gap), read(law.impact.restitution), impact=law.impact.kind))
+                bounce, terms = read(law.impact.restitution), readings.resolved(rounded(sx(law.gap)), part)
+                found.append(ModeRow(part, (law.reaction,), read(law.gap), bounce, impact=law.impact.kind, terms=terms))
             elif isinstance(law, OneWay):
                 gate = None if law.gate is None else read(law.gate)
                 found.append(ModeRow(part, (law.reaction,), read(law.speed), ca.SX(0), one_way=True, gate=gate))

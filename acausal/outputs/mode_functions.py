@@ -44,10 +44,11 @@ def mode_functions(
             masked("mode_projection", step), (), discretes,
         )  # fmt: skip
     size = [row.size for row in m.frictions]
+    terms = ca.vertcat(ca.SX(0, 1), *(row.terms for row in m.rows if row.one_sided))
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
         Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems),
-        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m))),
+        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), terms, _magnitudes(m), _pressures(m))),
         invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
     )  # fmt: skip
 

@@ -20,7 +20,7 @@
    what reactions add to it. */
 typedef struct {
     long n, gaps, lines, planes, frictions, magnitudes;
-    const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *kind, *back, *bounce;
+    const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *kind, *back, *bounce, *terms;
     const double *force, *force_by, *hold_size, *slide_size, *pressure;
     const double *gap_noise, *rate_noise;
 } Decision;

@@ -107,7 +107,8 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.kind = D.slide_by + m * n;
     D.back = D.kind + gaps;
     D.bounce = D.back + m;
-    D.force = D.bounce + gaps + 1;
+    D.terms = D.bounce + gaps + 1;
+    D.force = D.terms + gaps;
     D.force_by = D.force + 3 * I->magnitudes;
     D.hold_size = D.force_by + 3 * I->magnitudes * n;
     D.slide_size = D.hold_size + m * I->magnitudes;
@@ -138,6 +139,7 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
             }
     }
     *D = decision_of(I, T->decided, T->decided_noise);
+    for (long i = 0; i < gaps && !T->begun; i++) T->decided_noise[i] = fmax(T->decided_noise[i], TOUCHES * EPS * fabs(D->terms[i])); /* where things are put is rounded too */
     double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
     for (long i = 0; i < n && energy > 0; i++)
         if (D->W[i * n + i] > 0) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * sqrt(2 * D->W[i * n + i] * energy));
@@ -510,7 +512,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
         R.touching[i] = D.gap[i] <= D.gap_noise[i] || T->side[i] == 1 || i == row;
-        if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -D.gap_noise[i]) {
+        if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -fmax(D.gap_noise[i], T->begun ? 0 : I->rtol * fabs(D.terms[i]))) {
             I->worst = i;
             return OVERLAPS;
         }
