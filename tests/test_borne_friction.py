@@ -556,3 +556,20 @@ def test_rod_that_slides_on_into_its_critical_position_is_told_so() -> None:
         ac.errors.SimulationError, match=r"foot.* slips with a coefficient of 2, and there the critical one is 2:"
     ):
         ac.build(scene).simulate(0.3, leaning(scene, 0.5, -6.0, -2.0), rtol=1e-10)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.6, np.pi / 2])
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e4])
+def test_collar_of_a_bearing_rubs_by_the_force_along_its_axis(tilt: float, size: float) -> None:
+    """A balanced disk runs down: I w' = -mu m g (radius sin(tilt) + collar cos(tilt))."""
+    mu, r, collar, w = 0.2, 0.02 * size, 0.05 * size, 7.0
+    scene = ac.System()
+    scene.world, scene.hinge = World(gravity=(0, 0, -G * size)), Revolute(axis=(np.sin(tilt), 0, np.cos(tilt)))
+    scene.disk = RigidBody.disk(1.5, 0.3 * size, axis=(np.sin(tilt), 0, np.cos(tilt)))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.disk.frame)
+    scene.bearing = JointFriction(scene.hinge, Coulomb(mu), radius=r, collar=collar)
+    slows = mu * G * size * (r * np.sin(tilt) + collar * np.cos(tilt)) / (0.5 * (0.3 * size) ** 2)
+    run = ac.build(scene).simulate(1.2 * w / slows, {scene.hinge.q: 0.0, scene.hinge.v: w}, rtol=1e-10)
+    assert changes(run) == pytest.approx([w / slows], rel=1e-9)
+    assert run[scene.hinge.q][-1] == pytest.approx(w**2 / (2 * slows), rel=1e-9)

@@ -478,7 +478,7 @@ class _Masked:
     def guards(self, found: ca.SX, rate: ca.SX, sizes: ca.SX) -> ca.SX:
         """Of laws, see `Modes`."""
         guards: list[ca.SX] = []
-        unknown, values = ca.vertcat(self.reactions, self.magnitudes.symbols), ca.vertcat(found, sizes)
+        unknown, values = ca.vertcat(self.reactions, self.magnitudes.symbols), ca.densify(ca.vertcat(found, sizes))
         first = 0
         for row, mask in zip(self.rows, self.masks, strict=True):
             holds, force, slip = mask.holds.sx, found[first : first + row.size, :], rate[first : first + row.size, :]
