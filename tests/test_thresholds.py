@@ -147,6 +147,42 @@ def test_of_reactions_that_rigid_bodies_leave_open_the_least_ones_are_given():
         assert free.size and np.max(np.abs(left)) < 5e-12 * np.linalg.norm(free) * np.linalg.norm(wrenches)
 
 
+@pytest.mark.parametrize(
+    ("lengths", "angle"),
+    [
+        ((0.3, 1.0, 0.7, 0.9), 0.7),
+        ((1.0, 1e3, 3.0, 999.0), 0.7),
+        *(((0.5, 1.0, 0.5, 1.0), -angle) for angle in (0.1, 1e-2, 1e-3)),
+    ],
+)
+@pytest.mark.parametrize("size", [1.0, 1e-4])
+def test_hinges_of_a_four_bar_bear_no_torque_about_their_axes(lengths: tuple[float, ...], angle: float, size: float):
+    """However different its lengths are, and however near to where it lies flat; and what they bear moves the bars as they move."""
+    scene = ac.System()
+    scene.world, scene.hinges = World(gravity=(0, 0, -9.81 * size)), [Revolute("y") for _ in range(4)]
+    scene.bars = [RigidBody.rod(1.0, (size * length, 0, 0)) for length in lengths[:3]]
+    crank, coupler, rocker = scene.bars
+    a, b, c, d = scene.hinges
+    ends = [(scene.world.frame, a.frame_a), (a.frame_b, crank.frame), (crank.tip, b.frame_a), (b.frame_b, coupler.frame)]
+    ends += [
+        (coupler.tip, c.frame_a),
+        (c.frame_b, rocker.tip),
+        (rocker.frame, d.frame_b),
+        (scene.world.at((size * lengths[3], 0, 0)), d.frame_a),
+    ]
+    for pair in ends:
+        scene.connect(*pair)
+    run = ac.build(scene).simulate(1e-6, {a.q: angle, a.v: 1.0}, samples=2)
+    forces, torques = (
+        np.array([run[part][0] for part in parts])
+        for parts in zip(*((h.frame_b.force, h.frame_b.torque) for h in scene.hinges), strict=True)
+    )
+    assert np.max(np.abs(torques[:, 1])) < 1e-10 * size * max(lengths[:3]) * np.max(np.abs(forces))
+    middle = (ac.der(coupler.frame.velocity) + ac.der(coupler.tip.velocity)) / 2
+    pulls = -run[b.frame_b.force][0] - run[c.frame_a.force][0]
+    assert pulls == pytest.approx(run[middle][0] + [0, 0, 9.81 * size], abs=1e-12 * np.max(np.abs(forces)))
+
+
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("misfit", "fits"), [(3e-10, True), (1e-8, False)])
 def test_rigid_parts_fit_to_nine_digits_of_their_lengths(size: float, misfit: float, fits: bool):

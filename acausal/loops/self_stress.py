@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.dynamics.formulas import solve_positive
+from acausal.dynamics.formulas import damped_solver, solve_positive
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.loops.constraints import Constraints
@@ -24,9 +24,9 @@ from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.pose import Pose, symbolic
 from acausal.topology.mechanism import Edge
 
-_STIFFNESS = 1e4
-"""What is left of it is its fifth power; times as much rounding of the rows comes in, where they only depend on one another when assembled."""
-_STEPS = 5
+_DAMPING = 1e-12
+"""Of independent rows, in units of their own size: what is left out where they are not so at a position."""
+_REFINEMENTS = 2
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,7 +35,7 @@ class LoopReactions:
 
     `edges`: the joints in loops, those of the tree first. `change` (6 len(edges), m): torque and force on frame_b of each, in its mounted
     axes. `jacobian` A (m, nv). The lengths of loops, which torques are divided by: `of_wrenches` (6 len(edges), 1), `of_rows` (m, 1) and
-    `of_rates` (nv, 1), 1 for forces and what shifts.
+    `of_rates` (nv, 1), 1 for forces and what shifts. `independent`: rows that the others follow from.
     """
 
     edges: tuple[Edge[AbstractConstraint], ...]
@@ -44,6 +44,7 @@ class LoopReactions:
     of_wrenches: ca.SX
     of_rows: ca.SX
     of_rates: ca.SX
+    independent: tuple[int, ...]
 
     @property
     def measured(self) -> tuple[ca.SX, ca.SX]:
@@ -54,17 +55,18 @@ class LoopReactions:
     def balanced(self, multipliers: ca.SX, wrenches: ca.SX) -> ca.SX:
         """The multipliers (m, 1) with the smallest reactions and the motion of `multipliers`, for which the joints feel `wrenches`.
 
-        Method of multipliers on min |wrenches + change z|^2 under A' z = 0.
+        Least squares in the multipliers of all rows that follow from `independent` ones, whose own take back what the others do to the motion.
         """
         W, A = self.measured
         wrenches = wrenches / self.of_wrenches
-        stiffness = _STIFFNESS * ca.trace(W.T @ W) / (ca.trace(A @ A.T) + np.finfo(float).tiny)
-        matrix = ca.densify(W.T @ W + stiffness * (A @ A.T))
-        pull = ca.SX.zeros(A.shape[1])
+        own, rest = list(self.independent), [k for k in range(A.shape[0]) if k not in self.independent]
+        S = ca.densify(A[own, :] @ A[own, :].T)
+        back = damped_solver(S, _DAMPING * ca.diag(S), _REFINEMENTS)(ca.densify(A[own, :] @ A[rest, :].T))
+        change = W[:, rest] - W[:, own] @ back
+        least = solve_positive(ca.densify(change.T @ change), ca.densify(-(change.T @ wrenches)))
         z = ca.SX.zeros(A.shape[0])
-        for _ in range(_STEPS):
-            z = solve_positive(matrix, ca.densify(-(W.T @ wrenches) - A @ pull))
-            pull += stiffness * (A.T @ z)
+        z[rest] = least
+        z[own] = -(back @ least)
         return multipliers + self.of_rows * z
 
 
@@ -111,8 +113,19 @@ def loop_reactions(system: MechanicalSystem, constraints: Constraints) -> LoopRe
     ]
     of_wrenches = [ca.vertcat(*[length[edge.name]] * 3, 1, 1, 1) for edge in edges]
     return LoopReactions(
-        tuple(edges), ca.vertcat(*blocks, *own), ca.vertcat(*padded), ca.vertcat(*of_wrenches), ca.vertcat(*of_rows), of_rates
-    )
+        tuple(edges), ca.vertcat(*blocks, *own), ca.vertcat(*padded), ca.vertcat(*of_wrenches), ca.vertcat(*of_rows), of_rates,
+        _independent(constraints),
+    )  # fmt: skip
+
+
+def _independent(constraints: Constraints) -> tuple[int, ...]:
+    """Places of the independent rows among all, where vanishing ones come last in each joint."""
+    places: list[int] = []
+    first = 0
+    for rows in constraints.loops:
+        places += range(first, first + len(rows.names))
+        first += len(rows.names) + len(rows.dropped)
+    return tuple(places[i] for i in constraints.rank.kept)
 
 
 def _lengths(system: MechanicalSystem, constraints: Constraints) -> dict[str, ca.SX]:
