@@ -18,6 +18,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    Torque,
     TranslationalGround,
     TranslationalSpring,
     World,
@@ -35,6 +36,30 @@ def boxes(first: float, second: float, opens: float, size: float = 1.0) -> tuple
     scene.connect(scene.a.at((0.05 * size, 0.0, 0.0)), scene.dock.frame_a)
     scene.connect(scene.dock.frame_b, scene.b.at((-0.05 * size, 0.0, 0.0)))
     return scene, ac.build(scene)
+
+
+@pytest.mark.parametrize("radius", [0.1, 1e-3, 1e-4])
+def test_latch_bears_what_turns_a_needle(radius: float) -> None:
+    """Its torques are as many times harder to find as the needle is thinner than long: about its own axis nothing resists them."""
+    scene = ac.System()
+    scene.world, scene.box = World(gravity=(0, 0, 0)), RigidBody.box(1.0, (0.3, 0.2, 0.1))
+    scene.needle, scene.hold, scene.turn = (
+        RigidBody.cylinder(1.0, radius, 1.0, axis="x"),
+        Latch(held=True),
+        Torque((0.3, 0.2, 0.1)),
+    )
+    scene.connect(scene.box.at((0.1, 0, 0)), scene.hold.frame_a)
+    scene.connect(scene.hold.frame_b, scene.needle.at((-0.5, 0, 0)))
+    scene.connect(scene.turn.frame, scene.box.frame)
+    start = {scene.box.frame.position: (0, 0, 0), scene.needle.frame.position: (0.6, 0, 0)}
+    run = ac.build(scene).simulate(1e-6, start, samples=2)
+    across = (3 * radius**2 + 1) / 12
+    needle = np.diag([radius**2 / 2, across, across])
+    whole = needle + np.diag([0.05, 0.1, 0.13]) / 12 + np.diag([0, 0.5 * 0.6**2, 0.5 * 0.6**2])
+    faster = np.linalg.solve(whole, [0.3, 0.2, 0.1])
+    force = np.cross(faster, [0.3, 0, 0])
+    assert run[scene.hold.force][0] == pytest.approx(force, rel=1e-7, abs=1e-12)
+    assert run[scene.hold.torque][0] == pytest.approx(needle @ faster + np.cross([0.5, 0, 0], force), rel=1e-7)
 
 
 @pytest.mark.parametrize(("time", "turned"), [(1.0, 0.0), (1e3, 0.0), (1e-6, 0.0), (1.0, 0.7), (3.0, -2.1)])

@@ -19,7 +19,7 @@ from acausal.numerics.elimination import undamped
 from acausal.numerics.terms import rounded
 from acausal.reduce.modes import Motion, positions_in
 
-_DAMPING = 1e-8
+_DAMPING = 1e-10
 """Of rows of one lock that have one unit: part of the mean of their compliances."""
 _REFINEMENTS = 3
 _NEVER = 1e-12
