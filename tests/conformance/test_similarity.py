@@ -140,7 +140,7 @@ def test_other_kinds_of_parts_and_loops_move_alike(name: str) -> None:
     _, same, found = _moved(name, Units(*(power(name, quantity) for quantity in range(3))))
     _same_decisions(model, same)
     assert np.array_equal(found, numbers), np.max(np.abs(found - numbers))
-    _, other, found = _moved(name, OTHER[k % len(OTHER)])
+    _, other, found = _moved(name, replace(OTHER[k % 4], place=FAR if k % 4 == 2 else TURNED))
     _same_decisions(model, other)
     assert np.max(np.abs(found - numbers)) < 1e2 * similar.growth * RTOL
 
