@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import acausal as ac
-from acausal.errors import OptimalControlError, OptionError
+from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control import solving
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
@@ -608,6 +608,14 @@ def test_standard_errors_cover_the_truth(swung: Any) -> None:
     assert np.mean(np.square(off)) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 50))
 
 
+def test_a_model_that_is_not_near_its_data_is_said(swung: Any) -> None:
+    """Here nobody said that a torque acts: the fit is the best there is, and worth nothing."""
+    scene, model, run = swung
+    t = np.linspace(0.1, 3, 30)
+    with pytest.warns(AccuracyWarning, match="not near the data"):
+        ac.estimate(model, {scene.hinge.q: (t, run.at(t)[scene.hinge.q], 0.01)}, [scene.length], {scene.hinge.q: 1.0})
+
+
 def test_what_the_data_cannot_tell_is_said() -> None:
     """Of a spring and the mass on it only the ratio shows."""
     scene: Any = ac.System()
@@ -635,6 +643,11 @@ def test_what_the_data_cannot_tell_is_said() -> None:
         (lambda s: {s.hinge.q: ([1, 2], [1])}, ["length"], "2 times need 2 values"),
         (lambda s: {s.hinge.q: ([-1, 2], [1, 2])}, ["length"], "before the start"),
         (lambda s: {s.hinge.q: ([1, 2], [1, 2], 0.0)}, ["length"], "must be positive"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, 2], np.inf)}, ["length"], "must be positive and finite"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, np.inf])}, ["length"], "are infinite somewhere"),
+        (lambda s: {s.hinge.q: ([1, 2], [np.nan, np.nan])}, ["length"], "hold no finite value"),
+        (lambda s: {}, ["length"], "hold no finite value"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, ["length", "length"], "unknown twice"),
         (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, [], "nothing is unknown"),
         (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, ["hinge.q"], "no single start value"),
     ],

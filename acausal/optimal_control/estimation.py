@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -10,13 +11,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from acausal.arguments import dictionary
-from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
+from acausal.errors import AccuracyWarning, AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.outputs.functions import Functions
 from acausal.simulate.sensitivity import Sensitivities
 from acausal.start.initial import exactly, near
 
 _LOST = (SimulationError, AssemblyError, StartValueError, ParameterError)
+_FAR = 20
+"""Standard deviations of chi squared, beyond which the model or the search is wrong and not the luck bad."""
 _UNSEEN = 1e-6
 """Of the largest: singular values of the data's slopes below this say nothing beside rounding and the tolerance of the motion."""
 
@@ -121,14 +124,28 @@ def estimate(
         raise OptionError(
             "estimate: nothing is unknown. Name parameters, inputs or start values: estimate(model, data, [scene.mass])."
         )
+    if len(set(map(id, keys))) < len(keys):
+        raise OptionError(f"estimate: something is unknown twice among {list(unknowns)}. Name each once.")
     if isinstance(recordings, Mapping):
         recordings = Recording(recordings, start, inputs)
     all_runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
     runs = [_Run(model, one, keys, parameters or {}, t0, rtol) for one in all_runs]
     first = np.array([_begin(runs, key, parameters or {}, model.functions) for key in keys])
+    if not any(np.isfinite(one.values).any() for run in runs for one in run.series):
+        raise OptionError(
+            "estimate: the recordings hold no finite value. Give data={scene.hinge.q: (times, values, standard deviation)}."
+        )
     problem = _Fit(runs, first)
     names = tuple(model.functions.outputs.name(k) if isinstance(k, Symbol) else repr(k) for k in keys)
-    return problem.solved(tuple(keys), names)
+    found = problem.solved(tuple(keys), names)
+    if all(run.noise_known for run in runs) and found.chi2 > found.freedom + _FAR * np.sqrt(2 * max(found.freedom, 1)):
+        warnings.warn(
+            f"The model is not near the data: chi2 is {found.chi2:.4g} with {found.freedom} degrees of freedom, where the noise that was said allows about "
+            f"{found.freedom} +- {np.sqrt(2 * max(found.freedom, 1)):.2g}. Standard errors mean nothing then. Begin nearer, free what else is not known, or look at residuals.",
+            AccuracyWarning,
+            stacklevel=2,
+        )
+    return found
 
 
 def _begin(runs: list[_Run], key: Expression, parameters: Mapping[Any, float], functions: Functions) -> float:
@@ -213,8 +230,10 @@ def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> 
         raise OptionError(f"The data of {name} have times that are not finite, or before the start at {t0:g} s.")
     values = values.reshape(times.size, size)
     noise = parts[2] if len(parts) == 3 else np.array(1.0)
-    if not np.all(noise > 0):
-        raise OptionError(f"The standard deviation of {name} must be positive.")
+    if np.isinf(values).any():
+        raise OptionError(f"The data of {name} are infinite somewhere. What is missing is NaN.")
+    if not np.all((noise > 0) & np.isfinite(noise)):
+        raise OptionError(f"The standard deviation of {name} must be positive and finite. What is missing is NaN in the values.")
     whole = np.broadcast_to(noise.reshape(times.size, -1) if noise.size > 1 else noise, values.shape)
     return _Series(wanted, times, values, np.array(whole), len(parts) == 3)
 
