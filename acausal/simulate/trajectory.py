@@ -35,8 +35,8 @@ from acausal.start.initial import InitialState
 
 _MOST_SIDES = 10_000
 """Transitions that are drawn as jumps."""
-_LOOKS = 4
-"""Times in a step at which an angle is looked at, so that no full turn is lost."""
+_TURNED, _MOST_LOOKS = 1.0, 64
+"""What velocities together make in a step for which it is looked at within, so that no full turn is lost; how often at most."""
 
 
 @dataclass(frozen=True)
@@ -202,11 +202,19 @@ class Trajectory:
 
     def _unwound(self, reading: Reading, values: np.ndarray) -> np.ndarray:
         """Angles `values` (rows, n) that are known up to full turns, with those that they have made since the start, however few times are read."""
-        ends = self.steps.t
-        between = (ends[:-1, None] + np.diff(ends)[:, None] * np.arange(_LOOKS) / _LOOKS).ravel()
-        times = np.union1d(between[between <= np.max(self.t, initial=ends[0])], self.t)
-        angles = np.unwrap(self.at(times)._values(reading), axis=1)[:, np.searchsorted(times, self.t)]
-        return values + 2 * np.pi * np.round((angles - values) / (2 * np.pi))
+        ends, x = self.steps.t, self.steps.x
+        speed = np.sum(np.abs(x[self.problem.positions :]), axis=0)
+        turned = np.diff(ends) * np.maximum(speed[:-1], speed[1:])
+        looks = np.minimum(np.nan_to_num(turned / _TURNED), _MOST_LOOKS).astype(int)
+        inside = np.concatenate(
+            [np.zeros(0), *(np.linspace(ends[k], ends[k + 1], looks[k] + 2)[1:-1] for k in np.flatnonzero(looks))]
+        )
+        known = [self.given(ends, x, self.problem.inputs(ends)), *([self.at(inside)] if inside.size else [])]
+        times = np.concatenate([*(other.t for other in known), self.t])
+        angles = np.hstack([*(other._values(reading) for other in known), values])
+        order = np.argsort(times, kind="stable")
+        angles[:, order] = np.unwrap(angles[:, order], axis=1)
+        return angles[:, -self.t.size :]
 
     def _evaluate(self, series: Series, given: np.ndarray | None = None) -> np.ndarray:
         """(rows, n): a column function at all times at once; `given` follows the inputs."""
