@@ -13,6 +13,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    Rod,
     RotationalDamper,
     RotationalGround,
     RotationalSpring,
@@ -114,6 +115,21 @@ def test_what_rests_takes_few_steps(compiled):
     moved = model.simulate(10.0, {scene.moving.q: 1.0}, compiled=compiled)
     assert moved.statistics.steps < 200 and np.max(np.abs(moved[scene.still.q])) < 1e-12
     assert moved.energy_error() < 1e-7
+
+
+@BOTH
+@pytest.mark.parametrize("aside", [6e-17, 1e-14, 1e-12])
+def test_what_is_only_rounding_of_a_start_takes_few_steps(compiled, aside):
+    """A body that spins on a rod: rates of places are sums, by its own axes, whose rounding is no kink."""
+    scene = ac.System()
+    scene.world, scene.body, scene.rod = World((0, 0, -9.81)), RigidBody.box(1.0, (0.1, 0.2, 0.3)), Rod(1.0)
+    scene.connect(scene.world.frame, scene.rod.frame_a)
+    scene.connect(scene.rod.frame_b, scene.body.frame)
+    frame = scene.body.frame
+    start = {frame.position: (aside, 1.0, -20 * aside), frame.angular_velocity: (0.3, 0.4, 0.5)}
+    run = ac.build(scene).simulate(0.5, start, compiled=compiled, max_steps=200)
+    assert run.statistics.steps < 100
+    assert run.energy_error() < 1e-9
 
 
 @BOTH

@@ -254,7 +254,7 @@ static double step_error_of(Integrator *I, Stages *S, double h) {
 /* Whether the rates jump or bend before the first or after the last node, where no stage sees it: the polynomial then misses the rates
    at the ends of the step by more than the neglected terms explain. `strict`: after rejections, when a kink is near. What a jump of the rates moves a state by in a
    step of the size that was planned counts as the state's size: so jumps from rest are found, too. */
-static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
+static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
     double *off[2] = {T->before, T->most};
@@ -290,7 +290,19 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
         for (long i = 0; i < I->nx; i++) worst = fmax(worst, fmin(fabs(off[e][i]) * (h / T->scale[i]), soonest));
     if (S->method->c[0] * worst <= 1) return 0;
     double next = tail * pow(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
-    return (strict && !radau) || worst > (strict ? 2 : 6) * next; 
+    return (strict && !radau) || worst > (strict ? 2 : 6) * next;
+}
+
+/* The same, beyond what rounding makes of the rates. */
+static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
+    struct State *T = I->state;
+    int found = misses_ends(I, S, h, strict);
+    if (found != 1 || T->noisy) return found;
+    sample_noise(I, S);
+    for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
+    found = misses_ends(I, S, h, strict);
+    if (found) forget_noise(I);
+    return found;
 }
 
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
