@@ -10,4 +10,3 @@ def pytest_collection_finish() -> None:
     """Modules and tests are no garbage, and need not be looked at again and again: that takes five hundredths of all time."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 10, 10)

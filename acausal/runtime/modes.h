@@ -516,7 +516,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
             I->worst = i;
             return OVERLAPS;
         }
-        if (D.gap[i] < -deepest(I, D.gap_noise[i], D.gap_noise[i] / (TOUCHES * EPS))) return falls(I, i, -D.gap[i]);
+        if (!T->just_set && D.gap[i] < -deepest(I, D.gap_noise[i], D.gap_noise[i] / (TOUCHES * EPS))) return falls(I, i, -D.gap[i]); /* what has been set moves gaps by the rounding of others */
         int strikes = R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i];
         T->struck[T->impacts % REMEMBERED * gaps + i] = strikes != 0;
         impacts |= strikes; /* what begins to hold where its speed vanishes strikes nothing */

@@ -336,6 +336,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
             if (count) code = set_all(I, planned);
             if (code != REACHED_END) return code;
         }
+        I->state->just_set = count > 0;
         if (reactions && (pass == 0 || count)) code = decide_reactions(I, pass == 0 && !set ? row : -1, planned);
         else if (begins && pass == 0) code = note_transition(I, -1) ? REACHED_END : OUT_OF_MEMORY;
         if (code != REACHED_END) return code;

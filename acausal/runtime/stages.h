@@ -211,6 +211,7 @@ struct State {
     double reach;            /* size of steps that states are sized by */
     double trusted, planned; /* size of the last step without doubts; of the last one before steps began to be rejected */
     int missed;              /* whether tries of the last step were rejected */
+    int just_set;            /* whether something has been set in this instant */
     int noisy, unheard;      /* whether rounding is looked at; for how many steps nothing was forgiven to it */
     double change, grown;    /* the last one of the iteration, and by how much it was larger than the least one */
     double last_h;           /* size of the last step */

@@ -72,15 +72,16 @@ OTHER = [
 @pytest.mark.parametrize("half", [0, 1])
 @pytest.mark.parametrize("name", SCENES)
 def test_other_units_move_alike_turned_and_far_away(name: str, half: int) -> None:
-    """Far away: a million of their sizes from the origin; places are rounded to 1e-10 of the size there, and nothing else is lost."""
+    """Far away: a million of their sizes from the origin; places are rounded to 1e-10 of the size there, of which loops that close only since their lengths fit make 1e4
+    times as much, and nothing else is lost."""
     similar, model, numbers = original(name)
     of = OTHER[2 * half + len(name) % 2]
     _, other, found = _moved(name, of)
     _same_decisions(model, other)
     places = 1e6 * np.finfo(float).eps if of.place is FAR else 0.0
-    assert np.max(np.abs(found - numbers)) < (min(1e2 * similar.growth, 3e3) if places else 1e2 * similar.growth) * (
-        RTOL + places
-    )
+    assert np.max(np.abs(found - numbers)) < (
+        min(1e2 * similar.growth, 2e4 if "bennett" in name else 3e3) if places else 1e2 * similar.growth
+    ) * (RTOL + places)
 
 
 SMALL = Units(length=4.0**-10, mass=4.0**-7, time=4.0**-5)
