@@ -37,9 +37,8 @@ class AbstractConstraint(Component, ABC):
     ) -> Self:
         """The joint at the world point `at` (3,) [m] of a rough sketch, its frames along the world's axes there; already connected.
 
-        `a`, `b`: parts, or frames of parts; a frame keeps its own place, and needs no `at`. Bodies are in the sketch where their `position` and `rotation`
-        say, else at the world's origin. `options` go to the joint: axes are then world axes. Raises `ParameterError` when no place is given, or where a body
-        with a shape has neither a place nor a frame there.
+        `a`, `b`: parts, or frames of parts; a frame keeps its own place, and needs no `at`. Bodies are where their `position` and `rotation` say, else at the
+        origin. `options` go to the joint, axes as world axes. Raises `ParameterError` where no place is given, or a body with a shape has none.
         """
         joint = cls(**options)
         for own, other in ((joint.frame_a, a), (joint.frame_b, b)):
