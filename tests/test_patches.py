@@ -207,6 +207,13 @@ def test_patches_where_there_are_none_are_refused_in_words() -> None:
         PointOnPlane(unilateral=True, friction=Coulomb(0.3, patch=Patch(0.1)))
     with pytest.raises(ParameterError, match="rubs as a patch"):
         JointFriction(Planar(), Coulomb(0.3))
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(0.5, 0.1)
+    scene.floor = Contact(Sphere(0.1), Plane(), Hard(ac.Energetic(0.5), Coulomb(0.3, patch=Patch(0.01))))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    with pytest.raises(ModelError, match="not there yet"):
+        ac.build(scene)
     with pytest.raises(ParameterError, match="Patch's radius"):
         Patch(0.0)
     with pytest.raises(ModelError, match="Three of them are those of a patch"):

@@ -11,6 +11,7 @@ from acausal.dynamics.readings import Readings
 from acausal.errors import ModelError
 from acausal.language.expression import Discrete, Expression, Magnitude, Parameter, Reaction, Scalar, declared, sx
 from acausal.language.flatten import FlatSystem, Part
+from acausal.language.impact_laws import Energetic
 from acausal.language.mode_laws import DryFriction, Lock, OneSided, OneWay, Pressure
 from acausal.language.when import when
 from acausal.numerics.terms import rounded
@@ -175,11 +176,28 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 f"{flat.names[reaction]} has {how}. Its part's laws() must give one: ac.OneSided(...), ac.OneWay(...), ac.DryFriction(...) or ac.Lock(...)."
             )
     _check_limits(flat, found)
+    _check_patches(flat, found)
     return tuple(sorted(found, key=lambda row: (not row.one_sided, row.size)))
 
 
 def _magnitudes(value: ca.SX) -> list[Magnitude]:
     return [s for s in dict.fromkeys(declared(scalar) for scalar in ca.symvar(value)) if isinstance(s, Magnitude)]
+
+
+def _check_patches(flat: FlatSystem, rows: Sequence[ModeRow]) -> None:
+    """Raises `ModelError` for a patch that is pressed by what strikes by the law of work, whose path knows two slips and no spin."""
+    strikes = {
+        law.reaction: part
+        for part in flat.parts
+        for law in part.component.laws()
+        if isinstance(law, OneSided) and isinstance(law.impact, Energetic)
+    }
+    for row in rows:
+        for reaction, part in strikes.items():
+            if row.pressure is not None and row.holding is not None and ca.depends_on(row.holding, reaction.sx):
+                raise ModelError(
+                    f"The patch of {row.part.where} is pressed by {part.where}, whose impacts are ac.Energetic(...): that is not there yet. Give a number, ac.Poisson(e), or ac.Newton(e)."
+                )
 
 
 def _check_limits(flat: FlatSystem, rows: Sequence[ModeRow]) -> None:
