@@ -18,10 +18,11 @@ from acausal.language.expression import Expression, Reaction, Scalar, Variable, 
 from acausal.language.mode_laws import DryFriction, ModeLaw
 from acausal.language.origin import origin
 from acausal.parts.contact import read
+from acausal.parts.pose import pose_between
 from components.bodies import RigidBody
 from components.contacts.laws import Coulomb
 from components.joints.revolute import Revolute
-from components.pulley import CommonTangent, Pulley, checked_pulley, pose_between
+from components.pulley import CommonTangent, Pulley, checked_pulley
 
 
 class AbstractBelt(Component, ABC):

@@ -17,7 +17,7 @@ from acausal.language.when import when
 from acausal.parts.contact import read
 from acausal.parts.force import AbstractReactiveForce, Action, at_ends
 from acausal.parts.placement import Placement
-from acausal.parts.pose import Pose, symbolic, vee
+from acausal.parts.pose import pose_between, symbolic, vee
 
 _LOOSE = "It fastens two bodies to one another: connect both of its frames."
 
@@ -86,10 +86,6 @@ class AbstractLatch(AbstractReactiveForce, ABC):
         return at_ends(placement, *self.ends(), self.force.sx, self.torque.sx)
 
 
-def _seen(a: Frame, b: Frame) -> Pose:
-    return Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx)
-
-
 def _turned(R: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Rotation vector of a small rotation, and what tells it from half a turn."""
     return vee(R - R.T) / 2, (3 - ca.trace(R)) / 4
@@ -114,7 +110,7 @@ class Latch(AbstractLatch):
         return self.frame_a, self.frame_b
 
     def gap(self) -> tuple[ca.SX, ca.SX]:
-        X = _seen(self.frame_a, self.frame_b)
+        X = pose_between(self.frame_a, self.frame_b)
         turned, half = _turned(symbolic(X.rotation))
         return ca.vertcat(symbolic(X.position), turned), half
 
@@ -165,7 +161,7 @@ class Gripper(AbstractLatch):
         return self.frame_a, self.frame_b
 
     def gap(self) -> tuple[ca.SX, ca.SX]:
-        X = _seen(self.frame_a, self.frame_b)
+        X = pose_between(self.frame_a, self.frame_b)
         before = ca.reshape(ca.vertcat(*(entry.sx for entry in self.turned)), 3, 3)
         turned, half = _turned(symbolic(X.rotation) @ before.T)
         return ca.vertcat(symbolic(X.position) - ca.vertcat(*(entry.sx for entry in self.place)), turned), half
@@ -175,7 +171,7 @@ class Gripper(AbstractLatch):
         return {self.held: 1.0, **dict(zip((*self.place, *self.turned), (*place, *turned), strict=True))}
 
     def _now(self) -> tuple[list[Expression], list[Expression]]:
-        X = _seen(self.frame_a, self.frame_b)
+        X = pose_between(self.frame_a, self.frame_b)
         return [read(entry) for entry in ca.vertsplit(symbolic(X.position))], [
             read(entry) for entry in ca.vertsplit(ca.vec(symbolic(X.rotation)))
         ]

@@ -18,7 +18,7 @@ from acausal.language.expression import Expression, Scalar, Variable, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.bounded import AbstractBounded
 from acausal.parts.contact import read
-from acausal.parts.pose import Pose, symbolic
+from acausal.parts.pose import Pose, pose_between, symbolic
 from acausal.parts.span import AbstractSpan
 from acausal.visual.shapes import Torus
 from components.bodies import RigidBody
@@ -115,8 +115,7 @@ class Tangent(AbstractSpan, AbstractBounded):
         return self.pulley.rim(u), symbolic(X_ab.position)
 
     def inside(self) -> Expression:
-        a, b = self.frame_a, self.frame_b
-        p, axis = (a.rotation.T @ (b.position - a.position)).sx, ca.SX(ca.DM(self.pulley.axis))
+        p, axis = symbolic(pose_between(self.frame_a, self.frame_b).position), ca.SX(ca.DM(self.pulley.axis))
         return read(1 - sx(self.pulley.radius) ** 2 / (ca.sumsqr(p) - ca.dot(p, axis) ** 2))
 
     def shapes(self) -> tuple[Any, ...]:
@@ -153,12 +152,9 @@ class CommonTangent(AbstractSpan, AbstractBounded):
         return self.pulley_a.rim(u), symbolic(X_ab.position) + R @ self.pulley_b.rim(R.T @ u)
 
     def inside(self) -> Expression:
-        p, apart = (
-            symbolic(pose_between(self.frame_a, self.frame_b).position),
-            self._apart(pose_between(self.frame_a, self.frame_b)),
-        )
-        across = ca.dot(p, ca.SX(ca.DM(self.pulley_a.axis)))
-        return read(1 - apart**2 / (ca.sumsqr(p) - across**2))
+        X = pose_between(self.frame_a, self.frame_b)
+        p, axis = symbolic(X.position), ca.SX(ca.DM(self.pulley_a.axis))
+        return read(1 - self._apart(X) ** 2 / (ca.sumsqr(p) - ca.dot(p, axis) ** 2))
 
     def shapes(self) -> tuple[Any, ...]:
         return self.pulley_a.shapes()
@@ -171,11 +167,6 @@ class CommonTangent(AbstractSpan, AbstractBounded):
 
     def _straight(self, X_ab: Pose) -> tuple[ca.SX, ca.SX]:
         return _tangent(symbolic(X_ab.position), ca.SX(ca.DM(self.pulley_a.axis)), self._apart(X_ab))
-
-
-def pose_between(a: Frame, b: Frame) -> Pose:
-    """X_ab, as read of the frames."""
-    return Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx)
 
 
 def _tangent(p: ca.SX, axis: ca.SX, apart: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -79,26 +79,11 @@ class ModeRow:
 
     def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> ModeRow:
         """With values in place of symbols."""
-        columns = [self.moved, *(c for c in (self.restitution, self.sliding, self.holding) if c is not None)]
-        found = ca.substitute(
-            [*columns, self.terms, self.back, ca.SX(0, 1) if self.gate is None else self.gate], list(old), list(new)
-        )
-        rest = (found[1], None, None) if self.one_sided else (None, found[1], found[2])
+        named = {name: getattr(self, name) for name in ("moved", "restitution", "sliding", "holding", "gate", "back", "terms")}
+        given = {name: value for name, value in named.items() if value is not None}
+        found = dict(zip(given, ca.substitute([*given.values()], list(old), list(new)), strict=True))
         sizes = tuple(replace(size, of=ca.substitute([size.of], list(old), list(new))[0]) for size in self.sizes)
-        gate = None if self.gate is None else found[-1]
-        return ModeRow(
-            self.part,
-            self.reactions,
-            found[0],
-            *rest,
-            self.one_way,
-            gate,
-            sizes,
-            self.impact,
-            found[-2],
-            self.pressure,
-            found[-3],
-        )
+        return replace(self, sizes=sizes, **found)
 
 
 @dataclass(frozen=True)

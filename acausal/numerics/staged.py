@@ -176,34 +176,18 @@ class Staged:
 
     def n_in(self) -> int:
         """Number of arguments."""
-        return self.given
+        return self.function.n_in() - len(self.shapes)
 
     def name(self) -> str:
         """As it was given."""
         return self.function.name()
 
-    @property
-    def given(self) -> int:
-        """Number of arguments."""
-        return self.function.n_in() - len(self.shapes)
-
-    @property
-    def found(self) -> int:
-        """Number of results."""
-        return self.function.n_out() - len(self.shapes)
-
-    def symbols(self) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Columns of arguments, and of answers."""
-        own = [ca.SX.sym(f"a{k}", self.function.size1_in(k)) for k in range(self.function.n_in())]
-        return own[: self.given], own[self.given :]
-
     @functools.cached_property
     def plain(self) -> ca.Function:
         """The same in symbols."""
-        arguments, answers = self.symbols()
-        found = self.function.call([*arguments, *answers])
-        known = Systems(self.shapes, tuple(found[self.found :]), tuple(answers))
-        return folded_function(self.function.name(), arguments, [known.unrolled(result) for result in found[: self.found]])
+        arguments = symbols_of(self)
+        results, systems = called(self, arguments)
+        return folded_function(self.name(), arguments, [systems.unrolled(result) for result in results])
 
 
 Function = ca.Function | Staged
@@ -219,10 +203,14 @@ def systems_of(function: Function) -> tuple[ca.Function, tuple[LinearSystem, ...
     return (function.function, function.shapes) if isinstance(function, Staged) else (function, ())
 
 
+def symbols_of(function: Function) -> list[ca.SX]:
+    """Columns for its arguments."""
+    return [ca.SX.sym(f"a{k}", function.size1_in(k)) for k in range(function.n_in())]
+
+
 def composed(name: str, functions: Sequence[Function], make: Callable[[list[ca.SX], list[list[ca.SX]]], list[ca.SX]]) -> Function:
     """A function of the same arguments, made from the results of some: `make`(arguments, results of each)."""
-    first, shapes = systems_of(functions[0])
-    arguments = [ca.SX.sym(f"a{k}", first.size1_in(k)) for k in range(first.n_in() - len(shapes))]
+    arguments = symbols_of(functions[0])
     results: list[list[ca.SX]] = []
     known = Systems()
     for function in functions:
@@ -245,9 +233,9 @@ def dependence(function: Function, argument: int) -> ca.Sparsity:
     """Which entries of the derivative of the first result by an argument may be other than zero."""
     core, shapes = systems_of(function)
     count = core.n_out() - len(shapes)
-    found = _entries(core.jac_sparsity(0, argument))
     if not shapes:
         return core.jac_sparsity(0, argument)
+    found = _entries(core.jac_sparsity(0, argument))
     unknown = [ca.DM.nan(core.size1_in(k)) for k in range(core.n_in())]
     operands = core.call(unknown)[count:]  # what is a number there is one anywhere
     by_argument: list[np.ndarray] = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.language.connector import Frame
 from acausal.language.expression import Expression
 
 Matrix = np.ndarray | ca.SX
@@ -46,6 +47,11 @@ def pose(position: np.ndarray | Expression, rotation: np.ndarray | Expression | 
     """A pose from checked numbers or expressions; no rotation by default."""
     turned = np.eye(3) if rotation is None else rotation
     return Pose(*(given.sx if isinstance(given, Expression) else given for given in (turned, position)))
+
+
+def pose_between(a: Frame, b: Frame) -> Pose:
+    """X_ab, as read of the frames."""
+    return Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx)
 
 
 def symbolic(matrix: Matrix) -> ca.SX:

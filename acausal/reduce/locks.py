@@ -17,7 +17,7 @@ from acausal.errors import ModelError
 from acausal.language.expression import Discrete, Input, Reaction, declared
 from acausal.numerics.elimination import undamped
 from acausal.numerics.terms import rounded
-from acausal.reduce.modes import Motion, positions_in
+from acausal.reduce.modes import Motion
 
 _DAMPING = 1e-10
 """Of rows of one lock that have one unit: part of the mean of their compliances."""
@@ -73,17 +73,13 @@ def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:
     found = undamped(M, damping, -k * free, _REFINEMENTS)
     closed, speeds = k * gaps, k * rate
     pushes = undamped(M, damping, ca.horzcat(-closed, -speeds), _REFINEMENTS)
-    places, along = positions_in(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
-    moved = ca.SX.zeros(motion.x.numel())
-    if places:
-        moved[places] = (along @ pushes[:, 0])[places]
     apart = ca.vertcat(*(ca.vertcat(row.gap, row.apart) for row in rows))
     where = ca.vertcat(*(ca.repmat(row.held, row.gap.numel() + row.apart.numel(), 1) for row in rows))
     meeting = ca.vertcat(_where(where, apart), _where(where, rounded(apart) + ca.vertcat(*(row.terms for row in rows))))
     words = [(row.part.where, r.unit) for row in rows for r in (*row.reactions, *([row.reactions[-1]] * row.apart.numel()))]
     units = {"N": " m", "N*m": " rad"}
     return Locks(
-        tuple(rows), reactions, found, J, closed, speeds, moved + J @ pushes[:, 1], pushes[:, 1], meeting,
+        tuple(rows), reactions, found, J, closed, speeds, motion.closed(gaps, J, pushes), pushes[:, 1], meeting,
         tuple(f"{where}|{units.get(unit, '')}" for where, unit in words),
     )  # fmt: skip
 

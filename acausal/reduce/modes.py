@@ -182,6 +182,14 @@ class Motion:
         found = [np.array(function(*place)) for place in self.values]
         return [one for one in found if np.isfinite(one).all()]
 
+    def closed(self, gaps: ca.SX, J: ca.SX, pushes: ca.SX) -> ca.SX:
+        """What states (nx, 1) change by where reactions with x' = J r push these gaps to zero by pushes[:, 0], and their rates by pushes[:, 1]."""
+        places, along = positions_in(gaps, J, self.x, self.nq), ca.jacobian(self.x_dot, self.x) @ J
+        moved = ca.SX.zeros(self.x.numel())
+        if places:
+            moved[places] = (along @ pushes[:, 0])[places]
+        return moved + J @ pushes[:, 1]
+
     def rate(self, value: ca.SX) -> ca.SX:
         """Time derivative; of inputs by their rates."""
         own = (ca.jtimes(value, entry.sx, input_rate(entry).sx) for entry in _inputs_in(value))
@@ -225,15 +233,11 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     ]
     gaps = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided))
     pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)), ca.vertcat(*system.holds))
-    places, along = positions_in(gaps, J, motion.x, motion.nq), ca.jacobian(motion.x_dot, motion.x) @ J
-    moved = ca.SX.zeros(motion.x.numel())
-    if places:
-        moved[places] = (along @ pushes[:, 0])[places]
     everything = [*(mask for own in masks for mask in own.all), *magnitudes.masks, *(() if shared is None else shared.all)]
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
     x_dot = ca.substitute(motion.x_dot, reactions, values)
     found = Modes(
-        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, x_dot, guards, invariants, moved + J @ pushes[:, 1], system.systems, redundant, magnitudes,
+        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, x_dot, guards, invariants, motion.closed(gaps, J, pushes), system.systems, redundant, magnitudes,
     )  # fmt: skip
     return found, ca.vertcat(ca.SX(0, 1), *dead)
 
@@ -376,9 +380,8 @@ class _Masked:
         symbols, M = self.magnitudes.symbols, self.matrix(rate)
         by = self.solved(M, ca.horzcat(self.right(free, rate) - M @ carried, self.by_magnitudes(rate)), self.active)
         given, more = carried + by[:, 0], by[:, 1:]
-        if any(
-            self.at_once
-        ):  # what a large compliance leaves: a valve that leaks little has no voltage, where its current is all that flows
+        if any(self.at_once):
+            # what a large compliance leaves: a valve that leaks little has no voltage, where its current is all that flows
             left = ca.substitute(acceleration, self.reactions, given)
             rest = ca.vertcat(*(h * left[i] if self.at_once[i] else ca.SX(0) for i, h in enumerate(self.holds)))
             given -= self.solved(M, rest, self.active)

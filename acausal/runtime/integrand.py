@@ -11,7 +11,7 @@ import numpy as np
 from acausal.collocation.modes import ModeFunctions
 from acausal.collocation.problem import Exact
 from acausal.numerics.bound import copied_states
-from acausal.numerics.staged import Function, Staged, Systems, called, composed, operations_of, systems_of
+from acausal.numerics.staged import Function, Staged, Systems, called, composed, operations_of, symbols_of, systems_of
 from acausal.numerics.switching import Switching
 from acausal.runtime.kernels import Wanted
 from acausal.runtime.pattern import Pattern, jacobian_pattern
@@ -220,7 +220,7 @@ class Integrand:
 
 def _directional_derivative(function: Function, arguments: tuple[int, ...]) -> Function:
     """(all arguments, directions of those named) -> derivative of the first result in these directions, exact."""
-    symbols = [ca.SX.sym(f"a{i}", function.size1_in(i)) for i in range(function.n_in())]
+    symbols = symbols_of(function)
     directions = [ca.SX.sym(f"d{i}", function.size1_in(i)) for i in arguments]
     (result, *_), systems = called(function, symbols)
     along, by, change = [symbols[i] for i in arguments], list(directions), Systems()

@@ -18,7 +18,7 @@ from acausal.parts.bounded import AbstractBounded
 from acausal.parts.contact import AbstractTouch, read
 from acausal.parts.force import AbstractReactiveForce, Action
 from acausal.parts.placement import Placement
-from acausal.parts.pose import Pose, symbolic
+from acausal.parts.pose import Pose, pose_between, symbolic
 from components.contacts.laws import Hard
 from components.contacts.nearness import MANY, Nearness, nearness, single
 from components.contacts.point_over import AbstractPointOver
@@ -157,8 +157,7 @@ class HardContact(AbstractHardContact, AbstractBounded):
         return single(self.shape, self.surface, self.frame_a, self.frame_b)
 
     def seen(self) -> Pose:
-        a, b = self.frame_a, self.frame_b
-        return Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx)
+        return pose_between(self.frame_a, self.frame_b)
 
 
 @final

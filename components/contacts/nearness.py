@@ -9,7 +9,7 @@ import casadi as ca
 from acausal.language.connector import Frame
 from acausal.language.expression import Expression
 from acausal.parts.contact import read
-from acausal.parts.pose import Pose, symbolic
+from acausal.parts.pose import Pose, pose_between, symbolic
 from components.geometry.surfaces import AbstractSurface, Plane, Sphere
 
 MANY = "It lies flat, or is like it: more places than one are nearest. Give the body a rotation that is not this one."
@@ -80,4 +80,4 @@ def touched(shape: AbstractSurface, surface: AbstractSurface, a: Frame, b: Frame
 
 def nearness_of_frames(shape: AbstractSurface, surface: AbstractSurface, a: Frame, b: Frame) -> Nearness | None:
     """Of the bodies of two frames, as read of these."""
-    return nearness(shape, surface, Pose((a.rotation.T @ b.rotation).sx, (a.rotation.T @ (b.position - a.position)).sx))
+    return nearness(shape, surface, pose_between(a, b))
