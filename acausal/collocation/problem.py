@@ -169,6 +169,7 @@ class StatusKind(enum.Enum):
     TIED = "bodies strike one after the other, and it is not said which first"
     GAINS = "an impact gains energy"
     FALLS = "what should stay apart has gone through one another"
+    OUTSIDE = "a part has come to where it has no meaning"
     NO_DERIVATIVES = "derivatives of the motion are not known from here on"
     CANNOT_SET = "an event sets what cannot be so"
     BUILTIN_FAILED = "CasADi's integrator gave up"

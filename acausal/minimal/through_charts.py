@@ -16,6 +16,7 @@ from acausal.runtime.kernels import How
 from acausal.simulate.piece import Piece
 from acausal.simulate.simulation import Options, concluded, guards_of, integrated
 from acausal.simulate.trajectory import Trajectory
+from acausal.simulate.trouble import ended_inside
 from acausal.start.inputs import knots
 from acausal.start.situation import Situation
 
@@ -79,6 +80,12 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
         kind = kind if status.kind is StatusKind.SUCCESS else status.kind
         status = Status(kind, float(pieces[-1].solution.t[-1]), str(found))
         pieces[-1] = replace(pieces[-1], solution=replace(pieces[-1].solution, status=status))
+    last = pieces[-1]
+    if last.solution.crossings:
+        expanded = replace(last.solution, x=last.ends(whole))
+        ended = ended_inside(whole, problem, expanded, len(options.events))
+        if ended is not expanded:
+            pieces[-1] = replace(last, solution=replace(ended, x=last.solution.x))
     reached = float(pieces[-1].solution.t[-1])
     times = problem.read if reached == end else options.times_until(at.t0, reached)
     return concluded(Trajectory(whole, problem, tuple(pieces), initial, times, options.events), end, options)

@@ -22,11 +22,11 @@ from acausal.language.when import when
 from acausal.numerics.folding import folded_function
 from acausal.numerics.staged import Function, Staged, operations_of
 from acausal.numerics.switching import switching
+from acausal.outputs.borders import Border, borders
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
 from acausal.outputs.outputs import Outputs
 from acausal.outputs.set_functions import set_functions
-from acausal.parts.bounded import AbstractBounded
 from acausal.parts.contact import AbstractContact
 from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.reduce.decisions import Decisions
@@ -388,21 +388,14 @@ class Functions:
         return given_motions(self.outputs)
 
     @functools.cached_property
-    def domains(self) -> tuple[tuple[str, str, ca.Function], ...]:
-        """Joints of the tree whose coordinates have a limited domain, and parts that are bounded, with their line; what is said outside of it; (t, x, u, p) ->
-        values that are positive inside.
-        """
-        found: list[tuple[str, str, Any]] = []
-        for item in self.outputs.system.tree_joints:
-            joint = item.edge.joint
-            found.append((f"'{item.edge.name}' ({joint.created_at})", joint.if_outside, joint.domain(joint.q.sx)))
-        for part in self.outputs.system.flat.parts:
-            bounded = part.component
-            if isinstance(bounded, AbstractBounded):
-                found.append(
-                    (f"'{part.path}' ({bounded.created_at})", bounded.if_outside, self.outputs.resolve(bounded.inside()))
-                )
-        return tuple((name, why, self.output(domain, name="domain")) for name, why, domain in found if domain.numel())
+    def borders(self) -> tuple[Border, ...]:
+        """Where parts have a meaning."""
+        return borders(self.outputs)
+
+    @functools.cached_property
+    def inside(self) -> ca.Function:
+        """(t, x, u, p) -> values of all `borders`, positive inside."""
+        return self.output(ca.vertcat(ca.SX(0, 1), *(border.values for border in self.borders)), name="inside")
 
     @functools.cached_property
     def contacts(self) -> tuple[tuple[Part, ...], ca.Function | None]:

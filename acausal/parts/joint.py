@@ -26,6 +26,8 @@ class AbstractJoint(AbstractConstraint, ABC):
     v: Variable
     if_outside: ClassVar[str] = "They name no pose there, or one twice."
     """What it means, for the user, that q is outside of `domain`: a whole sentence."""
+    if_singular: ClassVar[str] = "Its pose has no meaning there."
+    """The same where `regular` is zero."""
 
     @abstractmethod
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -46,8 +48,15 @@ class AbstractJoint(AbstractConstraint, ABC):
     def domain(self, q: ca.SX) -> ca.SX:
         """Positive where q is meant to be, (n, 1): a wheel's lean within a right angle. Empty by default.
 
-        For coordinates that name a pose twice, or end at its border: starts are looked for inside, and a run that leaves is told. Positive
+        For coordinates that name a pose twice, or end at its border: starts are looked for inside, and a run that leaves ends there. Positive
         at `start_q`, without unit, of size 1 well inside. It is no stop: nothing holds q there.
+        """
+        return ca.SX(0, 1)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        """Zero where the pose has no slope, or none that is continuous: at a cusp, an apex; else positive, of any unit. (n, 1), empty by default.
+
+        A run that comes there ends.
         """
         return ca.SX(0, 1)
 

@@ -152,6 +152,7 @@ class OwnPart:
                     f"has a row {k} that does not depend on q. They are what stays zero, because of how q' is made.",
                 )
         self._column("domain(q)", lambda: joint.domain(q), (q,))
+        self._column("regular(q)", lambda: joint.regular(q), (q,))
         self._check_rotation(joint, R, q)
         if q.numel() and not ca.depends_on(ca.vertcat(ca.vec(R), p), q):
             raise self._error("pose(q, t)", "does not depend on q, so the joint cannot move. Use q in it.")

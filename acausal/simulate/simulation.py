@@ -31,10 +31,11 @@ from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import (
     check_inside,
+    check_inside_all,
+    ended_inside,
     failure,
     raise_if_interrupted,
     warn_if_not_followed,
-    warn_if_outside,
     warn_if_pulled,
     warn_if_singular,
 )
@@ -129,7 +130,7 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
         functions, signal, initial.p, knots(signal, t0, end), options.compiled, guards, read, at.discretes(functions)
     )
     check_branch(functions, problem, t0, end, initial.x)
-    solution = integrated(problem, initial.x, t0, end, options, called)
+    solution = ended_inside(functions, problem, integrated(problem, initial.x, t0, end, options, called), len(options.events))
     if solution.modes is None and functions.modes is not None:
         who = compact(dict.fromkeys(functions.modes.all_words), 4) or "parts that remember"
         raise OptionError(
@@ -154,7 +155,7 @@ def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False
 @on_one_thread
 def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
     """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
-    lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run), warn_if_outside(functions, run)]
+    lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run)]
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
@@ -191,6 +192,7 @@ def sensitivity_run(
     raise_if_interrupted(status, None)
     if status.kind is not StatusKind.SUCCESS:
         raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
+    check_inside_all(functions, found.t, found.x, signal(found.t), at.p)
     if found.found.passages:
         warnings.warn(
             "sensitivities: the motion passes singular positions of loops. The motion is right there, but derivatives of its rates are huge next "
@@ -233,8 +235,9 @@ def _problem(
 
 
 def guards_of(functions: Functions, events: Sequence[when]) -> Guards | None:
-    """What is to be watched; None without events. Raises `OptionError`, `UnknownVariableError`."""
-    if not events:
+    """What is to be watched: events, then the `borders`, which end the motion; None without any. Raises `OptionError`, `UnknownVariableError`."""
+    inside = functions.inside.size1_out(0)
+    if not (events or inside):
         return None
     key: tuple[Expression, ...] = tuple(functions.outputs.system.flat.symbols([event.expression for event in events]))
     function = functions.guard_functions.get(key)
@@ -245,6 +248,7 @@ def guards_of(functions: Functions, events: Sequence[when]) -> Guards | None:
         if len(functions.guard_functions) >= 64:
             functions.guard_functions.clear()
         function = functions.guard_functions[key] = functions.output(
-            ca.vertcat(*map(functions.outputs.resolve, key)), name="guards"
+            ca.vertcat(*map(functions.outputs.resolve, key), *(border.values for border in functions.borders)), name="guards"
         )
-    return Guards(function, tuple(event.sign for event in events), tuple(event.stop for event in events))
+    signs, stops = tuple(event.sign for event in events), tuple(event.stop for event in events)
+    return Guards(function, signs + (-1,) * inside, stops + (True,) * inside)

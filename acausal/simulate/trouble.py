@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
-from acausal.collocation.problem import Status, StatusKind
+from acausal.collocation.problem import Problem, Solution, Status, StatusKind
 from acausal.errors import (
     AcausalError,
     AccuracyWarning,
     AssemblyError,
     ContactWarning,
     JumpWarning,
+    SimulationError,
     SingularWarning,
     StartValueError,
 )
+from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
 from acausal.simulate.looks import MOST, at_steps, least_spectrum, matrices_at_steps, spread
 from acausal.simulate.paradox import paradox
@@ -31,7 +35,7 @@ _INVISIBLE = 1e-13
 _MASSLESS = 1e-12
 _MISSED = 1e-4
 _BORDER = 1e-3
-"""Of a domain, which is 1 well inside and was at most that in a run, that is at its border."""
+"""Of what is positive inside, against the most that it was in a run, that is at its border."""
 _CUT = 0.2
 _SHOWN = 4
 
@@ -119,28 +123,54 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
 
 
 def check_inside(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
-    """Raises `StartValueError` for a part that begins outside of its domain."""
-    for part, why, inside in functions.domains:
-        given = np.zeros(inside.size1_in(2))
-        given[: u.size] = u
-        if not np.all(np.array(inside(t, x, given, p)) > 0):
-            raise StartValueError(f"At the start {part} is outside of its domain. {why}")
+    """Raises `StartValueError` for a part that begins where it has no meaning."""
+    given = np.zeros(functions.inside.size1_in(2))
+    given[: u.size] = u
+    values = np.array(functions.inside(t, x, given, p))[:, 0]
+    if not (values > 0).all():
+        border = _border(functions, int(np.flatnonzero(~(values > 0))[0]))
+        raise StartValueError(f"{border.who} has no meaning at the start{_at(functions, border, t, x, given, p)}. {border.why}")
 
 
-def warn_if_outside(functions: Functions, run: Trajectory) -> bool:
-    """Say so when a part left its domain; whether one did."""
-    left = False
-    for part, why, inside in functions.domains:
-        values = at_steps(functions, run, inside)
-        outside = np.flatnonzero(np.min(values, axis=0) < 0)
-        if outside.size:
-            warnings.warn(
-                f"By t = {run.steps.t[outside[0]]:.6g} s {part} has left its domain. {why} "
-                "The motion from there on has no meaning; stop it before by an event.",
-                SingularWarning, stacklevel=callers_level(),
-            )  # fmt: skip
-            left = True
-    return left
+def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
+    """Raises `SimulationError` for states (nx, n) at times (n,) some of which are beyond a border."""
+    if functions.inside.size1_out(0) == 0:
+        return
+    given = np.zeros((functions.inside.size1_in(2), t.size))
+    given[: u.shape[0]] = u
+    outside = np.argwhere((np.array(functions.inside.map(t.size)(t[None, :], x, given, np.repeat(p[:, None], t.size, axis=1))) < 0).T)
+    if outside.size:
+        k, row = outside[0]
+        border = _border(functions, int(row))
+        raise SimulationError(f"By t = {t[k]:.6g} s {border.who} has left where it has a meaning. {border.why}", None)
+
+
+def ended_inside(functions: Functions, problem: Problem, solution: Solution, events: int) -> Solution:
+    """A motion that a border ended, which follows so many `events` among the guards: with a status that says so."""
+    if not (solution.stopped and solution.crossings[-1].guard >= events):
+        return solution
+    border, t, x = _border(functions, solution.crossings[-1].guard - events), float(solution.t[-1]), solution.x[:, -1]
+    u = problem.with_modes(solution.modes).inputs(solution.t[-1:])[:, 0]
+    message = f"{border.who} has come to where it has no meaning{_at(functions, border, t, x, u, problem.parameters)}. {border.why}"
+    crossings = tuple(crossing for crossing in solution.crossings if crossing.guard < events)
+    return replace(solution, status=Status(StatusKind.OUTSIDE, t, message), crossings=crossings, stopped=False)
+
+
+def _border(functions: Functions, row: int) -> Border:
+    """The one that a row of all values belongs to."""
+    return next(border for border, until in zip(functions.borders, _rows(functions)[1:], strict=True) if row < until)
+
+
+def _rows(functions: Functions) -> list[int]:
+    """Where the values of each border begin, and where those of the last one end."""
+    return [0, *itertools.accumulate(border.values.numel() for border in functions.borders)]
+
+
+def _at(functions: Functions, border: Border, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
+    """The place of a part in its coordinates, in words; empty without any."""
+    values = np.array(functions.output(border.coordinates, name="coordinates")(t, x, u, p))[:, 0]
+    told = ", ".join(f"{name} = {value:.6g}" for name, value in zip(border.names, values, strict=True))
+    return f", at {told}" if told else ""
 
 
 def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
@@ -291,11 +321,12 @@ def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
 
 
 def _at_a_border(functions: Functions, run: Trajectory) -> str:
-    """Which part has come to the border of its domain; empty if none has."""
-    for part, why, inside in functions.domains:
-        values = at_steps(functions, run, inside)
-        if not np.all(values[:, -1] > _BORDER * np.clip(np.max(values, axis=1), 0.0, 1.0)):
-            return f" {part} has come to the border of its domain. {why}"
+    """Which part has come to the border of where it has a meaning; empty if none has."""
+    values, rows = at_steps(functions, run, functions.inside), _rows(functions)
+    for border, begin, until in zip(functions.borders, rows[:-1], rows[1:], strict=True):
+        most = np.max(values[begin:until], axis=1)
+        if not np.all(values[begin:until, -1] > _BORDER * (np.clip(most, 0.0, 1.0) if border.sized else most)):
+            return f" {border.who} has come to where it has no meaning. {border.why}"
     return ""
 
 

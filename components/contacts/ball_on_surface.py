@@ -16,7 +16,7 @@ from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
 from components.contacts.laws import Rolling
 from components.contacts.meeting import on_surface, solved
 from components.contacts.nearness import nearness, touched
-from components.geometry.surfaces import AbstractSurface, Sphere, checked_surface
+from components.geometry.surfaces import APEX, AbstractSurface, Sphere, checked_surface
 
 
 @final
@@ -31,6 +31,7 @@ class RollingBallOnSurface(AbstractJoint, AbstractContact):
     """
 
     if_outside = "The ball is larger than the hollow that it lies in, or the surface ends there."
+    if_singular = APEX
     q = Variable("", "unit quaternion, scalar first (4); coordinates of the surface", size=6, start=(1.0, 0, 0, 0, 0, 0))
     v = Variable("rad/s", "angular velocity in frame_a", size=3)
 
@@ -53,6 +54,9 @@ class RollingBallOnSurface(AbstractJoint, AbstractContact):
     def domain(self, q: ca.SX) -> ca.SX:
         stretch = self._stretch(q[4:])  # of the parallel surface: 1 + radius * curvature in its directions
         return ca.vertcat(ca.det(stretch), ca.trace(stretch) / 2, self.surface.inside(q[4:]))
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return self.surface.regular(q[4:])
 
     def turns(self) -> tuple[bool, ...]:
         return (*(True,) * 4, *self.surface.turns)

@@ -57,6 +57,10 @@ class AbstractMeeting(ABC):
         """Positive where the shape is curved more than the surface in all directions, and coordinates are good: (n, 1), see `AbstractJoint.domain`."""
 
     @abstractmethod
+    def regular(self, own: ca.SX) -> ca.SX:
+        """Of the own coordinates: zero at an apex of the shape, see `AbstractJoint.regular`."""
+
+    @abstractmethod
     def invariants(self, own: ca.SX) -> ca.SX:
         """Of the own coordinates."""
 
@@ -99,6 +103,9 @@ class MeetingByNormal(AbstractMeeting):
     def fit(self, own: ca.SX, place: ca.SX) -> ca.SX:
         stretch = self._stretch(own, place)
         return ca.vertcat(ca.det(stretch), ca.trace(stretch) / 2, self.shape.single(self._normal(own, place)))
+
+    def regular(self, own: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
 
     def invariants(self, own: ca.SX) -> ca.SX:
         return 0.5 * (ca.sumsqr(own) - 1)
@@ -170,6 +177,9 @@ class MeetingByCoordinates(AbstractMeeting):
         size = ca.trace(W @ W) + ca.trace(own_W @ own_W)
         inside = ca.vertcat(self.surface.inside(place), self.shape.inside(own[:-1]))
         return ca.vertcat(4 * ca.det(both) / size, ca.trace(both) / ca.sqrt(size), inside)
+
+    def regular(self, own: ca.SX) -> ca.SX:
+        return self.shape.regular(own[:-1])
 
     def invariants(self, own: ca.SX) -> ca.SX:
         return self.shape.invariants(own[:-1])

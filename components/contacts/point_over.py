@@ -15,7 +15,7 @@ from acausal.parts.pose import Pose
 from components.contacts.nearness import Nearness
 from components.geometry.curves import AbstractCurve, checked_curve
 from components.geometry.laws import at_time, changing
-from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
+from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
 from components.orientation import Axis, axis_vector
 
 
@@ -49,6 +49,7 @@ class PointOverSurface(AbstractPointOver):
 
     directions = 2
     if_outside = "The point is at a centre of curvature of the surface, where no place is the nearest, or the surface ends there."
+    if_singular = APEX
     q = Variable("", "coordinates of the nearest place on the surface; gap [m]", size=3)
     v = Variable("", "velocities of the coordinates, and of the gap [m/s]", size=3)
 
@@ -75,6 +76,9 @@ class PointOverSurface(AbstractPointOver):
         place, over = self._parts(q)
         return over.inside(place)
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return self.surface.regular(self._parts(q)[0])
+
     def turns(self) -> tuple[bool, ...]:
         return (*self.surface.turns, False)
 
@@ -100,6 +104,7 @@ class PointOverCurve(AbstractPointOver):
 
     directions = 1
     if_outside = "The point is at a centre of curvature of the curve, where no place is the nearest, or the curve ends there."
+    if_singular = "The curve has a cusp there, or runs along `side`: it has no normal. Give another `side`, across the curve all along."
     q = Variable("", "the curve's parameter at the nearest place; gap [m]", size=2)
     v = Variable("", "rates of the curve's parameter, and of the gap [m/s]", size=2)
 
@@ -116,6 +121,11 @@ class PointOverCurve(AbstractPointOver):
     def domain(self, q: ca.SX) -> ca.SX:
         bend = self._over(q[0])[2]
         return ca.vertcat(self.curve.inside(q[0]), 1 + q[1] * bend)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        s = ca.SX.sym("s")
+        slope = ca.substitute(ca.jacobian(self.curve.point(s), s), s, q[0])
+        return ca.vertcat(self.curve.regular(q[0]), ca.sumsqr(ca.cross(slope, sx(self.side))) / ca.sumsqr(slope))
 
     def turns(self) -> tuple[bool, ...]:
         return (self.curve.unit != "m", False)

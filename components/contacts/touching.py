@@ -17,7 +17,7 @@ from acausal.parts.pose import Pose, symbolic
 from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touching
 from components.contacts.meeting import AbstractMeeting, MeetingByCoordinates, meeting
 from components.contacts.nearness import Nearness, nearness, touched
-from components.geometry.surfaces import AbstractSurface, Parallel, checked_surface
+from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
 
 _ANGLES = (0.0, np.pi / 2, np.pi / 4, 3 * np.pi / 4)
 """From the surface's first tangent to the shape's [rad], that a search for start values may begin with; those that fit better by less than
@@ -43,6 +43,7 @@ class Touching(AbstractJoint, AbstractContact):
         "The body is curved less than the hollow that it lies in, or both are flat, or it touches in more than one point, or one of them ends. For "
         "cylinders and cones that touch along a line there are RollingCylinder and RollingCone."
     )
+    if_singular = APEX
     q = Variable("", "coordinates of the body, then of the touching point on the surface", size=6)
     v = Variable("rad/s", "angular velocity in frame_b", size=3)
 
@@ -74,6 +75,10 @@ class Touching(AbstractJoint, AbstractContact):
     def domain(self, q: ca.SX) -> ca.SX:
         own, place, both = self._parts(q)
         return ca.vertcat(both.fit(own, place), both.surface.inside(place))
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        own, place, both = self._parts(q)
+        return ca.vertcat(both.regular(own), self.surface.regular(place))
 
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX | None:
         near = nearness(self.shape, self.surface, X_ab) if self.law.holds else None

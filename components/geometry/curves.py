@@ -15,6 +15,9 @@ from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import origin
 from components.geometry.laws import place
 
+CUSP = "The curve has a cusp there, and no direction: what slides along it would have to stop and start in no time."
+"""Said where `AbstractCurve.regular` is zero."""
+
 
 class AbstractCurve(ABC):
     """A curve in the axes of the frame that it is fixed in. Must provide `point`; new ones need nothing else."""
@@ -24,11 +27,16 @@ class AbstractCurve(ABC):
 
     @abstractmethod
     def point(self, s: ca.SX) -> ca.SX:
-        """Place (3, 1) [m] at the parameter s, with two derivatives; the first is not zero (no cusp)."""
+        """Place (3, 1) [m] at the parameter s, with two derivatives."""
 
     def inside(self, s: ca.SX) -> ca.SX:
         """Positive between the curve's ends, (n, 1), without unit and of size 1 well inside. Empty for a curve without ends."""
         return ca.SX(0, 1)
+
+    def regular(self, s: ca.SX) -> ca.SX:
+        """Zero at a cusp, where the curve has no direction, else positive, (n, 1); of any unit. Empty where it has none."""
+        at = ca.SX.sym("s")
+        return ca.substitute(ca.sumsqr(ca.jacobian(self.point(at), at)), at, s)
 
 
 @final
@@ -48,6 +56,9 @@ class Line(AbstractCurve):
         direction = sx(self.direction)
         return sx(self.through) + s * direction / ca.norm_2(direction)
 
+    def regular(self, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
 
 @final
 class Circle(AbstractCurve):
@@ -63,6 +74,9 @@ class Circle(AbstractCurve):
 
     def point(self, s: ca.SX) -> ca.SX:
         return sx(self.radius) * ca.vertcat(ca.cos(s), ca.sin(s), 0)
+
+    def regular(self, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
 
 
 @final
@@ -80,6 +94,9 @@ class Helix(AbstractCurve):
 
     def point(self, s: ca.SX) -> ca.SX:
         return ca.vertcat(sx(self.radius) * ca.cos(s), sx(self.radius) * ca.sin(s), sx(self.lead) * s)
+
+    def regular(self, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
 
 
 @final

@@ -64,6 +64,9 @@ class ImplicitSurface(AbstractSurface):
         gradient = self._gradient(q[:3])
         return ca.dot(self.normal(q), self.side * gradient) / ca.norm_2(gradient)
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.sumsqr(self._gradient(q[:3]))
+
     def slopes(self, q: ca.SX) -> ca.SX:
         return rotation_from_quaternion(q[3:])[:, :2]
 

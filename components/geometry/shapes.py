@@ -67,6 +67,10 @@ class AbstractShape(AbstractSurface, ABC):
     def inside(self, q: ca.SX) -> ca.SX:
         return self.single(self.normal(q))
 
+    @final
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
     def _turning(self, q: ca.SX) -> ca.SX:
         """How the normal moves with the velocities, (3, 2)."""
         R = rotation_from_quaternion(q)

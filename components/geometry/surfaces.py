@@ -15,6 +15,9 @@ from acausal.parts.pose import quaternion_rate, rotation_from_quaternion, rotati
 from components.geometry.curves import within
 from components.geometry.laws import place
 
+APEX = "The surface has an apex there, or its coordinates a pole: no plane touches it, or they have no two directions."
+"""Said where `AbstractSurface.regular` is zero."""
+
 
 class AbstractSurface(ABC):
     """A surface in the axes of the frame that it is fixed in. Must provide `point`; with two coordinates new ones need nothing else.
@@ -51,6 +54,10 @@ class AbstractSurface(ABC):
     def inside(self, q: ca.SX) -> ca.SX:
         """Positive where the coordinates are good, (n, 1), without unit and of size 1 well inside. Empty where they are everywhere."""
         return ca.SX(0, 1)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        """Zero where the surface, or its coordinates, have no two directions, else positive, (n, 1); of any unit. Empty where that is nowhere."""
+        return ca.det(self.metric(q))
 
     def slopes(self, q: ca.SX) -> ca.SX:
         """How the point moves with the velocities, (3, 2)."""
@@ -145,6 +152,9 @@ class Plane(AbstractSurface):
     def normal(self, q: ca.SX) -> ca.SX:
         return ca.SX([0, 0, 1])
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
     def slopes(self, q: ca.SX) -> ca.SX:
         return ca.SX(ca.DM([[1, 0], [0, 1], [0, 0]]))
 
@@ -187,6 +197,9 @@ class Plate(AbstractSurface):
         half = ca.vertcat(sx(self.length), sx(self.width)) / 2
         return 1 - (q / half) ** 2
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         half = ca.vertcat(sx(self.length), sx(self.width)) / 2
         # conditions, not bounds: slopes then switch by the same ones
@@ -219,6 +232,9 @@ class Sphere(AbstractSurface):
 
     def point(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) * rotation_from_quaternion(q)[:, 2]
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
 
     def rates(self, q: ca.SX, v: ca.SX) -> ca.SX:
         return quaternion_rate(q, ca.vertcat(v, 0))
@@ -269,6 +285,9 @@ class Cylinder(AbstractSurface):
         radius = sx(self.radius)
         return ca.vertcat(radius * ca.cos(q[0] / radius), radius * ca.sin(q[0] / radius), q[1])
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
     def slopes(self, q: ca.SX) -> ca.SX:
         angle = q[0] / sx(self.radius)
         return ca.blockcat([[-ca.sin(angle), 0], [ca.cos(angle), 0], [0, 1]])
@@ -317,6 +336,9 @@ class Torus(AbstractSurface):
         reach = sx(self.radius) + sx(self.tube) * ca.cos(q[1])
         return ca.vertcat(reach * ca.cos(q[0]), reach * ca.sin(q[0]), sx(self.tube) * ca.sin(q[1]))
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
     def touching(self, n: ca.SX) -> ca.SX | None:
         return sx(self.radius) * _across(n) + sx(self.tube) * n
 
@@ -351,6 +373,9 @@ class Cone(AbstractSurface):
     def point(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(q, ca.norm_2(q) / ca.tan(sx(self.half_angle)))
 
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.sumsqr(q)
+
     def normal(self, q: ca.SX) -> ca.SX:
         slope = 1 / ca.tan(sx(self.half_angle))
         return self.side * ca.vertcat(-slope * q / ca.norm_2(q), 1) / ca.sqrt(1 + slope**2)
@@ -378,6 +403,9 @@ class HeightField(AbstractSurface):
 
     def point(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(q, ca.substitute(self.law, self._q, q))
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
 
     def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         height, slope = ca.substitute([self.law, ca.gradient(self.law, self._q)], [self._q], [p[:2]])
@@ -512,6 +540,9 @@ class Parallel(AbstractSurface):
     def inside(self, q: ca.SX) -> ca.SX:
         stretch = self._stretch(q)
         return ca.vertcat(self.surface.inside(q), ca.det(stretch), ca.trace(stretch) / 2)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return self.surface.regular(q)
 
     def slopes(self, q: ca.SX) -> ca.SX:
         return self.surface.slopes(q) @ self._stretch(q)

@@ -25,6 +25,7 @@ class AlongCurve(AbstractJoint):
     """
 
     if_outside = "The curve ends there."
+    if_singular = "The curve has a cusp there, or runs along `side`: how the body is turned is not known. Give another `side`, across the curve all along."
     q = Variable("m", "the curve's parameter")
     v = Variable("m/s", "rate of the curve's parameter")
 
@@ -34,17 +35,22 @@ class AlongCurve(AbstractJoint):
         self._declare("v", f"{curve.unit or '1'}/s")
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
-        s, side = ca.SX.sym("s"), sx(self.side)
-        point = self.curve.point(s)
-        slope = ca.jacobian(point, s)
-        x = slope / ca.norm_2(slope)
-        across = side - ca.dot(side, x) * x
+        x, across = self._directions(q)
         y = across / ca.norm_2(across)
-        rotation, position = ca.substitute([ca.horzcat(x, y, ca.cross(x, y)), point], [s], [q])
-        return Pose(*at_time(t, rotation, position))
+        return Pose(*at_time(t, ca.horzcat(x, y, ca.cross(x, y)), self.curve.point(q)))
 
     def given_motions(self) -> tuple[Expression, ...]:
         return changing(self.curve.point(ca.SX(ca.DM(self.start_q()))))
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.curve.inside(q)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return ca.vertcat(self.curve.regular(q), ca.sumsqr(self._directions(q)[1]))
+
+    def _directions(self, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The curve's, of length 1, and `side` as far as it is across, (3, 1)."""
+        s, side = ca.SX.sym("s"), sx(self.side)
+        slope = ca.substitute(ca.jacobian(self.curve.point(s), s), s, q)
+        x = slope / ca.norm_2(slope)
+        return x, side - ca.dot(side, x) * x

@@ -14,7 +14,7 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
-from components.geometry.curves import AbstractCurve, checked_curve
+from components.geometry.curves import CUSP, AbstractCurve, checked_curve
 from components.geometry.laws import at_time, changing
 from components.guides.rough_guide import RoughGuide
 from components.orientation import Axis, axis_vector
@@ -35,6 +35,7 @@ class PointOnCurve(AbstractJoint):
     """
 
     if_outside = "The curve ends there."
+    if_singular = CUSP
     q = Variable("m", "the curve's parameter")
     v = Variable("m/s", "rate of the curve's parameter")
 
@@ -87,3 +88,6 @@ class PointOnCurve(AbstractJoint):
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.curve.inside(q)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return self.curve.regular(q)

@@ -15,7 +15,7 @@ from acausal.parts.pose import Pose
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.laws import at_time, changing
-from components.geometry.surfaces import AbstractSurface, checked_surface
+from components.geometry.surfaces import APEX, AbstractSurface, checked_surface
 from components.guides.rough_guide import RoughGuide
 
 
@@ -34,6 +34,7 @@ class PointOnSurface(AbstractJoint):
     """
 
     if_outside = "The surface ends there, or its coordinates do."
+    if_singular = APEX
     q = Variable("m", "coordinates on the surface", size=2)
     v = Variable("m/s", "velocities of the coordinates", size=2)
 
@@ -92,3 +93,6 @@ class PointOnSurface(AbstractJoint):
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.surface.inside(q)
+
+    def regular(self, q: ca.SX) -> ca.SX:
+        return self.surface.regular(q)

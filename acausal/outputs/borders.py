@@ -1,0 +1,43 @@
+"""Where parts have a meaning, and where it ends: a curve's end, a wheel that has fallen through its plane, a cusp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from acausal.outputs.outputs import Outputs
+from acausal.parts.bounded import AbstractBounded
+
+
+@dataclass(frozen=True)
+class Border:
+    """Of a part, `who` with its line: `values` (n, 1) by t, x, u and p are positive inside. `why`: what is said at zero. `coordinates` of the part, called `names`.
+
+    `sized`: whether values are of size 1 well inside; else they have any unit.
+    """
+
+    who: str
+    why: str
+    values: ca.SX
+    coordinates: ca.SX
+    names: tuple[str, ...]
+    sized: bool = True
+
+
+def borders(outputs: Outputs) -> tuple[Border, ...]:
+    """Of joints of the tree, then of parts that are bounded."""
+    found: list[Border] = []
+    for item in outputs.system.tree_joints:
+        joint = item.edge.joint
+        who, q = f"'{item.edge.name}' ({joint.created_at})", joint.q.sx
+        name = outputs.name(joint.q)
+        names = tuple(f"{name}[{k}]" for k in range(q.numel())) if q.numel() > 1 else (name,)
+        for values, why, sized in ((joint.domain(q), joint.if_outside, True), (joint.regular(q), joint.if_singular, False)):
+            found.append(Border(who, why, outputs.resolve(values), outputs.resolve(q), names, sized))
+    for part in outputs.system.flat.parts:
+        bounded = part.component
+        if isinstance(bounded, AbstractBounded):
+            who, values = f"'{part.path}' ({bounded.created_at})", outputs.resolve(bounded.inside())
+            found.append(Border(who, bounded.if_outside, values, ca.SX(0, 1), ()))
+    return tuple(border for border in found if border.values.numel())
