@@ -11,6 +11,7 @@ import acausal as ac
 from acausal import errors
 from components import (
     AlongCurve,
+    CentralField,
     Circle,
     Cone,
     Cylinder,
@@ -18,6 +19,7 @@ from components import (
     Helix,
     KnifeEdge,
     Line,
+    MutualGravitation,
     ParametricCurve,
     ParametricSurface,
     Particle,
@@ -82,12 +84,83 @@ def test_a_bead_on_a_hoop_that_turns_stands_where_gravity_and_turning_agree():
     assert np.max(np.abs(run[scene.hoop.q] - (angle - np.pi / 2))) < 1e-11
 
 
-def test_a_track_of_points_keeps_the_energy_and_ends_where_it_ends():
+def test_a_track_of_points_keeps_the_energy():
     scene = on(PointOnCurve(SplineCurve([(0, 0, 1), (1, 0, 0.2), (2, 0, 0.6), (2.5, 0.5, 0)])), Particle(1.0))
+    assert ac.build(scene).simulate(0.5, {scene.guide.q: 0.5}, rtol=1e-10).energy_error() < 1e-11
+
+
+def at_borders(size: float) -> dict[str, tuple[ac.System, dict, str]]:
+    """Scenes that run to where a part has no meaning, all lengths times `size`, with what is said of it."""
+    G_ = (0.0, 0.0, -G * size)
+    track = SplineCurve(size * np.array([(0, 0, 1), (1, 0, 0.2), (2, 0, 0.6), (2.5, 0.5, 0)]))
+    bead, car = on(PointOnCurve(track), Particle(1.0), G_), on(AlongCurve(track), RigidBody(1.0, (size**2,) * 3), G_)
+    cycloid = ParametricCurve(lambda a: (size * (a + ca.sin(a)), 0, -size * ca.cos(a)), unit="rad")
+    cusp, askew = on(PointOnCurve(cycloid), Particle(1.0), G_), on(AlongCurve(Circle(size), "y"), RigidBody(1.0, (size**2,) * 3))
+    apex = on(PointOnSurface(Cone(0.7)), Particle(1.0), G_)
+    field = ParametricSurface(lambda a, b: (size * a, size * b, size * (a + 0.1 * b**2)), ends=((-1, 1), (-1, 1)))
+    slope = on(PointOnSurface(field), Particle(1.0), G_)
+    ball = on(RollingBallOnSurface(0.05 * size, field), RigidBody.ball(1.0, 0.05 * size), G_)
+    track_start = 2.5 * size, 3.0 * size
+    return {
+        "bead": (bead, dict(zip((bead.guide.q, bead.guide.v), track_start, strict=True)), "The curve ends there"),
+        "car": (car, dict(zip((car.guide.q, car.guide.v), track_start, strict=True)), "The curve ends there"),
+        "cusp": (cusp, {cusp.guide.q: 1.0, cusp.guide.v: 40.0}, "cusp"),
+        "side": (askew, {askew.guide.q: 0.5, askew.guide.v: 3.0}, "runs along `side`"),
+        "apex": (apex, {apex.guide.q: (0.5 * size, 0.2 * size), apex.guide.v: (0, 0)}, "apex"),
+        "surface": (slope, {slope.guide.q: (0.5, 0.2), slope.guide.v: (0, 0)}, "The surface ends there"),
+        "ball": (ball, {ball.guide.q[4:]: (0.5, 0.2), ball.guide.v: (0, 0, 0)}, "the surface ends there"),
+    }
+
+
+@pytest.mark.parametrize("name", at_borders(1.0))
+def test_a_motion_ends_by_name_where_a_part_has_no_meaning_any_more(name):
+    """In any unit of length at the same instant, with other events; what comes before is right."""
+    instants: list[float] = []
+    for size in (1e-6, 1.0, 1e5):
+        scene, start, words = at_borders(size)[name]
+        model = ac.build(scene)
+        with pytest.raises(errors.SimulationError, match=words) as caught:
+            model.simulate(4.0, start, rtol=1e-10, events=[ac.when(ac.time - 0.01)])
+        assert "'guide' (" in str(caught.value) and "guide.q" in str(caught.value)
+        run = caught.value.trajectory
+        assert [event.time for event in run.events] == pytest.approx([0.01])
+        assert name in ("side", "cusp", "apex") or run.energy_error() < 1e-8  # the last step is singular
+        instants.append(run.t[-1])
+    assert np.ptp(instants) < 1e-7 * instants[0]
+
+
+def test_fewest_states_and_derivatives_end_where_the_motion_does():
+    scene, start, words = at_borders(1.0)["bead"]
     model = ac.build(scene)
-    assert model.simulate(0.5, {scene.guide.q: 0.5}, rtol=1e-10).energy_error() < 1e-11
-    with pytest.warns(errors.SingularWarning, match="The curve ends there"):
-        model.simulate(2.0, {scene.guide.q: 2.5, scene.guide.v: 3.0})
+    minimal = model.minimal(start).simulate(2.0, raise_on_failure=False)
+    assert minimal.status.kind.name == "OUTSIDE"
+    assert minimal.t[-1] == pytest.approx(model.simulate(2.0, start, raise_on_failure=False).t[-1], rel=1e-9)
+    with pytest.raises(errors.SimulationError, match=words):
+        model.sensitivities([0.1, 2.0], wrt=[scene.guide.q], start=start)
+    model.sensitivities([0.1, 0.2], wrt=[scene.guide.q], start=start)
+
+
+def test_a_curve_may_cross_itself():
+    """A figure of eight, passed at constant speed: each time around takes as long."""
+    curve = ParametricCurve(lambda a: (ca.sin(a), 0.5 * ca.sin(2 * a), 0), unit="rad")
+    scene = on(PointOnCurve(curve), Particle(1.0))
+    run = ac.build(scene).simulate(
+        8.0, {scene.guide.v: 3.0}, rtol=1e-12, events=[ac.when(scene.body.point.position[0], "rising")]
+    )
+    assert np.ptp(np.diff([event.time for event in run.events])) < 1e-10
+    speed = np.linalg.norm(run[scene.body.point.velocity], axis=1)
+    assert np.ptp(speed) < 1e-11
+
+
+@pytest.mark.parametrize("field", [CentralField(1.0), MutualGravitation(1.0)])
+def test_a_field_in_whose_centre_a_body_falls_is_named(field):
+    scene = ac.System()
+    scene.world, scene.field, scene.body, scene.other = World((0, 0, 0)), field, Particle(1.0), Particle(2.0)
+    at = {scene.body.point.position: (1.0, 0.3, 0), scene.other.point.position: (0, 0, 5), scene.other.point.velocity: (0, 0, 0)}
+    if isinstance(field, MutualGravitation):
+        at[scene.other.point.position] = (0, 0, 0)
+    with pytest.raises(errors.SimulationError, match=r"The energy of 'field.*' \(.*test_guides.py:\d+\) grows without end"):
+        ac.build(scene).simulate(5.0, {**at, scene.body.point.velocity: (0, 0, 0)})
 
 
 def test_a_car_passes_a_looping():

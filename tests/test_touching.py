@@ -397,7 +397,7 @@ def test_a_search_for_a_start_begins_at_the_same_place_at_any_size(body, base, l
         scene = on(Contact(shape, surface, law), RigidBody(2.0, size**2 * np.array([0.01, 0.015, 0.02])), (0, 0, -G * size))
         model = ac.build(scene)
         x = model.initial_state({scene.guide.gap: 1e-3 * size} if isinstance(law, Hard | HuntCrossley) else {}).x
-        assert np.min(np.array(model.functions.domains[0][2](0.0, x, [], []))) > 0.05
+        assert np.min(np.array(model.functions.output(model.functions.borders[0].values)(0.0, x, [], []))) > 0.05
         found.append(np.where(scene.guide.joint.turns(), 1.0, 1 / size) * x[: scene.guide.q.size])
     assert np.max(np.abs(found[1] - found[0])) < 1e-9
 
@@ -406,7 +406,7 @@ def test_what_comes_to_where_it_fits_no_more_is_told_by_part_and_line():
     """A disk rolls down into a funnel; a disk lies flat over the ground; a spindle is too long for its bowl."""
     scene = on(Touching(Disk(0.1), Cone(0.9)), RigidBody(2.0, (0.012, 0.015, 0.02), (0.01, -0.01, 0.012)), (1.0, 2.0, -G))
     with pytest.raises(
-        errors.SimulationError, match=r"'guide' \(.*test_touching.py:\d+\) has come to the border of its domain.*curved less than"
+        errors.SimulationError, match=r"'guide' \(.*test_touching.py:\d+\) has come to where it has no meaning.*curved less than"
     ):
         ac.build(scene).simulate(2.0)
     flat = on(Contact(Disk(0.1), Plane(), HuntCrossley(1e4)), RigidBody.disk(1.0, 0.1, axis="z"))

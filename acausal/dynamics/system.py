@@ -65,6 +65,10 @@ class MechanicalSystem:
         """Of gravity and of all force components [J]."""
         return sum((stored for stored, _ in self._balances), gravity_potential(self.kinematics))
 
+    def stored_energies(self) -> tuple[ca.SX, ...]:
+        """Of each force component [J], in their order."""
+        return tuple(stored for stored, _ in self._balances)
+
     def power_loss(self) -> ca.SX:
         """Power dissipated less power supplied by force components [W]."""
         return sum((lost for _, lost in self._balances), ca.SX(0))

@@ -333,12 +333,13 @@ static enum Code watch(Integrator *I) {
     T->events_before = I->events;
     for (int j = 0; j < POINTS; j++) theta[j] = point_in(I->state->chebyshev, j);
     theta[POINTS - 1] = 1;
-    int refined = 0;
+    int refined = 0, seen = 0;
     for (long g = 0; g < n; g++) {
         struct GuardState *G = &T->guard_states[g];
         p.guard = g;
         for (int pass = refined; pass < 2; pass++) {
-            if (!guard_values(&p, theta, POINTS, T->guard_values)) return INPUT_FAILED;
+            if (!seen && !guard_values(&p, theta, POINTS, T->guard_values)) return INPUT_FAILED;
+            seen = 1;
             int known = 1;
             for (int j = 0; j < POINTS; j++) {
                 values[j] = T->guard_values[j * n + g];
@@ -356,9 +357,11 @@ static enum Code watch(Integrator *I) {
                 p.s = T->fine->s;
                 p.width = T->fine->blocks * LANES;
                 refined = 1;
+                seen = 0;
                 continue;
             }
             if (!search(&p, values)) return INPUT_FAILED;
+            seen = 0; /* its room is where values of all were */
             if (!p.memory) return OUT_OF_MEMORY;
             break;
         }

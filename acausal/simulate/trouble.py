@@ -36,6 +36,8 @@ _MASSLESS = 1e-12
 _MISSED = 1e-4
 _BORDER = 1e-3
 """Of what is positive inside, against the most that it was in a run, that is at its border."""
+_ENDLESS = 1e4
+"""Times the median over a run, from which on an energy is infinite."""
 _CUT = 0.2
 _SHOWN = 4
 
@@ -138,7 +140,9 @@ def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.n
         return
     given = np.zeros((functions.inside.size1_in(2), t.size))
     given[: u.shape[0]] = u
-    outside = np.argwhere((np.array(functions.inside.map(t.size)(t[None, :], x, given, np.repeat(p[:, None], t.size, axis=1))) < 0).T)
+    outside = np.argwhere(
+        (np.array(functions.inside.map(t.size)(t[None, :], x, given, np.repeat(p[:, None], t.size, axis=1))) < 0).T
+    )
     if outside.size:
         k, row = outside[0]
         border = _border(functions, int(row))
@@ -151,7 +155,9 @@ def ended_inside(functions: Functions, problem: Problem, solution: Solution, eve
         return solution
     border, t, x = _border(functions, solution.crossings[-1].guard - events), float(solution.t[-1]), solution.x[:, -1]
     u = problem.with_modes(solution.modes).inputs(solution.t[-1:])[:, 0]
-    message = f"{border.who} has come to where it has no meaning{_at(functions, border, t, x, u, problem.parameters)}. {border.why}"
+    message = (
+        f"{border.who} has come to where it has no meaning{_at(functions, border, t, x, u, problem.parameters)}. {border.why}"
+    )
     crossings = tuple(crossing for crossing in solution.crossings if crossing.guard < events)
     return replace(solution, status=Status(StatusKind.OUTSIDE, t, message), crossings=crossings, stopped=False)
 
@@ -264,7 +270,12 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
     if run is not None and status.kind is StatusKind.MAX_STEPS:
         worst += _at_a_border(functions, run)
     if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
-        worst += _at_a_border(functions, run) or _without_inertia(functions, run) or _out_of_reach(functions, run, t1)
+        worst += (
+            _at_a_border(functions, run)
+            or _endless(functions, run)
+            or _without_inertia(functions, run)
+            or _out_of_reach(functions, run, t1)
+        )
     return (
         f"{message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
         "The motion until then is in this error's `trajectory`."
@@ -326,8 +337,28 @@ def _at_a_border(functions: Functions, run: Trajectory) -> str:
     for border, begin, until in zip(functions.borders, rows[:-1], rows[1:], strict=True):
         most = np.max(values[begin:until], axis=1)
         if not np.all(values[begin:until, -1] > _BORDER * (np.clip(most, 0.0, 1.0) if border.sized else most)):
-            return f" {border.who} has come to where it has no meaning. {border.why}"
+            t, x = run.steps.t[-1], run.steps.x[:, -1]
+            where = _at(functions, border, t, x, run.problem.inputs(run.steps.t[-1:])[:, 0], run.problem.parameters)
+            return f" {border.who} has come to where it has no meaning{where}. {border.why}"
     return ""
+
+
+def _endless(functions: Functions, run: Trajectory) -> str:
+    """A force whose energy has grown beyond all that it was before; empty if there is none."""
+    mechanics = functions.outputs.system.mechanics
+    if not mechanics.forces:
+        return ""
+    stored = functions.output(ca.vertcat(*map(functions.outputs.resolve, mechanics.stored_energies())), name="stored_energies")
+    values = np.abs(at_steps(functions, run, stored))
+    growth = values[:, -1] / np.maximum(np.median(values, axis=1), np.finfo(float).tiny)
+    k = int(np.argmax(growth))
+    if not growth[k] > _ENDLESS:
+        return ""
+    part = mechanics.mechanism.forces[k]
+    return (
+        f" The energy of '{part.path}' ({part.component.created_at}) grows without end: bodies come together in its centre, where its law is infinite. "
+        "Let them pass beside it, or end the motion before by an event."
+    )
 
 
 def _without_inertia(functions: Functions, run: Trajectory) -> str:

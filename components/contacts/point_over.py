@@ -104,7 +104,9 @@ class PointOverCurve(AbstractPointOver):
 
     directions = 1
     if_outside = "The point is at a centre of curvature of the curve, where no place is the nearest, or the curve ends there."
-    if_singular = "The curve has a cusp there, or runs along `side`: it has no normal. Give another `side`, across the curve all along."
+    if_singular = (
+        "The curve has a cusp there, or runs along `side`: it has no normal. Give another `side`, across the curve all along."
+    )
     q = Variable("", "the curve's parameter at the nearest place; gap [m]", size=2)
     v = Variable("", "rates of the curve's parameter, and of the gap [m/s]", size=2)
 
