@@ -328,6 +328,22 @@ def test_each_four_bar_with_a_change_point_goes_on_along_its_branch(ground, leng
     assert max(np.max(np.abs(runs[0][q] - runs[1][q])) for q in (scene.a.q, scene.d.q)) < 1e-6
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-4])
+@pytest.mark.parametrize(("ground", "lengths"), [KITES[2], CHANGE_POINTS[2]])
+def test_minimal_coordinates_go_through_and_past_as_all_coordinates_do(ground, lengths, off):
+    """A chart that is followed through a change point, or closely past one, comes out on any branch."""
+    ground *= 1 + off
+    scene = four_bar(ground, lengths)
+    model = ac.build(scene)
+    b, d = drawn(ground, lengths, 0.8, 1)
+    start = {scene.a.q: 0.8, scene.a.v: 3.0, scene.b.q: ac.near(b), scene.d.q: ac.near(d)}
+    minimal, own = model.minimal(start), model.simulate(6.0, start, rtol=1e-12, samples=21)
+    for rtol in (1e-12, 1e-9, 1e-6):
+        run = minimal.simulate(6.0, rtol=rtol, samples=21)
+        assert run.energy_error() < max(rtol, 1e-8)
+        assert np.max(np.abs(run[scene.d.q] - own[scene.d.q])) < max(100 * rtol, 1e-7)
+
+
 @pytest.mark.parametrize(
     ("bars", "turn", "crank", "side"),
     [

@@ -1,4 +1,8 @@
-"""Motions in independent coordinates, from chart to chart."""
+"""Motions in independent coordinates, from chart to chart.
+
+Next to singular positions of loops no coordinates are independent on all branches that cross there, and rates are known from points to either side
+only: motions of loops that come by one are followed in all coordinates of the tree, as `Model.simulate` does.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ from acausal.minimal.model import MinimalModel
 from acausal.outputs.functions import Functions
 from acausal.runtime.kernels import How
 from acausal.simulate.piece import Piece
-from acausal.simulate.simulation import Options, concluded, guards_of, integrated
+from acausal.simulate.simulation import Options, concluded, guards_of, integrated, simulate
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import ended_inside
 from acausal.start.inputs import knots
@@ -26,6 +30,9 @@ _TURNED = 0.45
 """or a quaternion has turned by about 190 degrees,"""
 _STRAIN = 0.35**4
 """or a Newton step on the way from the reference leaves about a third of the residual."""
+
+_BESIDE, _PARTS = 0.05, 4
+"""Clearance, and singular value of constraints, below which a singular position is near; places of a step at which is looked for it."""
 
 _NEARLY = 1e-2
 """Singular value of constraints below which a failure is put down to them."""
@@ -49,6 +56,8 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
         )
     if any(event.set is not None for event in options.events):
         raise OptionError("minimal.simulate: events that set something go with model.simulate only.")
+    if _may_come_beside(whole):
+        return simulate(whole, at, end, options)
     signal, here = at.signal(whole), minimal.stands_at(at)
     initial = replace(minimal.initial, x=minimal.chart.x) if here else at.initial(whole)
     problem = Problem(
@@ -63,6 +72,8 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
     try:
         while not isinstance(found, str):
             piece, leads_on = _run(found, problem, end, _told_of_all(options, at.t0, found.chart.t, end), left, called)
+            if _comes_beside(whole, piece):
+                return simulate(whole, at, end, options)
             pieces.append(piece)
             left -= piece.solution.statistics.steps
             failed = piece.solution.status.kind is not StatusKind.SUCCESS
@@ -89,6 +100,23 @@ def through_charts(minimal: MinimalModel, end: float, at: Situation, options: Op
     reached = float(pieces[-1].solution.t[-1])
     times = problem.read if reached == end else options.times_until(at.t0, reached)
     return concluded(Trajectory(whole, problem, tuple(pieces), initial, times, options.events), end, options)
+
+
+def _may_come_beside(whole: Functions) -> bool:
+    """Whether loops go through singular positions, or closely past them, as far as is known before a motion."""
+    constraints = whole.outputs.system.constraints
+    return constraints.singular or any(part.least < _BESIDE for part in constraints.examined)
+
+
+def _comes_beside(whole: Functions, piece: Piece) -> bool:
+    """Whether a motion has come next to a singular position."""
+    if whole.clearance is None:
+        return False
+    begin, h = piece.solution.t[:-1], np.diff(piece.solution.t)
+    times = (begin[:, None] + h[:, None] * np.arange(1, _PARTS + 1) / _PARTS).ravel()
+    p = np.repeat(piece.problem.parameters[:, None], times.size, axis=1)
+    clear = np.array(whole.clearance(times[None, :], piece.between(times, whole), p))
+    return bool((clear[0] < _BESIDE).any())
 
 
 def _told_of_all(options: Options, t0: float, here: float, end: float) -> Options:
