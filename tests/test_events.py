@@ -254,3 +254,19 @@ def test_what_is_zero_by_geometry_is_no_event_however_it_is_written(seed, compil
     assert all(event.when is small for event in run.events)
     assert turning > 0
     assert len(run.events) - turning in (0, 1)  # at rest at the start
+
+
+@BOTH
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_what_is_conserved_crosses_nothing_however_its_errors_wander(rtol, compiled):
+    """Beside a zero that is crossed, of a body in free rotation: its angular momentum and energy against their values at the start."""
+    scene = ac.System()
+    scene.world, scene.body = World(None), RigidBody(1.0, (1.0, 2.0, 3.0))
+    I, w0 = np.diag([1.0, 2.0, 3.0]), np.array([0.1, 1.0, 0.2])
+    R, w = scene.body.frame.rotation, scene.body.frame.angular_velocity
+    momentum = R @ I @ R.T @ w
+    conserved = [ac.when(momentum[k] - (I @ w0)[k]) for k in range(3)]
+    conserved += [ac.when(w.T @ momentum - w0 @ I @ w0, "rising"), ac.when(w.T @ momentum - w0 @ I @ w0, "falling")]
+    crossed = ac.when((R.T @ w)[0])
+    run = ac.build(scene).simulate(20.0, {w: tuple(w0)}, rtol=rtol, events=[*conserved, crossed], compiled=compiled)
+    assert len(run.events) == np.sum(np.diff(np.sign((run[R.T @ w])[:, 0])) != 0) > 2

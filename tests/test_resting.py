@@ -127,3 +127,20 @@ def test_what_legs_carry_depends_on_no_order_until_it_tips() -> None:
         run = ac.build(scene).simulate(0.995 * tips, start, rtol=1e-12, compiled=False)
         found.append(np.array([run.at([0.3 * tips, 0.99 * tips])[leg.normal_force] for leg in legs]))
     assert found[0] == pytest.approx(found[1], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("mu", "above", "size", "mass"), [(0.5, 0.0, 1.0, 1.0), (0.5, 0.3, 1e-3, 1e-6), (0.0, 0.7, 1.0, 1e-9), (0.05, 0.2, 1e3, 1e6)]
+)
+def test_a_box_comes_down_to_rest_on_three_feet_that_share_its_load(mu: float, above: float, size: float, mass: float) -> None:
+    """Nine rows, or three, over six freedoms: what rests does so to rounding, and may be shifted and turned on the floor."""
+    scene = ac.System()
+    scene.world, scene.box = World((0, 0, -G)), RigidBody.box(mass, (0.4 * size, 0.3 * size, 0.2 * size))
+    scene.feet = [PointOnPlane(unilateral=True, **({"friction": Coulomb(mu)} if mu else {})) for _ in range(3)]
+    for foot, (x, y) in zip(scene.feet, ((0.2, 0.15), (-0.2, 0.15), (0, -0.15)), strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x * size, y * size, -0.1 * size)))
+    found = ac.build(scene).equilibrium({scene.box.frame.position: (0, 0, (0.1 + above) * size)})
+    assert found[scene.box.frame.position].ravel()[2] == pytest.approx(0.1 * size, rel=1e-9)
+    assert found.dimension == 3
+    assert found.residual * size < 1e-11 * G

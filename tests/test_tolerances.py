@@ -9,6 +9,7 @@ import acausal as ac
 from benchmarks.chains import chain
 from components import (
     Force,
+    Free,
     Particle,
     Prismatic,
     Revolute,
@@ -193,3 +194,17 @@ def test_rounding_of_a_long_chain_is_looked_at_without_an_evaluation_for_each_st
     assert np.max(np.abs(at_rounding.x - model.simulate(0.3, start, rtol=1e-12, samples=2).x)) < 1e-13
     assert at_rounding.statistics.rejected < 30
     assert at_rounding.statistics.evaluations < 55 * at_rounding.statistics.steps
+
+
+@pytest.mark.parametrize("rates", [(1e-17, -8e-17, 4e-17), (4e-17, -3e-18, 7e-17), (0.0, 1.5e-16, 1e-14)])
+def test_rates_of_rounding_take_no_steps(rates):
+    """A body falls with an angular velocity that its own rounding errors are as large as, beside another one that is followed from it."""
+    scene = ac.System()
+    scene.world, scene.other = World((1, 2, -9.81)), RigidBody(3.0, (1.2, 1.5, 1.0), (0.02, 0.0, 0.01))
+    scene.joint, scene.body = Free(), RigidBody(2.0, (0.012, 0.015, 0.02), (0.01, -0.01, 0.012))
+    scene.connect(scene.other.frame, scene.joint.frame_a)
+    scene.connect(scene.joint.frame_b, scene.body.frame)
+    start = {scene.joint.v: (0.2, 0.4, -0.8, 0.0, 0.0, 0.0), scene.other.frame.angular_velocity: rates}
+    model = ac.build(scene)
+    for end in (0.01, 0.03, 0.1, 1.0):
+        assert model.simulate(end, start, rtol=1e-10).statistics.steps < 100

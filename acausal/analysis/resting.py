@@ -18,6 +18,9 @@ from acausal.wording import compact
 _TOUCH = 1e-9
 """Of its terms: what a gap or a force may be on the wrong side of zero."""
 
+_DAMPING = 1e-6
+"""Of rows that depend on one another, in units of their compliance."""
+
 Found = tuple[OperatingPoint, np.ndarray]
 """A point, and sizes of its states (nx,)."""
 
@@ -82,6 +85,8 @@ def _begun(functions: Functions, began: OperatingPoint, laws: Sequence[Law], ste
         for law in laws:
             if law.row.one_sided and closed:
                 masks[law.masks] = 1
+        if modes.damped is not None and masks[modes.damped] == 0:
+            masks[modes.damped] = _DAMPING  # that of the start's mode was of other rows
         for law in laws:
             if not law.row.one_sided:
                 masks[law.masks] = 0

@@ -6,6 +6,9 @@ from collections.abc import Callable
 
 import casadi as ca
 
+_CLEANINGS = 3
+"""Of what has no inverse: the rest loses no more than this power of the damping by them."""
+
 
 def factored(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
     """B (n, m) -> A^-1 B, by elimination in the order of the rows."""
@@ -46,6 +49,6 @@ def undamped(A: ca.SX, damping: ca.SX, B: ca.SX, refinements: int) -> ca.SX:
         found = found + solved(B - A @ found)
     # rounding along what A does not see is divided by the damping each time: taken out, since the answer has nothing there
     alone = found
-    for _ in range(2):
+    for _ in range(_CLEANINGS):
         alone = solved(D @ alone)
     return found - alone

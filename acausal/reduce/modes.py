@@ -19,7 +19,7 @@ import numpy as np
 from acausal.dynamics.mode_rows import LockRows, ModeRow, Size
 from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
-from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
+from acausal.language.expression import Discrete, Input, Magnitude, Mode, Reaction, declared
 from acausal.numerics import patches
 from acausal.numerics.staged import Systems
 from acausal.numerics.terms import rounded
@@ -58,6 +58,12 @@ class Modes:
     def found(self) -> ca.SX:
         """The reactions (n, 1), without systems that are to be solved."""
         return self.systems.unrolled(self.solved)
+
+    @property
+    def damped(self) -> int | None:
+        """The place among the masks of the damping of rows that depend on one another; None where none do."""
+        shared = 2 + 2 * self.reactions.numel() + sum(isinstance(mask, Discrete) for mask in self.masks)
+        return len(self.masks) - shared if self.redundant else None
 
     @property
     def one_sided(self) -> int:

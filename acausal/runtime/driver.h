@@ -556,6 +556,8 @@ static int follows_others(Integrator *I, double h) {
     return explains;
 }
 
+#define STRAINED 0.25 /* of the step that accuracy allows */
+#define SUSPECT 3     /* rejections that a step counts as, where rounding is known to disturb it */
 #define INSTANT 1e-9 /* of a step: no time passes */
 
 /* Where a step is to end so that a switch goes over there; see switches.h. */
@@ -665,6 +667,7 @@ static enum Code one_adaptive(Integrator *I) {
         int kink = S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
         if (kink < 0) return INPUT_FAILED;
         if (kink) {
+            if (T->noisy) T->doubts += CALM * SUSPECT; /* nor is what is no kink */
             I->h = 0.3 * h;
             I->rejected++;
             misses++;
@@ -694,6 +697,7 @@ static enum Code one_adaptive(Integrator *I) {
         I->error = error;
         I->contraction = contraction;
         T->missed = misses > 0;
+        if (T->noisy && !failed && converging(I, h, contraction, 0) < STRAINED * wanted) T->doubts += CALM * SUSPECT; /* what does not contract may be rounding */
         enum Code accepted = accept_step(I, S, h);
         if (accepted != REACHED_END) return accepted;
         choose_size(I, h, wanted, contraction, failed);

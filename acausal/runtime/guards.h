@@ -5,13 +5,15 @@
 
    Values no larger than what rounding makes of them have no sign. A guard has a side once it has had a sign; it crosses when it
    gets the other one, however flat the zero between, and touches when it gets the same one again. Where it has no sign for a whole step,
-   it has no side any more. */
+   it has no side any more; and it gets none as long as it is no more than what the tolerance allows the states to be off by. */
 
 #define PI 3.14159265358979323846
 #define POINTS 16
 #define AT_START 1e-12 /* of the largest value in the first step: as good as zero there */
 #define ROUNDINGS 16.0 /* sizes of rounding below which values have no sign */
 #define MET 8.0        /* times as much is it where modes change */
+#define LINEAR 1e-4    /* of their sizes: how far states are moved to see what guards make of their errors */
+#define UNSURE 10      /* steps' errors from the first step on */
 #define SEARCHES 4000  /* intervals looked at for a guard in a step */
 
 typedef struct {
@@ -286,16 +288,26 @@ static void cut_step(Integrator *I, const Path *p, double theta) {
     I->state->last_h = 0;
 }
 
-/* What rounding makes of all guards at theta. Returns 0 when the input function failed. */
-static int guard_rounding(const Path *p, double theta) {
+/* What rounding of the states, so many times as large, makes of all guards at theta. Returns 0 when the input function failed. */
+static int guard_rounding(const Path *p, double theta, double times) {
     Integrator *I = p->I;
     struct State *T = I->state;
     double *x = T->before, *size = T->most;
     const Kernel *disturbed = disturbed_kernel(I, 1);
     if (!disturbed) return 1;
     state_within(I->nx, p->start, p->a, p->s, p->width, theta, p->h, x);
-    for (long i = 0; i < I->nx; i++) size[i] = fabs(x[i]) + T->size[i];
+    for (long i = 0; i < I->nx; i++) size[i] = times * (fabs(x[i]) + T->size[i]);
     return rounding_of(I, disturbed, p->t + theta * p->h, x, size, T->guard_noise);
+}
+
+/* What errors of the states, as the tolerance allows in each step, make of a guard until theta. Negative when the input function failed. */
+static double guard_error(const Path *p, double theta) {
+    const Integrator *I = p->I;
+    double wanted = I->step > 0 ? 0 : I->rtol / EPS, times = fmin(wanted, LINEAR / ENLARGED);
+    if (times <= 1) return 0;
+    if (!guard_rounding(p, theta, times)) return -1;
+    double found = I->state->guard_noise[p->guard];
+    return isfinite(found) ? (UNSURE + (double)I->steps) * wanted / times * found : 0;
 }
 
 /* Looks for zeros of one guard in a step whose values at Chebyshev points are known. Returns 0 when the input function failed. */
@@ -308,12 +320,17 @@ static int search(Path *p, const double *values) {
         if (isfinite(values[j]) && fabs(values[j]) > largest) largest = fabs(values[j]), there = chebyshev_point(j);
     }
     /* what is nothing but rounding where it is largest is so everywhere, also where its terms vanish and rounding with them */
-    if (!guard_rounding(p, there)) return 0;
+    if (!guard_rounding(p, there, 1)) return 0;
     double most = T->guard_noise[p->guard];
-    if (!guard_rounding(p, where)) return 0;
+    if (!guard_rounding(p, where, 1)) return 0;
     p->noise = isfinite(T->guard_noise[p->guard]) ? ROUNDINGS * T->guard_noise[p->guard] : 0;
     if (T->pending >= 0 || p->t == T->changed_at) p->noise *= MET; /* what modes change by comes to zero here and is no further beyond */
     if (isfinite(most) && largest <= ROUNDINGS * most) p->noise = fmax(p->noise, ROUNDINGS * most);
+    if (!G->side && !G->at_zero && isfinite(largest)) { /* what is conserved only drifts */
+        double error = guard_error(p, there);
+        if (error < 0) return 0;
+        if (largest <= error) p->noise = fmax(p->noise, error);
+    }
     if (p->first) p->noise = fmax(p->noise, fabs(values[0]) <= AT_START * largest ? AT_START * largest : 0);
     if (p->first && fabs(values[0]) <= p->noise) G->at_start = 1;
     p->searches = 0;
@@ -347,8 +364,7 @@ static enum Code watch(Integrator *I) {
             }
             chebyshev_coefficients(T->chebyshev, values, c);
             int sign = values[0] > 0 ? 1 : -1;
-            if (known && (G->side == sign || !G->side) && !G->at_zero && !G->at_start && !p.first && excludes_zero(c, 0)) {
-                G->side = sign;
+            if (known && G->side == sign && !G->at_zero && !G->at_start && !p.first && excludes_zero(c, 0)) {
                 break;
             }
             if (!refined && I->fine) {

@@ -9,7 +9,7 @@
 #include "lanes.h"
 
 #define REFINEMENTS 4 /* each takes damping out by a factor of it */
-#define CLEANINGS 2   /* rounding along what M does not see, which is divided by the damping each time */
+#define CLEANINGS 3   /* of rounding along what M does not see, which is divided by the damping each time; the rest keeps all but their power of the damping */
 
 typedef struct {
     long n, m, damped;
