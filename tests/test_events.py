@@ -262,11 +262,11 @@ def test_what_is_conserved_crosses_nothing_however_its_errors_wander(rtol, compi
     """Beside a zero that is crossed, of a body in free rotation: its angular momentum and energy against their values at the start."""
     scene = ac.System()
     scene.world, scene.body = World(None), RigidBody(1.0, (1.0, 2.0, 3.0))
-    I, w0 = np.diag([1.0, 2.0, 3.0]), np.array([0.1, 1.0, 0.2])
+    inertia, w0 = np.diag([1.0, 2.0, 3.0]), np.array([0.1, 1.0, 0.2])
     R, w = scene.body.frame.rotation, scene.body.frame.angular_velocity
-    momentum = R @ I @ R.T @ w
-    conserved = [ac.when(momentum[k] - (I @ w0)[k]) for k in range(3)]
-    conserved += [ac.when(w.T @ momentum - w0 @ I @ w0, "rising"), ac.when(w.T @ momentum - w0 @ I @ w0, "falling")]
+    momentum = R @ inertia @ R.T @ w
+    conserved = [ac.when(momentum[k] - (inertia @ w0)[k]) for k in range(3)]
+    conserved += [ac.when(w.T @ momentum - w0 @ inertia @ w0, "rising"), ac.when(w.T @ momentum - w0 @ inertia @ w0, "falling")]
     crossed = ac.when((R.T @ w)[0])
     run = ac.build(scene).simulate(20.0, {w: tuple(w0)}, rtol=rtol, events=[*conserved, crossed], compiled=compiled)
     assert len(run.events) == np.sum(np.diff(np.sign((run[R.T @ w])[:, 0])) != 0) > 2

@@ -67,7 +67,9 @@ class NearestRoot:
         rounding = self._zero(guess)
         rows = np.fmax(np.fmax(slope, usual), rounding)
         rows = np.where(rows > 0, rows, np.where(np.abs(r) > 0, np.abs(r), 1.0))
-        rows = np.where(np.fmax(slope, usual) > rounding, rows, rows / _RANK)  # nothing moves such a row, and rounding is no slope
+        rows = np.where(
+            np.fmax(slope, usual) > rounding, rows, rows / _RANK
+        )  # nothing moves such a row, and rounding is no slope
         sizes = Sizes(self.scale, rows, lambda z: self._zero(z) / ROUNDING, _RANK, limit=self.limit / self.scale)
         found = self._searched(guess, sizes)
         if not found.part < np.inf:
