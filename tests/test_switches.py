@@ -9,10 +9,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import acausal as ac
 from acausal.errors import SimulationError
-from components import Force, Particle, Prismatic, World
+from components import AngleSource, Force, Particle, Prismatic, Revolute, RigidBody, World
 
 METHODS = ["auto", "radau"]
 
@@ -206,3 +207,24 @@ def test_input_that_jumps_right_to_where_a_switch_goes_over_is_compared_as_said(
     inputs = {scene.level: ac.samples([0, 1, 2], course, kind="constant")}
     run = model.simulate(3.0, {scene.rail.q: 0.0, scene.rail.v: 0.0}, inputs=inputs)
     assert abs(run[scene.rail.v][-1] - sum(np.sign(level) if level else at_zero for level in course)) < 1e-12
+
+
+@pytest.mark.parametrize("end", [2.0, 0.7, 1e-3])
+@pytest.mark.parametrize("kind", ["casadi", "scipy", "formula"])
+def test_a_table_that_ends_with_the_run_is_not_left_there(kind, end):
+    """A given angle, whose table is zero, or nothing, as soon as it has ended."""
+    knots = np.linspace(0, end, 11)
+    spline = CubicSpline(knots, np.sin(3 * knots / end), extrapolate=False)
+    table = ca.interpolant("table", "bspline", [knots], np.sin(3 * knots / end))
+    course: dict[str, Any] = {"casadi": table(ac.time), "scipy": spline}
+    course["formula"] = ca.if_else(ac.time.sx <= end, ca.sin(3 * ac.time.sx / end), 5.0)
+    scene = ac.System()
+    scene.world, scene.hinge, scene.drive = World((0, 0, 0)), Revolute("y"), AngleSource(course[kind])
+    scene.rod = RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.drive.flange, scene.hinge.flange)
+    run = ac.build(scene).simulate(end, samples=2)
+    rate = float(spline(end, 1)) if kind != "formula" else 3 * np.cos(3) / end
+    np.testing.assert_allclose(run.x[:, -1], [np.sin(3), rate], rtol=1e-9)
+    np.testing.assert_allclose(run[scene.hinge.q][-1], np.sin(3), rtol=1e-12)

@@ -70,6 +70,19 @@ static void go_to_other_side(Integrator *I, long row) {
     *side = I->row_factor[row] * *side + I->row_plus[row];
 }
 
+/* The true sides at (t, x), into T->sides_out. Returns 0 when the input function failed. */
+static int true_sides(Integrator *I, double t, const double *x) {
+    struct State *T = I->state;
+    V *in = T->sides_in;
+    in[0] = v_all(t);
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+    for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
+    if (!own_inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
+    for (long k = 0; k < I->masks; k++) in[1 + I->nx + I->nu - I->held + k] = v_all(T->side[k]);
+    run_kernel(&I->sides, in, T->sides_c, T->sides_out, T->work);
+    return 1;
+}
+
 /* Sides that are not true at (t, x) go over; those in doubt stay. `all` true ones at first, where nothing is known of them, or only of inputs
    that jump. Returns 0 when the input function failed. */
 static int agree(Integrator *I, double t, const double *x, int all) {
@@ -77,15 +90,7 @@ static int agree(Integrator *I, double t, const double *x, int all) {
     if (I->held == I->masks) return 1;
     if (all) memset(T->far, 0, (size_t)I->row_count); /* rows that were far from zero may be at it now */
     for (int again = 0; again < 8; again++) {
-        if (all && again == 0) {
-            V *in = T->sides_in;
-            in[0] = v_all(t);
-            for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-            for (long i = 0; i < I->nu - I->held; i++) in[1 + I->nx + i] = v_all(I->u[i]);
-            if (!own_inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
-            for (long k = 0; k < I->masks; k++) in[1 + I->nx + I->nu - I->held + k] = v_all(T->side[k]);
-            run_kernel(&I->sides, in, T->sides_c, T->sides_out, T->work);
-        }
+        if (all && again == 0 && !true_sides(I, t, x)) return 0;
         if (!rows_at(I, t, x)) return 0;
         int wrong = 0;
         for (long r = I->mode_rows; r < I->row_count; r++) {
@@ -196,6 +201,10 @@ static enum Code falls(Integrator *I, long row, double depth) {
 static enum Code go_over(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
     long k = I->row_switch[L->row];
+    if (L->row >= I->mode_rows && I->t >= I->end) { /* a table may end with the motion: what is true there still is not left */
+        if (!true_sides(I, I->t, I->x)) return INPUT_FAILED;
+        if (T->sides_out[k - I->masks][0] == T->side[k]) return REACHED_END;
+    }
     if (!meet_row(I, L)) return INPUT_FAILED;
     if (L->row < I->mode_rows) { /* decided when events of the step have been looked for */
         T->pending = L->row;
