@@ -37,12 +37,13 @@ def setup(app: Sphinx) -> None:
 
 
 def _generate(app: Sphinx) -> None:
-    from tools import gallery, parts
+    from tools import gallery, parts, systems
 
     if app.config.keep_generated:  # -D keep_generated=1, while one writes the other pages
         return
     parts.write_pages(HERE / "parts")
-    gallery.write_pages(HERE / "gallery", HERE / "static" / "gallery")
+    machines = gallery.write_pages(HERE / "gallery", HERE / "static" / "gallery")
+    systems.write_page(HERE / "systems.md", machines)
 
 
 def _check(app: Sphinx, error: Exception | None) -> None:

@@ -12,6 +12,7 @@ import pytest
 DOCS = Path(__file__).parents[1] / "docs"
 sys.path.append(str(DOCS))
 
+from tools import systems  # noqa: E402
 from tools.catalogue import catalogue  # noqa: E402
 from tools.executed import executed  # noqa: E402
 from tools.scenes import FOLDER, script_of  # noqa: E402
@@ -45,6 +46,16 @@ def test_each_machine_of_the_gallery_has_a_title_and_a_bound(path):
     space = runpy.run_path(str(path))
     assert 5 < len(space["__doc__"].split(": ")[0]) < 60
     assert callable(space["main"]) and 0 < space["LIMIT"] < 0.1
+
+
+def test_each_system_is_shown_by_scripts_and_tests_that_exist():
+    """And each script of the classical ones by a system."""
+    shown = {name for row in systems.ROWS for name in row.examples}
+    for row in systems.ROWS:
+        assert row.examples or row.tests, row.system
+        assert all(systems.script_of(name).exists() for name in row.examples)
+        assert all(systems.function_of(test).body for test in row.tests)
+    assert {path.stem for path in (DOCS.parent / "examples" / "classical").glob("*.py")} <= shown
 
 
 @pytest.mark.parametrize("page", ["tutorial", "concepts"])

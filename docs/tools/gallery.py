@@ -46,8 +46,8 @@ class Machine:
         return self.script.relative_to(EXAMPLES.parent).as_posix()
 
 
-def write_pages(folder: Path, motions: Path) -> int:
-    """Write `folder`/NAME.md and pictures, motions into `motions`; returns how many. Raises `RuntimeError` where a number is larger than its bound."""
+def write_pages(folder: Path, motions: Path) -> list[Machine]:
+    """Write `folder`/NAME.md and pictures, motions into `motions`; returns what ran. Raises `RuntimeError` where a number is larger than its bound."""
     for place in (folder, motions):
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
@@ -57,7 +57,7 @@ def write_pages(folder: Path, motions: Path) -> int:
     for machine in machines:
         (folder / f"{machine.name}.md").write_text(_page(machine), encoding="utf-8")
     (folder / "index.md").write_text(_index(machines), encoding="utf-8")
-    return len(machines)
+    return machines
 
 
 def _run(script: Path, folder: Path, motions: Path) -> Machine:
