@@ -419,6 +419,31 @@ def test_what_comes_to_where_it_fits_no_more_is_told_by_part_and_line():
         ac.build(long).initial_state({long.guide.gap: 1e-3})
 
 
+def test_a_shape_that_is_not_convex_is_refused_where_it_is_made_and_where_it_touches():
+    """h = (r + b z^2) for normals of length 1 has the radii of curvature r + 2 b and r at its equator, r - b at its poles."""
+
+    def egg(b) -> ConvexShape:
+        return ConvexShape(lambda n: 0.1 * ca.norm_2(n) + b * n[2] ** 2 / ca.norm_2(n))
+
+    for wrong, words in (
+        (lambda: egg(-0.06), "of no convex shape"),
+        (lambda: egg(0.11), "of no convex shape"),
+        (lambda: ConvexShape(lambda n: 0.1 * ca.sumsqr(n)), "m for 2 n"),
+    ):
+        with pytest.raises(errors.ParameterError, match=rf"{words}.*test_touching.py:\d+"):
+            wrong()
+    egg(-0.049), egg(0.099)
+    for law, surface in ((Rolling(), Plane()), (Sliding(), Sphere(1.0)), (Hard(), Plane())):
+        bend = ac.Parameter(0.0, "m")
+        scene = on(Contact(egg(bend.sx), surface, law), RigidBody(2.0, (0.01, 0.015, 0.02)), (0, 0, -G))
+        model = ac.build(scene)
+        height = {scene.body.frame.position[2]: 0.3 + (not isinstance(surface, Plane))} if isinstance(law, Hard) else {}
+        start = {scene.body.frame.rotation: np.eye(3), scene.body.frame.position[:2]: (0.0, 0.0), **height}
+        model.simulate(0.05, start, parameters={bend: 0.09})
+        with pytest.raises((errors.SimulationError, errors.StartValueError, errors.AssemblyError), match="not convex there"):
+            model.simulate(1.0, start, parameters={bend: 0.12})
+
+
 def test_a_wheel_of_a_free_body_may_close_a_loop():
     """Held by a free joint as well, its coordinates stay and the motion is the same."""
     shape, surface = SHAPES["ellipsoid"], SURFACES["heights"]

@@ -9,6 +9,9 @@ import casadi as ca
 from acausal.outputs.outputs import Outputs
 from acausal.parts.bounded import AbstractBounded
 
+_SHOWN = 3
+"""Coordinates of a joint that are told in words; more say nothing to a reader."""
+
 
 @dataclass(frozen=True)
 class Border:
@@ -33,8 +36,9 @@ def borders(outputs: Outputs) -> tuple[Border, ...]:
         who, q = f"'{item.edge.name}' ({joint.created_at})", joint.q.sx
         name = outputs.name(joint.q)
         names = tuple(f"{name}[{k}]" for k in range(q.numel())) if q.numel() > 1 else (name,)
+        names, q_shown = (names, q) if q.numel() <= _SHOWN else ((), ca.SX(0, 1))
         for values, why, sized in ((joint.domain(q), joint.if_outside, True), (joint.regular(q), joint.if_singular, False)):
-            found.append(Border(who, why, outputs.resolve(values), outputs.resolve(q), names, sized))
+            found.append(Border(who, why, outputs.resolve(values), outputs.resolve(q_shown), names, sized))
     for part in outputs.system.flat.parts:
         bounded = part.component
         if isinstance(bounded, AbstractBounded):

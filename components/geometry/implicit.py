@@ -41,7 +41,7 @@ class ImplicitSurface(AbstractSurface):
                 f"ImplicitSurface's start is {start!r} ({origin()}). Give three numbers: a search for the surface begins there."
             )
         at, normal = self._found(near)
-        self.start = (*at, *_turned_to(normal))  # pyright: ignore[reportAttributeAccessIssue]
+        self.start = (*at, *turned_to(normal))  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
     def turns(self) -> tuple[bool, ...]:
@@ -124,7 +124,7 @@ class ImplicitSurface(AbstractSurface):
         )
 
 
-def _turned_to(n: np.ndarray) -> np.ndarray:
+def turned_to(n: np.ndarray) -> tuple[float, ...]:
     """A unit quaternion (4,) that turns z to a unit vector n (3,): straight, or by way of -z where that is nearer."""
     found = np.array([1 + n[2], -n[1], n[0], 0.0] if n[2] >= 0 else [-n[1], 1 - n[2], 0.0, n[0]])
-    return found / np.linalg.norm(found)
+    return tuple(float(part) for part in found / np.linalg.norm(found))

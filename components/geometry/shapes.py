@@ -10,11 +10,19 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, scalar, sx, vector
+from acausal.language.expression import Parameter, Scalar, declared_in, scalar, sx, vector
 from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
+from components.geometry.implicit import turned_to
 from components.geometry.laws import place
 from components.geometry.surfaces import AbstractSurface
+
+_NOTHING, _FLAT = 1e-9, 1e-3
+"""Of the width: the radius of an edge; and 1 / that of a flat face."""
+_NORMALS = np.vstack([np.eye(3), np.random.default_rng(1).normal(size=(64, 3))])
+"""At which a shape is looked at."""
+_SMOOTH = 0.5
+"""What is 1 where it is smooth, and is well so."""
 
 
 class AbstractShape(AbstractSurface, ABC):
@@ -121,7 +129,8 @@ class Disk(AbstractShape):
 @final
 class ConvexShape(AbstractShape):
     """Any convex shape, by its support: `distance` (n) -> how far from the origin the plane with the outward normal n touches it [m], for all n
-    (3, 1), of any length: twice the normal gives twice the number. Its point is the gradient.
+    (3, 1), of any length: twice the normal gives twice the number. Its point is the gradient. It may have edges; a motion that comes to one of its
+    flat faces, where it touches in more than one point, ends there.
 
     ConvexShape(lambda n: ca.sqrt(n[0]**2 + n[1]**2 + 4 * n[2]**2) + 0.1 * ca.norm_2(n))
     """
@@ -129,6 +138,43 @@ class ConvexShape(AbstractShape):
     def __init__(self, distance: Callable[[ca.SX], Any]) -> None:
         self._n = ca.SX.sym("n", 3)
         self.distance = place("ConvexShape", distance, self._n, rows=1)
+        self.start = self._checked_start()  # pyright: ignore[reportAttributeAccessIssue]
 
     def touching(self, n: ca.SX) -> ca.SX:
         return ca.substitute(ca.gradient(self.distance, self._n), self._n, n)
+
+    def single(self, n: ca.SX) -> ca.SX:
+        # radii of curvature beside the width: both not negative, which is 1 where they are not nothing, and none infinite
+        radii, width = self._bending(n), self._distance(n) + self._distance(-n)
+        total = ca.trace(radii)
+        size, product = width**2 + total**2, (total**2 - ca.trace(radii @ radii)) / 2
+        convex = 1 + ca.vertcat(product / size, total / ca.sqrt(size)) / _NOTHING
+        return ca.vertcat(convex / ca.sqrt(1 + convex**2), width**2 / (width**2 + (_FLAT * total) ** 2))
+
+    def _distance(self, n: ca.SX) -> ca.SX:
+        return ca.substitute(self.distance, self._n, n)
+
+    def _checked_start(self) -> tuple[float, ...]:
+        """Coordinates where it is smooth. Raises `ParameterError` for what is no support, and where it is that of no convex shape, by some normals and
+        parameters as they are.
+        """
+        known = declared_in(self.distance)
+        values = [symbol.value if isinstance(symbol, Parameter) else 0.0 for symbol in known]
+        n = ca.SX.sym("n", 3)
+        rows = [self._distance(2 * n), 2 * self._distance(n), self.single(n)]
+        look = ca.Function("look", [n, ca.vertcat(ca.SX(0, 1), *(symbol.sx for symbol in known))], rows)
+        smooth: list[np.ndarray] = []
+        for normal in _NORMALS / np.linalg.norm(_NORMALS, axis=1)[:, None]:
+            twice, double, convex = (np.array(part).ravel() for part in look(normal, values))
+            if abs(twice - double) > 1e-9 * abs(double):
+                raise ParameterError(
+                    f"ConvexShape's distance is {double[0] / 2:.6g} m for n = {normal}, and {twice[0]:.6g} m for 2 n ({origin()}). Twice the normal must give twice the "
+                    "number: divide by ca.norm_2(n) as often as needed."
+                )
+            if (convex[:2] < 0).any():
+                raise ParameterError(
+                    f"ConvexShape's distance is that of no convex shape: around n = {normal} it is curved the other way ({origin()}). Give one that is convex, "
+                    "or make the body of several."
+                )
+            smooth += [normal] * bool((convex > _SMOOTH).all())
+        return turned_to(smooth[0] if smooth else _NORMALS[0])
