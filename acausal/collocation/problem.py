@@ -163,7 +163,7 @@ class StatusKind(enum.Enum):
     INTERRUPTED = "interrupted by the user"
     MAX_STEPS = "the largest number of steps was reached"
     SLIDES = "the rates switch back and forth without end"
-    OVERLAPS = "bodies overlap at the start"
+    OVERLAPS = "bodies overlap at the start, or after a jump"
     NO_MODE = "nothing that may happen where bodies touch obeys all laws"
     CHATTERS = "contacts change without end in one instant"
     TIED = "bodies strike one after the other, and it is not said which first"

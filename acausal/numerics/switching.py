@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -13,6 +14,8 @@ from acausal.numerics.staged import Function, Staged, Systems, composed, systems
 _COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX)
 _WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
 _PERIODIC = (ca.OP_FMOD, ca.OP_REMAINDER)
+JUMPS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, *_WHOLE, *_PERIODIC}
+"""Operations whose results jump; others only bend."""
 _SWITCHES = {*_COMPARED, *_WHOLE, *_PERIODIC, ca.OP_SIGN, ca.OP_FABS}
 
 
@@ -22,7 +25,7 @@ class Switching:
 
     `rates`: (t, x, (u, sides), p) -> x', smooth in t, x and u. `rows`: (t, x, (u, sides), p) -> values that are positive where the sides are
     the true ones; `sides`: (t, x, u, p) -> the true ones. Where row k becomes negative, side `switch`[k] becomes `factor`[k] side + `plus`[k].
-    `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ... `guards`: like `rates`, what else is smooth then.
+    `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ... `others`: like `rates`, what else is smooth then.
     """
 
     rates: Function
@@ -32,20 +35,21 @@ class Switching:
     factor: np.ndarray
     plus: np.ndarray
     words: tuple[str, ...]
-    guards: Function
+    others: tuple[Function, ...]
 
 
-def switching(given: Function, guards: Function | None = None) -> Switching | None:
+def switching(given: Function, *others: Function) -> Switching | None:
     """That of an SX function (t, x, u, p) -> x', and of others that hold the same switches; None without any switch."""
     function, shapes = systems_of(given)
     if not function.is_a("SXFunction"):
         return None
-    n, parts = function.size1_out(0), [function, *([] if guards is None else [systems_of(guards)[0]])]
+    parts = [function, *(systems_of(other)[0] for other in others)]
+    ends = np.cumsum([part.size1_out(0) for part in parts]).tolist()
     codes = {part.instruction_id(k) for part in parts for k in range(part.n_instructions())}
     if not codes & _SWITCHES:
         return None
-    if guards is not None:
-        function, shapes = systems_of(composed("both", [given, guards], lambda _, both: [ca.vertcat(both[0][0], both[1][0])]))
+    if others:
+        function, shapes = systems_of(composed("all", [given, *others], lambda _, all: [ca.vertcat(*(one[0] for one in all))]))
     found = _Holder()
     names = [*"txup", *(f"answer{k}_" for k in range(len(shapes)))]
     arguments = [ca.vertcat(*(ca.SX.sym(f"{name}_{k}") for k in range(function.size1_in(i)))) for i, name in enumerate(names)]
@@ -60,15 +64,30 @@ def switching(given: Function, guards: Function | None = None) -> Switching | No
         return Staged.of(name, [t, x, inputs, p], [ca.densify(result)], systems)
 
     return Switching(
-        made("rates", held[:n, :]),
+        made("rates", held[: ends[0], :]),
         made("rows", ca.vertcat(*found.rows)),
         Staged.of("sides", [t, x, u, p], [ca.densify(ca.vertcat(*(row.true for row in found.switches)))], true),
         np.array(found.switch),
         np.array(found.factor, dtype=float),
         np.array(found.plus, dtype=float),
         tuple(switch.words for switch in found.switches),
-        made("guards", held[n:, :]),
+        tuple(made("others", held[a:b, :]) for a, b in itertools.pairwise(ends)),
     )
+
+
+def switches(expression: ca.SX, operations: Collection[int]) -> list[ca.SX]:
+    """Every operation of these kinds inside an expression."""
+    stack, seen, found = [expression[i] for i in range(expression.numel())], set[int](), list[ca.SX]()
+    while stack:
+        node = stack.pop()
+        if node.element_hash() in seen:
+            continue
+        seen.add(node.element_hash())
+        if node.n_dep():
+            if node.op() in operations:
+                found.append(node)
+            stack += [node.dep(i) for i in range(node.n_dep())]
+    return found
 
 
 _LONGEST = 600

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.switching import switches
+
 _COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
 _SIGNED = (ca.OP_SIGN, ca.OP_FABS)
 _WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
 _PERIODIC = (ca.OP_FMOD, ca.OP_REMAINDER)
-SWITCHES = (*_COMPARED, *_SIGNED, *_WHOLE, *_PERIODIC)
-"""Operations whose results jump or bend."""
+_SWITCHES = (*_COMPARED, *_SIGNED, *_WHOLE, *_PERIODIC)
 _SAMPLES = 1001
 _MOST = 100_000
 """Regular switches between which samples are taken; where there are more, they are left out of account."""
@@ -61,11 +62,11 @@ class Clocks:
 def clocks(function: ca.Function) -> Clocks | None:
     """Those of an SX function (t) -> a number; None without any."""
     codes = {function.instruction_id(k) for k in range(function.n_instructions())}
-    if not codes.intersection(SWITCHES):
+    if not codes.intersection(_SWITCHES):
         return None
     t = ca.SX.sym("t")
     signs, counts = list[ca.SX](), list[ca.SX]()
-    for node in switches(ca.densify(function(t))):
+    for node in switches(ca.densify(function(t)), _SWITCHES):
         a, b = node.dep(0), node.dep(1) if node.n_dep() > 1 else ca.SX(1)
         value = a - b if node.op() in _COMPARED else a / b if node.op() in _PERIODIC else a
         if ca.depends_on(value, t):
@@ -73,7 +74,7 @@ def clocks(function: ca.Function) -> Clocks | None:
     lines, others = list[tuple[float, float, int]](), list[bool]()
     for k, value in enumerate((*signs, *counts)):
         rate = ca.jtimes(value, t, ca.SX(1))
-        line = not ca.depends_on(rate, t) and not switches(value)
+        line = not ca.depends_on(rate, t) and not switches(value, _SWITCHES)
         others.append(not line)
         if line and (slope := float(rate)) != 0:
             lines.append((float(ca.substitute(value, t, ca.SX(0))), slope, int(k >= len(signs))))
@@ -81,21 +82,6 @@ def clocks(function: ca.Function) -> Clocks | None:
         return None
     signed, counted = (ca.Function("f", [t], [ca.densify(ca.vertcat(*of))]) for of in (signs, counts))
     return Clocks(signed, counted, tuple(line for line in lines if np.isfinite(line).all()), np.array(others))
-
-
-def switches(expression: ca.SX, operations: tuple[int, ...] = SWITCHES) -> list[ca.SX]:
-    """Every operation of these kinds inside an expression."""
-    stack, seen, found = [expression[i] for i in range(expression.numel())], set[int](), list[ca.SX]()
-    while stack:
-        node = stack.pop()
-        if node.element_hash() in seen:
-            continue
-        seen.add(node.element_hash())
-        if node.n_dep():
-            if node.op() in operations:
-                found.append(node)
-            stack += [node.dep(i) for i in range(node.n_dep())]
-    return found
 
 
 def parted(state: Callable[[float], np.ndarray], before: float, after: float) -> tuple[float, float]:

@@ -325,8 +325,9 @@ class Functions:
 
     def _integrand(self, modes: ModeFunctions | None) -> Integrand:
         rates = self.staged_dynamics
+        held = () if modes is None else (modes.guards, modes.moved)
         return Integrand(
-            rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, None if modes is None else modes.guards), modes,
+            rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, *held), modes,
         )  # fmt: skip
 
     @functools.cached_property
@@ -409,15 +410,15 @@ class Functions:
         return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
 
     @functools.cached_property
-    def followed(self) -> tuple[ca.Function | None, ca.Function | None]:
-        """(t, x, u, p) -> what is off of what inputs prescribe, then the sums of their terms' sizes; the same of what loops hold of gears.
-
-        None where there is nothing of a kind.
+    def followed(self) -> tuple[ca.Function | None, ca.Function | None, ca.Function | None]:
+        """(t, x, u, p) -> what is off of what inputs prescribe, then the sums of their terms' sizes; the same of what loops hold of gears, and of
+        gaps that inputs move. None where there is nothing of a kind.
         """
-        scalar = self.outputs.system.scalar
-        return self._with_terms(scalar.prescribed), self._with_terms(
-            ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped))
-        )
+        scalar, modes = self.outputs.system.scalar, self.outputs.system.modes
+        gaps = () if modes is None else modes.followed.values()
+        kinds = scalar.prescribed, ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped)), ca.vertcat(ca.SX(0, 1), *gaps)
+        prescribed, looped, closed = (self._with_terms(rows) for rows in kinds)
+        return prescribed, looped, closed
 
     def _with_terms(self, rows: ca.SX) -> ca.Function | None:
         if not rows.numel():

@@ -11,7 +11,8 @@ import numpy as np
 from acausal.errors import JumpWarning, ParameterError
 from acausal.language.expression import Expression
 from acausal.language.flatten import Part
-from acausal.outputs.clocks import parted, switches
+from acausal.numerics.switching import switches
+from acausal.outputs.clocks import parted
 from acausal.outputs.outputs import Outputs
 from acausal.wording import callers_level
 

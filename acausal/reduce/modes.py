@@ -22,6 +22,7 @@ from acausal.language.equation import input_rate
 from acausal.language.expression import Discrete, Input, Magnitude, Mode, Reaction, declared
 from acausal.numerics import patches
 from acausal.numerics.staged import Systems
+from acausal.numerics.switching import JUMPS, switches
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import ROUNDING
 from acausal.reduce.magnitudes import Magnitudes
@@ -74,6 +75,15 @@ class Modes:
     def held_places(self) -> ca.SX:
         """Of the invariants, gaps that are closed (one_sided, 1)."""
         return self.invariants[: self.one_sided, :]
+
+    @property
+    def followed(self) -> dict[str, ca.SX]:
+        """Gaps that are closed, which are kept so by their rates alone, since inputs move them or they may jump; by what has them."""
+        return {
+            f"the gap of {row.part.where}": mask.sx * row.gap
+            for row, mask, kept in zip(self.rows, self.masks, ca.vertsplit(self.held_places), strict=False)
+            if kept.is_zero() and not row.gap.is_zero()
+        }
 
     @property
     def held_speeds(self) -> ca.SX:
@@ -188,6 +198,11 @@ class Motion:
         found = [np.array(function(*place)) for place in self.values]
         return [one for one in found if np.isfinite(one).all()]
 
+    def may_jump(self, value: ca.SX) -> bool:
+        """While parameters stay as they are."""
+        moving = ca.vertcat(self.t, self.x, self.u)
+        return any(ca.depends_on(node, moving) for node in switches(value, JUMPS))
+
     def closed(self, gaps: ca.SX, J: ca.SX, pushes: ca.SX) -> ca.SX:
         """What states (nx, 1) change by where reactions with x' = J r push these gaps to zero by pushes[:, 0], and their rates by pushes[:, 1]."""
         places, along = positions_in(gaps, J, self.x, self.nq), ca.jacobian(self.x_dot, self.x) @ J
@@ -205,7 +220,7 @@ class Motion:
 def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) -> tuple[Modes | None, ca.SX]:
     """Modes, None where no reaction moves anything; and reactions (n, 1) that are zero at all times, since nothing can move there.
 
-    Where rows depend on inputs these have rates, and what holds is followed by these, and not among the invariants. Raises `ModelError` for a gap that is
+    Where rows depend on inputs these have rates, and what holds is followed by these, and not among the invariants; nor is what may jump. Raises `ModelError` for a gap that is
     not one of positions, and reactions that the rates do not depend on as they should.
     """
     rows, dead = _living(rows, motion)
@@ -230,11 +245,11 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     carried = ca.SX.zeros(len(owner)) if shared is None else shared.at(motion.t)
     values, guards = system.found(free, rate, carried, acceleration)
     closed = [
-        holds * row.gap if row.one_sided and not _inputs_in(row.gap) else ca.SX.zeros(row.size)
+        holds * row.gap if row.one_sided and not (_inputs_in(row.gap) or motion.may_jump(row.gap)) else ca.SX.zeros(row.size)
         for row, holds in zip(rows, system.by_law, strict=True)
     ]
     speeds = [
-        ca.SX(0) if _inputs_in(ca.vertcat(row.moved, part)) else holds * part
+        ca.SX(0) if _inputs_in(ca.vertcat(row.moved, part)) or motion.may_jump(part) else holds * part
         for row, holds, part in zip(owner, system.holds, ca.vertsplit(rate), strict=True)
     ]
     gaps = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided))

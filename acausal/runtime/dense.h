@@ -1,7 +1,7 @@
 /* Dense output. A Gauss step of s stages is accurate to order 2 s at its end but only s + 1 inside. Fixed-point iteration on more
    nodes, started from the collocation polynomial, brings the inside up to the end's accuracy. */
 
-#define ASIDE 2.0 /* neighbouring numbers to either side of a knot that belong to no step: rounding decides there which side they are on */
+#define ASIDE 4.0 /* neighbouring numbers to either side of a knot that belong to no step: rounding decides there which side they are on, also where times are shaken by it */
 
 /* So far from a knot steps end before it, and begin after it. */
 static double aside(const Integrator *I, double knot) { return ASIDE * EPS * fmax(fabs(knot), fabs(I->state->start)); }

@@ -131,7 +131,7 @@ class Integrand:
         if self.switching is not None:
             found.append(Wanted("sides", self.switching.sides, (3,)))
         if self.modes is not None and self.modes.laws:
-            found.append(Wanted("decision", self.with_sides(self.modes.decision), (3,)))
+            found.append(Wanted("decision", self.decision, (3,)))
         if self.modes is not None and self.modes.set is not None:
             found.append(Wanted("set", self.with_sides(self.modes.set.values), (3,)))
         return tuple(found)
@@ -149,8 +149,18 @@ class Integrand:
             assert self.switching is not None
             return self.switching.rows
         first, *rest = (self.with_sides(function) for function in self.modes.rows)
-        parts = [first, *rest] if self.switching is None else [self.switching.guards, *rest, self.switching.rows]
+        parts = [first, *rest] if self.switching is None else [self.switching.others[0], *rest, self.switching.rows]
         return composed("rows", parts, lambda _, results: [ca.vertcat(*(result[0] for result in results))])
+
+    @property
+    def decision(self) -> Function:
+        """(t, x, u, p) -> what modes are decided by; gaps and rates with switches held, so that it is seen how these move them."""
+        assert self.modes is not None
+        if self.switching is None:
+            return self.modes.decision
+        n = self.modes.moved.size1_out(0)
+        parts = [self.switching.others[1], self.with_sides(self.modes.decision)]
+        return composed("decision", parts, lambda _, results: [ca.vertcat(results[0][0], results[1][0][n:, :])])
 
     @functools.cached_property
     def jvp(self) -> Wanted:
@@ -169,8 +179,7 @@ class Integrand:
         if self.row_switch.size:
             found.append(Wanted("row_change", _directional_derivative(self.rows, (0, 1, 2, 3)), (3,)))
         if self.modes is not None and self.modes.laws:
-            decision = self.with_sides(self.modes.decision)
-            found.append(Wanted("decision_change", _directional_derivative(decision, (0, 1, 2, 3)), (3,)))
+            found.append(Wanted("decision_change", _directional_derivative(self.decision, (0, 1, 2, 3)), (3,)))
         if self.modes is not None and self.modes.set is not None:
             found.append(
                 Wanted("set_change", _directional_derivative(self.with_sides(self.modes.set.values), (0, 1, 2, 3)), (3,))

@@ -152,10 +152,11 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     return 1;
 }
 
-/* What rows are just before inputs jump, at time t: what holds is known to the tolerance only, but how far it jumps to rounding. */
+/* What rows are just before inputs or switches jump, at time t: what holds is known to the tolerance only, but how far it jumps to rounding. */
 static int look_before_knot(Integrator *I, double t) {
     struct State *T = I->state;
     Decision D;
+    if (T->crossed) return 1; /* two in one instant */
     T->crossed = 1;
     if (!reactions_of(I)) return 1;
     if (!decision_at(I, t, I->x, &D)) return 0;
@@ -163,9 +164,25 @@ static int look_before_knot(Integrator *I, double t) {
     return 1;
 }
 
-/* Whether gap or rate `k` has jumped at the knot that has just been crossed. */
+/* Whether gap or rate `k` has jumped at the knot, or by the switch, that has just been crossed; gates, which have no terms, open and shut, and do not jump. */
 static int has_jumped(const Integrator *I, const Decision *D, long k) {
-    return I->state->crossed && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
+    return I->state->crossed && (k >= D->gaps || D->terms[k] > 0) && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
+}
+
+/* A switch has gone over: modes are decided anew where a gap or a rate has jumped by that; `before`: whether there was something to decide anyway. REACHED_END,
+   or why not: derivatives do not go through it. */
+static enum Code look_after_switch(Integrator *I, int before) {
+    struct State *T = I->state;
+    Decision D = {.gaps = 0};
+    long k = 0;
+    if (reactions_of(I) && !decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+    while (k < D.gaps + D.n && !has_jumped(I, &D, k)) k++;
+    if (k == D.gaps + D.n) T->crossed = before;
+    else if (I->directions) {
+        I->worst = k % D.gaps;
+        return NO_DERIVATIVES;
+    }
+    return REACHED_END;
 }
 
 /* Room for one more transition. */
@@ -511,7 +528,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     int impacts = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
-        R.touching[i] = D.gap[i] <= D.gap_noise[i] || T->side[i] == 1 || i == row;
+        R.touching[i] = D.gap[i] <= D.gap_noise[i] || (T->side[i] == 1 && !has_jumped(I, &D, i)) || i == row;
         if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -fmax(D.gap_noise[i], T->begun ? 0 : I->rtol * fabs(D.terms[i]))) {
             I->worst = i;
             return OVERLAPS;

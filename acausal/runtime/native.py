@@ -78,7 +78,7 @@ _STATUS = {
 _OF_MODES = {
     Code.OVERLAPS: (
         StatusKind.OVERLAPS,
-        "The gap of {0} is negative at the start, or after a jump of an input. Move what it keeps apart, or turn its normal round.",
+        "The gap of {0} is negative at the start, or after a jump. Move what it keeps apart, or turn its normal round.",
     ),
     Code.NO_MODE: (
         StatusKind.NO_MODE,

@@ -197,6 +197,10 @@ static enum Code falls(Integrator *I, long row, double depth) {
     return FALLS;
 }
 
+static int changes_modes(const Integrator *I);
+static int look_before_knot(Integrator *I, double t);
+static enum Code look_after_switch(Integrator *I, int before);
+
 /* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
 static enum Code go_over(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
@@ -215,6 +219,8 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
     double old = T->side[k], new;
     remembered[old > 0] = L->planned;
+    int crossed = T->crossed;
+    if (changes_modes(I) && !look_before_knot(I, I->t)) return INPUT_FAILED;
     go_to_other_side(I, L->row);
     new = T->side[k];
     for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
@@ -231,7 +237,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
         I->worst = k - I->masks;
         return SLIDES;
     }
-    return REACHED_END;
+    return changes_modes(I) ? look_after_switch(I, crossed) : REACHED_END;
 }
 
 /* Whether so many values of a row in order of time are far from zero, beside what they change by; row_count apart. */

@@ -180,15 +180,20 @@ def _at(functions: Functions, border: Border, t: float, x: np.ndarray, u: np.nda
 
 
 def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
-    """Say so when a joint did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in.
+    """Say so when a joint or a contact did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in.
 
     And when loops left what a gear says that they were to hold.
     """
-    prescribed, looped = functions.followed
-    scalar = functions.outputs.system.scalar
-    late = _first_missed(functions, run, prescribed)
-    if late:
-        names = compact(h.name for h in scalar.held if h.of_inputs)
+    prescribed, looped, closed = functions.followed
+    scalar, modes = functions.outputs.system.scalar, functions.outputs.system.modes
+    late, off = (
+        _first_missed(functions, run, prescribed),
+        _first_missed(functions, run, closed if run.status.kind is StatusKind.SUCCESS else None),
+    )
+    if late or off:
+        names = compact((h.name for h in scalar.held if h.of_inputs) if late else modes.followed if modes else ())
+        late = late or off
+        assert late is not None
         warnings.warn(
             f"By t = {late[0]:.6g} s what an input prescribes is missed by {late[1]:.3g}: {names}. The motion follows the input's rate; a jump is not "
             "in it, and a rate of its own must belong to the value. Give a smooth course.",
@@ -283,14 +288,14 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
 
 
 def _overlap(functions: Functions, run: Trajectory) -> str:
-    """Which gap is the most negative one where a run begins, or where an input has jumped; empty if none is seen."""
+    """Which gap is the most negative one where a run begins, or where it has jumped; empty if none is seen."""
     modes, t = functions.outputs.system.modes, run.steps.t[-1:]
     assert modes is not None
     u = run.problem.inputs(t)[:, 0]
     gaps = np.array(functions.output(modes.gaps, name="gaps")(t[0], run.steps.x[:, -1], u, run.problem.parameters)).ravel()
     if not gaps.min() < 0:
         return ""
-    when = "at the start" if run.steps.t.size == 1 else f"at t = {t[0]:g} s, where an input jumps"
+    when = "at the start" if run.steps.t.size == 1 else f"at t = {t[0]:g} s, where it jumps"
     row = [row for row in modes.rows if row.one_sided][int(np.argmin(gaps))]
     unit = "rad" if row.reactions[0].unit == "N*m" else "m"
     return f"The gap of {row.part.where} is negative {when} ({gaps.min():.3g} {unit}). {row.part.component.if_overlaps}"
