@@ -325,7 +325,7 @@ class Functions:
 
     def _integrand(self, modes: ModeFunctions | None) -> Integrand:
         rates = self.staged_dynamics
-        held = () if modes is None else (modes.guards, modes.moved)
+        held = () if modes is None else (modes.guards, modes.decision)
         return Integrand(
             rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, *held), modes,
         )  # fmt: skip
@@ -414,17 +414,19 @@ class Functions:
         """(t, x, u, p) -> what is off of what inputs prescribe, then the sums of their terms' sizes; the same of what loops hold of gears, and of
         gaps that inputs move. None where there is nothing of a kind.
         """
-        scalar, modes = self.outputs.system.scalar, self.outputs.system.modes
-        gaps = () if modes is None else modes.followed.values()
-        kinds = scalar.prescribed, ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.looped)), ca.vertcat(ca.SX(0, 1), *gaps)
-        prescribed, looped, closed = (self._with_terms(rows) for rows in kinds)
-        return prescribed, looped, closed
+        s, none = self.outputs.system, ca.SX(0, 1)
+        gaps = ca.vertcat(none, *(() if s.modes is None else s.modes.followed.values()))
+        masks = ca.vertcat(none, *(mask.sx for mask in s.flat.modes))
+        by_inputs = ca.substitute(s.u, masks, ca.SX.zeros(masks.numel())) if masks.numel() else s.u
+        prescribed, looped = s.scalar.prescribed, ca.vertcat(none, *(h.residual for h in s.scalar.looped))
+        return self._with_terms(prescribed, s.x, s.u), self._with_terms(looped, s.x, s.u), self._with_terms(gaps, none, by_inputs)
 
-    def _with_terms(self, rows: ca.SX) -> ca.Function | None:
+    def _with_terms(self, rows: ca.SX, x: ca.SX, u: ca.SX) -> ca.Function | None:
         if not rows.numel():
             return None
         s = self.outputs.system
-        terms = ca.fabs(ca.jacobian(rows, s.x)) @ ca.fabs(s.x) + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(s.u)
+        by_states = ca.fabs(ca.jacobian(rows, s.x)) @ ca.fabs(x) if x.numel() else 0
+        terms = by_states + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(u)
         return self._function("followed", [ca.vertcat(rows, terms)], ["rows_and_terms"])
 
     @functools.cached_property

@@ -40,7 +40,7 @@ def mode_functions(
     if m is None:
         none = ca.SX(0, 1)
         return ModeFunctions(
-            0, 0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), function("moved", none), invariants_of("mode_invariants", rows),
+            0, 0, 0, 0, 0, False, function("mode_guards", none), function("decision", none), function("terms", none), invariants_of("mode_invariants", rows),
             masked("mode_projection", step), (), discretes,
         )  # fmt: skip
     size = [row.size for row in m.frictions]
@@ -48,8 +48,8 @@ def mode_functions(
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
         Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems),
-        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), terms, _magnitudes(m), _pressures(m))),
-        function("moved", ca.vertcat(m.gaps, m.rate)),
+        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m))),
+        function("terms", terms),
         invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
     )  # fmt: skip
 

@@ -117,10 +117,14 @@ def rotation_to_axis(axis: np.ndarray) -> np.ndarray:
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
+_UNLIKELY = -0.41
+"""Of an axis' last component: axes in a plane, or at angles that things are built with, have others."""
+
+
 def rotation_to_axis_symbolic(axis: ca.SX) -> ca.SX:
-    """The same for an axis that depends on parameters: one of two formulas, each far from where it is singular."""
+    """The same for an axis that depends on parameters: one of two formulas, each far from where it is singular. It jumps where no axis is likely to be."""
     x, y, z = axis[0], axis[1], axis[2]
-    s = ca.if_else(z >= 0, 1, -1)
+    s = ca.if_else(z >= _UNLIKELY, 1, -1)
     k = 1 / (1 + s * z)
     return ca.vertcat(
         ca.horzcat(1 - k * x * x, -s * k * x * y, x), ca.horzcat(-k * x * y, s * (1 - k * y * y), y), ca.horzcat(-s * x, -y, z)

@@ -78,11 +78,11 @@ class Modes:
 
     @property
     def followed(self) -> dict[str, ca.SX]:
-        """Gaps that are closed, which are kept so by their rates alone, since inputs move them or they may jump; by what has them."""
+        """Gaps that are closed, which are kept so by their rates alone, since inputs move them; by what has them."""
         return {
             f"the gap of {row.part.where}": mask.sx * row.gap
-            for row, mask, kept in zip(self.rows, self.masks, ca.vertsplit(self.held_places), strict=False)
-            if kept.is_zero() and not row.gap.is_zero()
+            for row, mask in zip(self.rows[: self.one_sided], self.masks, strict=False)
+            if _inputs_in(row.gap)
         }
 
     @property

@@ -152,15 +152,13 @@ class Integrand:
         parts = [first, *rest] if self.switching is None else [self.switching.others[0], *rest, self.switching.rows]
         return composed("rows", parts, lambda _, results: [ca.vertcat(*(result[0] for result in results))])
 
-    @property
+    @functools.cached_property
     def decision(self) -> Function:
-        """(t, x, u, p) -> what modes are decided by; gaps and rates with switches held, so that it is seen how these move them."""
+        """(t, x, u, p) -> what modes are decided by, switches held."""
         assert self.modes is not None
-        if self.switching is None:
-            return self.modes.decision
-        n = self.modes.moved.size1_out(0)
-        parts = [self.switching.others[1], self.with_sides(self.modes.decision)]
-        return composed("decision", parts, lambda _, results: [ca.vertcat(results[0][0], results[1][0][n:, :])])
+        decided = self.modes.decision if self.switching is None else self.switching.others[1]
+        parts = [decided, self.with_sides(self.modes.terms)]
+        return composed("decision", parts, lambda _, results: [ca.vertcat(results[0][0], results[1][0])])
 
     @functools.cached_property
     def jvp(self) -> Wanted:

@@ -107,12 +107,12 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.kind = D.slide_by + m * n;
     D.back = D.kind + gaps;
     D.bounce = D.back + m;
-    D.terms = D.bounce + gaps + 1;
-    D.force = D.terms + gaps;
+    D.force = D.bounce + gaps + 1;
     D.force_by = D.force + 3 * I->magnitudes;
     D.hold_size = D.force_by + 3 * I->magnitudes * n;
     D.slide_size = D.hold_size + m * I->magnitudes;
     D.pressure = D.slide_size + m * I->magnitudes;
+    D.terms = D.pressure + I->patches;
     return D;
 }
 

@@ -251,7 +251,7 @@ class Transitions(Sequence[Transition]):
 
     def _beside(self, times: np.ndarray, side: int) -> np.ndarray:
         """Just before or after these: inputs and switches of time may jump there, too."""
-        ends = self.run.steps.t[[0, -1]]
+        ends = self.run.solution.t[[0, -1]]
         return np.clip(times + side * _ASIDE * np.max(np.abs(ends)), *ends)
 
     def beside(self, some: np.ndarray, after: int) -> tuple[np.ndarray, np.ndarray]:

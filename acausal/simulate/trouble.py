@@ -212,8 +212,9 @@ def _first_missed(functions: Functions, run: Trajectory, rows: ca.Function | Non
     """When and by how much a run first missed one of these rows, by more than a part of its terms; None if it did not."""
     if rows is None:
         return None
-    gap, size = np.split(np.abs(at_steps(functions, run, rows)), 2)
-    missed = gap > _MISSED * np.max(size, axis=1, keepdims=True, initial=0.0)
+    gap, sizes = np.split(np.abs(at_steps(functions, run, rows)), 2)
+    size = np.max(sizes, axis=1, keepdims=True, initial=0.0)
+    missed = (gap > _MISSED * size) & (size > 0)
     if not missed.any():
         return None
     k = int(np.flatnonzero(missed.any(axis=0))[0])

@@ -94,7 +94,7 @@ class AbstractSurface(ABC):
         return ca.SX(0, 1)
 
     def across(self, n: ca.SX) -> ca.SX:
-        """Two unit vectors (3, 2) across a normal n (3, 1) and one another. On a ball no such choice is smooth: it jumps where z of n changes its sign."""
+        """Two unit vectors (3, 2) across a normal n (3, 1) and one another. On a ball no such choice is smooth: it jumps where z of n is -0.41."""
         return rotation_to_axis_symbolic(n)[:, :2]
 
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
