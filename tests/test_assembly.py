@@ -28,6 +28,7 @@ from tests.assembly_scenes import (
     stewart_platform,
 )
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage, rotation
+from tests.similar import Units, four_bar_scene
 
 
 def turned(*v: float) -> np.ndarray:
@@ -298,6 +299,15 @@ def test_a_four_bar_with_its_crank_held_is_open_or_crossed():
     tips = [model.simulate(1e-6, _start(scene, state), samples=2)[scene.coupler.tip.position][0] for state in found]
     for wanted in (p + t * along + side, p + t * along - side):
         assert min(np.linalg.norm(tip - R @ wanted) for tip in tips) < 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_branches_are_told_apart_by_places_in_any_unit(size: float):
+    """With its crank held, a four-bar's coupler ends in two places, and its crank in one."""
+    scene = four_bar_scene(Units(length=size))
+    model = ac.build(scene)
+    for body, count in ((scene.crank, 1), (scene.coupler, 2)):
+        assert len(model.branches({scene.a.q: 0.3}, by=body.tip.position, searches=20)) == count
 
 
 def _start(scene: Any, state: Any) -> dict[Any, Any]:

@@ -2,9 +2,6 @@
    its row is multiplied, so that it is positive until the guard passes zero. All that pass in one instant set together, from the values just before; then reactions are
    decided, and guards are looked at again, until none passes any more. What is within rounding of zero is on the side to which the motion leads it. */
 
-#define SOONEST 1e-6 /* of a step: where the motion is looked at for that; then later, by these factors */
-#define SOONER 100.0
-#define SOONS 3
 #define UNLEFT 12    /* times that a guard passes zero without getting away, which tell that it chatters */
 #define KEPT 1e3     /* roundings of states that are set, which what they obey may take away */
 
@@ -80,7 +77,7 @@ static int find_set_slopes(Integrator *I, double *slope) {
 static int look_ahead(Integrator *I, double planned) {
     struct State *T = I->state;
     long n = I->set_count, first = first_set(I), left = 0;
-    double *value = T->set_rows, *side = T->set_rows + n, *slope = T->set_rows + 2 * n, *zero = T->set_rows + 4 * n, *rest = T->set_rows + 5 * n, *x = T->set_x, *rate = T->most, later = SOONEST * planned;
+    double *value = T->set_rows, *side = T->set_rows + n, *slope = T->set_rows + 2 * n, *zero = T->set_rows + 4 * n, *rest = T->set_rows + 5 * n, *x = T->set_x, *rate = T->most;
     if (!rows_at(I, I->t, I->x)) return 0;
     for (long k = 0; k < n; k++) {
         int rests = rests_at_zero(I, first + k, T->one_row[first + k]);
@@ -97,7 +94,8 @@ static int look_ahead(Integrator *I, double planned) {
         side[k] = slope[k] > 0 ? 1 : -1;
         left--;
     }
-    for (int again = 0; again < SOONS && left; again++, later *= SOONER) {
+    for (double part = LATER; part < TOO_LATE && left; part *= 100) { /* as reactions are decided */
+        double later = part * planned;
         if (!rate_at(I, I->t, I->x, rate)) return 0;
         for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * rate[i];
         if (!rate_at(I, I->t + 0.5 * later, x, rate)) return 0;

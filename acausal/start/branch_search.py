@@ -14,7 +14,7 @@ from acausal.errors import OptionError
 from acausal.language.expression import Expression
 from acausal.numerics.assembly import Residual, assemble, freedom
 from acausal.numerics.one_thread import on_one_thread
-from acausal.numerics.sizes import Sizes
+from acausal.numerics.sizes import Sizes, positive
 from acausal.numerics.thresholds import RANK
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -49,7 +49,7 @@ def branches(functions: Functions, at: Situation, by: Expression | Sequence[Expr
     problem = first.account.problem
     weights, data = start_data(problem, at.start, at.t0, at.p, u)
     with problem.lock:
-        seen = _seen(functions.outputs, told, at.t0, at.p, u) if told else None
+        seen = _seen(functions.outputs, told, at.t0, at.p, u, problem.positions, data) if told else None
         clusters, used, closed = _searched(first, seen, searches, seed)
         hunt = _Hunt(problem, clusters.coordinates, data, weights, np.random.default_rng(0))
         made, stopped = _branches(hunt, clusters, first)
@@ -91,6 +91,7 @@ def _searched(first: InitialState, seen: ca.Function | None, searches: int, seed
 class _Cluster:
     y: np.ndarray
     seen: np.ndarray
+    much: np.ndarray
     freedoms: int
     count: int
 
@@ -106,17 +107,17 @@ class _Clusters:
     all: list[_Cluster] = field(default_factory=list[_Cluster])
 
     def add(self, y: np.ndarray, freedoms: int) -> None:
-        seen = np.zeros(0) if self.seen is None else np.array(self.seen(y)).ravel()
+        seen, much = (np.zeros(0),) * 2 if self.seen is None else (np.array(part).ravel() for part in self.seen(y))
         same = _SAME_FREE if freedoms else _SAME
         for c in self.all:
             if self.seen is None:
                 apart = float(np.max(self.coordinates.differences(c.y, y), initial=0.0))
             else:
-                apart = float(np.max(np.abs(c.seen - seen))) / max(1.0, float(np.max(np.abs(seen))))
+                apart = float(np.max(np.abs(c.seen - seen) / positive(np.maximum(c.much, much)), initial=0.0))
             if apart < same:
                 c.count += 1
                 return
-        self.all.append(_Cluster(y, seen, freedoms, 1))
+        self.all.append(_Cluster(y, seen, much, freedoms, 1))
 
     def merge(self, hunt: _Hunt) -> None:
         """Those that one can move into another without taking it apart become one, the best near values and the nearest first.
@@ -242,8 +243,10 @@ def _nearest(soft: Residual | None, apart: Residual) -> Residual:
     return wishes
 
 
-def _seen(outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, u: np.ndarray) -> ca.Function:
-    """q -> the expressions that tell branches apart. Raises `OptionError` where they depend on velocities."""
+def _seen(
+    outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, u: np.ndarray, search: Search, data: np.ndarray
+) -> ca.Function:
+    """q -> the expressions that tell branches apart, and what the sizes of coordinates make of each. Raises `OptionError` where they depend on velocities."""
     r = outputs.system
     values = ca.vertcat(*(ca.vec(ca.densify(outputs.resolve(item))) for item in by))
     q, v = r.x[: r.nq, :], r.x[r.nq :, :]
@@ -251,7 +254,8 @@ def _seen(outputs: Outputs, by: Sequence[Expression], t0: float, p: np.ndarray, 
         raise OptionError("branches: `by` must be positions, not velocities or forces.")
     fixed = ca.Function("seen", [q, r.t, r.u, r.p], [values])
     free = ca.SX.sym("q", q.numel())
-    return ca.Function("seen", [free], [fixed(free, t0, u, p)])
+    told, sizes = fixed(free, t0, u, p), np.zeros(q.numel()) if search.settled else search.sizes(data, search.first(data)).unknowns
+    return ca.Function("seen", [free], [told, ca.fabs(ca.jacobian(told, free)) @ sizes])
 
 
 def _branches(hunt: _Hunt, clusters: _Clusters, first: InitialState) -> tuple[list[Branch], int]:
