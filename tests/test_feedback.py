@@ -22,6 +22,15 @@ def test_regulator_of_a_mass_is_that_of_textbooks() -> None:
     assert found([0.8, 0.1]) == pytest.approx([-(0.1 * 4 + 0.1 * np.sqrt(20))])
 
 
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("seen", [(1.0, 3.0), (0.1, 0.7), (1e-3, 0.3), (1e3, 0.7)])
+def test_what_one_sum_of_states_costs_is_weighed_in_any_unit(seen: tuple[float, float], size: float) -> None:
+    """(c x)^2 + r u^2: the product of both states costs nothing in the end."""
+    scene, (a, b) = Sledge(), seen
+    found = ac.lqr(ac.build(scene).linearize({scene.rail.q: 0.7}), size * np.outer(seen, seen), 0.25 * size)
+    assert found.gain() == pytest.approx(np.array([[2 * a, np.sqrt(4 * b**2 + 4 * a)]]), rel=1e-9)
+
+
 def test_filter_of_a_mass_is_that_of_textbooks() -> None:
     """x'' = w of intensity q, x seen with noise r: L = (sqrt(2) (q / r)^1/4, (q / r)^1/2)."""
     scene = Sledge()
@@ -107,6 +116,11 @@ def test_a_four_bar_follows_its_motion_at_the_cost_foretold() -> None:
         (lambda s, m: ac.lqr(m.linearize(), [1.0, 2.0, 3.0], 1.0), "must be a number, 2 numbers"),
         (lambda s, m: ac.lqr(m.linearize(), -1.0, 1.0), "must not be negative"),
         (lambda s, m: ac.lqr(m.linearize(), 1.0, 0.0), "must be positive"),
+        (lambda s, m: ac.lqr(m.linearize(), [[2e-10, 1e-10], [0.0, 2e-10]], 1e-10), "symmetric"),
+        (
+            lambda s, m: ac.kalman(m.linearize(outputs=[s.rail.q, s.rail.v]), None, 1.0, np.outer([1, 3e-3], [1, 3e-3])),
+            "must be positive",
+        ),
         (lambda s, m: ac.lqr(m.simulate(1.0), 1.0, 1.0), "say what is weighed"),
         (lambda s, m: ac.lqr(m.simulate(1.0), {s.rail.q: 1.0}, {}), "says nothing of force"),
         (lambda s, m: ac.kalman(m.linearize(outputs=[s.rail.v]), None, 1.0, 1.0), "no output sees rail.q"),

@@ -16,6 +16,7 @@ from acausal.analysis.linearize import Linearization, Matrices, linear_around
 from acausal.analysis.point import OperatingPoint
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Mode
+from acausal.numerics.thresholds import EDGE, ROUNDING
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 
@@ -241,12 +242,18 @@ def _matrix(given: Any, size: int, what: str, *, positive: bool) -> np.ndarray:
     if value.ndim == 0:
         value = np.full(size, float(value))
     value = np.diag(value) if value.ndim == 1 else value
-    if value.shape != (size, size) or not np.isfinite(value).all() or not np.allclose(value, value.T):
-        raise OptionError(
-            f"{what} must be a number, {size} numbers, or a symmetric matrix ({size}, {size}), not of shape {value.shape}."
-        )
-    least = float(np.min(np.linalg.eigvalsh(value), initial=np.inf))
-    if least < 0 or (positive and least <= 0):
+    wrong = OptionError(
+        f"{what} must be a number, {size} numbers, or a symmetric matrix ({size}, {size}), not of shape {value.shape}."
+    )
+    if value.shape != (size, size) or not np.isfinite(value).all():
+        raise wrong
+    own = np.sqrt(np.abs(np.diag(value)))  # rows may have any unit
+    parts = np.divide(value, np.outer(own, own), out=np.sign(value), where=np.outer(own, own) > 0)
+    if np.max(np.abs(parts - parts.T), initial=0.0) > EDGE:
+        raise wrong
+    least = float(np.min(np.linalg.eigvalsh(parts), initial=np.inf))
+    if least < -EDGE or (positive and least <= ROUNDING):
+        least = float(np.min(np.linalg.eigvalsh(value)))
         raise OptionError(f"{what} must {'be positive' if positive else 'not be negative'}; its least eigenvalue is {least:.3g}.")
     return value
 

@@ -32,7 +32,8 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
     import scipy.linalg
 
     m, n = jacobian.shape
-    rank = int(np.linalg.matrix_rank(jacobian, tol=DEPENDENT * max(1.0, float(np.linalg.norm(jacobian)))) if m and n else 0)
+    zero = DEPENDENT * float(np.linalg.norm(jacobian))
+    rank = int(np.linalg.matrix_rank(jacobian, tol=zero)) if m and n else 0
     if rank == 0:
         return Independent(tuple(range(n)), (), np.eye(n), 1.0)
     wanted = set(preferred)
@@ -43,7 +44,7 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
             continue
         R, order = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.qr(rest[:, group], mode="r", pivoting=True))
         size = np.abs(np.diag(R))
-        count = min(int(np.sum(size > DEPENDENT * max(1.0, float(np.linalg.norm(jacobian))))), rank - len(dependent))
+        count = min(int(np.sum(size > zero)), rank - len(dependent))
         chosen = [group[i] for i in order[:count]]
         dependent += chosen
         basis = np.linalg.qr(jacobian[:, dependent])[0]

@@ -254,7 +254,8 @@ def _seen(
         raise OptionError("branches: `by` must be positions, not velocities or forces.")
     fixed = ca.Function("seen", [q, r.t, r.u, r.p], [values])
     free = ca.SX.sym("q", q.numel())
-    told, sizes = fixed(free, t0, u, p), np.zeros(q.numel()) if search.settled else search.sizes(data, search.first(data)).unknowns
+    told = fixed(free, t0, u, p)
+    sizes = np.zeros(q.numel()) if search.settled else search.sizes(data, search.first(data)).unknowns
     return ca.Function("seen", [free], [told, ca.fabs(ca.jacobian(told, free)) @ sizes])
 
 
