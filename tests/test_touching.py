@@ -18,6 +18,7 @@ from components import (
     Cone,
     Contact,
     ConvexShape,
+    Coulomb,
     Cylinder,
     Disk,
     Ellipsoid,
@@ -28,7 +29,9 @@ from components import (
     HuntCrossley,
     ImplicitSurface,
     Parallel,
+    Particle,
     Plane,
+    PointOnSurface,
     PrescribedMotion,
     Revolution,
     RigidBody,
@@ -442,6 +445,18 @@ def test_a_shape_that_is_not_convex_is_refused_where_it_is_made_and_where_it_tou
         model.simulate(0.05, start, parameters={bend: 0.09})
         with pytest.raises((errors.SimulationError, errors.StartValueError, errors.AssemblyError), match="not convex there"):
             model.simulate(1.0, start, parameters={bend: 0.12})
+
+
+def test_hard_contacts_are_decided_alike_at_any_size():
+    """What may push, and by what: looked at in places that are as far apart as bodies, tracks and ground are large."""
+    for size in (4.0**-8, 1.0, 4.0**7):
+        ground = Revolution(lambda s, size=size: (size + 0.3 * s * (s / size), s))
+        rolls = on(Contact(Cylinder(0.1 * size), ground, Hard(0.5)), RigidBody(2.0, size**2 * np.array([0.012, 0.015, 0.02])))
+        bumps = HeightField(lambda x, y, size=size: 0.1 * size * ca.cos(3 * x / size) + (y / size) ** 2 * size)
+        hops = on(PointOnSurface(bumps, unilateral=True, friction=Coulomb(0.3)), Particle(1.0))
+        for scene in (rolls, hops):
+            modes = ac.build(scene).system.modes
+            assert modes is not None and len(modes.rows) == 1 + (scene is hops)
 
 
 def test_a_wheel_of_a_free_body_may_close_a_loop():

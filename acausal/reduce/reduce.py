@@ -29,6 +29,7 @@ from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
 from acausal.reduce.locks import Locks, locks_of
 from acausal.reduce.modes import Modes, Motion, modes_of
+from acausal.reduce.places import places
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import Held, ScalarPart, add_scalar_domains
 from acausal.topology.build_mechanism import build_mechanism
@@ -36,8 +37,6 @@ from acausal.wording import compact, counted, grouped
 
 _KEPT = 16
 """Values of parameters for which the closed sketch is kept."""
-_NEARER = 4
-"""Steps of Newton's that bring coordinates drawn at random back to where quaternions have the length 1."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -318,7 +317,7 @@ def reduce_system(
 def _with_locks(system: ReducedSystem) -> ReducedSystem:
     """With the reactions of what is imposed as it is held. Raises `ModelError`."""
     rows = system.mechanics.locks
-    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, _places(system))
+    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, places(system))
     locks = locks_of(rows, motion)
     r, found = locks.reactions, locks.found
 
@@ -348,7 +347,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         raise ModelError(
             f"{rows[0].part.where} changes its mode as the motion goes on, but nothing in the scene has a state. Add what stores energy: an inertia, a mass, a capacitor."
         )
-    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, _places(system))
+    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, places(system))
     modes, dead = modes_of(rows, system.flat.names, motion)
     r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
@@ -374,28 +373,6 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         system, flat=flat, u=own, u_defaults=known, x_dot=put(system.x_dot), v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
         scalar=scalar, modes=modes, exact=exact, unmasked=system, mechanics=system.mechanics.with_reactions(r, found),
     )  # fmt: skip
-
-
-def _places(system: ReducedSystem) -> tuple[tuple[Any, ...], ...]:
-    """Values of t, x, u and p at some configurations, here and there where joints have coordinates, and with velocities at random."""
-    rng = np.random.default_rng(8)
-    own, q = system.constraints.joint_invariants, system.x[: system.nq, :]
-    known = [system.t, system.x, system.u, system.p]
-    off = ca.Function("off", known, [ca.densify(own), ca.densify(ca.jacobian(own, q))])
-    domain = ca.vertcat(ca.SX(1), *(item.edge.joint.domain(system.x[item.q, :]) for item in system.tree_joints))
-    inside = ca.Function("inside", known, [ca.mmin(domain)])
-    found: list[tuple[Any, ...]] = []
-    for spread in (0.0, 0.3, 1.0):
-        for sample in system.samples[:2]:
-            rates = system.rate_start + spread * rng.uniform(-1, 1, system.rate_start.size)
-            place = sample + spread * rng.uniform(-1, 1, sample.size)
-            for _ in range(_NEARER if own.numel() else 0):
-                c, J = (np.array(part) for part in off(0.0, np.concatenate([place, rates]), system.u_defaults, system.p_values))
-                place = place - np.linalg.lstsq(J, c[:, 0])[0] if np.isfinite(J).all() else place
-            values = 0.0, np.concatenate([place, rates]), system.u_defaults, system.p_values
-            if float(inside(*values)) > 0:
-                found.append(values)
-    return tuple(found)
 
 
 def _followed(tree: Tree) -> list[Held]:
