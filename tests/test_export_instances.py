@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Particle, Prismatic, TorqueSource, World
+from components import Particle, PointOnCurve, Prismatic, SplineCurve, TorqueSource, World
 from tests.exported import (
     AT_EVENT,
     BAD_ARGUMENT,
@@ -236,6 +236,23 @@ def test_a_ball_that_bounces_by_states_that_are_set(tmp_path):
     assert status == SUCCESS
     fall = np.sqrt(2 / 9.81)
     assert np.max(np.abs(np.array(times) - fall * np.arange(1, 2 * len(times), 2))) < 1e-9 and len(times) == 6
+
+
+def test_a_motion_ends_where_a_part_has_no_meaning_any_more(tmp_path):
+    """Where that of the package does, with the part's name."""
+    scene = ac.System()
+    scene.world, scene.track, scene.car = World((0, 0, -9.81)), PointOnCurve(SplineCurve(np.eye(3))), Particle(1.0)
+    scene.connect(scene.world.frame, scene.track.frame_a)
+    scene.connect(scene.track.frame_b, scene.car.point)
+    model, start = ac.build(scene), {scene.track.q: 1.0, scene.track.v: 4.0}
+    run = model.simulate(2.0, start, raise_on_failure=False)
+    folder = model.export_simulator(tmp_path, start, events=[ac.when(scene.track.q - 1.2)])
+    instance = Library(folder).instance()
+    assert instance.started() == SUCCESS
+    while (status := instance.advance(2.0)) == AT_EVENT:
+        pass
+    assert status == STOPPED and instance.time() == run.t[-1]
+    assert "border_of_track_1" in (folder / "simulator.h").read_text()
 
 
 def test_instances_move_side_by_side_in_threads():

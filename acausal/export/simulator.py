@@ -74,7 +74,7 @@ def export_simulator(
     """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
 
     `initial`: what it starts from, with the values of its parameters. `name`: an identifier that all its names begin with, and its header.
-    `outputs`: expressions of the scene's variables that it computes, by names. `events`: zeros that it looks for. `inputs`: numbers, tables and formulas
+    `outputs`: expressions of the scene's variables that it computes, by names. `events`: zeros that it looks for; places where a part has no meaning any more follow them, and end the motion. `inputs`: numbers, tables and formulas
     of time. `discretes`: values that what parts remember begins with; no number where they follow from the start. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
@@ -178,6 +178,7 @@ def _kinds(
     flat = model.outputs.system.flat
     own = len(flat.inputs) - model.integrand.masks
     watched = flat.symbols([event.expression for event in events])
+    borders = [row for border in model.borders for row in border.rows]
     constants = model.space.elimination.constants.numel()
     entries = {key: model.outputs.resolve(value).numel() for key, value in outputs.items()}
     shown = [(key + (f"[{k}]" if n > 1 else ""), expression_unit(outputs[key])) for key, n in entries.items() for k in range(n)]
@@ -196,9 +197,9 @@ def _kinds(
         Kind("output", tuple(n for n, _ in shown), tuple(u for _, u in shown), (float("nan"),) * len(shown)),
         Kind(
             "event",
-            tuple(expression_name(model.outputs, e) for e in watched),
-            tuple(expression_unit(e) for e in watched),
-            (float("nan"),) * len(events),
+            (*(expression_name(model.outputs, e) for e in watched), *borders),
+            (*(expression_unit(e) for e in watched), *("" for _ in borders)),
+            (float("nan"),) * (len(events) + len(borders)),
         ),
     ]
     return {kind.word: kind for kind in found}

@@ -27,6 +27,12 @@ class Border:
     names: tuple[str, ...]
     sized: bool = True
 
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """What each of the values is called."""
+        name, n = f"border of {self.who.partition(' (')[0].strip(chr(39))}", self.values.numel()
+        return (name,) if n == 1 else tuple(f"{name}[{k}]" for k in range(n))
+
 
 def borders(outputs: Outputs) -> tuple[Border, ...]:
     """Of joints of the tree, then of parts that are bounded."""

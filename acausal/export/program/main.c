@@ -75,6 +75,7 @@ int main(int count, char **words) {
     if (status != SIMULATOR_SUCCESS) {
         simulator_report report = simulator_summary(s);
         fprintf(stderr, "%s: %s Stopped at t = %g s of %g s after %ld steps.", simulator_title(), report.message, report.time, end, report.steps);
+        if (status == SIMULATOR_STOPPED) fprintf(stderr, " By: %s.", simulator_name(SIMULATOR_EVENT, simulator_event(s).event));
         if (report.failed_state) fprintf(stderr, " The state that failed first: %s.", report.failed_state);
         fprintf(stderr, "\n");
     }
