@@ -22,6 +22,7 @@ from components import (
     Damper,
     Free,
     Particle,
+    Prismatic,
     Revolute,
     RigidBody,
     RotationalDamper,
@@ -250,3 +251,35 @@ def test_what_is_right_is_looked_at_closely_nowhere(monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(watch, name, None)
     for rtol in (1e-6, 1e-9, 1e-12):
         silent(model, 10.0, start, rtol=rtol)
+
+
+class Stiffening(ac.Component):
+    """f = stiffness s^3, whose energy is told as `SX`, without a declaration, or as an expression; `share` of it."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self, share: float, plain: bool) -> None:
+        self.share, self.plain = share, plain
+
+    def equations(self):
+        yield ac.equal(self.flange.f, 5.0 * self.flange.s**3)
+
+    def stored_energy(self):
+        s = self.flange.s.sx if self.plain else self.flange.s
+        return self.share * 1.25 * s**4
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_energies_that_are_told_wrongly_are_named_however_they_are_written(plain):
+    for share in (1.0, 1.01, 0.0):
+        scene = ac.System()
+        scene.world, scene.rail, scene.mass, scene.law = World(None), Prismatic("x"), Particle(2.0), Stiffening(share, plain)
+        scene.connect(scene.world.frame, scene.rail.frame_a)
+        scene.connect(scene.rail.frame_b, scene.mass.point)
+        scene.connect(scene.rail.flange, scene.law.flange)
+        model = ac.build(scene)
+        if share == 1.0:
+            assert model.simulate(3.0, {scene.rail.q: 1.0}).energy_error() < 1e-7
+            continue
+        with pytest.warns(AccuracyWarning, match="The energies that 'law' .* tells do not match the forces"):
+            model.simulate(3.0, {scene.rail.q: 1.0})

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, ParameterError
+from acausal.language.conditions import asked_by
 from acausal.language.connector import FLOWS, Connector, Electrical, Point
 from acausal.language.construction import check_arguments, check_makers
 from acausal.language.equation import Equation, der
 from acausal.language.expression import Expression, Parameter, Variable, leaves
 from acausal.language.mode_laws import ModeLaw
-from acausal.language.origin import origin
+from acausal.language.origin import ASKED, is_ingredient, origin
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,8 @@ class Component(metaclass=PartClass):
             )
         self = super().__new__(cls)
         vars(self)["created_at"] = origin()
+        if given := [c for value in (*args, *kwargs.values()) if is_ingredient(value) for c in asked_by(value)]:
+            vars(self)[ASKED] = given
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
 from acausal.language.expression import Condition, Parameter
+from acausal.language.origin import ASKED, is_ingredient
 
 _KEPT = 32
 """Values that stay known to be allowed."""
@@ -17,13 +19,13 @@ _KEPT = 32
 class ParameterConditions:
     """All conditions on these parameters, in their order (np,). One CasADi function gives what is to be checked.
 
-    `lines`: where the parts of the scene were made; what was asked by a part that is not among them does not count.
+    `asked`: by the parts of the scene, and by what they are made of.
     """
 
-    def __init__(self, parameters: Sequence[Parameter], lines: Set[str]) -> None:
+    def __init__(self, parameters: Sequence[Parameter], asked: Sequence[Condition]) -> None:
         known = set(parameters)
-        asked = {id(c): c for parameter in parameters for c in parameter.conditions}
-        found = {key: c for key, c in asked.items() if c.value.leaves <= known and (not c.line or c.line in lines)}
+        every = {id(c): c for c in (*asked, *(c for parameter in parameters for c in parameter.conditions))}
+        found = {key: c for key, c in every.items() if c.value.leaves <= known}
         self._parameters = tuple(parameters)
         self._conditions: tuple[Condition, ...] = tuple(
             sorted(found.values(), key=lambda c: c.value.sx.numel())
@@ -56,3 +58,19 @@ class ParameterConditions:
         except ParameterError:
             return False
         return True
+
+
+def asked_by(component: object) -> Iterator[Condition]:
+    """What a component asks of parameters, and what it is made of asks: laws, curves, surfaces, shapes."""
+    queue, seen = [component], set[int]()
+    while queue:
+        one = queue.pop()
+        if isinstance(one, list | tuple):
+            queue += cast("Sequence[object]", one)
+        elif isinstance(one, dict):
+            queue += cast("dict[Any, object]", one).values()
+        elif (one is component or is_ingredient(one)) and id(one) not in seen:
+            seen.add(id(one))
+            own = dict(vars(one))
+            yield from own.pop(ASKED, ())
+            queue += own.values()

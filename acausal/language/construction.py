@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from acausal.errors import ParameterError
-from acausal.language.origin import origin
+from acausal.language.origin import ASKED, origin
 
 T = TypeVar("T")
 
@@ -53,11 +53,15 @@ def checked_new(maker: Callable[..., Any]) -> Callable[..., Any]:
 
 def _checked(maker: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(maker)
-    def make(cls: type, *args: Any, **kwargs: Any) -> Any:
+    def make_by_method(cls: type, *args: Any, **kwargs: Any) -> Any:
         _check(cls, f"{cls.__name__}.{maker.__name__}", maker, cls, args, kwargs)
-        return maker(cls, *args, **kwargs)
+        _asked: list[Any] = []  # by the method, see `asked_while_made`
+        made = maker(cls, *args, **kwargs)
+        if _asked:
+            vars(made).setdefault(ASKED, [])[:0] = _asked  # it was asked first
+        return made
 
-    return make
+    return make_by_method
 
 
 def _check(cls: type, name: str, maker: Callable[..., Any], first: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:

@@ -17,7 +17,7 @@ from acausal.errors import ExpressionError, ParameterError
 from acausal.language.casadi_tables import has_calls, without_calls
 from acausal.language.identity import Atom
 from acausal.language.interpolant import is_spline, of_spline
-from acausal.language.origin import line_of_new_part, origin
+from acausal.language.origin import asked_while_made, origin
 from acausal.language.units import certainly_different
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
@@ -356,7 +356,7 @@ class Parameter(Symbol):
         super().__init__("parameter", unit, description)
         self.value = number(value, "a Parameter's value")
         self.conditions: list[Condition] = []
-        """What parts ask of values that are made of it."""
+        """What is asked of values that are made of it, but for what parts of the catalogue ask, who know it themselves."""
 
 
 class Input(Symbol):
@@ -495,25 +495,28 @@ def _check_sign(found: np.ndarray, what: str, positive: bool, non_negative: bool
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have.
-
-    `line`: where the part of the catalogue that asks this was made; "" for any other who asks.
-    """
+    """`check` raises `ParameterError` for a numerical value that `value`, made of parameters, must not have."""
 
     value: Expression
     check: Callable[[np.ndarray], None]
-    line: str
 
 
 def checked(value: Expression, check: Callable[[np.ndarray], None]) -> Expression:
     """The same expression; where only parameters are in it, `check` is asked now, and again for other values of the parameters."""
     current = evaluated(value)
     if current is not None:
-        check(current)
-        condition = Condition(value, check, line_of_new_part())
-        for leaf in value.leaves:
-            if isinstance(leaf, Parameter):
-                leaf.conditions.append(condition)
+        try:
+            check(current)
+        except ParameterError as error:
+            names = ", ".join(sorted({f"ac.Parameter({leaf.value:g})" for leaf in value.leaves if isinstance(leaf, Parameter)}))
+            hint = (
+                f" A model is built with the parameters' own values: give {names} one that is allowed, and others to each call."
+            )
+            raise ParameterError(f"{error}{hint if names else ''}") from None
+        condition = Condition(value, check)
+        asked = asked_while_made() or [leaf.conditions for leaf in value.leaves if isinstance(leaf, Parameter)]
+        for conditions in asked:
+            conditions.append(condition)
     return value
 
 

@@ -15,9 +15,20 @@ import casadi as ca
 from acausal.errors import DuplicateError, IncompatibleError, ModelError, UnconnectedError, UnknownVariableError
 from acausal.graphs import Graph
 from acausal.language.component import Component, Connection, System
-from acausal.language.conditions import ParameterConditions
+from acausal.language.conditions import ParameterConditions, asked_by
 from acausal.language.connector import Connector, Frame, Point
-from acausal.language.expression import Discrete, Expression, Input, Mode, Parameter, Reaction, Symbol, Variable, leaves
+from acausal.language.expression import (
+    Condition,
+    Discrete,
+    Expression,
+    Input,
+    Mode,
+    Parameter,
+    Reaction,
+    Symbol,
+    Variable,
+    leaves,
+)
 from acausal.wording import compact, grouped, nearest, shortened
 
 _ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
@@ -51,6 +62,8 @@ class FlatSystem:
     place; and what parts remember (`Discrete`)."""
     solved: bool = False
     """Whether reactions are."""
+    asked: tuple[Condition, ...] = ()
+    """What parts ask of parameters."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return FlatSystem, (
@@ -61,6 +74,7 @@ class FlatSystem:
             self.connection_sets,
             self.modes,
             self.solved,
+            self.asked,
         )
 
     @functools.cached_property
@@ -71,7 +85,7 @@ class FlatSystem:
     @functools.cached_property
     def conditions(self) -> ParameterConditions:
         """What the parameters must fulfil, whatever values they are given."""
-        return ParameterConditions(self.parameters, {part.component.created_at for part in self.parts})
+        return ParameterConditions(self.parameters, self.asked)
 
     @functools.cached_property
     def inputs(self) -> tuple[Input, ...]:
@@ -165,6 +179,7 @@ def flatten(scene: System) -> FlatSystem:
     names: dict[Symbol, str] = {}
     connector_paths: dict[Connector, str] = {}
     connections: list[Connection] = []
+    asked: list[Condition] = []
     systems: list[tuple[str, System]] = []
     queue: deque[tuple[str, Component]] = deque([("", scene)])
     while queue:
@@ -174,6 +189,7 @@ def flatten(scene: System) -> FlatSystem:
         for connector in component.connectors():
             connector_paths[connector] = prefix + connector.name
         connections += component.connections()
+        asked += asked_by(component)
         if not isinstance(component, System):
             parts.append(Part(path, component))
             continue
@@ -194,7 +210,7 @@ def flatten(scene: System) -> FlatSystem:
     sets = _connection_sets(connections, connector_paths)
     _check_connected(sets, connector_paths)
     discretes = tuple(symbol for symbol in names if isinstance(symbol, Discrete))
-    return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets, discretes)
+    return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets, discretes, asked=tuple(asked))
 
 
 def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> None:
@@ -251,7 +267,9 @@ def leaves_inside(value: object, within: tuple[object, ...] = ()) -> Iterator[Sy
     """Declared symbols in an expression, or in those inside lists, tuples and values such as sections, curves and surfaces."""
     if isinstance(value, Expression | ca.SX):
         yield from sorted(leaves(value), key=lambda leaf: leaf.name)
-    elif not isinstance(value, Component | Connector | type | ModuleType) and not any(value is outer for outer in within):
+    elif not isinstance(value, Component | Connector | Condition | type | ModuleType) and not any(
+        value is outer for outer in within
+    ):
         inner = value if isinstance(value, list | tuple) else getattr(value, "__dict__", {}).values()
         for entry in list(cast(Iterable[object], inner)):
             yield from leaves_inside(entry, (*within, value))

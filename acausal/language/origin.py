@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import casadi
 import numpy
@@ -14,6 +15,10 @@ _LIBRARY = (
     *(str(Path(package.__file__ or "").parent) + os.sep for package in (casadi, numpy)),
     str(Path(numpy.__file__ or "").parents[1] / "scipy") + os.sep,
 )
+
+
+ASKED, MAKER = "_asked", "make_by_method"
+"""Where it is noted what a part asks of parameters, and what runs while a class method makes one."""
 
 
 def origin() -> str:
@@ -28,14 +33,25 @@ def origin() -> str:
     return ""
 
 
-def line_of_new_part() -> str:
-    """`origin()` while a part of the catalogue is being made there; "" at other times. Such a part remembers the same line."""
-    catalogue, frame = _LIBRARY[1], sys._getframe(1)  # pyright: ignore[reportPrivateUsage]  # see above
+def asked_while_made() -> list[list[Any]]:
+    """What is asked by parts of the catalogue and what they are made of, as far as they are being made right now: lists of them, to be added to.
+
+    What has no constructor of its own running, such as a frame that is asked of a body later, is not among them.
+    """
+    catalogue, frame, found = _LIBRARY[1], sys._getframe(1), list[list[Any]]()  # pyright: ignore[reportPrivateUsage]  # see above
     while frame is not None and frame.f_code.co_filename.startswith(_LIBRARY):
-        if frame.f_code.co_filename.startswith(catalogue) and frame.f_code.co_name != "at":  # a frame is made later than its body
-            return origin()
+        name = frame.f_code.co_name
+        if name in ("__init__", "__post_init__") and frame.f_code.co_filename.startswith(catalogue):
+            found.append(vars(frame.f_locals["self"]).setdefault(ASKED, []))
+        elif name == MAKER and ASKED in frame.f_locals:
+            found.append(frame.f_locals[ASKED])
         frame = frame.f_back
-    return ""
+    return found
+
+
+def is_ingredient(value: object) -> bool:
+    """Whether it is something of the catalogue that parts are made of, such as a law or a curve, and no part."""
+    return type(value).__module__.startswith("components.") and hasattr(value, "__dict__") and not hasattr(value, "created_at")
 
 
 def shortened(name: str) -> str:

@@ -170,8 +170,8 @@ class Outputs:
         r = modes.reactions
         return ca.substitute(ca.jacobian(Outputs(unmasked).power_loss, r).T, r, ca.SX.zeros(r.numel()))
 
-    def _said(self, value: Expression | float) -> ca.SX:
-        return self.resolve(value) if isinstance(value, Expression) else ca.SX(value)
+    def _said(self, value: Expression | ca.SX | float) -> ca.SX:
+        return self.resolve(value) if isinstance(value, Expression | ca.SX) else ca.SX(value)
 
     def name(self, symbol: Symbol) -> str:
         """Full name of a declared symbol, e.g. `arm.elbow.q`."""

@@ -73,7 +73,7 @@ def _powers(functions: Functions, part: Part) -> ca.SX | None:
     if type(component).equations is Component.equations:
         return None
     values = (inflow(component), component.stored_energy(), component.dissipated_power(), component.supplied_power())
-    come, stored, lost, supplied = (outputs.resolve(v) if isinstance(v, Expression) else ca.SX(v) for v in values)
+    come, stored, lost, supplied = (outputs.resolve(v) if isinstance(v, Expression | ca.SX) else ca.SX(v) for v in values)
     return ca.vertcat(-come, outputs.rate(stored), lost, -supplied)
 
 

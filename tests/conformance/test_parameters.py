@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 
 import acausal as ac
+import components
 from acausal.errors import AcausalError, ParameterError
 from components import (
     Capacitor,
+    Circle,
+    Coulomb,
     Gear,
     Ground,
     Inductor,
     Inertia,
+    Particle,
     PlanetaryGear,
+    PointOnCurve,
+    PointOnPlane,
     RackAndPinion,
     Resistor,
     Revolute,
@@ -148,6 +154,10 @@ def test_stores_that_would_be_none_are_refused_by_name(part, name):
         with pytest.raises(ParameterError, match=name):
             model.simulate(1.0, parameters={size: value})
     with pytest.raises(ParameterError, match=name):
+        part(ac.Parameter(0.0))
+    with pytest.raises(
+        ParameterError, match=r"built with the parameters' own values: give ac.Parameter\(0\) one that is allowed"
+    ):
         part(ac.Parameter(0.0))
 
 
@@ -301,3 +311,39 @@ def test_a_start_does_not_depend_on_the_lengths_at_the_build(factors):
         found = here.initial_state({one.hinges[k].q: q for k, q in start.items()}, parameters=values)
         wanted = there.initial_state({other.hinges[k].q: q for k, q in start.items()})
         np.testing.assert_allclose(found.x, wanted.x, atol=1e-11)
+
+
+THROWN_AWAY = (
+    "p, s = ac.Parameter(1.0), ac.System(); trial = c.Particle(p); s.force, s.ball = c.Force((p, 0, 0)), c.Particle(1.0)",
+    "p, s = ac.Parameter(1.0), ac.System(); s.force, s.ball, _ = [k(v) for k, v in ((c.Force, (p, 0, 0)), (c.Particle, 1.0), (c.Spring, p))]",
+    "p, s = ac.Parameter(1.0), ac.System(); c.RigidBody.ball(p, p); c.Coulomb(p); s.force, s.ball = c.Force((p, 0, 0)), c.Particle(1.0)",
+)
+
+
+@pytest.mark.parametrize("script", THROWN_AWAY)
+def test_what_was_thrown_away_asks_nothing_on_whatever_line(script):
+    """As in a loop, or in a cell of a notebook."""
+    made = {"ac": ac, "c": components}
+    exec(compile(script, "<ipython-input-1>", "exec"), made)
+    scene, p = made["s"], made["p"]
+    scene.world = World(None)
+    scene.connect(scene.force.point, scene.ball.point)
+    run = ac.build(scene).simulate(1.0, parameters={p: -2.0}, samples=2)
+    assert run[scene.ball.point.velocity[0]][-1] == pytest.approx(-2.0)
+
+
+def test_what_parts_are_made_of_is_asked_wherever_it_was_made():
+    """Laws, curves and what a class method is given, made on other lines than the parts."""
+    mu, radius, mass = ac.Parameter(0.3), ac.Parameter(1.0, "m"), ac.Parameter(1.0, "kg")
+    rough = Coulomb(mu)
+    circle = Circle(radius)
+    scene = ac.System()
+    scene.world, scene.bead, scene.ball = World(), Particle(1.0), RigidBody.ball(mass, 0.1)
+    scene.guide, scene.floor = PointOnCurve(circle), PointOnPlane(unilateral=True, friction=rough)
+    scene.connect(scene.world.frame, scene.guide.frame_a, scene.floor.frame_a)
+    scene.connect(scene.guide.frame_b, scene.bead.point)
+    scene.connect(scene.floor.frame_b, scene.ball.at((0, 0, -0.1)))
+    model = ac.build(scene)
+    for parameter, words in ((mu, "Coulomb's mu"), (radius, "Circle's radius"), (mass, "mass")):
+        with pytest.raises(ParameterError, match=rf"With the parameters of this call .*{words} is -1"):
+            model.initial_state(parameters={parameter: -1.0})
