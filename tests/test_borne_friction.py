@@ -444,6 +444,29 @@ def test_stop_in_a_rough_ring_depends_on_start_and_coefficient_through_where_its
     assert found.S[-1, 0] == pytest.approx(exact, rel=1e-8)
 
 
+def test_bounce_in_a_rough_ring_depends_on_all_that_its_closed_form_has() -> None:
+    """Without weight a bead on a ring slows down as exp(-mu q); a floor that it strikes presses it on the ring, which rubs it in both phases of the impact."""
+    at, end = (3.0, 0.4, 0.7, 0.25), 1.0
+
+    def place(speed: Any, mu: Any, restitution: Any, height: Any) -> Any:
+        struck = np.pi - np.arcsin(2 * height)
+        up, across = np.sqrt(1 - (2 * height) ** 2), 2 * height  # parts of the blow along the ring, and on it
+        slower = np.exp(mu * (struck - np.pi / 2))
+        back = speed / slower * restitution * (up - mu * across) / (up + mu * across)
+        return struck - np.log(1 + mu * back * (end - (slower - 1) / (mu * speed))) / mu
+
+    mu, restitution, height = values = [ac.Parameter(value) for value in at[1:]]
+    scene = bead(PointOnCurve(Circle(0.5), friction=Coulomb(mu)), (0.0, 0.0, 0.0))
+    scene.floor = PointOnPlane(unilateral=True, restitution=restitution)
+    scene.connect(scene.world.at((0.0, height, 0.0), rotation=("x", -np.pi / 2)), scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.bead.point)
+    start = {scene.wire.q: np.pi / 2, scene.wire.v: at[0]}
+    found = ac.build(scene).sensitivities([0.0, end], [scene.wire.v, *values], start, rtol=1e-12)
+    exact = [place(*(value + 1e-30j * (i == k) for i, value in enumerate(at))).imag / 1e-30 for k in range(4)]
+    assert found.x[0, -1] == pytest.approx(place(*at), rel=1e-11)
+    assert found.S[-1, 0] == pytest.approx(exact, rel=1e-8)
+
+
 def leaning_rod(mu: float, inertia: float = 1 / 3) -> ac.System:
     """A rod of half a length of 0.5 m with its foot on the floor."""
     scene, half, mass = ac.System(), 0.5, 1.3
