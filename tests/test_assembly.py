@@ -301,6 +301,15 @@ def test_a_four_bar_with_its_crank_held_is_open_or_crossed():
         assert min(np.linalg.norm(tip - R @ wanted) for tip in tips) < 1e-9
 
 
+@pytest.mark.parametrize(("elbow", "count"), [(5e-4, 2), (1e-5, 1)])
+def test_branches_that_differ_by_a_ten_thousandth_are_one(elbow: float, count: int):
+    """Those of an arm that is nearly stretched."""
+    scene = arm((1.0, 0.8))
+    reach = (1.0 + 0.8 * np.cos(elbow), 0.8 * np.sin(elbow))
+    start = {scene.links[-1].tip.position[:2]: reach, scene.hinges[1].q: ac.near(elbow)}
+    assert len(ac.build(scene).branches(start, searches=20)) == count
+
+
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_branches_are_told_apart_by_places_in_any_unit(size: float):
     """With its crank held, a four-bar's coupler ends in two places, and its crank in one."""

@@ -160,6 +160,32 @@ def test_newtons_law_with_friction_that_gains_energy_is_named_and_energy_is_not_
         assert energy(dropped(body, at, law, friction, v, w)) < (v @ v) / 2
 
 
+def test_an_impact_is_named_from_where_it_begins_to_gain_energy() -> None:
+    """Of the restitutions that Kane's rod may have by Newton's law, the largest one keeps all energy."""
+    restitution, rod, at = ac.Parameter(0.5), RigidBody(mass=1.0, inertia=(1.0, 0.05, 1.0)), np.array([0.3, 0, -0.4])
+    scene = ac.System()
+    scene.world, scene.rod = World(None), rod
+    scene.floor = PointOnPlane(unilateral=True, restitution=ac.Newton(restitution), friction=Coulomb(0.2))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, rod.at(tuple(at)))
+    model, start = ac.build(scene), {rod.frame.position: -at, rod.frame.velocity: (-4.0, 0, -4.0), rod.frame.rotation: np.eye(3)}
+
+    def kept(e: float) -> float:
+        """None of it where it is more than all."""
+        try:
+            run = model.simulate(0.0, start, parameters={restitution: e}, rtol=1e-12)
+        except ac.errors.SimulationError:
+            return 0.0
+        return float(np.sum(run[rod.frame.velocity][-1] ** 2) + 0.05 * run[rod.frame.angular_velocity][-1][1] ** 2) / 32
+
+    low, high = 0.5, 0.9
+    for _ in range(32):
+        middle = (low + high) / 2
+        low, high = (middle, high) if kept(middle) else (low, middle)
+    assert 0.5 < low < 0.9
+    assert kept(low) == pytest.approx(1.0, abs=1e-8)
+
+
 @pytest.mark.parametrize("law", [ac.Poisson, ac.Newton, ac.Energetic])
 def test_restitution_of_a_law_is_from_0_to_1(law: type[ac.Poisson]) -> None:
     with pytest.raises(ac.errors.ParameterError, match=rf"{law.__name__}'s restitution is 1\.5 .*test_impact_laws"):

@@ -11,7 +11,6 @@
 #define BLOWS 1000    /* one after the other, for each gap */
 #define PULLS 8       /* sequence of midpoint rules that are extrapolated */
 #define SLIP_ENDS 1e-14
-#define GAINED 1e-9   /* of the energy that goes to and fro: what no rounding gains */
 enum ImpactLaw { BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4 };
 
 static int impact_law(const Decision *D, long i) { return (int)D->kind[i] & 3; }
@@ -280,5 +279,5 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
         taken += fabs(total[i]) * (fabs(met[i]) + fabs(rate[i])) / 2;
         gained += total[i] * (met[i] + rate[i]) / 2;
     }
-    return plain || gained <= GAINED * taken ? REACHED_END : GAINS;
+    return plain || gained <= FITS * taken ? REACHED_END : GAINS;
 }
