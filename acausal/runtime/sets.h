@@ -3,7 +3,6 @@
    decided, and guards are looked at again, until none passes any more. What is within rounding of zero is on the side to which the motion leads it. */
 
 #define UNLEFT 12    /* times that a guard passes zero without getting away, which tell that it chatters */
-#define KEPT 1e3     /* roundings of states that are set, which what they obey may take away */
 
 static int changes_modes(const Integrator *I) { return I->masks > 0 || I->set_count > 0; }
 
@@ -220,7 +219,7 @@ static enum Code meet_locks(Integrator *I) {
         }
     }
     for (long k = 0; k < n; k++) {
-        if (fabs(noise[n + k]) <= noise[k] * fmax(KEPT, I->rtol / EPS)) continue;
+        if (fabs(noise[n + k]) <= noise[k] * fmax(KNOWN, I->rtol) / EPS) continue;
         I->worst = k;
         I->apart = fabs(noise[n + k]);
         return SETS_APART;
@@ -282,7 +281,7 @@ static enum Code set_all(Integrator *I, double planned) {
     if (code != REACHED_END) return code;
     project(I, I->t, I->x);
     for (long i = 0; i < I->nx; i++) {
-        if (T->set_by[i] < 0 || fabs(I->x[i] - T->set_x[i]) <= fmax(KEPT * EPS, I->rtol) * T->size[i]) continue;
+        if (T->set_by[i] < 0 || fabs(I->x[i] - T->set_x[i]) <= fmax(KNOWN, I->rtol) * T->size[i]) continue;
         I->other = T->set_by[i];
         for (long k = 0; k < I->set_count; k++)
             if (I->set_first[k] <= I->other && I->other < I->set_first[k + 1]) I->worst = k;
