@@ -185,7 +185,7 @@ class AbstractModel(ABC):
     def _sensitivities(
         self, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
     ) -> Sensitivities:
-        from acausal.simulate.simulation import sensitivity_run
+        from acausal.simulate.sensitivity_run import sensitivity_run
 
         return self._decided.answer(at.p, lambda here: sensitivity_run(here.functions, at, times, wrt, accuracy, compiled))
 

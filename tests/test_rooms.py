@@ -138,6 +138,7 @@ def test_a_first_result_needs_no_large_library(scene: str) -> None:
         "importlib.metadata",
         "acausal.optimal_control",
         "acausal.export",
+        "acausal.simulate.sensitivity",
     }
     lines = f"import sys, acausal as ac; from tests.scenes import {scene}; run = ac.build({scene}()).simulate(1.0); run.energy_error()"
     before = set(_loaded("import sys, numpy, casadi")) & large  # some versions of these do

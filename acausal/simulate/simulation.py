@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,9 +13,9 @@ import numpy as np
 from acausal.arguments import ascending, truth, whole_number
 from acausal.collocation.inputs import Inputs
 from acausal.collocation.problem import Accuracy, Guards, Problem, Progress, Solution, StatusKind
-from acausal.errors import OptionError, SimulationError, SingularWarning
+from acausal.errors import OptionError, SimulationError
 from acausal.integrators.integrate import integrate
-from acausal.language.expression import Expression, Input
+from acausal.language.expression import Expression
 from acausal.language.when import when
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
@@ -27,11 +26,9 @@ from acausal.simulate.events import events_asked
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
-from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.trajectory import Trajectory
 from acausal.simulate.trouble import (
     check_inside,
-    check_inside_all,
     ended_inside,
     failure,
     raise_if_interrupted,
@@ -44,7 +41,7 @@ from acausal.start.decided import check_circuit, check_decided
 from acausal.start.initial import InitialState
 from acausal.start.inputs import check_smooth, knots
 from acausal.start.situation import Situation
-from acausal.wording import callers_level, compact
+from acausal.wording import compact
 
 _NOTHING = np.zeros(0)
 
@@ -126,7 +123,7 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
     check_inside(functions, t0, space.restricted(whole.x), signal(np.array([t0]))[:, 0], at.p)
     initial = InitialState(space.restricted(whole.x), space.extended(t0, whole.x, at.p), whole.account)
     read, guards = options.times(t0, end), guards_of(functions, options.events)
-    problem = _problem(
+    problem = problem_of(
         functions, signal, initial.p, knots(signal, t0, end), options.compiled, guards, read, at.discretes(functions)
     )
     check_branch(functions, problem, t0, end, initial.x)
@@ -177,47 +174,7 @@ def integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: 
     return replace(solution, statistics=replace(solution.statistics, compiling=compiling))
 
 
-def sensitivity_run(
-    functions: Functions, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
-) -> Sensitivities:
-    """Derivatives of a motion. Raises `SimulationError` when it fails, and the errors of `simulate`."""
-    for entry in wrt:
-        if isinstance(entry, Input) and not np.isscalar(at.inputs.get(entry, 0.0)):
-            raise OptionError(f"sensitivities: the input {functions.outputs.name(entry)} is a function of time, not a number.")
-    signal = at.signal(functions)
-    until = float(times[-1])
-    problem = _problem(functions, signal, at.p, knots(signal, at.t0, until), compiled, discretes=at.discretes(functions))
-    found = sensitivities(functions, problem, at, times, wrt, accuracy)
-    status = found.found.status
-    raise_if_interrupted(status, None)
-    if status.kind is not StatusKind.SUCCESS:
-        raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
-    check_inside_all(functions, found.t, found.x, signal(found.t), at.p)
-    if found.found.passages:
-        warnings.warn(
-            "sensitivities: the motion passes singular positions of loops. The motion is right there, but derivatives of its rates are huge next "
-            "to them and lose digits, now and then all but two. Compare with another rtol, or with differences of motions.",
-            SingularWarning, stacklevel=callers_level(),
-        )  # fmt: skip
-    _warn_of_one_sided(functions, found)
-    return found
-
-
-def _warn_of_one_sided(functions: Functions, run: Sensitivities) -> None:
-    """Where derivatives to either side of these values are not the same."""
-    for law, what in (
-        (run.found.grazed, "only just comes to where it changes"),
-        (run.found.coincides, "closes in the same instant as another, or in that of the start"),
-    ):
-        if law is not None and functions.modes is not None:
-            warnings.warn(
-                f"sensitivities: {functions.modes.words[law]} {what}: a little off these values the motion goes on in another way to either side, and its derivatives "
-                "there are not the same; those that are given belong to one side at most. Move the values a little, to the side that is meant.",
-                SingularWarning, stacklevel=callers_level() + 1,
-            )  # fmt: skip
-
-
-def _problem(
+def problem_of(
     functions: Functions,
     signal: Inputs,
     p: np.ndarray,
@@ -227,6 +184,7 @@ def _problem(
     read: np.ndarray = _NOTHING,
     discretes: np.ndarray | None = None,
 ) -> Problem:
+    """What is integrated, with kernels where there are such."""
     native = functions.native(How.AUTO if compiled else How.CASADI)
     return Problem(
         functions.staged_dynamics, functions.invariants, functions.projection, signal, p, signal.constant, native, guards, None,
