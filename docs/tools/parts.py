@@ -117,8 +117,7 @@ def _signature(kind: Kind) -> list[str]:
     if cls.__init__ is not object.__init__:
         parameters = [p for p in list(inspect.signature(cls).parameters.values()) if p.kind is not p.VAR_KEYWORD]
         rows = [
-            (f"`{p.name}`", _unit(p.name, kind.text), "needed" if p.default is p.empty else f"`{p.default!r}`")
-            for p in parameters
+            (f"`{p.name}`", _unit(p.name, kind), "needed" if p.default is p.empty else f"`{p.default!r}`") for p in parameters
         ]
         lines += ["## Parameters", "", *_table(("name", "unit", "default"), rows), ""] if rows else []
     makers = [
@@ -207,8 +206,12 @@ def _users(name: str) -> list[str]:
     return [f"[{stem.replace('_', ' ')}](../gallery/{stem}.md)" for stem in found]
 
 
-def _unit(name: str, text: str) -> str:
-    found = re.search(rf"`{name}` (?:\([\w, ]*\) )?\[([^\]]+)\]", text)
+def _unit(name: str, kind: Kind) -> str:
+    """What the docstring says in brackets, else what the constructor asks for."""
+    found = re.search(rf"`{name}` (?:\([\w, ]*\) )?\[([^\]]+)\]", kind.text)
+    found = found or re.search(
+        rf'(?:scalar|vector)\((?:of_time\()?{name}\)?, "[^"]*"[^()]*unit="([^"]+)"', inspect.getsource(kind.cls)
+    )
     return found[1].replace("*", r"\*") if found else ""
 
 
