@@ -16,6 +16,7 @@ from acausal.language.origin import origin
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose, pose
 from acausal.parts.rigid import AbstractRigidPart, Attachment
+from acausal.parts.sketch import rough_pose
 from acausal.visual import shapes as drawn
 from components.orientation import Rotation, rotation_matrix
 
@@ -37,7 +38,7 @@ class Particle(AbstractRigidPart):
 
     def __init__(self, mass: Scalar, *, position: Scalar | None = None) -> None:
         self.mass = scalar(mass, "Particle's mass", positive=True, unit="kg")
-        self._sketch = None if position is None else pose(vector(position, "Particle's position", unit="m"))
+        self._sketch = rough_pose(position, None, "Particle")
 
     def attachments(self) -> tuple[Attachment, ...]:
         return (Attachment(self.point, Pose.identity()),)
@@ -100,13 +101,7 @@ class RigidBody(AbstractRigidPart):
         self.mass = scalar(mass, "RigidBody's mass", positive=True, unit="kg")
         self.centre_of_mass = vector(centre_of_mass, "RigidBody's centre_of_mass", unit="m")
         self.central_inertia = _inertia_matrix(inertia)
-        self._sketch = (
-            None
-            if position is None and rotation is None
-            else pose(
-                vector((0, 0, 0) if position is None else position, "RigidBody's position", unit="m"), rotation_matrix(rotation)
-            )
-        )
+        self._sketch = rough_pose(position, rotation, "RigidBody")
         self._frames: list[tuple[Frame, Pose]] = []
         self.places: list[object] = []  # of further frames, where their parameters are found
         self._tip: Frame | None = None

@@ -8,8 +8,22 @@ from acausal.errors import IncompatibleError, ParameterError
 from acausal.language.connector import Frame
 from acausal.language.expression import Scalar, vector
 from acausal.language.origin import origin
-from acausal.parts.pose import Pose
+from acausal.parts.pose import Pose, pose
 from acausal.parts.rigid import AbstractRigidPart
+from acausal.parts.rotations import Rotation, rotation_matrix
+
+
+def rough_pose(position: Scalar | None, rotation: Rotation, what: str) -> Pose | None:
+    """Where a part is in a rough sketch; None where that is not said. Raises `ParameterError` for what is no number."""
+    if position is None and rotation is None:
+        return None
+    found = pose(vector((0, 0, 0) if position is None else position, f"{what}'s position", unit="m"), rotation_matrix(rotation))
+    if not (isinstance(found.position, np.ndarray) and isinstance(found.rotation, np.ndarray)):
+        raise ParameterError(
+            f"{what}'s place in the sketch depends on a parameter ({origin()}). A search for initial values begins there, whatever the parameters are: give "
+            "numbers, and a start={scene.body.frame.position: ...} where that is to be met."
+        )
+    return found
 
 
 def sketched_frame(end: AbstractRigidPart | Frame, at: Scalar | None) -> Frame:

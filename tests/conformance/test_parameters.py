@@ -347,3 +347,9 @@ def test_what_parts_are_made_of_is_asked_wherever_it_was_made():
     for parameter, words in ((mu, "Coulomb's mu"), (radius, "Circle's radius"), (mass, "mass")):
         with pytest.raises(ParameterError, match=rf"With the parameters of this call .*{words} is -1"):
             model.initial_state(parameters={parameter: -1.0})
+
+
+@pytest.mark.parametrize("make", [lambda p: RigidBody.ball(1.0, 0.1, position=p), lambda p: Particle(1.0, position=p)])
+def test_a_sketch_is_of_numbers_and_says_so(make):
+    with pytest.raises(ParameterError, match="place in the sketch depends on a parameter"):
+        make((ac.Parameter(0.3, "m"), 0.0, 0.0))
