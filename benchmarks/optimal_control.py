@@ -1,4 +1,4 @@
-"""Optimal control beside the same collocation written by hand for `casadi.Opti`,.
+"""Optimal control beside the same collocation written by hand for `casadi.Opti`.
 
 python -m benchmarks.optimal_control
 
@@ -27,11 +27,11 @@ from components import (
     RigidBody,
     RotationalDamper,
     RotationalGround,
-    TorqueSource,
     TranslationalDamper,
     TranslationalGround,
     World,
 )
+from examples.control.robot_arm import END, START, TORQUES, Arm
 
 _ASIDE, _REPEAT = 0.01, 5
 _RADAU = ca.collocation_points(3, "radau")
@@ -81,30 +81,6 @@ class CartPole(ac.System):
         self.connect(self.hinge.flange, self.bearing.flange_b)
 
 
-class Arm(ac.System):
-    """Six hinges in a row, each with a motor."""
-
-    AXES = ("z", "y", "y", "x", "y", "x")
-    LINKS = ((0, 0, 0.4), (0, 0, 0.5), (0.2, 0, 0), (0.3, 0, 0), (0.08, 0, 0), (0.06, 0, 0))
-    MASSES = (12.0, 8.0, 4.0, 3.0, 1.2, 0.6)
-    TORQUES = (120.0, 150.0, 70.0, 15.0, 12.0, 6.0)
-    START = (0.0, 0.3, 0.2, 0.0, 0.5, 0.0)
-    END = (1.8, 0.9, -0.4, 0.5, 0.8, -1.0)
-
-    def __init__(self) -> None:
-        self.torques = [ac.Input("N m") for _ in self.AXES]
-        self.world = World(gravity=(0, 0, -9.81))
-        self.hinges = [Revolute(axis) for axis in self.AXES]
-        self.links = [RigidBody.rod(mass, tip, radius=0.05) for mass, tip in zip(self.MASSES, self.LINKS, strict=True)]
-        self.motors = [TorqueSource(torque) for torque in self.torques]
-        before = self.world.frame
-        for hinge, link, motor in zip(self.hinges, self.links, self.motors, strict=True):
-            self.connect(before, hinge.frame_a)
-            self.connect(hinge.frame_b, link.frame)
-            self.connect(motor.flange, hinge.flange)
-            before = link.tip
-
-
 @dataclass(frozen=True)
 class Textbook:
     """x' = `rate` (x, u), from `start` to `end` in a `time`, |u| <= `most`, |x| <= `bound`, least integral of sum (u / `weights`)^2."""
@@ -144,12 +120,12 @@ def arm() -> ac.OptimalControl:
     """Moves its tool in half a second."""
     scene = Arm()
     ocp = ac.OptimalControl(ac.build(scene), 0.5)
-    ocp.start({hinge.q: q for hinge, q in zip(scene.hinges, Arm.START, strict=True)})
-    ocp.end({hinge.q: q for hinge, q in zip(scene.hinges, Arm.END, strict=True)} | {hinge.v: 0 for hinge in scene.hinges})
-    for hinge, torque, most in zip(scene.hinges, scene.torques, Arm.TORQUES, strict=True):
+    ocp.start({hinge.q: q for hinge, q in zip(scene.hinges, START, strict=True)})
+    ocp.end({hinge.q: q for hinge, q in zip(scene.hinges, END, strict=True)} | {hinge.v: 0 for hinge in scene.hinges})
+    for hinge, torque, most in zip(scene.hinges, scene.torques, TORQUES, strict=True):
         ocp.bound(torque, -most, most)
         ocp.bound(hinge.v, -6, 6)
-    ocp.minimise(ac.integral(sum((torque / most) ** 2 for torque, most in zip(scene.torques, Arm.TORQUES, strict=True))))
+    ocp.minimise(ac.integral(sum((torque / most) ** 2 for torque, most in zip(scene.torques, TORQUES, strict=True))))
     return ocp
 
 
@@ -158,9 +134,9 @@ def arm_by_hand() -> Textbook:
     f = ac.build(Arm()).functions.explicit_dynamics
     x, u = ca.SX.sym("x", 12), ca.SX.sym("u", 6)
     rate = ca.Function("rate", [x, u], [f(0, x, u, ca.SX(0, 1))], {"cse": True})
-    most = np.array(Arm.TORQUES)
+    most = np.array(TORQUES)
     bound = np.array([np.inf] * 6 + [6.0] * 6)
-    return Textbook(rate, 0.5, np.append(Arm.START, np.zeros(6)), np.append(Arm.END, np.zeros(6)), most, bound, most)
+    return Textbook(rate, 0.5, np.append(START, np.zeros(6)), np.append(END, np.zeros(6)), most, bound, most)
 
 
 def timed(call: Callable[[], Any]) -> tuple[Any, float]:
@@ -237,10 +213,7 @@ def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
         values = part.guess.at(np.append(0.0, part.mesh.points.ravel()))
         opti.set_initial(X, values[:, :n].T)
         opti.set_initial(U, values[1:, values.shape[1] - nu :].T)
-        options = {
-            key.removeprefix("ipopt."): value for key, value in _by_hand_options(warm=False).items() if key.startswith("ipopt.")
-        }
-        opti.solver("ipopt", {"print_time": False}, options)
+        opti.solver("ipopt", {"print_time": False}, _by_hand_options(warm=False))
         return opti, X, U, begin
 
     (opti, X, U, begin), build = timed(built)
@@ -248,10 +221,7 @@ def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
     iterations, cost = int(opti.stats()["iter_count"]), float(found.value(opti.f))
     for one in (X, U, opti.lam_g):
         opti.set_initial(one, found.value(one))
-    options = {
-        key.removeprefix("ipopt."): value for key, value in _by_hand_options(warm=True).items() if key.startswith("ipopt.")
-    }
-    opti.solver("ipopt", {"print_time": False}, options)
+    opti.solver("ipopt", {"print_time": False}, _by_hand_options(warm=True))
     aside = np.where(np.arange(n) < n // 2, _ASIDE, 0.0)
     opti.set_value(begin, textbook.start + aside)
     opti.solve()  # makes its functions
@@ -273,7 +243,8 @@ def _by_hand_options(*, warm: bool) -> dict[str, Any]:
     """The same tolerances and start; the scaling and linear algebra of ipopt as they are usually."""
     found = ipopt_options(warm=warm, known=warm)
     ours_alone = ("nlp_scaling_method", "mumps_pivot_order", "fast_step_computation", "min_refinement_steps")
-    return {key: value for key, value in found.items() if key.removeprefix("ipopt.") not in ours_alone}
+    own = {key.removeprefix("ipopt."): value for key, value in found.items() if key.startswith("ipopt.")}
+    return {key: value for key, value in own.items() if key not in ours_alone}
 
 
 def horizon() -> None:

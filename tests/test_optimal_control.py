@@ -14,6 +14,7 @@ import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control import solving
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
+from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.simulate.trajectory import Trajectory
 from components import (
@@ -162,9 +163,35 @@ def test_a_bounded_path() -> None:
     ocp.end({scene.rail.q: 0.0, scene.rail.v: -1.0})
     ocp.bound(scene.rail.q, upper=1 / 9)
     ocp.minimise(0.5 * ac.integral(scene.force**2))
-    best = ocp.solve(30)
-    assert best.cost == pytest.approx(4.0, abs=1e-6)
-    assert np.max(best.run[scene.rail.q]) < 1 / 9 + 1e-4
+    best = ocp.solve(10, tolerance=1e-9, refinements=6)
+    assert best.cost == pytest.approx(4.0, abs=1e-7)
+    assert abs(best.cost - 4.0) < best.cost_error + 1e-8
+    assert best.violations["rail.q"] < 1e-8
+    assert np.min(np.abs(best.mesh.nodes - 1 / 3)) < 1e-3  # where it arrives
+
+
+@pytest.mark.parametrize(("controls", "intervals"), [("free", 7), ("constant", 10)])
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+def test_nodes_move_to_where_a_force_switches(size: float, controls: str, intervals: int) -> None:
+    """Full force, at most this speed, full brake: distance / speed + speed / force, with switches between the nodes of the first mesh. That says itself how
+    far from it is.
+    """
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 8))
+    ocp.start({scene.rail.q: 0.0})
+    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp.bound(scene.force, -size, size)
+    ocp.bound(scene.rail.v, upper=0.7 * size)
+    ocp.minimise(ocp.duration)
+    least = 1 / 0.7 + 0.7
+    fixed, best = (ocp.solve(intervals, controls=controls, refinements=n, tolerance=1e-9) for n in (0, 4))
+    assert 1e-4 < abs(fixed.cost - least) < fixed.cost_error < 0.1
+    assert f"(to {fixed.cost_error:.0e})" in str(fixed)
+    assert best.duration == pytest.approx(least, abs=1e-7)
+    assert best.cost_error < 1e-7
+    assert best.violation < 1e-8
+    for switch in (0.7, 1 / 0.7):
+        assert np.min(np.abs(best.t - switch)) < 1e-6
 
 
 def test_a_cart_pole_swings_up_as_its_textbook_equations_say() -> None:
@@ -656,3 +683,14 @@ def test_recordings_that_make_no_sense_are_refused_in_words(swung: Any, data: An
     scene, model, _ = swung
     with pytest.raises(OptionError, match=words):
         ac.estimate(model, data(scene), unknowns)
+
+
+def test_a_motion_with_quaternions_is_a_guess() -> None:
+    """All that stands at a point is read from it: what stretches quaternions is nothing then."""
+    scene = Ball()
+    model = ac.build(scene)
+    run = model.simulate(0.5, {scene.ball.frame.position: (0, 0, 0.1)}, inputs=dict.fromkeys(scene.torques, 0.1))
+    ocp = ac.OptimalControl(model, 0.5)
+    ocp.guess(run)
+    part = ocp.part(Mesher(4, 5, "free", "ipopt"))
+    assert part.guess.values.shape == (13, part.asked.stage.width)

@@ -9,10 +9,7 @@ import numpy as np
 
 from acausal.errors import OptionError
 from acausal.optimal_control.guess import Guess
-from acausal.optimal_control.transcription import GIVEN, Asked, Limits
-
-_ROOM = 1e-6
-"""Of what a bound and a value are: how far apart they are before they contradict each other."""
+from acausal.optimal_control.transcription import GIVEN, ROOM, Asked, Limits
 
 
 def check_problem(asked: Asked, first: Guess, name: Callable[[object], str]) -> None:
@@ -47,26 +44,16 @@ def _check_what_stands(asked: Asked) -> None:
         for r in range(value.numel()):
             if value[r].is_constant() and limits.name != GIVEN:
                 found = float(value[r])
-                if _outside(found, limits, r):
+                if limits.outside(found, r):
                     raise OptionError(
-                        f"{_entry(limits, r)} is {found:.6g} however the scene moves, but is to be {_range(limits, r)} {_when(at)}. Leave it out, or change the scene."
+                        f"{limits.entry(r)} is {found:.6g} however the scene moves, but is to be {limits.range(r)} {_when(at)}. Leave it out, or change the scene."
                     )
-
-
-def _entry(limits: Limits, r: int) -> str:
-    return limits.name if limits.value.numel() == 1 else f"{limits.name}[{r}]"
 
 
 def _when(at: float | None) -> str:
     if at is None:
         return "all the time"
     return {0.0: "at the start", 1.0: "at the end"}.get(at, f"when {at:g} of the time has passed")
-
-
-def _outside(found: float, limits: Limits, r: int) -> bool:
-    lower, upper = limits.lower[r], limits.upper[r]
-    room = _ROOM * max(abs(v) for v in (found, lower, upper) if np.isfinite(v))
-    return not lower - room <= found <= upper + room
 
 
 def _check_bounds(asked: Asked, first: Guess) -> None:
@@ -86,10 +73,10 @@ def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
         if r is None:
             continue
         said = (own.lower[e], own.upper[e], limits.lower[r], limits.upper[r])
-        room = _ROOM * max((abs(v) for v in said if np.isfinite(v)), default=0.0)
+        room = ROOM * max((abs(v) for v in said if np.isfinite(v)), default=0.0)
         if own.lower[e] > limits.upper[r] + room or own.upper[e] < limits.lower[r] - room:
             raise OptionError(
-                f"{own.name} is to be {_range(own, e)} {_when(at)}, but is bounded to {_range(limits, r)} all the time. Move one of them."
+                f"{own.name} is to be {own.range(e)} {_when(at)}, but is bounded to {limits.range(r)} all the time. Move one of them."
             )
 
 
@@ -104,20 +91,7 @@ def _check_start(asked: Asked, limits: Limits, first: Guess) -> None:
     z[: stage.sizes[0]] = asked.start
     found = np.array(ca.Function("value", [stage.unknowns, stage.data], [value])(z, [0.0, 0.0])).ravel()
     for r, one in enumerate(found.tolist()):
-        if _outside(one, limits, r):
+        if limits.outside(one, r):
             raise OptionError(
-                f"{_entry(limits, r)} is {one:.6g} at the start, but is bounded to {_range(limits, r)} all the time. Start elsewhere, or move the bound."
+                f"{limits.entry(r)} is {one:.6g} at the start, but is bounded to {limits.range(r)} all the time. Start elsewhere, or move the bound."
             )
-
-
-def _range(limits: Limits, r: int) -> str:
-    lower, upper = limits.lower[r], limits.upper[r]
-    if lower == upper:
-        return f"{lower:g}"
-    return (
-        f"between {lower:g} and {upper:g}"
-        if np.isfinite([lower, upper]).all()
-        else f"at least {lower:g}"
-        if np.isfinite(lower)
-        else f"at most {upper:g}"
-    )

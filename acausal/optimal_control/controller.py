@@ -40,7 +40,7 @@ class Controller:
         """The motion planned last."""
         if self._planned.unknowns is not self._w:
             cost = float(self._program.values(self._w)[0]) * self._program.unit
-            self._planned = self._planned.again(self._w, cost, self._iterations)
+            self._planned = self._planned.again(self._w, cost, self._iterations, np.full(self._program.rows, np.nan))
         return self._planned
 
     def __call__(self, x: Any) -> np.ndarray:

@@ -145,15 +145,18 @@ def _driven(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, fre
 
 def run_guess(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.ndarray) -> Guess:
     """From a motion that was simulated, at `times` (n,), parts of its duration."""
-    _, nv, _, _ = stage.sizes
     first, last = run.t[0], run.t[-1]
     there = run.at(first + times * (last - first))
+    values = points_of(stage, there.t, there.x, there.u, run.problem.parameters)
+    return Guess(times, values, float(last - first), geometry)
+
+
+def points_of(stage: Stage, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """(n, width): all unknowns of points, by times (n,), states (nx, n), inputs of the model (nu, n) and parameters (np,)."""
+    _, nv, _, inputs = stage.sizes
     f, nq = stage.functions, stage.functions.space.nq
-    p = np.repeat(run.problem.parameters[:, None], times.size, axis=1)
-    rates = np.array(f.explicit_dynamics(there.t[None, :], there.x, there.u, p))[nq : nq + nv]
-    loops = np.array(f.multipliers(there.t[None, :], there.x, there.u, p))
+    given = t[None, :], x, u, np.repeat(p[:, None], t.size, axis=1)
     modes = f.outputs.system.modes
-    pushes = (
-        np.zeros((0, times.size)) if modes is None else np.array(f.output(modes.found)(there.t[None, :], there.x, there.u, p))
-    )
-    return Guess(times, np.vstack([there.x, rates, loops, pushes, there.u[: stage.sizes[3]]]).T, float(last - first), geometry)
+    found = [x, np.array(f.explicit_dynamics(*given))[nq : nq + nv], np.array(f.multipliers(*given))]
+    found += [] if modes is None else [np.array(f.output(modes.found)(*given))]
+    return np.vstack([*found, np.zeros((len(stage.quaternions), t.size)), u[:inputs]]).T

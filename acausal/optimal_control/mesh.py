@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import comb
 
 from acausal.arguments import whole_number
 from acausal.collocation.tableau import Tableau, radau_iia
@@ -16,14 +17,20 @@ _PLUGINS = ("ipopt",)
 """Solvers that take the derivatives of a program as they are."""
 _APART = 1e-9
 """Places that are nearer to each other are one."""
+_ROOM = 0.45
+"""Of the interval beside it: how far a loose node goes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """`nodes` (intervals + 1,): from 0 to 1, parts of the duration; each interval holds the points of a `tableau` whose last one is its end."""
+    """`nodes` (intervals + 1,): from 0 to 1, parts of the duration; each interval holds the points of a `tableau` whose last one is its end. Nodes at
+    `marks` stay where they are; those that are `loose` (numbers) are found with the motion.
+    """
 
     nodes: np.ndarray
     tableau: Tableau
+    marks: tuple[float, ...] = (0.0, 1.0)
+    loose: tuple[int, ...] = ()
 
     @property
     def intervals(self) -> int:
@@ -45,10 +52,23 @@ class Mesh:
         """(stages, 1 + stages): slopes at the points, by values at the beginning and at the points, of polynomials on [0, 1]."""
         return _slopes(np.append(0.0, self.tableau.c))[1:]
 
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, intervals + 1): between which the nodes stay, so that none comes near to another."""
+        move = np.zeros((2, self.nodes.size))
+        for k in self.loose:
+            move[:, k] = -_ROOM * self.lengths[k - 1], _ROOM * self.lengths[k]
+        return self.nodes + move
+
+    @property
+    def movable(self) -> np.ndarray:
+        """(intervals + 1,): which nodes are at none of the `marks`."""
+        return np.min(np.abs(self.nodes[:, None] - np.array(self.marks)), axis=1) > _APART
+
     def refined(self, wanting: np.ndarray) -> Mesh:
         """With `wanting` (intervals,) pieces in place of each interval."""
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(self.nodes[:-1], self.nodes[1:], wanting, strict=True)]
-        return Mesh(np.append(np.concatenate(pieces), 1.0), self.tableau)
+        return Mesh(np.append(np.concatenate(pieces), 1.0), self.tableau, self.marks)
 
 
 def _slopes(points: np.ndarray) -> np.ndarray:
@@ -60,6 +80,15 @@ def _slopes(points: np.ndarray) -> np.ndarray:
     np.fill_diagonal(found, 0.0)
     np.fill_diagonal(found, -found.sum(axis=1))
     return found
+
+
+def hull(points: np.ndarray) -> np.ndarray:
+    """(n, n): from values at points (n,) of [0, 1] to the coefficients of Bernstein of the polynomial through them, which lies between the least and
+    the largest of these. Farin: Curves and Surfaces for CAGD (2002), section 5.
+    """
+    n = points.size - 1
+    k = np.arange(n + 1)
+    return np.linalg.inv(comb(n, k) * points[:, None] ** k * (1 - points[:, None]) ** (n - k))
 
 
 def through(points: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -93,4 +122,4 @@ class Mesher:
         inside = sorted({one for one in places if _APART < one < 1 - _APART})
         marks = [0.0, *(one for one, before in zip(inside, [0.0, *inside], strict=False) if one - before > _APART), 1.0]
         pieces = np.maximum(1, np.round(self.intervals * np.diff(marks))).astype(int)
-        return Mesh(np.array(marks), radau_iia((self.order + 1) // 2)).refined(pieces)
+        return Mesh(np.array(marks), radau_iia((self.order + 1) // 2), tuple(marks)).refined(pieces)

@@ -15,9 +15,9 @@ from acausal.collocation.problem import Accuracy, StatusKind
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.language.pieces import PiecewisePolynomial
-from acausal.optimal_control.guess import Guess, closed
+from acausal.optimal_control.guess import Guess, closed, points_of
 from acausal.optimal_control.mesh import Mesh, through
-from acausal.optimal_control.transcription import Transcribed
+from acausal.optimal_control.transcription import Limits, Transcribed
 from acausal.start.initial import near
 from acausal.start.states import start_values
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
 
 _REPLAYED = 1e-10
+_AT_BOUND = 1e-5
+"""Of its size: how near to its bound something is that is at it."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
@@ -37,6 +39,9 @@ class Optimum:
     off at the nodes, relative to what each state varies by; `defect`: the same for runs that begin anew at each node; `growth`: how
     much the motion magnifies a small error on its way. A good solution of an unstable motion has a small defect, a large growth and a replay error of
     about their product.
+
+    Between the points of the mesh: `true_cost` and `violation`, of what `simulate` makes of each interval; `cost_error`: about how much better the cost
+    could be with other nodes. `factors` (rows,): multipliers of the constraints.
     """
 
     model: Any
@@ -46,15 +51,16 @@ class Optimum:
     iterations: int
     seconds: float
     given: Mapping[str, Any]
+    factors: np.ndarray
 
-    @property
+    @functools.cached_property
     def mesh(self) -> Mesh:
         """Where the unknowns stand."""
-        return self.transcribed.mesh
+        return self.transcribed.settled(self.unknowns)
 
-    def again(self, unknowns: np.ndarray, cost: float, iterations: int) -> Optimum:
+    def again(self, unknowns: np.ndarray, cost: float, iterations: int, factors: np.ndarray) -> Optimum:
         """Another solution of the same program."""
-        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations)
+        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations, factors=factors)
 
     @functools.cached_property
     def motion(self) -> Guess:
@@ -131,16 +137,123 @@ class Optimum:
     @functools.cached_property
     def defects(self) -> np.ndarray:
         """Of each interval (intervals,), integrated from the node where it begins."""
-        found, accuracy = np.zeros(self.mesh.intervals), Accuracy.asked(_REPLAYED)
+        found = np.zeros(self.mesh.intervals)
+        for k, x in enumerate(self._simulated):
+            found[k] = np.max(np.abs(x[:, -1] - self.x[:, k + 1]) / self.spread)
+        return found
+
+    @functools.cached_property
+    def _simulated(self) -> list[np.ndarray]:
+        """States (nx, places + 1) of each interval between its points and at its end, integrated from the node where it begins."""
+        found, accuracy = list[np.ndarray](), Accuracy.asked(_REPLAYED)
         inputs = self.run.problem.inputs
         given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
-        for k in range(self.mesh.intervals):
-            t0, t1 = float(self.t[k]), float(self.t[k + 1])
-            problem = replace(self.run.problem, inputs=given, read=np.array([t1]))
-            solution = integrate(problem, self.x[:, k].copy(), t0, t1, accuracy)
-            off = np.abs(solution.x[:, -1] - self.x[:, k + 1]) / self.spread
-            found[k] = np.max(off) if solution.status.kind is StatusKind.SUCCESS else np.inf
+        for k, times in enumerate(self._between):
+            read = np.append(times, self.t[k + 1])
+            problem = replace(self.run.problem, inputs=given, read=read)
+            solution = integrate(problem, self.x[:, k].copy(), float(self.t[k]), float(read[-1]), accuracy)
+            arrived = solution.status.kind is StatusKind.SUCCESS
+            found.append(
+                np.column_stack([solution.dense(times), solution.x[:, -1]])
+                if arrived
+                else np.full((len(self.x), read.size), np.inf)
+            )
         return found
+
+    @property
+    def _between(self) -> np.ndarray:
+        """Times (intervals, places) of Gauss between the nodes, more than the mesh has points."""
+        c, _ = np.polynomial.legendre.leggauss(self._places)
+        return self.t[:-1, None] + np.diff(self.t)[:, None] * (1 + c) / 2
+
+    @property
+    def _places(self) -> int:
+        return 2 * self.mesh.tableau.stages + 1
+
+    @functools.cached_property
+    def dense(self) -> Guess:
+        """All unknowns between the points of the mesh, where each interval is simulated from the node where it begins."""
+        stage, x = self.transcribed.asked.stage, np.hstack([one[:, :-1] for one in self._simulated])
+        t = self._between.ravel()
+        u = stage.told(np.array([one(t) for one in self.inputs.values()]).reshape(-1, t.size))
+        found = self.motion
+        values = points_of(stage, t, x, u, self._p(stage.functions))
+        return Guess((t - self.t[0]) / self.duration, values, self.duration, found.free)
+
+    def _dense(self, column: ca.SX) -> np.ndarray:
+        """Values (n, points) of a column between the points of the mesh."""
+        stage, found = self.transcribed.asked.stage, self.dense
+        value = ca.Function("value", [stage.unknowns, stage.data], [stage.put(column)])
+        more = np.append(found.duration, found.free)
+        z = np.hstack([found.values, np.tile(more, (len(found.values), 1))]).T
+        return np.array(value(z, np.vstack([found.times, np.zeros(found.times.size)])))
+
+    @functools.cached_property
+    def true_cost(self) -> float:
+        """The cost of what `simulate` makes of each interval, its integrals by many more points than the mesh has."""
+        cost, stage = self.transcribed.asked.cost, self.transcribed.asked.stage
+        _, b = np.polynomial.legendre.leggauss(self._places)
+        weights = np.outer(np.diff(self.t), b / 2).ravel()
+        summed = float(np.sum(self._dense(cost.integrals + cost.averages / stage.duration)[0] * weights))
+        ends = [self.motion.values[0], self.motion.values[-1]]
+        more = np.append(self.duration, self.motion.free)
+        for z, at, value in zip(ends, (0.0, 1.0), (cost.starts, cost.ends), strict=True):
+            there = ca.Function("value", [stage.unknowns, stage.data], [stage.put(value)])
+            summed += float(there(np.append(z, more), [at, 0.0]))
+        return summed + cost.per_second * self.duration
+
+    @functools.cached_property
+    def violations(self) -> dict[str, float]:
+        """By how much what is bounded leaves its bounds between the points of the mesh, in its own unit, by name; at most, and 0 where it does not."""
+        found: dict[str, float] = {}
+        for limits, off in self._excesses:
+            found[limits.name] = max(found.get(limits.name, 0.0), float(np.max(off, initial=0.0)))
+        return found
+
+    @functools.cached_property
+    def violation(self) -> float:
+        """The largest of the `excesses`."""
+        return float(np.max(self.excesses, initial=0.0))
+
+    @functools.cached_property
+    def excesses(self) -> np.ndarray:
+        """Of each interval (intervals,), by how much something leaves its bounds in it, relative to what it is at most."""
+        found = np.zeros(self.mesh.intervals * self._places)
+        for limits, off in self._excesses:
+            found = np.maximum(found, np.max(off / limits.sizes(self._dense(limits.value))[:, None], axis=0, initial=0.0))
+        return np.max(found.reshape(self.mesh.intervals, -1), axis=1)
+
+    @functools.cached_property
+    def _excesses(self) -> list[tuple[Limits, np.ndarray]]:
+        return [
+            (limits, limits.excess(self._dense(limits.value))) for limits in self.transcribed.asked.path if limits.value.numel()
+        ]
+
+    @functools.cached_property
+    def gains(self) -> np.ndarray:
+        """(intervals + 1,): about how much less the cost would be with each node elsewhere alone, to first order; 0 where it cannot move. Where the mesh
+        is as good as can be they vanish: then the Hamiltonian does not jump.
+        """
+        slopes = self.transcribed.slopes_by_nodes(self.unknowns, self.factors)
+        before, after = np.append(0.0, self.mesh.lengths), np.append(self.mesh.lengths, 0.0)
+        return np.where(self.mesh.movable, np.abs(slopes) * np.where(slopes > 0, before, after) / 2, 0.0)
+
+    @functools.cached_property
+    def switching(self) -> np.ndarray:
+        """(intervals + 1,): beside which nodes a state or an input comes to one of its bounds, or leaves it."""
+        K, found = self.mesh.intervals, np.zeros(self.mesh.intervals + 1, dtype=bool)
+        for k, limits, r in self.transcribed.asked.bounded:
+            values = self.motion.values[1:, k].reshape(K, -1)
+            near = _AT_BOUND * limits.sizes(self.motion.values[:, [k] * limits.value.numel()].T)[r]
+            where = np.where(values > limits.upper[r] - near, 1, 0) - np.where(values < limits.lower[r] + near, 1, 0)
+            both = np.hstack([where[:-1], where[1:]])
+            found[1:-1] |= np.any(both != both[:, :1], axis=1)
+        return found
+
+    @property
+    def cost_error(self) -> float:
+        """About how far the cost is from that on the best mesh: the sum of `gains`. A switch between two nodes shows here, and not in the `defect`."""
+        return float(np.sum(self.gains))
 
     @property
     def defect(self) -> float:
@@ -202,6 +315,6 @@ class Optimum:
             f", {p.name} = {value:g}" for p, value in self.parameters.items() if p in self.transcribed.asked.stage.free
         )
         return (
-            f"cost {self.cost:.10g} in {self.duration:g} s{found}: {self.iterations} iterations, {self.seconds:.2f} s, {self.mesh.intervals} intervals; "
+            f"cost {self.cost:.10g} (to {self.cost_error:.0e}) in {self.duration:g} s{found}: {self.iterations} iterations, {self.seconds:.2f} s, {self.mesh.intervals} intervals; "
             f"replayed to {self.replay_error:.1e} (each interval to {self.defect:.1e}, errors grow {self.growth:.1e} times)"
         )

@@ -5,11 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from acausal.optimal_control.transcription import GIVEN, Limits, Transcribed
+from acausal.optimal_control.transcription import GIVEN, ROOM, Transcribed
 from acausal.outputs.state_units import state_units
-
-_KEPT = 1e-6
-"""Of a condition's size: by how much it may be off."""
 
 
 def broken_promises(transcribed: Transcribed, w: np.ndarray) -> list[str]:
@@ -27,21 +24,12 @@ def _conditions(transcribed: Transcribed, w: np.ndarray) -> list[str]:
         z, much = (np.where(node >= 0, part[node], 0.0) for part in (full, transcribed.units))
         value, slope = (np.array(part) for part in stage.slopes(stage.put(limits.value))(z, [at, 0.0]))
         size = float(np.max(np.abs(slope * much[: stage.sizes[0]]), initial=0.0))
-        found += [_said(limits, r, one, at) for r, one in enumerate(value.ravel()) if _off(limits, r, one, size)]
+        found += [
+            f"{limits.entry(r)} is {one:.6g} and not {limits.range(r)} when {at:g} of the time has passed"
+            for r, one in enumerate(value.ravel().tolist())
+            if limits.outside(one, r, size)
+        ]
     return found
-
-
-def _off(limits: Limits, r: int, found: float, size: float) -> bool:
-    lower, upper = limits.lower[r], limits.upper[r]
-    room = _KEPT * max(size, *(abs(v) for v in (found, lower, upper) if np.isfinite(v)))
-    return not lower - room <= found <= upper + room
-
-
-def _said(limits: Limits, r: int, found: float, at: float) -> str:
-    lower, upper = limits.lower[r], limits.upper[r]
-    wanted = f"{lower:g}" if lower == upper else f"between {lower:g} and {upper:g}"
-    entry = limits.name if limits.value.numel() == 1 else f"{limits.name}[{r}]"
-    return f"{entry} is {found:.6g} and not {wanted} when {at:g} of the time has passed"
 
 
 def _repetition(transcribed: Transcribed, w: np.ndarray) -> list[str]:
@@ -55,7 +43,7 @@ def _repetition(transcribed: Transcribed, w: np.ndarray) -> list[str]:
     angles = np.array([unit == "rad" for unit in state_units(stage.functions)[:nx]]) & (np.arange(nx) < nq)
     off = np.where(angles, off - 2 * np.pi * np.round(off / (2 * np.pi)), off)
     varies = np.ptp(motion.values[:, :nx], axis=0)
-    room = 10 * _KEPT * np.maximum(transcribed.units[:nx], varies)
+    room = 10 * ROOM * np.maximum(transcribed.units[:nx], varies)
     names = stage.functions.state_names
     return [f"{names[k]} ends {off[k]:.3g} from where it began" for k in range(nx) if abs(off[k]) > room[k]]
 

@@ -117,6 +117,8 @@ class Program:
     guess: np.ndarray
     unit: float = 1.0
     """Of the cost."""
+    sizes: np.ndarray | float = 1.0
+    """By which the rows were multiplied to be in balance (rows,)."""
 
     @staticmethod
     def joined(programs: Sequence[Program]) -> Program:
@@ -204,6 +206,7 @@ class Program:
             cost=self.cost * of_cost,
             limits=self.limits * size,
             unit=self.unit / of_cost,
+            sizes=size,
         )
 
     @functools.cached_property

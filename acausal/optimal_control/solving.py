@@ -28,6 +28,8 @@ _COARSE = 1e-3
 """How far off intervals are that tell more of the mesh than of the motion."""
 _BOTTOMLESS = 1e8
 """Units of the cost, in which its slope is 1 at the guess: farther down there is no least value."""
+_TELLING = 0.02
+"""Of the largest gain by moving a node: what others gain that are moved, too."""
 _MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -48,14 +50,20 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """The `program` of all phases `parts`, whose unknowns begin at `begins`; those of links come last. `labels`: of each row what it is, in which
+    """The `program` of all phases `parts`, whose unknowns begin at `begins` and constraints at `rows`; those of links come last. `labels`: of each row what it is, in which
     phase and when: a part of its duration.
     """
 
     parts: tuple[Transcribed, ...]
     program: Program
     begins: tuple[int, ...]
+    rows: tuple[int, ...]
     labels: list[tuple[str, int, float]]
+
+    def factors(self, multipliers: np.ndarray, k: int) -> np.ndarray:
+        """Of the constraints of a phase."""
+        own = multipliers * self.program.sizes * self.program.unit
+        return own[self.rows[k] : self.rows[k + 1]]
 
     def unknowns(self, w: np.ndarray, k: int) -> np.ndarray:
         """Of a phase."""
@@ -87,7 +95,7 @@ def whole(parts: Sequence[Part], links: Sequence[Link]) -> Whole:
         program, added = linked(program, link, made, begins)
         labels += [(name, link.after, 0.0) for name in added]
     assert len(labels) == program.rows >= rows[-1]
-    return Whole(made, program.balanced(), begins[:-1], labels)
+    return Whole(made, program.balanced(), begins[:-1], tuple(rows), labels)
 
 
 def best_of(
@@ -97,20 +105,23 @@ def best_of(
     if not finite(tolerance, "solve: the tolerance") > 0:
         raise OptionError(f"solve: the tolerance must be positive, not {tolerance:g}.")
     whole_number(refinements, "solve: refinements", 0)
-    iterations, seconds = 0, 0.0
+    iterations, seconds, before = 0, 0.0, None
     for attempt in range(refinements + 1):
         problem = whole(parts, links)
         begun = time.perf_counter()
-        w, cost, stats = search(problem.program, plugin, options, warm=attempt > 0)
+        w, cost, factors, stats = search(problem.program, plugin, options, warm=attempt > 0)
         iterations, seconds = iterations + int(stats["iter_count"]), seconds + time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
         phases = tuple(
-            Optimum(part.model, one, problem.unknowns(w, k), own[k], iterations, seconds, part.given)
+            Optimum(part.model, one, problem.unknowns(w, k), own[k], iterations, seconds, part.given, problem.factors(factors, k))
             for k, (part, one) in enumerate(zip(parts, problem.parts, strict=True))
         )
         if stats["return_status"] == _INTERRUPTED:
             raise _interrupt(phases, iterations)
         found = Found(phases, cost, iterations, seconds)
+        off = max(one.defect for one in phases) if stats["success"] else np.inf
+        if before is not None and (off > _COARSE or (attempt == refinements and off > tolerance)):
+            return replace(before, iterations=iterations, seconds=seconds)  # on a mesh that says itself how good it is
         if not stats["success"]:
             raise OptimalControlError(
                 _failure(problem, w, cost, str(stats["return_status"])), phases[0] if len(phases) == 1 else phases
@@ -121,8 +132,9 @@ def best_of(
                 f"A motion was found, but what is asked for contradicts itself: {'; '.join(broken[:4])}. Leave something of it out, or begin elsewhere with ocp.guess(run).",
                 phases[0] if len(phases) == 1 else phases,
             )
-        off = max(one.defect for one in phases)
-        if attempt == refinements or off <= tolerance:
+        meshes = [_finer(one, tolerance) for one in phases] if off > tolerance else _loosened(phases, tolerance)
+        before = found if off <= tolerance else before
+        if attempt == refinements or meshes is None:
             if off > max(tolerance, _COARSE) and refinements > 0:
                 warnings.warn(
                     f"The mesh is too coarse for this motion still: intervals are off by {off:.1e} when they are simulated, where {tolerance:.0e} was asked for. "
@@ -131,7 +143,7 @@ def best_of(
                     stacklevel=3,
                 )
             return found
-        parts = [replace(part, mesh=_finer(one, tolerance), guess=one.motion) for part, one in zip(parts, phases, strict=True)]
+        parts = [replace(part, mesh=mesh, guess=one.motion) for part, mesh, one in zip(parts, meshes, phases, strict=True)]
     raise AssertionError
 
 
@@ -149,15 +161,39 @@ def _finer(best: Optimum, tolerance: float) -> Mesh:
     return best.mesh.refined(pieces)
 
 
-def search(program: Program, plugin: str, options: dict[str, Any], *, warm: bool) -> tuple[np.ndarray, float, dict[str, Any]]:
-    """Unknowns, cost, and what the solver says of its search."""
+def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
+    """Meshes whose nodes are loose where the cost would gain by that, as beside a switch; None where it is as good as asked for."""
+    unseen = max(one.violation if one.transcribed.mesh.loose else 0.0 for one in phases)
+    gains = [one.gains * one.switching for one in phases]
+    good = sum(float(np.sum(own)) for own in gains) <= tolerance * abs(sum(one.cost for one in phases))
+    if good and unseen <= tolerance:
+        return None
+    least = np.inf if good else _TELLING * max(np.max(own) for own in gains)
+    return [_looser(one, tolerance, own > least) for one, own in zip(phases, gains, strict=True)]
+
+
+def _looser(best: Optimum, tolerance: float, more: np.ndarray) -> Mesh:
+    """With loose nodes where they were and some more (intervals + 1,), finer where bounds are left between points by loose nodes."""
+    before = best.transcribed.mesh.loose
+    loose = sorted({*before, *np.flatnonzero(more).tolist()})
+    if not before:
+        return replace(best.mesh, loose=tuple(loose))
+    wanting = np.ceil((best.excesses / (0.5 * tolerance)) ** (1 / (best.mesh.tableau.stages + 1)))
+    pieces = np.clip(wanting, 1, _MOST_PIECES).astype(int)
+    return replace(best.mesh.refined(pieces), loose=tuple(np.append(0, np.cumsum(pieces))[loose].tolist()))
+
+
+def search(
+    program: Program, plugin: str, options: dict[str, Any], *, warm: bool
+) -> tuple[np.ndarray, float, np.ndarray, dict[str, Any]]:
+    """Unknowns, cost, multipliers of the constraints, and what the solver says of its search."""
     try:
         solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
     except RuntimeError as refused:
         raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
     (least, most), (lower, upper) = program.bounds, program.limits
     found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
-    return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, solver.stats()
+    return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, np.array(found["lam_g"]).ravel(), solver.stats()
 
 
 def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:

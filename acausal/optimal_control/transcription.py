@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from acausal.errors import OptionError
 from acausal.numerics.folding import folded_function
 from acausal.optimal_control.guess import Guess, closed
-from acausal.optimal_control.mesh import Mesh
+from acausal.optimal_control.mesh import Mesh, hull
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.optimal_control.stage import Stage, independent_rows, independent_states
 
@@ -30,6 +30,35 @@ class Limits:
     lower: np.ndarray
     upper: np.ndarray
     name: str
+
+    def entry(self, r: int) -> str:
+        """What one of the entries is, in words."""
+        return self.name if self.value.numel() == 1 else f"{self.name}[{r}]"
+
+    def range(self, r: int) -> str:
+        """Where one of the entries is to be, in words."""
+        lower, upper = self.lower[r], self.upper[r]
+        if lower == upper:
+            return f"{lower:g}"
+        if np.isfinite([lower, upper]).all():
+            return f"between {lower:g} and {upper:g}"
+        return f"at least {lower:g}" if np.isfinite(lower) else f"at most {upper:g}"
+
+    def outside(self, found: float, r: int, size: float = 0.0) -> bool:
+        """Whether an entry with this value is clearly not where it is to be; `size`: what is much for it, beside these numbers."""
+        lower, upper = self.lower[r], self.upper[r]
+        room = ROOM * max(size, *(abs(v) for v in (found, lower, upper) if np.isfinite(v)))
+        return not lower - room <= found <= upper + room
+
+    def excess(self, values: np.ndarray) -> np.ndarray:
+        """By how much values (entries, n) are outside, not negative."""
+        return np.maximum(0.0, np.maximum(self.lower[:, None] - values, values - self.upper[:, None]))
+
+    def sizes(self, values: np.ndarray) -> np.ndarray:
+        """(entries,): what is much for each, by values (entries, n) and finite bounds that are not zero."""
+        bounds = np.abs(np.vstack([self.lower, self.upper]))
+        found = np.maximum(np.max(np.abs(values), axis=1), np.max(np.where(np.isfinite(bounds), bounds, 0.0), axis=0))
+        return np.where(found > 0, found, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +74,8 @@ class Total:
 
 _CLEAR, _SAME = 1e-3, 1e-7
 """Of the largest slope of a vector's entries: what clearly changes, and what does not at all."""
+ROOM = 1e-6
+"""Of what a bound and a value are: how far apart they are before they contradict each other."""
 GIVEN = "start values"
 """The name of what is given at the start and holds with what is free there."""
 
@@ -67,6 +98,15 @@ class Asked:
     held: bool
     duration: np.ndarray
     geometry: np.ndarray
+
+    @property
+    def bounded(self) -> list[tuple[int, Limits, int]]:
+        """Numbers of the states and inputs that have limits all the time, each with these and the number of its entry there."""
+        stage = self.stage
+        known = {stage.unknowns[k].element_hash(): k for k in range(stage.width)}
+        found = [(known.get(one.value[r].element_hash(), -1), one, r) for one in self.path for r in range(one.value.numel())]
+        nx, first = stage.sizes[0], stage.width - stage.sizes[3]
+        return [(k, one, r) for k, one, r in found if 0 <= k < nx or k >= first]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +133,34 @@ class Transcribed:
         values = full[self.places]
         nx = stage.sizes[0]
         first = np.append(full[:nx], values[0, 0, nx:])
-        times = np.append(0.0, self.mesh.points.ravel())
+        times = np.append(0.0, self.settled(w).points.ravel())
         values = np.vstack([first, values.reshape(-1, stage.width)])
         count = len(stage.free)
-        return Guess(times, values, float(full[full.size - count - 1]), full[full.size - count :])
+        return Guess(times, values, float(full[self.layout.tail]), full[self.layout.tail + 1 :][:count])
 
     def unknowns(self, guess: Guess) -> np.ndarray:
         """Those of the program for a motion."""
         return _values(self.layout, guess, self.mesh) / self.units
+
+    def settled(self, w: np.ndarray) -> Mesh:
+        """With loose nodes where they were found."""
+        nodes = self.layout.nodes
+        return replace(self.mesh, nodes=(w * self.units)[nodes], loose=()) if nodes.size else self.mesh
+
+    def slopes_by_nodes(self, w: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """(intervals + 1,): by how much the least cost changes with each node, where it moves alone; `factors` (rows,): multipliers of the rows."""
+        term, c = self.program.terms[0], self.mesh.tableau.c
+        by = np.append(factors, [0.0, 1.0])[term.rows] * term.weights  # NOWHERE, COST
+        z, data = ca.SX.sym("z", term.places.shape[0]), ca.SX.sym("data", term.data.shape[0])
+        given = ca.SX.sym("by", by.shape[0])
+        slopes = ca.gradient(ca.dot(given, term.function(z, data)), ca.vertcat(z, data))
+        own = slopes[-3:-1] if self.layout.nodes.size else slopes[-2:]
+        found = np.array(ca.Function("by_nodes", [z, data, given], [own])(w[term.places] * term.units, term.data, by))
+        if not self.layout.nodes.size:  # by when it is, and by the length of its interval
+            part = np.tile(c, self.mesh.intervals)
+            found = np.array([(1 - part) * found[0] - found[1], part * found[0] + found[1]])
+        first, last = found.reshape(2, self.mesh.intervals, c.size).sum(axis=2)
+        return np.append(first, 0.0) + np.append(0.0, last)
 
 
 class _Rows:
@@ -122,7 +182,7 @@ class _Rows:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where unknowns stand: states at the start, then all of each point, then the duration and free parameters."""
+    """Where unknowns stand: states at the start, then all of each point, then the duration, free parameters, and nodes where some are loose."""
 
     stage: Stage
     mesh: Mesh
@@ -148,17 +208,26 @@ class Layout:
         return int(self.places.max()) + 1
 
     @property
+    def extra(self) -> np.ndarray:
+        """Of the duration and of free parameters."""
+        return self.tail + np.arange(1 + len(self.stage.free))
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Of all nodes, where some are loose; otherwise none."""
+        return self.extra[-1] + 1 + np.arange(self.mesh.nodes.size if self.mesh.loose else 0)
+
+    @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.tail + 1 + len(self.stage.free)
+        return int(self.extra[-1]) + 1 + self.nodes.size
 
     def node(self, k: int) -> np.ndarray:
         """Places of all unknowns (width + 1 + free,) of the point that ends interval k - 1; -1 for what the start has not."""
-        extra = np.arange(self.tail, self.size)
         if k == 0:
             nx = self.stage.sizes[0]
-            return np.concatenate([np.arange(nx), np.full(self.stage.width - nx, -1), extra])
-        return np.append(self.places[k - 1, -1], extra)
+            return np.concatenate([np.arange(nx), np.full(self.stage.width - nx, -1), self.extra])
+        return np.append(self.places[k - 1, -1], self.extra)
 
 
 def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Transcribed:
@@ -170,9 +239,11 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
     size[layout.places] = units
     size[: stage.sizes[0]] = units[: stage.sizes[0]]
     size[layout.tail] = guess.duration
-    size[layout.tail + 1 :] = np.where(guess.free == 0, 1.0, np.abs(guess.free))
+    size[layout.extra[1:]] = np.where(guess.free == 0, 1.0, np.abs(guess.free))
     bounds = _bounds(asked, layout, w)
     sums = _sums(asked, layout, rows)
+    if mesh.loose:
+        _between(asked, layout, rows, bounds)
     terms: list[Term] = [_dynamics(asked, layout, rows, w, units, bounds, sums)]
     terms += _conditions(asked, layout, rows, w, size)
     terms += _ends(sums, layout)
@@ -199,14 +270,16 @@ def _values(layout: Layout, guess: Guess, mesh: Mesh) -> np.ndarray:
     w[layout.places] = guess.at(mesh.points.ravel()).reshape(layout.places.shape)
     w[: layout.stage.sizes[0]] = guess.at(np.zeros(1))[0, : layout.stage.sizes[0]]
     w[layout.tail] = guess.duration
-    w[layout.tail + 1 :] = guess.free
+    w[layout.extra[1:]] = guess.free
+    w[layout.nodes] = mesh.nodes[: layout.nodes.size]
     return w
 
 
 def _bounds(asked: Asked, layout: Layout, w: np.ndarray) -> np.ndarray:
     bounds = np.repeat([[-np.inf], [np.inf]], layout.size, axis=1)
     bounds[:, layout.tail] = asked.duration
-    bounds[:, layout.tail + 1 :] = asked.geometry.T
+    bounds[:, layout.extra[1:]] = asked.geometry.T
+    bounds[:, layout.nodes] = layout.mesh.bounds[:, : layout.nodes.size]
     numbers = {asked.stage.unknowns[k].element_hash(): k for k in range(asked.stage.width)}
     for limits in asked.path:
         for r in range(limits.value.numel()):
@@ -252,9 +325,8 @@ def _dynamics(
     held = stage.invariants[0].numel()
     number = np.full((values.numel(), K * s), NOWHERE)
     weights = np.ones((values.numel(), K * s))
-    extra = np.arange(layout.tail, layout.size)
     for k in range(K):
-        middle, half = w[np.append(layout.places[k, s // 2], extra)], float(mesh.points[k, s // 2])
+        middle, half = w[np.append(layout.places[k, s // 2], layout.extra)], float(mesh.points[k, s // 2])
         kept, used = independent_states(stage, middle, half, units, whole=True)
         loop_rows = stage.ruling(middle, half, units)
         idle = [nx + nv + r for r in range(loops) if r not in loop_rows]
@@ -274,10 +346,35 @@ def _dynamics(
             for r, (limits, e) in enumerate(path):
                 number[nx + nv + loops + held + r, column] = rows.add(limits.lower[e], limits.upper[e], limits.name, at)
             number[-len(sums) :, column], weights[-len(sums) :, column] = [row for _, row in sums], mesh.tableau.b[j]
-    function = folded_function("point", [stage.unknowns, stage.data], [ca.densify(values)])
-    places = np.vstack([layout.places.reshape(-1, stage.width).T, *(np.full(K * s, e) for e in extra)])
-    data = np.vstack([mesh.points.ravel(), np.repeat(mesh.lengths, s)])
+    unknowns, given, data = stage.unknowns, stage.data, np.vstack([mesh.points.ravel(), np.repeat(mesh.lengths, s)])
+    places = np.vstack([layout.places.reshape(-1, stage.width).T, *(np.full(K * s, e) for e in layout.extra)])
+    if mesh.loose:
+        ends, part = ca.SX.sym("ends", 2), ca.SX.sym("part")
+        when = ca.vertcat(ends[0] + part * (ends[1] - ends[0]), ends[1] - ends[0])
+        values = ca.substitute(values, given, when)
+        unknowns, given, data = ca.vertcat(unknowns, ends), part, np.tile(mesh.tableau.c, K)[None, :]
+        places = np.vstack([places, np.repeat([layout.nodes[:-1], layout.nodes[1:]], s, axis=1)])
+    function = folded_function("point", [unknowns, given], [ca.densify(values)])
     return Term(function, places, np.ones(places.shape), data, number, weights)
+
+
+def _between(asked: Asked, layout: Layout, rows: _Rows, bounds: np.ndarray) -> None:
+    """States and inputs keep their bounds between the points, too: otherwise nodes that are loose would go where they leave them unseen."""
+    stage, mesh = asked.stage, layout.mesh
+    nx, first, c = stage.sizes[0], stage.width - stage.sizes[3], mesh.tableau.c
+    of_states, of_inputs = hull(np.append(0.0, c))[1:-1], hull(c)
+    said = {k: limits.entry(r) for k, limits, r in asked.bounded}
+    for k in said:
+        lower, upper = bounds[:, layout.places[0, 0, k]]
+        if not lower < upper or (layout.held and k >= first):
+            continue
+        for i in range(mesh.intervals):
+            inside = layout.places[i, :, k] if k >= nx else layout.places[i, :-1, k]
+            entries = layout.places[i, :, k] if k >= nx else np.append(layout.node(i)[k], layout.places[i, :, k])
+            bounds[:, inside] = [[-np.inf], [np.inf]]
+            for weights in of_inputs if k >= nx else of_states:
+                row = rows.add(lower, upper, said[k], float(mesh.nodes[i]))
+                rows.linear += [(row, int(e), float(weight)) for e, weight in zip(entries, weights, strict=True)]
 
 
 def _is_unknown(stage: Stage, value: ca.SX) -> bool:
@@ -314,9 +411,8 @@ def _conditions(asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, size: 
     stage, mesh = asked.stage, layout.mesh
     nx = stage.sizes[0]
     terms: list[Term] = []
-    extra = np.arange(layout.tail, layout.size)
     fixed = np.zeros(nx, dtype=bool) if asked.start is None else np.isfinite(asked.start)
-    first = np.concatenate([w[:nx], np.zeros(stage.width - nx), w[extra]])
+    first = np.concatenate([w[:nx], np.zeros(stage.width - nx), w[layout.extra]])
     if not fixed.all() and stage.invariants[0].numel():
         used = independent_rows(stage.slopes_of(stage.closing, first, 0.0)[:, ~fixed])
         if used:

@@ -16,6 +16,8 @@ AXES = ("z", "y", "y", "x", "y", "x")
 LINKS = ((0, 0, 0.4), (0, 0, 0.5), (0.2, 0, 0), (0.3, 0, 0), (0.08, 0, 0), (0.06, 0, 0))
 MASSES = (12.0, 8.0, 4.0, 3.0, 1.2, 0.6)
 TORQUES = (120.0, 150.0, 70.0, 15.0, 12.0, 6.0)
+START = (0.0, 0.3, 0.2, 0.0, 0.5, 0.0)
+END = (1.8, 0.9, -0.4, 0.5, 0.8, -1.0)
 
 
 class Arm(ac.System):
@@ -41,8 +43,8 @@ def main(folder: str = "out") -> float:
     model = ac.build(arm)
     print(model)
     ocp = ac.OptimalControl(model, time=0.5)
-    ocp.start(dict(zip([hinge.q for hinge in arm.hinges], (0.0, 0.3, 0.2, 0.0, 0.5, 0.0), strict=True)))
-    ocp.end(dict(zip([hinge.q for hinge in arm.hinges], (1.8, 0.9, -0.4, 0.5, 0.8, -1.0), strict=True)))
+    ocp.start(dict(zip([hinge.q for hinge in arm.hinges], START, strict=True)))
+    ocp.end(dict(zip([hinge.q for hinge in arm.hinges], END, strict=True)))
     ocp.end({hinge.v: 0 for hinge in arm.hinges})
     for hinge, torque, most in zip(arm.hinges, arm.torques, TORQUES, strict=True):
         ocp.bound(torque, -most, most)
