@@ -1,4 +1,4 @@
-# Shows RoughGuide, GuideFriction
+# Shows RoughGuide
 import acausal as ac
 from components import Circle, Coulomb, Particle, PointOnCurve, World
 
