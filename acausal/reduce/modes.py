@@ -515,7 +515,7 @@ class _Masked:
             if mask.slides is None or mask.frozen is None or mask.threshold is None:
                 sign = mask.along[0].sx
                 guards.append(holds * (limit - force) + (1 - holds) * (sign * slip - (1 - sign**2) * limit))
-                guards.append(holds * (limit + force) + (1 - holds) * (sign**2 * (limit - 1) + 1))
+                guards.append(holds * (limit + force) + (1 - holds) * (sign**2 * limit + (1 - sign**2)))
                 continue
             slides, frozen, least = mask.slides.sx, mask.frozen.sx, mask.threshold.sx
             along = ca.vertcat(*(entry.sx for entry in mask.along))
@@ -531,7 +531,7 @@ class _Masked:
             way = limit
             if mask.faster is not None:
                 apart = (ca.sumsqr(slip[:2]) - slip[2] ** 2) / ca.sqrt(ca.sumsqr(slip) + (1 - slides))
-                way = mask.faster.sx * apart + 1 - mask.faster.sx**2
+                way = mask.faster.sx * apart + (1 - mask.faster.sx**2)
             guards.append(frozen * (2 * least - slow) + slides * way + (1 - frozen - slides))
         return ca.vertcat(*guards)
 
