@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -76,3 +77,37 @@ def test_programs_of_one_mode_leave_the_numbers_of_others_alone() -> None:
     ]
     assert np.allclose(runs[0][point.velocity][-1], (np.cos(0.3), 0, -np.sin(0.3)), atol=1e-12)
     assert np.array_equal(runs[0][point.position], runs[1][point.position])
+
+
+def test_programs_are_handed_on_to_runs_with_the_same_parameters_only() -> None:
+    """Run after run, side by side, and read between its steps while others go on, each motion is that of a model that has not run before."""
+
+    def thrown() -> tuple[ac.System, Start]:
+        scene = ac.System()
+        scene.world, scene.mass, scene.slope, scene.plane = World(), ac.Parameter(1.0, "kg"), ac.Parameter(0.2, ""), Planar("y")
+        scene.box = RigidBody(scene.mass, inertia=(0.1, 0.1, 0.1))
+        scene.feet = [PointOnPlane(unilateral=True, restitution=0.3, friction=Coulomb(scene.slope)) for _ in range(2)]
+        scene.connect(scene.world.frame, scene.plane.frame_a)
+        scene.connect(scene.plane.frame_b, scene.box.frame)
+        for foot, x in zip(scene.feet, (0.3, -0.3), strict=True):
+            scene.connect(scene.world.frame, foot.frame_a)
+            scene.connect(foot.frame_b, scene.box.at((x, 0, -0.2)))
+        return scene, {scene.plane.q: (0.5, 0, 0.1), scene.plane.v: (0, 1, 0)}
+
+    values = [(m, mu) for m in (1.0, 2.0) for mu in (0.0, 0.3)]
+
+    def run(model: ac.Model, scene: ac.System, start: Start, k: int) -> ac.Trajectory:
+        mass, slope = values[k % len(values)]
+        return model.simulate(1.5, start, parameters={scene.mass: mass, scene.slope: slope}, rtol=1e-9)
+
+    scene, start = thrown()
+    model, times = ac.build(scene), np.linspace(0, 1.5, 77)
+    one_by_one = [run(model, scene, start, k) for k in range(3 * len(values))]
+    with ThreadPoolExecutor(4) as pool:
+        side_by_side = list(pool.map(lambda k: run(model, scene, start, k), range(3 * len(values))))
+    for k in range(len(values)):
+        other, begin = thrown()
+        first = run(ac.build(other), other, begin, k)
+        for found in (*one_by_one[k :: len(values)], *side_by_side[k :: len(values)]):
+            assert np.array_equal(found.solution.x, first.solution.x)
+            assert np.array_equal(found.solution.dense(times), first.solution.dense(times))

@@ -201,6 +201,7 @@ class Integrator(ctypes.Structure):
         ("transition_masks", _Double),
         *((name, ctypes.c_long) for name in ("grazed", "coincides", "other")),
         ("apart", ctypes.c_double),
+        ("programs", ctypes.c_void_p),
     ]  # fmt: skip
 
 

@@ -563,7 +563,7 @@ static int follows_others(Integrator *I, double h) {
 /* Where a step is to end so that a switch goes over there; see switches.h. */
 struct Landing {
     long row, tries, total; /* of the switch, -1: none is known; tries to meet it, places tried */
-    int over;               /* whether it goes over at the end of the step */
+    int over, coarse, others_coarse; /* whether it goes over at the end of the step; whether it, and others, were looked for only as well as the inside of a step was known */
     double planned, slope;  /* size of the step without it; slope of the row [1/s] */
 };
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
@@ -595,7 +595,7 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
-    struct Landing L = {-1, 0, 0, 0, 0, 0};
+    struct Landing L = {.row = -1};
     if (I->max_step > 0) I->h = fmin(I->h, I->max_step);
     double first = fmin(I->h, I->end - I->t);
     if (!T->missed || first > T->planned) T->planned = first; /* near a jump steps stay small: states are sized by those before */
@@ -717,7 +717,7 @@ static enum Code one_fixed(Integrator *I) {
     if (!S) return OUT_OF_MEMORY;
     double h = fmin(I->step, I->end - I->t), contraction;
     if (I->end - I->t - h < 1e-9 * h) h = I->end - I->t;
-    struct Landing L = {-1, 0, 0, 0, 0, 0};
+    struct Landing L = {.row = -1};
 again:;
     int solved = 0;
     if (T->newton_now) {

@@ -88,13 +88,13 @@ def _of(variant: Variant, command: tuple[str, ...]) -> Runtime:
 def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
     pointer, number = ctypes.c_void_p, ctypes.c_long
     with usable(path) as library:
-        library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = [pointer]
+        library.begin.argtypes = library.advance.argtypes = library.finish.argtypes = library.forget_programs.argtypes = [pointer]
         library.exchange.argtypes = [pointer, number, pointer]
         library.dense.argtypes = [pointer, number, pointer, pointer]
         library.project_states.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer]
         library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
         library.lanes.restype = library.widest.restype = library.integrator_size.restype = number
-        library.finish.restype = None
+        library.finish.restype = library.forget_programs.restype = None
         return Runtime(library, library.lanes(), options)
 
 

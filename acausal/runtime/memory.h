@@ -47,10 +47,8 @@ static void redirect(void *first, void *end, const char *block, size_t size, cha
     }
 }
 
-static void forget_programs(Integrator *I);
-
+/* All of it but programs that may be handed on. */
 void finish(Integrator *I) {
-    forget_programs(I);
     while (I->memory) {
         struct Memory *m = I->memory;
         I->memory = m->next;

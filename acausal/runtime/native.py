@@ -61,6 +61,8 @@ _PROGRAMS = 4
 """See `lacking` in runtime.h."""
 _INSTANT = 16 * float(np.finfo(float).eps)
 """Of a time: steps that are no longer are jumps."""
+_MANY = 16
+"""Programs of modes, for so many values of parameters, are kept."""
 _NEAR = 0.05
 """Clearance from singular positions below which states are corrected in twice as many digits: `EXACT` of passage.h."""
 BUDGET = 64 * 2**20
@@ -143,6 +145,33 @@ class Outcome:
     stopped: bool = False
 
 
+class ProgramsOfModes:
+    """What integrations have made for modes that lasted (thin.h), by the bytes of their parameters, for the next ones with the same."""
+
+    def __init__(self, forget: Callable[[int], None]) -> None:
+        self._forget = forget
+        self._kept: list[tuple[bytes, int]] = []
+
+    def taken(self, parameters: bytes) -> int | None:
+        """An address; it belongs to nobody else from now on."""
+        for entry in reversed(self._kept):
+            if entry[0] == parameters:
+                with contextlib.suppress(ValueError):  # another thread was faster
+                    self._kept.remove(entry)
+                    return entry[1]
+        return None
+
+    def keep(self, parameters: bytes, programs: int) -> None:
+        """For others."""
+        self._kept.append((parameters, programs))
+        while len(self._kept) > _MANY:
+            self._forget(self._kept.pop(0)[1])
+
+    def __del__(self) -> None:
+        for _, programs in self._kept:
+            self._forget(programs)
+
+
 class NativeProblem:
     """An integrand's functions as kernels. Integrations with it may run side by side in threads."""
 
@@ -150,6 +179,7 @@ class NativeProblem:
         self.integrand, self.how, self.runtime, self.library = integrand, how, runtime, runtime.library
         self.lanes = runtime.lanes
         self._made: weakref.WeakSet[Kernels] = weakref.WeakSet()
+        self.programs = ProgramsOfModes(self.library.forget_programs)
         self.kernels = self._kernels(*integrand.wanted)
         self.nx, self.nu, self.held = (integrand.numbers[name] for name in ("nx", "nu", "held"))
         self._arrays = {
@@ -338,7 +368,9 @@ class Run:
             self._watch(problem.guards)
         if directions is not None:
             self._follow(directions)
-        if not native.library.begin(ctypes.byref(core)):
+        with self._programs_of_modes():
+            begun = native.library.begin(ctypes.byref(core))
+        if not begun:
             raise MemoryError("integration: not enough memory.")
         if problem.met is not None:
             size = np.ctypeslib.as_array(core.size, self.x.shape)
@@ -347,6 +379,19 @@ class Run:
     def __del__(self) -> None:
         if hasattr(self, "core"):
             self.native.library.finish(ctypes.byref(self.core))
+
+    @contextlib.contextmanager
+    def _programs_of_modes(self) -> Generator[None]:
+        """They are lent to the integration while it works."""
+        core, kept, parameters = self.core, self.native.programs, self._p.tobytes()
+        if self.native.integrand.masks:
+            core.programs = kept.taken(parameters)
+        try:
+            yield
+        finally:
+            if core.programs:
+                kept.keep(parameters, core.programs)
+                core.programs = None
 
     def _give(self, inputs: Inputs | None) -> None:
         """Tables and formulas to the runtime; the rest is asked for by a callback, all where nothing is known of them."""
@@ -450,7 +495,7 @@ class Run:
         t0, shown = core.t, self.started
         seen = time.perf_counter()
         try:
-            with interrupts_noted() as interrupts:
+            with interrupts_noted() as interrupts, self._programs_of_modes():
                 code = advance(reference)
             while code in _GO_ON:
                 seen, before = time.perf_counter(), seen
@@ -463,7 +508,7 @@ class Run:
                 elif progress is not None and seen - shown > 0.2:
                     shown = seen
                     progress((core.t - t0) / (end - t0))
-                with interrupts_noted() as interrupts:
+                with interrupts_noted() as interrupts, self._programs_of_modes():
                     code = advance(reference)
             self._spent(time.perf_counter() - seen)
             self._raise_from_kernels()
@@ -605,7 +650,8 @@ class Run:
 
     def _dense(self, wanted: np.ndarray, found: np.ndarray) -> bool:
         """States into `found` (n, nx) at ascending times; whether all the steps are kept in which they lie."""
-        code = self.native.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
+        with self._programs_of_modes():
+            code = self.native.library.dense(ctypes.byref(self.core), wanted.size, _address(wanted), _address(found))
         if code == Code.INPUT_FAILED and self.error is not None:
             raise self.error
         return code != Code.NOT_KEPT

@@ -78,6 +78,8 @@ enum Code {
     FALLS            /* the gap of one-sided row `worst` is negative in the middle of the motion, by `apart` */
 };
 
+struct Programs;
+
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
    Radau's by order, for where the motion is stiff; `operations` of the rates at one point tell what is cheaper. */
 typedef struct Integrator {
@@ -173,6 +175,7 @@ typedef struct Integrator {
     long grazed, coincides;
     long other; /* target of what could not be set */
     double apart; /* gap of what should have met */
+    struct Programs *programs; /* of modes, see thin.h: those of an earlier integration with the same functions and parameters, or null; to be kept by the caller after `finish`, or forgotten */
 } Integrator;
 
 /* Of changes of mode: how many, when the last one was, of which row of masks (-1: the start, or a jump of inputs); steps of no length so far. */
@@ -188,6 +191,7 @@ EXPORT int advance(Integrator *I);
 EXPORT void use_newton(Integrator *I);
 EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void finish(Integrator *I);
+EXPORT void forget_programs(struct Programs *P);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int state_at(Integrator *I, double t, double *x);
 EXPORT int settle_modes(Integrator *I);

@@ -11,6 +11,8 @@
 #define ENDLESS 9     /* times that tell that it slides */
 #define LANDINGS 8    /* tries to end a step where a switch goes over */
 #define BACK 1e-3     /* of a step: how far before its end a row's slope is taken from */
+#define NEAR_END 0.75   /* of a step: ends that lie before that are looked for again, since the inside of a shorter step is known better */
+#define FAR_END 0.25
 #define MOST 30       /* places in a step tried; then it becomes shorter until none is left */
 #define HOP 1e-5      /* of a step: how far from its end a switch may go over; the state is moved there */
 
@@ -136,7 +138,7 @@ static int hop(Integrator *I, double time, double h) {
 static int meet_row(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
     long k = I->steps - I->first;
-    double h = k > 0 ? I->times[k] - I->times[k - 1] : L->planned, farthest = L->over ? HOP * h : INSTANT * L->planned;
+    double h = k > 0 ? I->times[k] - I->times[k - 1] : L->planned, farthest = L->over ? fmax(HOP, I->rtol) * h : INSTANT * L->planned; /* the step has been corrected since it was solved, by its tolerance */
     for (int again = 0; again < 3 && L->slope < 0 && h > 0; again++) { /* a jump keeps its instant */
         if (!rows_at(I, I->t, I->x)) return 0;
         int closes = L->row < I->one_sided;
@@ -242,12 +244,13 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
 
 /* Whether so many values of a row in order of time are far from zero, beside what they change by; row_count apart. */
 static int is_far_above(const double *v, long row_count, int count, double changes) {
-    double least = v[0], most = v[0];
+    double least = v[0], most = v[0], finite = 0;
     for (int k = 0; k < count; k++) {
-        if (!isfinite(v[k * row_count])) return 0;
-        least = fmin(least, v[k * row_count]), most = fmax(most, v[k * row_count]);
+        double value = v[k * row_count];
+        least = value < least ? value : least, most = value > most ? value : most;
+        finite += 0 * value;
     }
-    return least > changes * (most - least);
+    return least > changes * (most - least) + finite; /* never, where one of them is no number */
 }
 
 #define FEW_POINTS 8   /* at which all rows are looked at first: */
@@ -315,6 +318,17 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
     return found;
 }
 
+/* Where a row with these values, negative at the end, becomes so after it has been largest: how it has left zero is known less well than that. 2 where it has not left it. */
+static double first_below_again(Path *p, const double *theta, const double *v, double noise) {
+    int most = 0;
+    for (int j = 1; j < POINTS; j++)
+        if (v[j] > v[most]) most = j;
+    p->noise = noise;
+    if (!(v[most] > p->noise)) return 2;
+    p->searches = 0;
+    return first_below(p, theta[most], 1, 0, 0);
+}
+
 static int find_set_slopes(Integrator *I, double *slope);
 
 /* How far from zero the tolerance leaves a guard of something that sets. */
@@ -333,7 +347,7 @@ static double first_switch(Path *p, struct Landing *L) {
     Integrator *I = p->I;
     struct State *T = I->state;
     double theta[POINTS], v[POINTS], first = 2;
-    int noise_known = 0;
+    int noise_known = 0, coarse = 0;
     long fallen = -1;
     int far = are_all_far(p);
     if (far) return far < 0 ? -1 : 2;
@@ -360,11 +374,16 @@ static double first_switch(Path *p, struct Landing *L) {
             if (rests) p->noise = fmax(p->noise, fabs(v[0]) + at_rest(I, r));
             if (rests && fabs(v[POINTS - 1]) <= p->noise) continue; /* the inside of a step is known less well than its ends */
         }
+        double known = p->noise; /* of the ends; and of the inside: */
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
         if (decided) p->noise = fmax(p->noise, (r < first_set(I) ? -2 : -1.01) * v[0]);
         for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
+        int is_coarse = r < first_set(I) && p->noise > known;
+        coarse += is_coarse;
         p->searches = 0;
         double here = first_below(p, 0, 1, T->row_values, 0);
+        if (here < 0) return -1;
+        if (here == 2 && is_coarse && v[POINTS - 1] < -known) here = first_below_again(p, theta, v, known);
         if (here < 0) return -1;
         if (v[0] > 100 * p->noise) T->far[r] = 1;
         if (here == 2 && fabs(v[POINTS - 1]) <= p->noise && T->far[r]) here = 1; /* the step ends there */
@@ -372,7 +391,9 @@ static double first_switch(Path *p, struct Landing *L) {
         if (!decided && v[0] <= p->noise && here > 0 && one_value(p, 0.5 * here) <= 2 * p->noise) here = 0;
         first = here;
         L->row = r;
+        L->coarse = is_coarse;
     }
+    L->others_coarse = coarse > L->coarse;
     if (first == 2 && fallen >= 0) {
         falls(I, fallen, -T->row_values[(POINTS - 1) * I->row_count + fallen]);
         return -2;
@@ -390,7 +411,9 @@ static double next_landing(Path *p, struct Landing *L) {
     double theta = 1 - value / slope;
     L->slope = slope / p->h;
     if (fabs(value) <= noise || fabs(theta - 1) * p->h <= edge || (!I->directions && slope < 0 && fabs(theta - 1) <= HOP)) return 1;
-    if (slope < 0 && theta > 0.25 && theta < 1.5 && ++L->tries <= LANDINGS) return theta;
+    if (L->coarse) return 2;
+    int sets = L->row >= first_set(I) && L->row < I->mode_rows; /* that is at rest where rounding is all that is left of it, and not a place to look at again */
+    if (slope < 0 && theta > (sets ? FAR_END : NEAR_END) && theta < 1.5 && ++L->tries <= LANDINGS) return theta;
     return value < 0 && L->tries > LANDINGS ? 1 : 2;
 }
 
@@ -403,10 +426,17 @@ static double landing(Integrator *I, const Stages *S, double h, struct Landing *
     double to = 2;
     L->over = 0;
     if (L->row >= 0) to = next_landing(&p, L);
-    if (to == 2) {
-        L->row = -1;
-        L->tries = 0;
-        to = first_switch(&p, L);
+    if (to == 2 || (to == 1 && L->others_coarse)) { /* in a step that is much shorter, another one may be seen before */
+        long reached = to == 1 ? L->row : -1;
+        struct Landing other = *L;
+        other.row = -1;
+        other.tries = other.coarse = 0;
+        to = first_switch(&p, &other);
+        if (reached >= 0 && (to == 2 || other.row == reached)) {
+            L->over = 1;
+            return 1;
+        }
+        *L = other;
         if (to == 2) return 1;
         L->planned = fmax(I->h, h);
         if (to < 0) return to;

@@ -1,5 +1,6 @@
 /* Programs for modes that last. While a mode lasts its masks are numbers, mostly zero and one: then a program is carried out once with these, and what is only multiplied by zero or
-   one, and what nobody needs then, is left out. What is left are the same operations on the same numbers: nothing of a motion but signs of zeros tells whether that is done. */
+   one, and what nobody needs then, is left out. What is left are the same operations on the same numbers: nothing of a motion but signs of zeros tells whether that is done.
+   Programs may be handed on to the next integration with the same parameters. */
 
 #define THIN_CALLS 24   /* of a kernel in a mode, before a program is made for it */
 #define THIN_LONG 20000 /* calls of a compiled kernel, before its program is asked for */
@@ -15,9 +16,16 @@ struct ThinMode {
     signed char *masks; /* 0, 1, -1, or 2: any number */
 };
 
+/* Handed on whole: programs need nothing of an integration but frames, which are the same where parameters are. */
+struct Programs {
+    struct ThinMode mode[THIN_MODES];
+    long next, calls; /* of kernels */
+};
+
 struct Thin {
-    struct ThinMode mode[THIN_MODES], *now;
-    long next, length[MASKED], asked[MASKED], calls[MASKED]; /* statements of programs for all modes; whether these have been asked for; calls of kernels */
+    struct Programs *of; /* those that `now` is one of */
+    struct ThinMode *now;
+    long length[MASKED], asked[MASKED]; /* statements of programs for all modes; whether these have been asked for */
     Kernel whole[MASKED];
     V *frame[MASKED];
     double *side; /* masks of `now` */
@@ -370,12 +378,11 @@ static int *thinned(const Kernel *k, const V *frame, long first, long masks, con
     return 0;
 }
 
-static void forget_programs(Integrator *I) {
-    struct Thin *H = I->state ? I->state->thin : 0;
-    if (!H) return;
+void forget_programs(struct Programs *P) {
+    if (!P) return;
     for (long k = 0; k < THIN_MODES; k++)
-        for (int which = 0; which < MASKED; which++) free(H->mode[k].program[which]);
-    I->state->thin = 0;
+        for (int which = 0; which < MASKED; which++) free(P->mode[k].program[which]);
+    free(P);
 }
 
 /* Only where memory may be allocated. */
@@ -383,10 +390,7 @@ static int make_thin(Integrator *I) {
     struct State *T = I->state;
     if (I->block || I->counted) return 1;
     struct Thin *H = reserve(I, sizeof(struct Thin));
-    signed char *keys = reserve(I, (size_t)((THIN_MODES + 1) * I->masks));
-    if (!H || !keys || !(H->side = reserve_doubles(I, I->masks))) return 0;
-    for (long k = 0; k < THIN_MODES; k++) H->mode[k].masks = keys + k * I->masks;
-    H->key = keys + THIN_MODES * I->masks;
+    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->side = reserve_doubles(I, I->masks))) return 0;
     T->thin = H;
     return 1;
 }
@@ -418,6 +422,17 @@ static int has_whole(Integrator *I, enum Masked which) {
     return 1;
 }
 
+/* The programs that the caller has given, or new ones; null when memory is short. */
+static struct Programs *programs_of(Integrator *I) {
+    struct Thin *H = I->state->thin;
+    if (!I->programs) {
+        struct Programs *P = I->programs = calloc(1, sizeof(struct Programs) + (size_t)(THIN_MODES * I->masks));
+        for (long k = 0; P && k < THIN_MODES; k++) P->mode[k].masks = (signed char *)(P + 1) + k * I->masks;
+    }
+    if (H->of != I->programs) H->now = 0;
+    return H->of = I->programs;
+}
+
 /* The entry of masks; the oldest one gives way to a new one. */
 static void look_up_mode(const Integrator *I, const V *masks) {
     struct Thin *H = I->state->thin;
@@ -425,12 +440,13 @@ static void look_up_mode(const Integrator *I, const V *masks) {
         double side = H->side[k] = masks[k][0];
         H->key[k] = side == 0 ? 0 : side == 1 ? 1 : side == -1 ? -1 : 2;
     }
+    struct Programs *P = I->programs;
     for (long k = 0; k < THIN_MODES; k++)
-        if (H->mode[k].known && memcmp(H->mode[k].masks, H->key, (size_t)I->masks) == 0) {
-            H->now = &H->mode[k];
+        if (P->mode[k].known && memcmp(P->mode[k].masks, H->key, (size_t)I->masks) == 0) {
+            H->now = &P->mode[k];
             return;
         }
-    struct ThinMode *new = H->now = &H->mode[H->next++ % THIN_MODES];
+    struct ThinMode *new = H->now = &P->mode[P->next++ % THIN_MODES];
     for (int which = 0; which < MASKED; which++) {
         free(new->program[which]);
         new->program[which] = 0;
@@ -442,20 +458,26 @@ static void look_up_mode(const Integrator *I, const V *masks) {
 }
 
 static int are_those_of_now(const struct Thin *H, const V *masks, long count) {
-    for (long k = 0; k < count; k++)
-        if (masks[k][0] != H->side[k]) return 0;
-    return H->now != 0;
+    unsigned long long others = 0, mine, its;
+    for (long k = 0; k < count; k++) {
+        memcpy(&mine, H->side + k, sizeof mine);
+        memcpy(&its, masks + k, sizeof its);
+        others |= mine ^ its;
+    }
+    return !others && H->now;
 }
 
 /* The program of a kernel for the masks at `in`, the same in all lanes; null: the kernel itself is to be taken. */
 static const int *thin_program(Integrator *I, enum Masked which, const V *in) {
     struct Thin *H = I->state->thin;
     long first = 1 + I->nx + (which == OF_PROJECTION ? 0 : I->nu - I->held);
+    if (!programs_of(I)) return 0;
     if (!are_those_of_now(H, in + first, I->masks)) look_up_mode(I, in + first);
     struct ThinMode *now = H->now;
     const Kernel *k = kernel_with_masks(I, which);
-    H->calls[which]++;
-    if (!now->tried[which] && ++now->calls[which] >= THIN_CALLS && (k->program || H->asked[which] || H->calls[which] > THIN_LONG)) {
+    I->programs->calls++;
+    if (now->program[which] && !has_whole(I, which)) return 0;
+    if (!now->tried[which] && ++now->calls[which] >= THIN_CALLS && (k->program || H->asked[which] || I->programs->calls > THIN_LONG)) {
         now->tried[which] = 1;
         long still = 0;
         if (has_whole(I, which)) now->program[which] = thinned(&H->whole[which], H->frame[which], first, I->masks, now->masks, H->length[which], &now->length[which], I->nx, &still);
@@ -468,7 +490,7 @@ static const int *thin_program(Integrator *I, enum Masked which, const V *in) {
 /* Whether nothing is corrected in this mode. */
 static int is_still(const Integrator *I) {
     const struct Thin *H = I->state->thin;
-    return H && H->now && H->now->still && memcmp(H->side, I->state->side, sizeof(double) * (size_t)I->masks) == 0;
+    return H && H->now && H->of == I->programs && H->now->still && memcmp(H->side, I->state->side, sizeof(double) * (size_t)I->masks) == 0;
 }
 
 /* Results at `in` of a kernel that has masks, if there are any. */

@@ -16,6 +16,7 @@
 #define use_newton simulator_hidden_use_newton
 #define exchange simulator_hidden_exchange
 #define finish simulator_hidden_finish
+#define forget_programs simulator_hidden_forget_programs
 #define dense simulator_hidden_dense
 #define state_at simulator_hidden_state_at
 #define settle_modes simulator_hidden_settle_modes
