@@ -133,5 +133,7 @@ def test_what_is_no_belt_is_refused_in_words(make: Any, words: tuple[str, ...]) 
 @pytest.mark.parametrize(("crossed", "apart"), [(True, 0.29), (False, 0.09)])
 def test_pulleys_that_overlap_are_told_by_part_and_line(crossed: bool, apart: float) -> None:
     scene = drive(crossed=crossed, apart=apart, preload=100.0)
-    with pytest.raises(StartValueError, match=r"'belt.pieces\[0\]' \(.*test_belts.py:\d+\).*outside.*Move them apart"):
+    with pytest.raises(
+        StartValueError, match=r"'belt.pieces\[0\]' \(.*test_belts.py:\d+\).*no meaning at the start.*Move them apart"
+    ):
         ac.build(scene).simulate(1.0)

@@ -401,7 +401,7 @@ static int rate_at(Integrator *I, double t, const double *x, double *out) {
 #define FEW 4.0            /* times the mean of a few samples: what rounding makes of rates at most */
 #define DOUBTS 8           /* rejections that make every operation's rounding looked at */
 #define CALM 4             /* steps without any that make up for one */
-#define SMALL 1e-6         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
+#define SMALL 1e-4         /* part of a state that rounding disturbs in a step: then it is nothing but rounding */
 #define UNHEARD 8          /* steps in which nothing was forgiven to rounding: then it is not looked at any more */
 
 /* What is left of a value beside noise; not a number where it is none. */
