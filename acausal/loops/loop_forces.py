@@ -155,7 +155,8 @@ class LoopForces:
     @functools.cached_property
     def _pivots(self) -> ca.SX:
         """Of `delassus` (m, 1), as part of their sizes and at most 1: beside closed loops those of redundant rows grow."""
-        return ca.fmin(self._own_pivots / self.pivot_sizes / self._level, 1.0)
+        found = self._own_pivots / self.pivot_sizes / self._level
+        return found if self.constraints.damped else ca.fmin(found, 1.0)
 
     @property
     def _own_pivots(self) -> ca.SX:

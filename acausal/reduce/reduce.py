@@ -298,12 +298,15 @@ def reduce_system(
         exact = None if step_more is None else (_rates(tree, rates, nv, n), step_more)
     if constraints.dependent:
         second = on_branch(second, forces, arguments)
+    clearance = forces.clearance if constraints.singular or constraints.narrow else None
+    if clearance is not None and constraints.damped:
+        clearance = on_branch(clearance, forces, arguments)
     x_dot = _rates(tree, second, nv, n)
     system = ReducedSystem(
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
         ca.vertcat(constraints.joint_invariants, constraints.position, scalar.known_position),
-        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, forces.clearance if constraints.singular or constraints.narrow else None, scalar, extra, exact=exact,
+        ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, clearance, scalar, extra, exact=exact,
     )  # fmt: skip
     again = looped(system, system.closed_positions) if system.holding.again and not without else []
     if again:
