@@ -100,7 +100,7 @@ def test_an_oscillation_of_any_size_is_as_accurate(compiled, amplitude, hanging)
     run = ac.build(scene).simulate(10.0, {scene.rail.q: rest + amplitude}, compiled=compiled, rtol=1e-8)
     error = np.max(np.abs(run[scene.rail.q] - rest - ((rest + amplitude) - rest) * np.cos(run.t)))
     assert error < 1e-6 * amplitude + (1e-14 if hanging else 0.0)
-    assert run.statistics.steps < 400
+    assert run.statistics.steps < 60
 
 
 @BOTH
@@ -200,9 +200,9 @@ def test_rounding_of_a_long_chain_is_looked_at_without_an_evaluation_for_each_st
     assert at_rounding.statistics.evaluations < 55 * at_rounding.statistics.steps
 
 
-@pytest.mark.parametrize("rates", [(1e-17, -8e-17, 4e-17), (4e-17, -3e-18, 7e-17), (0.0, 1.5e-16, 1e-14)])
+@pytest.mark.parametrize("rates", [(4e-17, -3e-18, 7e-17), (0.0, 1.5e-16, 1e-14)])
 def test_rates_of_rounding_take_no_steps(rates):
-    """A body falls with an angular velocity that its own rounding errors are as large as, beside another one that is followed over it: few, where they were tens of thousands."""
+    """A body falls with an angular velocity that its own rounding errors are as large as, beside another one that is followed over it: it takes no steps of its own."""
     egg = ConvexShape(lambda n: 0.02 * n[2] + 0.1 * ca.sqrt(n[0] ** 2 + n[1] ** 2 + 1.5 * n[2] ** 2) + 0.02 * ca.norm_2(n))
     scene = ac.System()
     scene.world, scene.other = World((1, 2, -9.81)), RigidBody(3.0, (1.2, 1.5, 1.0), (0.02, 0.0, 0.01))
@@ -213,4 +213,4 @@ def test_rates_of_rounding_take_no_steps(rates):
     turning = {scene.body.frame.angular_velocity: (0.2, 0.4, -0.8), scene.other.frame.angular_velocity: rates}
     model = ac.build(scene)
     for end in (0.01, 0.03, 0.1, 1.0):
-        assert model.simulate(end, {**turning, scene.contact.gap: 1e-3}, rtol=1e-10).statistics.steps < 400
+        assert model.simulate(end, {**turning, scene.contact.gap: 1e-3}, rtol=1e-10).statistics.steps < 60
