@@ -245,6 +245,11 @@ class Solution:
     coarse: Callable[[np.ndarray], np.ndarray] | None = None
     """`dense` for a first look, where that is cheaper."""
 
+    def beside(self, times: np.ndarray, side: int) -> np.ndarray:
+        """Just before (-1) or after (1) these times, but not outside: inputs and switches of time may jump there."""
+        ends = self.t[[0, -1]]
+        return np.clip(times + side * _ASIDE * np.max(np.abs(ends)), *ends)
+
     @property
     def known(self) -> np.ndarray:
         """(n - 1,): from which times to the next ones there is a polynomial."""
@@ -256,6 +261,8 @@ class Solution:
         return Solution, tuple((values | {"dense": Interpolant.of(self), "coarse": None}).values())
 
 
+_ASIDE = 8 * float(np.finfo(float).eps)
+"""Of the times of a run: what is nearer is the same instant."""
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(33) / 32)
 _WEIGHTS = np.where(np.arange(33) % 2, -1.0, 1.0) * np.where((np.arange(33) == 0) | (np.arange(33) == 32), 0.5, 1.0)
 

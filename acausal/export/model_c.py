@@ -23,6 +23,7 @@ from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.kernels import Wanted
+from acausal.simulate.simulation import guards_of
 
 _HEAD = """\
 /* The model: functions, names, values. Only what model.h declares is seen by other files. */
@@ -71,11 +72,9 @@ def model_c(
     shown = [f.outputs.resolve(e) for e in outputs.values()]
     wanted = [*integrand.wanted, integrand.jvp]
     paired = [*integrand.exact, Wanted("disturbed_rhs", plain(integrand.rates), (3,))]
-    borders = f.inside.size1_out(0)
-    if events or borders:
-        watched = (*(f.outputs.resolve(e.expression) for e in events), *(border.values for border in f.borders))
-        guards = f.output(ca.vertcat(*watched), name="guards")
-        wanted.append(guard := integrand.guard(guards))
+    guards = guards_of(f, events)
+    if guards is not None:
+        wanted.append(guard := integrand.guard(guards.function))
         paired.append(Wanted("disturbed_guard", guard.function, (3,)))
     if inputs.formulas:
         wanted.append(Wanted("formula", inputs.formula))
@@ -87,7 +86,7 @@ def model_c(
     pattern, switching = integrand.pattern, integrand.switching
     longs: dict[str, _Values] = {
         "copy_to": integrand.copies[0], "copy_from": integrand.copies[1], "formula_input": [i for i, _ in inputs.formulas],
-        "guard_direction": [*(e.sign for e in events), *[-1] * borders], "guard_stops": [*(int(e.stop) for e in events), *[1] * borders],
+        "guard_direction": guards.directions if guards else (), "guard_stops": [*map(int, guards.stops)] if guards else (),
         "start": pattern.start, "row": pattern.row, "colour": pattern.colour, "order": pattern.order,
     }  # fmt: skip
     doubles: dict[str, _Values] = {}
@@ -118,7 +117,7 @@ def model_c(
         *(f".{name} = {_kernel(source)}" for name, source in sources.items() if name != "outputs"),
         *kernels,
         *(f".{name} = {name}" for name in (*longs, *doubles) if name not in in_pattern),
-        f".guards = {len(events) + borders}",
+        f".guards = {len(guards.directions) if guards else 0}",
         f".tables = {len(inputs.tables)}, .table_list = table_list, .clocks = {len(inputs.clocks)}, .clock_list = clock_list",
         f".formulas = {len(inputs.formulas)}",
         f".pattern = {{{', '.join(in_pattern)}, {pattern.colours}, {pattern.fill}, {hex_of(pattern.work)}, {pattern.most}}}",

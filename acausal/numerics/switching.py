@@ -11,12 +11,12 @@ import numpy as np
 
 from acausal.numerics.staged import Function, Staged, Systems, composed, systems_of
 
-_COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX)
-_WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
-_PERIODIC = (ca.OP_FMOD, ca.OP_REMAINDER)
-JUMPS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, *_WHOLE, *_PERIODIC}
+COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX)
+WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
+PERIODIC = (ca.OP_FMOD, ca.OP_REMAINDER)
+JUMPS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, *WHOLE, *PERIODIC}
 """Operations whose results jump; others only bend."""
-_SWITCHES = {*_COMPARED, *_WHOLE, *_PERIODIC, ca.OP_SIGN, ca.OP_FABS}
+_SWITCHES = {*COMPARED, *WHOLE, *PERIODIC, ca.OP_SIGN, ca.OP_FABS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class _Holder:
         """The result of a switching operation on `a`, held."""
         if code == ca.OP_LE:  # where both are equal, as inputs may be that jump
             return 1 - self._below(a[1] - a[0], true[1] - true[0])
-        if code in _COMPARED or code == ca.OP_FABS:
+        if code in COMPARED or code == ca.OP_FABS:
             below = self._below(a[0] - a[1] if len(a) == 2 else a[0], true[0] - true[1] if len(a) == 2 else true[0])
             if code == ca.OP_LT:
                 return below

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.switching import switches
+from acausal.numerics.switching import COMPARED, PERIODIC, WHOLE, switches
 
-_COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
+_DECIDED = (*COMPARED, ca.OP_EQ, ca.OP_NE)
 _SIGNED = (ca.OP_SIGN, ca.OP_FABS)
-_WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
-_PERIODIC = (ca.OP_FMOD, ca.OP_REMAINDER)
-_SWITCHES = (*_COMPARED, *_SIGNED, *_WHOLE, *_PERIODIC)
+_SWITCHES = (*_DECIDED, *_SIGNED, *WHOLE, *PERIODIC)
 _SAMPLES = 1001
 _MOST = 100_000
 """Regular switches between which samples are taken; where there are more, they are left out of account."""
@@ -68,9 +66,9 @@ def clocks(function: ca.Function) -> Clocks | None:
     signs, counts = list[ca.SX](), list[ca.SX]()
     for node in switches(ca.densify(function(t)), _SWITCHES):
         a, b = node.dep(0), node.dep(1) if node.n_dep() > 1 else ca.SX(1)
-        value = a - b if node.op() in _COMPARED else a / b if node.op() in _PERIODIC else a
+        value = a - b if node.op() in _DECIDED else a / b if node.op() in PERIODIC else a
         if ca.depends_on(value, t):
-            (counts if node.op() in (*_WHOLE, *_PERIODIC) else signs).append(value)
+            (counts if node.op() in (*WHOLE, *PERIODIC) else signs).append(value)
     lines, others = list[tuple[float, float, int]](), list[bool]()
     for k, value in enumerate((*signs, *counts)):
         rate = ca.jtimes(value, t, ca.SX(1))

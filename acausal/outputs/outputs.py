@@ -139,12 +139,12 @@ class Outputs:
         found: list[tuple[ca.SX, ca.SX, ca.SX]] = []
         unsteady = self.system.u
         for part in (p.component for p in self.system.flat.parts):
-            stored = self._said(part.stored_energy())
+            stored = self.said(part.stored_energy())
             if law_changes(part):
                 stored = ca.SX(0) if unsteady.numel() and ca.depends_on(stored, unsteady) else stored
-                found.append((stored, self._said(inflow(part)) - self.rate(stored), ca.SX(0)))
+                found.append((stored, self.said(inflow(part)) - self.rate(stored), ca.SX(0)))
             else:
-                found.append((stored, self._said(part.dissipated_power()), self._said(part.supplied_power())))
+                found.append((stored, self.said(part.dissipated_power()), self.said(part.supplied_power())))
         return found
 
     @functools.cached_property
@@ -170,7 +170,8 @@ class Outputs:
         r = modes.reactions
         return ca.substitute(ca.jacobian(Outputs(unmasked).power_loss, r).T, r, ca.SX.zeros(r.numel()))
 
-    def _said(self, value: Expression | ca.SX | float) -> ca.SX:
+    def said(self, value: Expression | ca.SX | float) -> ca.SX:
+        """What a part says of itself, in states, inputs and parameters."""
         return self.resolve(value) if isinstance(value, Expression | ca.SX) else ca.SX(value)
 
     def name(self, symbol: Symbol) -> str:

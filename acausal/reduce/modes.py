@@ -19,7 +19,7 @@ import numpy as np
 from acausal.dynamics.mode_rows import LockRows, ModeRow, Size
 from acausal.errors import ModelError, OptionError
 from acausal.language.equation import input_rate
-from acausal.language.expression import Discrete, Input, Magnitude, Mode, Reaction, declared
+from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
 from acausal.numerics import patches
 from acausal.numerics.staged import Systems
 from acausal.numerics.switching import JUMPS, switches
@@ -52,7 +52,7 @@ class Modes:
     invariants: ca.SX
     correction: ca.SX
     systems: Systems
-    redundant: bool
+    damping: Mode | None
     magnitudes: Magnitudes
 
     @functools.cached_property
@@ -63,8 +63,12 @@ class Modes:
     @property
     def damped(self) -> int | None:
         """The place among the masks of the damping of rows that depend on one another; None where none do."""
-        shared = 2 + 2 * self.reactions.numel() + sum(isinstance(mask, Discrete) for mask in self.masks)
-        return len(self.masks) - shared if self.redundant else None
+        return None if self.damping is None else self.masks.index(self.damping)
+
+    @property
+    def redundant(self) -> bool:
+        """Whether some rows may depend on one another."""
+        return self.damping is not None
 
     @property
     def one_sided(self) -> int:
@@ -258,7 +262,8 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
     x_dot = ca.substitute(motion.x_dot, reactions, values)
     found = Modes(
-        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, x_dot, guards, invariants, motion.closed(gaps, J, pushes), system.systems, redundant, magnitudes,
+        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, x_dot, guards, invariants, motion.closed(gaps, J, pushes), system.systems,
+        None if shared is None else shared.damping, magnitudes,
     )  # fmt: skip
     return found, ca.vertcat(ca.SX(0, 1), *dead)
 

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.dynamics.forward_dynamics import articulated_inertias, forward_dynamics
+from acausal.dynamics.mode_rows import LockRows, ModeRow
 from acausal.dynamics.system import MechanicalSystem, mechanical_system
 from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError, ModelError, OverdeterminedError
@@ -320,26 +321,15 @@ def reduce_system(
 def _with_locks(system: ReducedSystem) -> ReducedSystem:
     """With the reactions of what is imposed as it is held. Raises `ModelError`."""
     rows = system.mechanics.locks
-    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, places(system))
-    locks = locks_of(rows, motion)
+    locks = locks_of(rows, _motion(system))
     r, found = locks.reactions, locks.found
-
-    def put(value: ca.SX) -> ca.SX:
-        return ca.substitute(value, r, found) if value.numel() and ca.depends_on(value, r) else value
-
-    solved = {symbol: put(value) for symbol, value in system.scalar.solved.items()}
-    scalar = dataclasses.replace(
-        system.scalar, rates=put(system.scalar.rates), tau=put(system.scalar.tau), led=None,
-        solved=solved | {reaction: put(reaction.sx) for row in rows for reaction in row.reactions},
-    )  # fmt: skip
     x_dot = ca.substitute(system.x_dot, r, ca.SX.zeros(r.numel())) + locks.response @ found
-    exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
     mechanics = dataclasses.replace(system.mechanics.with_values([(r, found)]), locks=rows, unsolved=system.mechanics)
     alone = not mechanics.modes
     flat = dataclasses.replace(system.flat, solved=True) if alone else system.flat
     return dataclasses.replace(
-        system, flat=flat, u=stacked([entry.sx for entry in flat.inputs]), u_defaults=np.array([entry.default for entry in flat.inputs]), x_dot=x_dot,
-        v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau), scalar=scalar, locks=locks, exact=exact, mechanics=mechanics,
+        _with_found(system, rows, r, found), flat=flat, u=stacked([entry.sx for entry in flat.inputs]),
+        u_defaults=np.array([entry.default for entry in flat.inputs]), x_dot=x_dot, locks=locks, mechanics=mechanics,
     )  # fmt: skip
 
 
@@ -350,8 +340,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         raise ModelError(
             f"{rows[0].part.where} changes its mode as the motion goes on, but nothing in the scene has a state. Add what stores energy: an inertia, a mass, a capacitor."
         )
-    motion = Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, places(system))
-    modes, dead = modes_of(rows, system.flat.names, motion)
+    modes, dead = modes_of(rows, system.flat.names, _motion(system))
     r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
         modes = dataclasses.replace(modes, masks=(*modes.masks, *masks))
@@ -360,8 +349,19 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     given = {rate: f"der({system.flat.names.get(rate.of, rate.of.name)})" for rate in _input_rates(system.flat, moving)}
     names = {**system.flat.names, **given, **{mask: mask.name for mask in masks if mask not in system.flat.names}}
     flat = dataclasses.replace(system.flat, names=names, modes=masks, solved=True)
-    known = np.array([entry.default for entry in flat.inputs])
-    own = stacked([entry.sx for entry in flat.inputs])
+    return dataclasses.replace(
+        _with_found(system, rows, r, found), flat=flat, u=stacked([entry.sx for entry in flat.inputs]),
+        u_defaults=np.array([entry.default for entry in flat.inputs]), modes=modes, unmasked=system, mechanics=system.mechanics.with_reactions(r, found),
+    )  # fmt: skip
+
+
+def _motion(system: ReducedSystem) -> Motion:
+    """Rates by reactions, which are inputs still."""
+    return Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, places(system))
+
+
+def _with_found(system: ReducedSystem, rows: Sequence[ModeRow] | Sequence[LockRows], r: ca.SX, found: ca.SX) -> ReducedSystem:
+    """With the reactions `r` of some rows as they are found."""
 
     def put(value: ca.SX) -> ca.SX:
         return ca.substitute(value, r, found) if value.numel() and ca.depends_on(value, r) else value
@@ -373,8 +373,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     )  # fmt: skip
     exact = None if system.exact is None else (put(system.exact[0]), system.exact[1])
     return dataclasses.replace(
-        system, flat=flat, u=own, u_defaults=known, x_dot=put(system.x_dot), v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau),
-        scalar=scalar, modes=modes, exact=exact, unmasked=system, mechanics=system.mechanics.with_reactions(r, found),
+        system, x_dot=put(system.x_dot), v_dot=put(system.v_dot), multipliers=put(system.multipliers), tau=put(system.tau), scalar=scalar, exact=exact,
     )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ static void solve_factored(const Equations *e, V *B) {
         }
 }
 
-/* found = right - M found of the active rows, into B. */
+/* right - M found of the active rows, into B. */
 static void find_rest(const Equations *e, const V *right, const V *found, V *B) {
     long k = e->count, n = e->n, m = e->m;
     for (long a = 0; a < k; a++)

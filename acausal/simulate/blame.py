@@ -7,7 +7,6 @@ import numpy as np
 
 from acausal.dynamics.readings import ReadingPlacement
 from acausal.language.component import Component, inflow, is_own
-from acausal.language.expression import Expression
 from acausal.language.flatten import Part
 from acausal.outputs.functions import Functions
 from acausal.parts.force import AbstractForce
@@ -73,7 +72,7 @@ def _powers(functions: Functions, part: Part) -> ca.SX | None:
     if type(component).equations is Component.equations:
         return None
     values = (inflow(component), component.stored_energy(), component.dissipated_power(), component.supplied_power())
-    come, stored, lost, supplied = (outputs.resolve(v) if isinstance(v, Expression | ca.SX) else ca.SX(v) for v in values)
+    come, stored, lost, supplied = map(outputs.said, values)
     return ca.vertcat(-come, outputs.rate(stored), lost, -supplied)
 
 

@@ -10,8 +10,6 @@ from acausal.simulate.trajectory import Trajectory
 
 MOST = 256
 """Steps at which a run is looked at where a look costs about as much as a step."""
-_ASIDE = 8 * float(np.finfo(float).eps)
-"""Of a time: what is nearer to it is the same instant."""
 
 
 def at_steps(functions: Functions, run: Trajectory, function: ca.Function, some: np.ndarray | None = None) -> np.ndarray:
@@ -26,7 +24,7 @@ def inputs_at_steps(run: Trajectory, some: np.ndarray | None = None) -> np.ndarr
     """(nu, n): inputs at the ends of `some` steps, or of all; with modes those before what happens there, also where inputs jump."""
     t, met = run.steps.t, run.solution.modes
     some = np.arange(t.size) if some is None else some
-    u = run.problem.inputs(t[some] if met is None else np.maximum(t[0], t[some] - _ASIDE * max(abs(t[0]), abs(t[-1]))))
+    u = run.problem.inputs(t[some] if met is None else run.solution.beside(t[some], -1))
     if met is not None:
         masks = met.at_ends(t.size)[:, some]
         u[u.shape[0] - masks.shape[0] :] = masks

@@ -26,8 +26,6 @@ _COLUMNS = 1000
 """Places in a picture at which blows can be told apart."""
 _NOTHING = 1e-13
 """Of the largest impulse in an instant: what is no blow but rounding."""
-_ASIDE = 8 * float(np.finfo(float).eps)
-"""Of the times of a run: what is nearer is the same instant."""
 _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
 _FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
 _ONE_SIDED = ("open", "closed")
@@ -203,7 +201,7 @@ class Transitions(Sequence[Transition]):
         function, some = self.run.functions.impacts, np.flatnonzero(self.jumped)
         if function is None or not some.size:
             return lost, in_balance
-        t, x = self._beside(self.times[some], 1), self.run.solution.x
+        t, x = self.run.solution.beside(self.times[some], 1), self.run.solution.x
         states = np.hstack([x[:, self.rows[some]], x[:, self.rows[some] + 1]])
         u = np.hstack([self._inputs(k, some, strikes=True) for k in range(2)])
         series = self.run.functions.series(function)
@@ -244,15 +242,10 @@ class Transitions(Sequence[Transition]):
 
     def _inputs(self, after: int, some: np.ndarray, strikes: bool = False) -> np.ndarray:
         """(nu, n): before or after these transitions; `strikes`: by what has jumped by then, in any case."""
-        u = self.run.problem.inputs(self._beside(self.times[some], 1 if after or strikes else -1))
+        u = self.run.problem.inputs(self.run.solution.beside(self.times[some], 1 if after or strikes else -1))
         masks = self.masks[after][:, some]
         u[u.shape[0] - masks.shape[0] :] = masks
         return u
-
-    def _beside(self, times: np.ndarray, side: int) -> np.ndarray:
-        """Just before or after these: inputs and switches of time may jump there, too."""
-        ends = self.run.solution.t[[0, -1]]
-        return np.clip(times + side * _ASIDE * np.max(np.abs(ends)), *ends)
 
     def beside(self, some: np.ndarray, after: int) -> tuple[np.ndarray, np.ndarray]:
         """States (nx, n) and inputs (nu, n) before or after these transitions."""
