@@ -92,7 +92,7 @@ class AbstractModel(ABC):
     @property
     def operations(self) -> int:
         """Arithmetic operations of the explicit dynamics x' = f(t, x, u, p)."""
-        return operations(self.functions.explicit_dynamics)
+        return operations(self.functions.staged_dynamics)
 
     def initial_state(
         self,

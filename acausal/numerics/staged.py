@@ -159,12 +159,14 @@ class Staged:
     shapes: tuple[LinearSystem, ...]
 
     @staticmethod
-    def of(name: str, arguments: Sequence[ca.SX], results: Sequence[ca.SX], systems: Systems) -> ca.Function | Staged:
-        """A plain function where the results need no system."""
+    def of(
+        name: str, arguments: Sequence[ca.SX], results: Sequence[ca.SX], systems: Systems, fold: bool = True
+    ) -> ca.Function | Staged:
+        """A plain function where the results need no system. `fold`: common subexpressions; no, where they come from a function that has been folded."""
         known = systems.needed_by(ca.veccat(*results))
-        if not known.shapes:
-            return folded_function(name, arguments, results)
-        return Staged(folded_function(name, [*arguments, *known.answers], [*results, *known.operands]), known.shapes)
+        make = folded_function if fold else ca.Function
+        function = make(name, [*arguments, *known.answers], [*results, *known.operands])
+        return Staged(function, known.shapes) if known.shapes else function
 
     def size1_out(self, k: int) -> int:
         """Rows of a result."""
@@ -208,8 +210,10 @@ def symbols_of(function: Function) -> list[ca.SX]:
     return [ca.SX.sym(f"a{k}", function.size1_in(k)) for k in range(function.n_in())]
 
 
-def composed(name: str, functions: Sequence[Function], make: Callable[[list[ca.SX], list[list[ca.SX]]], list[ca.SX]]) -> Function:
-    """A function of the same arguments, made from the results of some: `make`(arguments, results of each)."""
+def composed(
+    name: str, functions: Sequence[Function], make: Callable[[list[ca.SX], list[list[ca.SX]]], list[ca.SX]], fold: bool = False
+) -> Function:
+    """A function of the same arguments, made from the results of some: `make`(arguments, results of each). `fold`: what is common to them is found here."""
     arguments = symbols_of(functions[0])
     results: list[list[ca.SX]] = []
     known = Systems()
@@ -217,7 +221,7 @@ def composed(name: str, functions: Sequence[Function], make: Callable[[list[ca.S
         found, systems = called(function, arguments)
         results.append(found)
         known = known + systems
-    return Staged.of(name, arguments, [ca.densify(value) for value in make(arguments, results)], known)
+    return Staged.of(name, arguments, [ca.densify(value) for value in make(arguments, results)], known, fold)
 
 
 def called(function: Function, arguments: Sequence[ca.SX]) -> tuple[list[ca.SX], Systems]:
@@ -259,4 +263,9 @@ def dependence(function: Function, argument: int) -> ca.Sparsity:
 def operations_of(function: Function) -> int:
     """Instructions of one evaluation, about, some rows of systems being active."""
     core, shapes = systems_of(function)
-    return core.n_instructions() + sum(shape.rows**2 * shape.columns for shape in shapes)
+    return core.n_instructions() + operations_of_systems(shapes)
+
+
+def operations_of_systems(shapes: Sequence[LinearSystem]) -> int:
+    """About, some rows being active."""
+    return sum(shape.rows**2 * shape.columns for shape in shapes)

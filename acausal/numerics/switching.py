@@ -49,7 +49,9 @@ def switching(given: Function, *others: Function) -> Switching | None:
     if not codes & _SWITCHES:
         return None
     if others:
-        function, shapes = systems_of(composed("all", [given, *others], lambda _, all: [ca.vertcat(*(one[0] for one in all))]))
+        function, shapes = systems_of(
+            composed("all", [given, *others], lambda _, all: [ca.vertcat(*(one[0] for one in all))], fold=True)
+        )
     found = _Holder()
     names = [*"txup", *(f"answer{k}_" for k in range(len(shapes)))]
     arguments = [ca.vertcat(*(ca.SX.sym(f"{name}_{k}") for k in range(function.size1_in(i)))) for i, name in enumerate(names)]
@@ -61,12 +63,12 @@ def switching(given: Function, *others: Function) -> Switching | None:
     systems, true = Systems(shapes, tuple(operands), answers), Systems(shapes, tuple(true_operands), answers)
 
     def made(name: str, result: ca.SX) -> Function:
-        return Staged.of(name, [t, x, inputs, p], [ca.densify(result)], systems)
+        return Staged.of(name, [t, x, inputs, p], [ca.densify(result)], systems, fold=False)
 
     return Switching(
         made("rates", held[: ends[0], :]),
         made("rows", ca.vertcat(*found.rows)),
-        Staged.of("sides", [t, x, u, p], [ca.densify(ca.vertcat(*(row.true for row in found.switches)))], true),
+        Staged.of("sides", [t, x, u, p], [ca.densify(ca.vertcat(*(row.true for row in found.switches)))], true, fold=False),
         np.array(found.switch),
         np.array(found.factor, dtype=float),
         np.array(found.plus, dtype=float),

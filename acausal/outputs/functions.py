@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.language.when import when
 from acausal.numerics.folding import folded_function
-from acausal.numerics.staged import Function, Staged, operations_of
+from acausal.numerics.staged import Function, Staged, operations_of, operations_of_systems, systems_of
 from acausal.numerics.switching import switching
 from acausal.outputs.borders import Border, borders
 from acausal.outputs.given_motion import GivenMotion, given_motions
@@ -187,9 +188,9 @@ class Functions:
         return self._function("potential_energy", [self.outputs.potential_energy], ["V"])
 
     @functools.cached_property
-    def power_loss(self) -> ca.Function:
+    def power_loss(self) -> Function:
         """(t, x, u, p) -> power that leaves the mechanical energy: dissipated less supplied [W]."""
-        return self._function("power_loss", [self.outputs.power_loss], ["P"])
+        return self._staged("power_loss", lambda outputs: outputs.power_loss)
 
     @functools.cached_property
     def impacts(self) -> ca.Function | None:
@@ -231,7 +232,7 @@ class Functions:
     @functools.cached_property
     def operations_of_power_and_rates(self) -> tuple[int, int]:
         """Of `power_loss` and of `staged_dynamics`, once."""
-        return operations(self.power_loss), operations_of(self.staged_dynamics)
+        return operations_of(self.power_loss), operations_of(self.staged_dynamics)
 
     @functools.cached_property
     def constraint_position(self) -> ca.Function:
@@ -333,11 +334,20 @@ class Functions:
     @functools.cached_property
     def staged_dynamics(self) -> Function:
         """`explicit_dynamics`; with modes, where reactions are answers of systems that are solved in numbers."""
-        modes, space = self.outputs.system.modes, self.space
-        if modes is None:
-            return self.explicit_dynamics
-        rates = ca.densify(space.put(space.kept(modes.x_dot)))
-        return Staged.of("explicit_dynamics", space.arguments, [rates], modes.systems.with_operands(space.put))
+        return (
+            self.explicit_dynamics if self.outputs.system.modes is None else self._staged("explicit_dynamics", self._kept_rates)
+        )
+
+    def _kept_rates(self, outputs: Outputs) -> ca.SX:
+        return self.space.kept(outputs.system.x_dot)
+
+    def _staged(self, name: str, said: Callable[[Outputs], ca.SX]) -> Function:
+        """(t, x, u, p) -> what outputs say; with modes, where reactions are answers of systems that are solved in numbers."""
+        s, space = self.outputs.system, self.space
+        if s.modes is None or s.unmasked is None:
+            return self._function(name, [said(self.outputs)], [name])
+        result = s.modes.with_answers(said(Outputs(s.unmasked)))
+        return Staged.of(name, space.arguments, [ca.densify(space.put(result))], s.modes.systems.with_operands(space.put))
 
     @functools.cached_property
     def modes(self) -> ModeFunctions | None:
@@ -484,9 +494,13 @@ class Functions:
         return {}
 
     @functools.cached_property
-    def given_by_dynamics(self) -> ca.Function:
-        """(t, x, u, p) -> rates of all states of the reduced system, and multipliers."""
-        return self._function("given_by_dynamics", [self.outputs.given_by_dynamics[1]], ["given"])
+    def given_by_dynamics(self) -> Function:
+        """(t, x, u, p) -> rates of all states of the reduced system, multipliers, and reactions that hold as long as they can."""
+        modes = self.outputs.system.modes
+        reactions = ca.SX(0, 1) if modes is None else modes.reactions
+        return self._staged(
+            "given_by_dynamics", lambda outputs: ca.vertcat(outputs.system.x_dot, outputs.system.multipliers, reactions)
+        )
 
     @functools.cached_property
     def given_by_loops(self) -> ca.Function:
@@ -495,14 +509,14 @@ class Functions:
         found = self.space.put(self.outputs.given_by_loops)
         return folded_function("given_by_loops", [t, x, ca.vertcat(u, self.outputs.given_by_dynamics[0]), p], [found])
 
-    def series(self, function: ca.Function) -> Series:
+    def series(self, function: Function) -> Series:
         """One of these functions (t, x, u, p), at many points at once."""
         if function not in self._series:
             self._series[function] = Series(function)
         return self._series[function]
 
     @functools.cached_property
-    def _series(self) -> dict[ca.Function, Series]:
+    def _series(self) -> dict[Function, Series]:
         return {}
 
     def output(self, *expressions: Expression | ca.SX, name: str = "output") -> ca.Function:
@@ -542,6 +556,7 @@ def _functions(outputs: Outputs, space: StateSpace, events: tuple[when, ...]) ->
 _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}
 
 
-def operations(function: ca.Function) -> int:
-    """Arithmetic operations of an `SX` function: its instructions less loads, stores and constants."""
-    return sum(function.instruction_id(i) not in _NOT_WORK for i in range(function.n_instructions()))
+def operations(function: Function) -> int:
+    """Arithmetic operations of an `SX` function: its instructions less loads, stores and constants; about those of systems that are solved in numbers."""
+    core, shapes = systems_of(function)
+    return sum(core.instruction_id(i) not in _NOT_WORK for i in range(core.n_instructions())) + operations_of_systems(shapes)

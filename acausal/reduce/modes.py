@@ -34,9 +34,9 @@ class Modes:
     """Rows of reactions and what the masks make of them, by t, x, u (masks last) and p; n reactions in all.
 
     `rows`: laws, one-sided ones first, then friction in one direction, then in two, then of patches. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
-    without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `solved` (n, 1): the reactions, whose symbols are `reactions`; `x_dot`: rates with these. `guards`:
+    without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `solved` (n, 1): the reactions, whose symbols are `reactions`; `dead`: those of others, which are zero. `guards`:
     positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
-    what is held. All four hold answers of `systems`. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember.
+    what is held. All three hold answers of `systems`. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember.
     """
 
     rows: tuple[ModeRow, ...]
@@ -47,13 +47,18 @@ class Modes:
     compliance: ca.SX
     response: ca.SX
     solved: ca.SX
-    x_dot: ca.SX
     guards: ca.SX
     invariants: ca.SX
     correction: ca.SX
     systems: Systems
     damping: Mode | None
     magnitudes: Magnitudes
+    dead: ca.SX
+
+    def with_answers(self, value: ca.SX) -> ca.SX:
+        """An expression of the scene in which reactions are symbols still, with answers of `systems` for them."""
+        symbols = ca.vertcat(self.reactions, self.dead)
+        return ca.substitute(value, symbols, ca.vertcat(self.solved, ca.SX.zeros(self.dead.numel())))
 
     @functools.cached_property
     def found(self) -> ca.SX:
@@ -235,7 +240,8 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
     moves = _Moves.of(rows, motion, reactions)
     rate, acceleration = moves.rate, moves.acceleration
-    W, J = ca.densify(ca.jacobian(acceleration, reactions)), ca.densify(ca.jacobian(motion.x_dot, reactions))
+    J = ca.jacobian(motion.x_dot, reactions)
+    W = moves.compliance(motion, J, reactions)
     owner = [row for row in rows for _ in row.reactions]
     for k, row in enumerate(owner):
         if ca.depends_on(ca.veccat(W[:, k], J[:, k]), reactions):
@@ -260,10 +266,9 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)), ca.vertcat(*system.holds))
     everything = [*(mask for own in masks for mask in own.all), *magnitudes.masks, *(() if shared is None else shared.all)]
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
-    x_dot = ca.substitute(motion.x_dot, reactions, values)
     found = Modes(
-        tuple(rows), tuple(everything), reactions, rate, free, W, J, values, x_dot, guards, invariants, motion.closed(gaps, J, pushes), system.systems,
-        None if shared is None else shared.damping, magnitudes,
+        tuple(rows), tuple(everything), reactions, rate, free, W, ca.densify(J), values, guards, invariants, motion.closed(gaps, J, pushes), system.systems,
+        None if shared is None else shared.damping, magnitudes, ca.vertcat(ca.SX(0, 1), *dead),
     )  # fmt: skip
     return found, ca.vertcat(ca.SX(0, 1), *dead)
 
@@ -303,6 +308,14 @@ class _Moves:
     rate: ca.SX
     acceleration: ca.SX
     at_once: tuple[bool, ...]
+
+    def compliance(self, motion: Motion, J: ca.SX, reactions: ca.SX) -> ca.SX:
+        """(n, n): accelerations by reactions, with x' = J reactions: what rates see of x', since few states move what touches."""
+        found = ca.jacobian(self.rate, motion.x) @ J
+        direct = [k for k, at_once in enumerate(self.at_once) if at_once]
+        if direct:
+            found[direct, :] = ca.jacobian(self.acceleration[direct], reactions)
+        return ca.densify(found)
 
     @staticmethod
     def of(rows: Sequence[ModeRow], motion: Motion, reactions: ca.SX) -> _Moves:

@@ -222,7 +222,7 @@ class Integrand:
         nx, nu, np = (self.rates.size1_in(i) for i in (1, 2, 3))
         t, x, u, p = (ca.SX.sym(name, n) for name, n in zip("txup", (1, nx, nu, np), strict=True))
         found, systems = called(function, [t, x, u[: nu - self.sides], p])
-        return Staged.of(function.name(), [t, x, u, p], [found[0]], systems)
+        return Staged.of(function.name(), [t, x, u, p], [found[0]], systems, fold=False)
 
 
 def _directional_derivative(function: Function, arguments: tuple[int, ...]) -> Function:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import ctypes
 import functools
 
-import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError
 from acausal.numerics.bound import BoundFunction, dense
+from acausal.numerics.staged import Function, Staged, plain, systems_of
 from acausal.runtime.kernels import How, Kernels, Wanted
 from acausal.runtime.load import Runtime, runtime
 
@@ -23,9 +23,9 @@ class Series:
     The same bits for a point whichever others are asked for along with it. May be called by several threads.
     """
 
-    def __init__(self, function: ca.Function) -> None:
-        self.function = dense(function)
-        self.rows = function.numel_out(0)
+    def __init__(self, function: Function) -> None:
+        self.function: Function = function if isinstance(function, Staged) else dense(function)
+        self.rows = systems_of(function)[0].numel_out(0)
         self._sizes = tuple(function.size1_in(i) for i in (1, 2, 3))
         self._glanced = 0
 
@@ -51,7 +51,7 @@ class Series:
         if self._glanced < 0:
             return self(t, x, u, p)
         self._glanced += t.size
-        if self._glanced > _GLANCES or self.function.n_instructions() < _SHORT:
+        if isinstance(self.function, Staged) or self._glanced > _GLANCES or self.function.n_instructions() < _SHORT:
             self._glanced = -1
             return self(t, x, u, p)
         one = tuple(np.zeros(size) for size in (1, *self._sizes[:2]))
@@ -65,7 +65,7 @@ class Series:
     def by_casadi(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """The same by CasADi's virtual machine."""
         repeated = np.repeat(p[:, None], t.size, axis=1)
-        return np.array(self.function(t[None, :], x, u, repeated)).reshape(-1, t.size)
+        return np.array(plain(self.function)(t[None, :], x, u, repeated)).reshape(-1, t.size)
 
     @functools.cached_property
     def _kernel(self) -> tuple[ctypes.CDLL, Kernels] | None:
