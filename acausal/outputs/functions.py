@@ -496,8 +496,7 @@ class Functions:
     @functools.cached_property
     def given_by_dynamics(self) -> Function:
         """(t, x, u, p) -> rates of all states of the reduced system, multipliers, and reactions that hold as long as they can."""
-        modes = self.outputs.system.modes
-        reactions = ca.SX(0, 1) if modes is None else modes.reactions
+        reactions, _ = self.outputs.by_modes
         return self._staged(
             "given_by_dynamics", lambda outputs: ca.vertcat(outputs.system.x_dot, outputs.system.multipliers, reactions)
         )

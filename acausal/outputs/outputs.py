@@ -46,8 +46,22 @@ class Outputs:
 
     @functools.cached_property
     def _reactions(self) -> Reactions:
-        r = self.system
+        r = self._open
         return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers, r.solved)
+
+    @property
+    def _open(self) -> ReducedSystem:
+        """That in which reactions that hold as long as they can are symbols still."""
+        unmasked = self.system.unmasked
+        return self.system if self.system.modes is None or unmasked is None else unmasked
+
+    @functools.cached_property
+    def by_modes(self) -> tuple[ca.SX, ca.SX]:
+        """Symbols (n, 1) of these, and what they stand for."""
+        modes = self.system.modes
+        if modes is None:
+            return ca.SX(0, 1), ca.SX(0, 1)
+        return ca.vertcat(modes.reactions, modes.dead), ca.vertcat(modes.found, ca.SX.zeros(modes.dead.numel()))
 
     @functools.cached_property
     def borne(self) -> ca.SX:
@@ -73,8 +87,7 @@ class Outputs:
     def given_by_dynamics(self) -> tuple[ca.SX, ca.SX]:
         """Symbols (n, 1) that may stand in what `opened` gives, for rates of the states, multipliers of loops, and reactions that hold as long as they can; and
         what they stand for."""
-        s, nothing = self.system, ca.SX(0, 1)
-        reactions, found = (nothing, nothing) if s.modes is None else (s.modes.reactions, s.modes.found)
+        s, (reactions, found) = self.system, self.by_modes
         return ca.vertcat(self._rates, self._multipliers, reactions), ca.densify(ca.vertcat(s.x_dot, s.multipliers, found))
 
     def closed(self, expression: ca.SX) -> ca.SX:
@@ -211,7 +224,7 @@ class Outputs:
     def symbol(self, symbol: Symbol) -> ca.SX:
         """One declared symbol in t, x, u, p, and what the dynamics give."""
         if isinstance(symbol, Reaction) and symbol in self.system.solved:
-            return self.system.solved[symbol]
+            return self._open.solved.get(symbol, symbol.sx if self.system.modes is not None else self.system.solved[symbol])
         if isinstance(symbol, Time | Parameter | Input):
             self._check_known(symbol)
             return symbol.sx
@@ -221,7 +234,7 @@ class Outputs:
             return self._derivative(symbol)
         if symbol in self._joint_symbols:
             return self._joint_symbol(symbol)
-        solved = self.system.solved.get(symbol)
+        solved = self._open.solved.get(symbol)
         if solved is not None:
             return solved
         raise UnknownVariableError(self._foreign(symbol))
@@ -258,7 +271,7 @@ class Outputs:
 
     def _derivative(self, symbol: Derivative) -> ca.SX:
         """By the chain rule through the dynamics, where scalar equations do not give it."""
-        solved = self.system.solved.get(symbol)
+        solved = self._open.solved.get(symbol)
         if solved is not None:
             return solved
         return self._opened_rate(self.closed(self.symbol(symbol.of)))

@@ -460,12 +460,11 @@ class _Masked:
 
     def matrix(self, rate: ca.SX) -> ca.SX:
         """(n, n), by which reactions are given in a mode."""
-        M, W = ca.SX(self.held), self.compliance
+        holds = ca.vertcat(*self.holds)
+        M = ca.repmat(holds, 1, holds.numel()) * self.compliance + ca.diag(1 - holds)
         for i, (row, part) in enumerate(self.against(rate)):
-            M[i, :] = self.holds[i] * W[i, :]
-            M[i, i] += 1 - self.holds[i]
             if row.sliding is not None:
-                M[i, :] += (1 - self.holds[i]) * part * ca.jacobian(row.sliding, self.reactions)
+                M[i, :] += (1 - holds[i]) * part * ca.jacobian(row.sliding, self.reactions)
         return M
 
     def by_magnitudes(self, rate: ca.SX) -> ca.SX:
@@ -491,13 +490,9 @@ class _Masked:
     @property
     def held(self) -> ca.SX:
         """(n, n): the compliance of what holds, and one on the diagonal of what does not."""
-        n, W, holds = self.reactions.numel(), self.compliance, self.holds
-        found = ca.SX.zeros(n, n)
-        for i in range(n):
-            for j in range(n):
-                both = 0 if i != j and (self.at_once[i] or self.at_once[j]) else holds[i] * holds[j]
-                found[i, j] = both * W[i, j] + (1 - holds[i] if i == j else 0)
-        return found
+        holds, at_once = ca.vertcat(*self.holds), np.array(self.at_once)
+        alone = (at_once[:, None] | at_once) & ~np.eye(at_once.size, dtype=bool)
+        return ca.DM(~alone) * (holds @ holds.T) * self.compliance + ca.diag(1 - holds)
 
     @property
     def active(self) -> ca.SX:

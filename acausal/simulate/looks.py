@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.staged import Function
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
 
@@ -12,7 +13,7 @@ MOST = 256
 """Steps at which a run is looked at where a look costs about as much as a step."""
 
 
-def at_steps(functions: Functions, run: Trajectory, function: ca.Function, some: np.ndarray | None = None) -> np.ndarray:
+def at_steps(functions: Functions, run: Trajectory, function: Function, some: np.ndarray | None = None) -> np.ndarray:
     """(rows, n): a function (t, x, u, p) at the ends of `some` steps, or of all."""
     t, x = run.steps.t, run.steps.x
     if some is not None:
