@@ -27,7 +27,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -49,13 +49,16 @@ _CORRECTIONS = 2
 _NEWTON_STEPS = 3
 _MASSLESS = 1e-9
 _ROUNDING = 1e-12
+_APART = 1e-5
+"""Of rows that depend on one another where they are assembled: eigenvalues in their own units that are told apart when several are small at once."""
 
 
 @dataclass(frozen=True, repr=False)
 class LoopForces:
     """What forces along the constraint rows do: `flexibility` M^-1 A' (nv, m) and `delassus` A M^-1 A' (m, m).
 
-    `sizes` (m,): of the diagonal of `delassus`, a row's own unit; of its pivots `pivot_sizes`, of the product of these parts `pivot_product_size`.
+    `sizes` (m,): of the diagonal of `delassus`, a row's own unit; of its pivots `pivot_sizes`, of what
+    is small at singular positions `least_size`, and of the product of all `product_size`.
     `rotors`: on links whose motion meets no inertia in the tree; M, whose factors are `inertias`, includes them (see `virtual_inertia`).
     """
 
@@ -67,7 +70,8 @@ class LoopForces:
     pivot_sizes: np.ndarray
     rotors: Mapping[int, float]
     inertias: ArticulatedInertias
-    pivot_product_size: float = 1.0
+    product_size: float = 1.0
+    least_size: float = 1.0
     light: np.ndarray = field(default_factory=lambda: np.ones(1))
     """How light links were where the sizes were taken."""
     damping: float = _DAMPING
@@ -148,15 +152,40 @@ class LoopForces:
 
         Beside light bodies a pivot is small too where another row has the large one of their directions: the product of all is not.
         """
-        least = functools.reduce(ca.fmin, ca.vertsplit(self._pivots))
-        product = self._pivot_product / self.pivot_product_size
-        return ca.vertcat(ca.fmax(least, product), product)
+        least, product = self._least / self.least_size, self._product / self.product_size
+        return ca.vertcat(ca.fmax(ca.fmin(least, 1.0), product), product)
+
+    @property
+    def _least(self) -> ca.SX:
+        """What is small where one row less is independent.
+
+        Which rows follow from the others where they are assembled is another at any place, and so are the pivots that are small for this: there
+        it is the harmonic sum of all eigenvalues but those that are nothing.
+        """
+        if not self.constraints.damped:
+            return functools.reduce(ca.fmin, ca.vertsplit(self._pivots))
+        return _APART * self._product / (self._determinant(_APART) - self._product)
+
+    @functools.cached_property
+    def _product(self) -> ca.SX:
+        """Of the pivots, or of all eigenvalues but those that are nothing."""
+        if not self.constraints.damped:
+            return functools.reduce(operator.mul, ca.vertsplit(self._pivots))
+        return self._determinant(self.damping)
+
+    def _determinant(self, damping: float) -> ca.SX:
+        """Of `delassus` in the rows' own units, with a little on its diagonal: product of all its eigenvalues, of which those that are nothing have become
+        this little, and are left out.
+        """
+        of_all = self._level * ca.SX(self.sizes)
+        found = pivots(self.delassus + ca.diag(damping * of_all)) / of_all
+        redundant = 1 - self.constraints.rank.rank / found.numel()
+        return functools.reduce(operator.mul, ca.vertsplit(found / damping**redundant))
 
     @functools.cached_property
     def _pivots(self) -> ca.SX:
-        """Of `delassus` (m, 1), as part of their sizes and at most 1: beside closed loops those of redundant rows grow."""
-        found = self._own_pivots / self.pivot_sizes / self._level
-        return found if self.constraints.damped else ca.fmin(found, 1.0)
+        """Of `delassus` (m, 1), as part of their sizes and at most 1."""
+        return ca.fmin(self._own_pivots / self.pivot_sizes / self._level, 1.0)
 
     @property
     def _own_pivots(self) -> ca.SX:
@@ -164,10 +193,6 @@ class LoopForces:
         if not self.constraints.narrow:
             return pivots(self.delassus + ca.diag(self._damping))
         return pivots(self.delassus + ca.diag(_SEEN * self._level * ca.SX(self.sizes)))
-
-    @property
-    def _pivot_product(self) -> ca.SX:
-        return functools.reduce(operator.mul, ca.vertsplit(self._pivots))
 
     @property
     def _rotor_places(self) -> list[int]:
@@ -251,14 +276,18 @@ def loop_forces(mechanics: MechanicalSystem, constraints: Constraints, parameter
             _sizes(forces, column, parameters, values) for column in (ca.diag(delassus), _lightness(inertias, constraints))
         )
         forces = dataclasses.replace(forces, sizes=sizes, light=light)
-    if constraints.singular or constraints.narrow:
+    if constraints.damped and constraints.singular:
+        columns = ca.vertcat(forces._least, forces._product)  # pyright: ignore[reportPrivateUsage]
+        least_size, product_size = power_of_four(_largest(forces, columns, constraints.samples, parameters, values))
+        forces = dataclasses.replace(forces, least_size=float(least_size), product_size=float(product_size))
+    elif constraints.singular or constraints.narrow:
         usual = forces._own_pivots  # pyright: ignore[reportPrivateUsage]
         usually = _sizes(forces, usual, parameters, values)
         faint = (usually < _FAINT**2 * forces.sizes) & any(part.usual.independent < _FAINT for part in constraints.examined)
         forces = dataclasses.replace(forces, pivot_sizes=np.where(faint, forces.sizes, usually))
-        product = forces._pivot_product  # pyright: ignore[reportPrivateUsage]
+        product = forces._product  # pyright: ignore[reportPrivateUsage]
         size = float(_sizes(forces, product, parameters, values)[0]) / float(np.prod((usually / forces.sizes)[faint]))
-        forces = dataclasses.replace(forces, pivot_product_size=size)
+        forces = dataclasses.replace(forces, product_size=size)
     forces.check_inertia(parameters, values)
     return forces
 
@@ -268,13 +297,20 @@ def _sizes(forces: LoopForces, column: ca.SX, parameters: ca.SX, values: np.ndar
 
     Rounded to powers of four.
     """
-    tree, constraints = forces.mechanics.tree, forces.constraints
-    function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
+    constraints = forces.constraints
     closed, beside = (
-        np.max([np.array(function(q, constraints.time, values)).ravel() for q in places], axis=0)
-        for places in (constraints.samples, constraints.opened)
+        _largest(forces, column, places, parameters, values) for places in (constraints.samples, constraints.opened)
     )
     return power_of_four(np.where(closed > _ROUNDING * beside, closed, beside))
+
+
+def _largest(
+    forces: LoopForces, column: ca.SX, places: Sequence[np.ndarray], parameters: ca.SX, values: np.ndarray
+) -> np.ndarray:
+    """The largest values (m,) of a `column` in q at these configurations (nq,)."""
+    tree = forces.mechanics.tree
+    function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
+    return np.max([np.array(function(q, forces.constraints.time, values)).ravel() for q in places], axis=0)
 
 
 def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:
