@@ -136,6 +136,21 @@ def test_dimensions_that_fit_let_a_linkage_move_as_one_freedom(make: Callable[[n
     assert scene.gap(run) < 1e-13 and run.energy_error() < 1e-9
 
 
+@pytest.mark.parametrize("far", [1e4, 1e6, 1e8])
+@pytest.mark.parametrize("make", [bennett, plane_symmetric])
+def test_what_is_drawn_far_away_loses_the_digits_of_its_drawing_only(make: Callable[[np.random.Generator], Loop], far: float):
+    """Places so far from the origin are rounded, and then nothing fits better: what rows that follow from others miss these by must not push the motion."""
+    points, axes = make(np.random.default_rng([0, 8]))
+    order = np.arange(len(points))
+    near, away = Linkage(points, axes, order), Linkage(points + far * np.array([0.4, 0.9, -0.2]), axes, order)
+    one, other = (ac.build(scene).simulate(1.5, {scene.hinges[0].v: 1.0}, rtol=1e-9, samples=11) for scene in (near, away))
+    known = far * float(np.finfo(float).eps)
+    assert other.energy_error() < 200 * known + 1e-11
+    assert other.statistics.steps <= one.statistics.steps + 4
+    for a, b in zip(near.hinges, away.hinges, strict=True):
+        assert np.max(np.abs(one[a.q] - other[b.q])) < 2000 * known + 1e-9
+
+
 @pytest.mark.parametrize("make", FITTING)
 def test_dimensions_that_nearly_fit_are_told_however_near(make: Callable[[np.random.Generator], Loop]):
     """Drawn so that they close where they are drawn. A few hinges may be turned so that the rest still fits."""

@@ -141,6 +141,11 @@ class Constraints:
         return self.damped or self.singular
 
     @property
+    def follows(self) -> float:
+        """By which part of its size a row that depends on others may miss these where loops are closed, as far as their drawing is known."""
+        return max((part.walk.follows for part in self.examined if part.damped and part.walk is not None), default=0.0)
+
+    @property
     def narrow(self) -> bool:
         """Whether motions may pass so closely by a singular position that rates lose digits there."""
         return not self.damped and any(part.narrow for part in self.examined)

@@ -41,7 +41,9 @@ from acausal.loops.constraints import Constraints
 from acausal.numerics.sizes import power_of_four
 
 _DAMPING, _EXACT_DAMPING = 1e-9, 1e-24
-_CLOSED = 1e-4
+_FITTING = 1e-8
+"""Part of its size by which a row that depends on others may miss these where loops are closed, at which it is damped as it is beside: what is
+missed acts on the motion by its square over the damping."""
 _SEEN = 1e-15
 _FAINT = 1e-2
 """Margin by which rows are independent wherever loops are closed that leaves rates too few digits everywhere."""
@@ -135,7 +137,7 @@ class LoopForces:
     def _solver(self) -> Callable[[ca.SX], ca.SX]:
         """(m, k) -> multipliers (m, k) that make these changes of the rows' rates."""
         # where loops are closed, rows that depend on one another everywhere do so to rounding
-        damping = 1.0 if self.constraints.singular else _CLOSED
+        damping = 1.0 if self.constraints.singular else min(self.constraints.follows / _FITTING, 1.0)
         return self._solver_of(list(range(self.delassus.shape[0])), damping)
 
     def _solver_of(self, rows: list[int], damping: float, refinements: int = 1) -> Callable[[ca.SX], ca.SX]:
