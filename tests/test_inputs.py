@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, PPoly, interp1d, make_interp_spline
 
 import acausal as ac
-from acausal.errors import JumpWarning, OptionError, ParameterError
+from acausal.errors import AccuracyWarning, JumpWarning, OptionError, ParameterError
 from components import Force, Particle, Prismatic, VelocitySource, World
 
 RNG = np.random.default_rng(7)
@@ -56,6 +56,42 @@ def test_pulses_of_inputs_are_never_stepped_over(form: str, method: str) -> None
         speed, steps = final_speed(pulses(width)[form], 100.0, method=method)
         assert abs(speed - 10 * width) < 1e-12
         assert steps < 80
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("ground", [lambda t: 0.0, lambda t: 3.0 + np.sin(t)], ids=["still", "moving"])
+def test_a_pulse_of_a_plain_function_between_stages_is_told(ground: Callable[[float], float], unit: float) -> None:
+    """Two thousandths of the run, in steps that are much longer; where steps are bounded, or end at knots, it is in the motion."""
+    begin, width = 0.731 * 10, 0.02
+
+    def pulse(t: float) -> float:
+        return unit * (ground(t) + (50.0 if begin <= t < begin + width else 0.0))
+
+    with pytest.warns(AccuracyWarning, match="'?force'? is .* plain function .* ac.with_knots") as told:
+        final_speed(pulse, 10.0)
+    assert told[0].filename == __file__
+    without, _ = final_speed(lambda t: unit * ground(t), 10.0)
+    for force, options in ((ac.with_knots(pulse, [begin, begin + width]), {}), (pulse, {"max_step": 0.5 * width})):
+        speed, _ = final_speed(force, 10.0, **options)
+        assert abs(speed - without - 50 * width * unit) < 1e-6 * unit
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda t: np.sin(300 * t),
+        lambda t: 1e3 * float(t > 0.123),
+        lambda t: float(np.interp(t, TIMES, VALUES)),
+        lambda t: 1e-9 * np.exp(5 * t),
+        lambda t: 1.0 + 1e-13 * np.sin(1e5 * t),
+        lambda t: float(np.floor(7 * t)),
+    ],
+    ids=["fast", "step", "table", "growing", "rounding", "stairs"],
+)
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_what_steps_have_seen_of_a_plain_function_is_not_told(force: Callable[[float], float], rtol: float) -> None:
+    for end in (1.0, 5.0):
+        assert np.isfinite(final_speed(force, end, rtol=rtol)[0])
 
 
 def exact(spline: Callable[[np.ndarray], Any], end: float, start: float = 0.0) -> float:

@@ -102,6 +102,17 @@ def test_own_force_with_a_wrong_potential_is_told_by_its_name(size):
     assert told[0].filename == __file__
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+def test_a_tighter_tolerance_forgives_less(size):
+    """A ten-millionth of the energy is nothing where a thousandth of that is asked for in a step, and much where a millionth is."""
+    scene, start = on_a_spring(size)
+    model, wrong = ac.build(scene), {scene.spring.factor: 1e-6}
+    part = silent(model, 3.0, start, parameters=wrong, rtol=1e-9).energy_error()
+    assert 3e-8 < part < 3e-7
+    with pytest.warns(AccuracyWarning, match="energy balance"):
+        model.simulate(3.0, start, parameters=wrong, rtol=1e-12)
+
+
 def test_own_force_with_a_wrong_potential_is_told_where_energy_is_lost_besides():
     scene, start = on_a_spring(1.0, damped=True)
     model = ac.build(scene)

@@ -36,6 +36,7 @@ from acausal.simulate.trouble import (
     warn_if_pulled,
     warn_if_singular,
 )
+from acausal.simulate.unseen import warn_of_unseen_inputs
 from acausal.simulate.watch import warn_if_inaccurate
 from acausal.start.decided import check_circuit, check_decided
 from acausal.start.initial import InitialState
@@ -152,7 +153,7 @@ def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False
 @on_one_thread
 def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
     """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
-    lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run)]
+    lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run), warn_of_unseen_inputs(functions, run)]
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
