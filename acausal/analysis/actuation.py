@@ -73,7 +73,7 @@ def actuated(functions: Functions, unknowns: Sequence[Unknown]) -> Actuation:
             extra += rows[k, :].T * force.sx
     if added:
         new = {force: name for made in added.values() for force, name in made}
-        mechanics = outputs.system.mechanics
+        mechanics = outputs.system.mechanics.unsolved or outputs.system.mechanics
         mechanism = replace(mechanics.mechanism, flat=replace(mechanics.flat, names={**mechanics.flat.names, **new}))
         decided = outputs.system.p_values, outputs.system.constraints
         system = reduce_system(replace(mechanics, mechanism=mechanism), extra, *decided)

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analysis.actuation import Actuation, Unknown, actuated, named
+from acausal.analysis.demands import Demand, demands
 from acausal.analysis.point import operating_point
 from acausal.analysis.prescribed import Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
@@ -36,7 +37,8 @@ class InverseDynamics:
     """A prescribed motion at times `t` (m,) [s]: states `x` (nx, m), all inputs `u` (nu, m) with the forces found, named `names`.
 
     `result.force(unknown)` is the series of one unknown (m,), or (m, n) for a joint of several freedoms; `result[expression]` that of
-    any other expression, reactions included. `free`: states that the motions leave open; they move by their own dynamics. `functions`: of
+    any other expression, reactions included. `demands`: what the motion asks of each contact and friction, by name: they are closed, or stick, all along where they
+    are so at the start, whatever force that takes. `free`: states that the motions leave open; they move by their own dynamics. `functions`: of
     the states; `whole` (n, m): all coordinates of the tree.
     """
 
@@ -47,6 +49,7 @@ class InverseDynamics:
     u: np.ndarray
     p: np.ndarray
     free: tuple[str, ...]
+    demands: Mapping[str, Demand]
 
     @property
     def x(self) -> np.ndarray:
@@ -114,6 +117,7 @@ class InverseDynamics:
         rows += [f"  {n:<28} {np.min(f):>12.6g} {np.max(f):>12.6g}" for n, f in zip(self.names, self.forces, strict=True)]
         if self.free:
             rows.append(f"  not prescribed, moving by their own dynamics: {', '.join(self.free)}")
+        rows += [f"  {name}: {demand}" for name, demand in self.demands.items()]
         return "\n".join(rows)
 
 
@@ -128,7 +132,7 @@ def inverse_dynamics(
 ) -> InverseDynamics:
     """At times t (m,), with a model's `own` states, by functions of all coordinates of the tree; see `Model.inverse_dynamics`."""
     mechanics = functions.outputs.system.mechanics
-    refuse_modes((*mechanics.modes, *mechanics.locks), "inverse_dynamics")
+    refuse_modes(mechanics.locks, "inverse_dynamics")
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
     wanted = courses(functions, motions, t, at.p)
@@ -139,7 +143,7 @@ def inverse_dynamics(
     began = operating_point(functions, replace(at, start=guess))
     check_decided(functions.outputs.system, began.t, began.x, at.p)
     found = Servo(actuation, wanted, began, at.signal(functions)).run(t)
-    return InverseDynamics(own, actuation, t, found.x, found.u, at.p, found.free)
+    return InverseDynamics(own, actuation, t, found.x, found.u, at.p, found.free, demands(functions, t, found.x, found.u, at.p))
 
 
 def times_of(value: Any) -> np.ndarray:

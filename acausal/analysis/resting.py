@@ -15,10 +15,10 @@ from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.transitions import Law, laws_of
 from acausal.wording import compact
 
-_TOUCH = 1e-9
+TOUCH = 1e-9
 """Of its terms: what a gap or a force may be on the wrong side of zero."""
 
-_DAMPING = 1e-6
+DAMPING = 1e-6
 """Of rows that depend on one another, in units of their compliance."""
 
 Found = tuple[OperatingPoint, np.ndarray]
@@ -86,7 +86,7 @@ def _begun(functions: Functions, began: OperatingPoint, laws: Sequence[Law], ste
             if law.row.one_sided and closed:
                 masks[law.masks] = 1
         if modes.damped is not None and masks[modes.damped] == 0:
-            masks[modes.damped] = _DAMPING  # that of the start's mode was of other rows
+            masks[modes.damped] = DAMPING  # that of the start's mode was of other rows
         for law in laws:
             if not law.row.one_sided:
                 masks[law.masks] = 0
@@ -98,7 +98,7 @@ def _wrong(system: ReducedSystem, at: OperatingPoint, sizes: np.ndarray) -> np.n
     """Which guards of masks are negative (n,)."""
     assert system.modes is not None
     guards = Differentiable(system, system.modes.systems.unrolled(system.modes.guards))
-    allowed = _TOUCH * np.abs(guards.along(at, np.eye(at.x.size))) @ sizes + ROUNDING * guards.rounding(at, sizes)
+    allowed = TOUCH * np.abs(guards.along(at, np.eye(at.x.size))) @ sizes + ROUNDING * guards.rounding(at, sizes)
     return guards.value(at) < -allowed
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,11 +13,15 @@ import numpy as np
 
 from acausal.analysis.actuation import Actuation
 from acausal.analysis.conditions import Unknowns
+from acausal.analysis.demands import led_in_its_mode
+from acausal.analysis.mode_at import mode_words
 from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
 from acausal.analysis.state_sizes import power_of_two, sizes_at
 from acausal.errors import MotionError, OptionError
+from acausal.numerics.terms import rounded
+from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.outputs import Outputs
 from acausal.wording import counted
 
@@ -67,9 +72,12 @@ class Servo:
         chains = [input_output_derivatives(outputs, c.value, s.u[actuation.entries], c.name) for c in wanted]
         self._orders = [len(chain) - 1 for chain in chains]
         closing = ca.vertcat(s.closing, s.velocity_closing)
-        self._closing = closing.numel()
-        self._hard = Differentiable(s, ca.vertcat(closing, *(e for chain in chains for e in chain[:-1])))
-        self._top = Differentiable(s, ca.vertcat(*(chain[-1] for chain in chains)))
+        self._closing, self._masks = closing.numel(), len(s.flat.modes)
+        held = ca.SX(0, 1) if s.modes is None else s.modes.invariants
+        self._held = held.numel()
+        self._hard = Differentiable(s, ca.vertcat(closing, held, *(e for chain in chains for e in chain[:-1])))
+        self._highest = ca.vertcat(*(chain[-1] for chain in chains))
+        self._top = Differentiable(s, self._highest)
         self._x_dot = Differentiable(s, s.x_dot)
         self._usual: np.ndarray | None = None
         self._sizes = sizes_at(s, self._x_dot, began)
@@ -78,6 +86,10 @@ class Servo:
     def run(self, t: np.ndarray) -> Followed:
         """Where nothing is left open the motion is found time by time, otherwise by integration."""
         x0, free = self._follow(float(t[0]), self._began.x)
+        if self._held:
+            self._began = led_in_its_mode(self._actuation.functions, self._at(float(t[0]), x0), self._sizes.x)
+            self._usual = None
+            x0, free = self._follow(float(t[0]), x0)
         self._forces(float(t[0]), x0)
         names = self._actuation.functions.state_names
         share = np.sum((free / self._sizes.x[:, None]) ** 2, axis=1)
@@ -128,12 +140,17 @@ class Servo:
     def _at(self, t: float, x: np.ndarray) -> OperatingPoint:
         u = self._signal(np.array([t]))[:, 0]
         u[self._actuation.entries] = 0.0
+        masks = self._masks
+        u[u.size - masks :] = self._began.u[u.size - masks :]
         return replace(self._began, t=t, x=x, u=u)
 
     def _follow(self, t: float, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The nearest consistent states on the courses, and the directions that these leave open."""
         target = np.concatenate(
-            [np.zeros(self._closing), *([c(t, k) for k in range(n)] for c, n in zip(self._wanted, self._orders, strict=True))]
+            [
+                np.zeros(self._closing + self._held),
+                *([c(t, k) for k in range(n)] for c, n in zip(self._wanted, self._orders, strict=True)),
+            ]
         )
         unknown = Unknowns(self._at(t, guess), (), ())
         rows = unknown.rows(self._hard)
@@ -147,12 +164,12 @@ class Servo:
         self._usual = search.usual(guess) if self._usual is None else self._usual
         found = search(guess, self._usual)
         if not found.converged:
-            names = ["a loop"] * self._closing
+            names = ["a loop"] * self._closing + ["what is closed, or sticks, from the start on"] * self._held
             names += [c.name + "'" * k for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]
             raise MotionError(
                 f"inverse_dynamics: at t = {t:.6g} s the mechanism cannot follow: "
                 f"{largest_gaps(names, found.residual, found.parts)}. The motions contradict each other or the "
-                "constraints, or lead out of reach."
+                f"constraints, or lead out of reach.{self._kept}"
             )
         return found.z, found.free
 
@@ -179,11 +196,27 @@ class Servo:
             u = at.u.copy()
             u[entries] += change
             at = replace(at, u=u)
-        if not np.all(np.abs(gap) <= _MET * size):
-            unmet = np.where(np.abs(gap) <= _MET * size, 0.0, gap)
+        met = np.abs(gap) <= _MET * size
+        if not met.all():  # what is held anyway may be nothing but rounding
+            met |= np.abs(gap) <= ROUNDING * self._terms.value(at)
+        if not met.all():
+            unmet = np.where(met, 0.0, gap)
             off = largest_gaps([c.name for c in self._wanted], unmet, unmet / np.where(size > 0, size, 1.0))
             raise MotionError(
                 f"inverse_dynamics: at t = {t:.6g} s the forces {', '.join(self._actuation.names)} cannot accelerate {off} as asked: "
-                f"{counted(len(self._wanted), 'motion')}, {counted(len(entries), 'force')}. Add an actuator to `unknowns`, or prescribe fewer motions."
+                f"{counted(len(self._wanted), 'motion')}, {counted(len(entries), 'force')}. Add an actuator to `unknowns`, or prescribe fewer motions.{self._kept}"
             )
         return at.u
+
+    @functools.cached_property
+    def _terms(self) -> Differentiable:
+        """Sizes of the terms of the highest derivatives."""
+        return Differentiable(self._actuation.functions.outputs.system, rounded(self._highest))
+
+    @property
+    def _kept(self) -> str:
+        """What the mode of the start adds to that."""
+        words = mode_words(self._actuation.functions.outputs.system, self._began.u)
+        return (
+            f" The mode of the start is kept ({words}): where a motion leaves it at once, begin a little later." if words else ""
+        )
