@@ -13,7 +13,7 @@ from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import through
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.real_time import RealTime
-from acausal.optimal_control.solving import ipopt_options
+from acausal.optimal_control.solving import REASONS, ipopt_options
 
 
 class Controller:
@@ -92,7 +92,10 @@ class Controller:
         stats = solver.stats()
         self._w, self._iterations = np.array(found["x"]).ravel(), int(stats["iter_count"])
         if not stats["success"]:
-            raise OptimalControlError(f"No motion was found from the states {state}: {stats['return_status']}.", self.best)
+            raise OptimalControlError(
+                f"No motion was found from the states {state}: {REASONS.get(stats['return_status'], stats['return_status'])}.",
+                self.best,
+            )
         self._multipliers = (found["lam_x"], found["lam_g"])
 
     def _shifted(self, state: np.ndarray) -> Guess:

@@ -24,13 +24,14 @@ _ROOM = 0.45
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """`nodes` (intervals + 1,): from 0 to 1, parts of the duration; each interval holds the points of a `tableau` whose last one is its end. Nodes at
-    `marks` stay where they are; those that are `loose` (numbers) are found with the motion.
+    `marks` stay where they are; those that are `loose` (numbers) are found with the motion. `inside`: whether bounds hold between the points, too.
     """
 
     nodes: np.ndarray
     tableau: Tableau
     marks: tuple[float, ...] = (0.0, 1.0)
     loose: tuple[int, ...] = ()
+    inside: bool = False
 
     @property
     def intervals(self) -> int:
@@ -68,7 +69,7 @@ class Mesh:
     def refined(self, wanting: np.ndarray) -> Mesh:
         """With `wanting` (intervals,) pieces in place of each interval."""
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(self.nodes[:-1], self.nodes[1:], wanting, strict=True)]
-        return Mesh(np.append(np.concatenate(pieces), 1.0), self.tableau, self.marks)
+        return Mesh(np.append(np.concatenate(pieces), 1.0), self.tableau, self.marks, inside=self.inside)
 
 
 def _slopes(points: np.ndarray) -> np.ndarray:

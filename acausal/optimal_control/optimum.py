@@ -41,7 +41,8 @@ class Optimum:
     about their product.
 
     Between the points of the mesh: `true_cost` and `violation`, of what `simulate` makes of each interval; `cost_error`: about how much better the cost
-    could be with other nodes. `factors` (rows,): multipliers of the constraints.
+    could be with other nodes. `factors` (rows,): multipliers of the constraints; `gap`: about how far the solver, whose tolerance is finite, left the cost
+    from the least one.
     """
 
     model: Any
@@ -52,6 +53,7 @@ class Optimum:
     seconds: float
     given: Mapping[str, Any]
     factors: np.ndarray
+    gap: float
 
     @functools.cached_property
     def mesh(self) -> Mesh:
@@ -60,7 +62,7 @@ class Optimum:
 
     def again(self, unknowns: np.ndarray, cost: float, iterations: int, factors: np.ndarray) -> Optimum:
         """Another solution of the same program."""
-        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations, factors=factors)
+        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations, factors=factors, gap=float("nan"))
 
     @functools.cached_property
     def motion(self) -> Guess:
@@ -182,7 +184,11 @@ class Optimum:
 
     def _dense(self, column: ca.SX) -> np.ndarray:
         """Values (n, points) of a column between the points of the mesh."""
-        stage, found = self.transcribed.asked.stage, self.dense
+        return self._values(column, self.dense)
+
+    def _values(self, column: ca.SX, found: Guess) -> np.ndarray:
+        """Of a column (n, points)."""
+        stage = self.transcribed.asked.stage
         value = ca.Function("value", [stage.unknowns, stage.data], [stage.put(column)])
         more = np.append(found.duration, found.free)
         z = np.hstack([found.values, np.tile(more, (len(found.values), 1))]).T
@@ -240,20 +246,25 @@ class Optimum:
 
     @functools.cached_property
     def switching(self) -> np.ndarray:
-        """(intervals + 1,): beside which nodes a state or an input comes to one of its bounds, or leaves it."""
+        """(intervals + 1,): beside which nodes something comes to one of its bounds, or leaves it."""
         K, found = self.mesh.intervals, np.zeros(self.mesh.intervals + 1, dtype=bool)
-        for k, limits, r in self.transcribed.asked.bounded:
-            values = self.motion.values[1:, k].reshape(K, -1)
-            near = _AT_BOUND * limits.sizes(self.motion.values[:, [k] * limits.value.numel()].T)[r]
-            where = np.where(values > limits.upper[r] - near, 1, 0) - np.where(values < limits.lower[r] + near, 1, 0)
-            both = np.hstack([where[:-1], where[1:]])
-            found[1:-1] |= np.any(both != both[:, :1], axis=1)
+        for limits in self.transcribed.asked.path:
+            if not limits.value.numel():
+                continue
+            values = self._values(limits.value, replace(self.motion, times=self.motion.times[1:], values=self.motion.values[1:]))
+            near = _AT_BOUND * limits.sizes(values)[:, None]
+            over, under = values > limits.upper[:, None] - near, values < limits.lower[:, None] + near
+            where = (over.astype(int) - under.astype(int)).reshape(-1, K, self.mesh.tableau.stages)
+            both = np.concatenate([where[:, :-1], where[:, 1:]], axis=2)
+            found[1:-1] |= np.any(both != both[:, :, :1], axis=(0, 2))
         return found
 
     @property
     def cost_error(self) -> float:
-        """About how far the cost is from that on the best mesh: the sum of `gains`. A switch between two nodes shows here, and not in the `defect`."""
-        return float(np.sum(self.gains))
+        """About how far the cost is from that on the best mesh, the sum of `gains`, and from that of the program, its `gap`. A switch between two nodes shows
+        here, and not in the `defect`.
+        """
+        return float(np.sum(self.gains)) + self.gap
 
     @property
     def defect(self) -> float:

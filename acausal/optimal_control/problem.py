@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.arguments import dictionary, finite
 from acausal.errors import OptionError, UnknownVariableError
-from acausal.language.expression import Expression, Parameter, Symbol
+from acausal.language.expression import Expression, Parameter, Symbol, declared
 from acausal.optimal_control.checks import check_problem
 from acausal.optimal_control.controller import Controller
 from acausal.optimal_control.guess import Guess, path_guess, run_guess
@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 
 _ASIDE = (0.0, 0.1, 0.5)
 """By how much of what is much for each state a search for what is wanted begins beside."""
+
+
+_STILL = 1e-8
+"""Of where the scene is farthest off zero, in units of each position: nothing moves by less, beside rounding."""
 
 
 class Simulated(Protocol):
@@ -205,6 +209,7 @@ class OptimalControl:
         mesh = mesher.mesh([at for at, _ in self._here])
         asked, stops, units = self._asked(mesher.controls == "constant", begin)
         first = self._first(asked.stage, stops, mesh, units)
+        units = self._measured(asked, units, first)
         check_problem(asked, first, self.name)
         return Part(self.model, asked, mesh, first, units, self._given)
 
@@ -372,6 +377,34 @@ class OptimalControl:
                     drive[k] = size if size > 0 else 1.0
         return np.concatenate([states, states[nq : nq + nv] / time, np.ones(loops), drive])
 
+    def _measured(self, asked: Asked, units: np.ndarray, first: Guess) -> np.ndarray:
+        """(width,): these units, all lengths times one factor and all angles times another, by how far and how fast the guess moves; multipliers, and inputs that are
+        not bounded, by what they are in it, and by what inertia resists.
+        """
+        stage, found = asked.stage, units.copy()
+        nx, nv, _, inputs = stage.sizes
+        nq, last = stage.functions.space.nq, stage.width - inputs
+        kinds = np.array([unit.split("/")[0] for unit in state_units(stage.functions)])
+        far = np.ptp(first.values[:, :nx], axis=0)
+        far[nq:] = np.max(np.abs(first.values[:, nq:nx]), axis=0, initial=0.0)
+        moves = far / units[:nx]
+        moves[moves <= _STILL * np.max(np.abs(first.values[:, :nq]) / units[:nq], initial=0.0)] = 0.0
+        for kind in ("m", "rad"):
+            own = np.flatnonzero((kinds == kind) & (np.arange(nx) < nq + nv))
+            factor = np.max(moves[own], initial=0.0)
+            found[own] *= factor if factor > 0 else 1.0
+        found[nx : nx + nv] *= found[nq : nq + nv] / units[nq : nq + nv]
+        more = np.append(first.duration, first.free)
+        slope = np.abs(stage.slopes_of(stage.driving, np.append(first.values[0], more), 0.0))
+        inertia = np.max(slope[:, :nv] * found[nx : nx + nv], axis=1, initial=0.0)
+        moving = inertia > 0
+        acting = np.max(slope[moving, nv:] / inertia[moving, None], axis=0, initial=0.0)
+        size, bounded = np.max(np.abs(first.values), axis=0), {k for k, *_ in asked.entries}
+        for k in [k for k in range(nx + nv, stage.width) if k < last or k not in bounded]:
+            push = 1 / acting[k - nx - nv] if acting[k - nx - nv] > 0 else 0.0
+            found[k] = max(push, size[k]) or 1.0
+        return found
+
     def _limits(self, stage: Stage, key: Expression, value: Any) -> Limits:
         column = stage.opened(key)
         lower, upper = _ordered(_pair(value), self.name(key), column.numel())
@@ -414,7 +447,19 @@ class OptimalControl:
         return dict(found)
 
     def name(self, key: Any) -> str:
-        return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
+        """In words: an expression by the names of what stands in it."""
+        if isinstance(key, Symbol) or not isinstance(key, Expression):
+            return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
+        scalars = ca.symvar(key.sx)
+        said = [self._scalar_name(one) for one in scalars]
+        return str(ca.substitute([key.sx], scalars, [ca.SX.sym(one) for one in said])[0]) if scalars else repr(key)
+
+    def _scalar_name(self, scalar: ca.SX) -> str:
+        symbol = declared(scalar)
+        if symbol is None:
+            return scalar.name()
+        place = [symbol.sx[k].element_hash() for k in range(symbol.sx.numel())].index(scalar.element_hash())
+        return self._functions.outputs.name(symbol) + (f"[{place}]" if symbol.sx.numel() > 1 else "")
 
 
 def _total(stage: Stage, cost: Cost, what: str) -> Total:

@@ -34,6 +34,17 @@ _MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
 
+REASONS = {
+    "Infeasible_Problem_Detected": "no motion meets all that is asked for near where the search ended",
+    "Maximum_Iterations_Exceeded": "the search took too many iterations",
+    "Restoration_Failed": "the search could not come nearer to what is asked for",
+    "Diverging_Iterates": "the cost has no least value, or bounds are missing",
+    "Invalid_Number_Detected": "something has no finite value or slope where the search was",
+    "Error_In_Step_Computation": "something has no slope where the search was",
+}
+"""What the solver says, in words."""
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """A phase as it is `asked` of a `model`, on a mesh, with a guess. `units` (width,): what is much for each unknown of a point; `given`: arguments of
@@ -68,6 +79,11 @@ class Whole:
     def unknowns(self, w: np.ndarray, k: int) -> np.ndarray:
         """Of a phase."""
         return w[self.begins[k] : self.begins[k] + self.parts[k].program.size]
+
+    def gap(self, gaps: np.ndarray, k: int) -> float:
+        """Of a phase, of those of the unknowns and then of the constraints."""
+        rows = gaps[self.program.size :]
+        return float(np.sum(self.unknowns(gaps, k)) + np.sum(rows[self.rows[k] : self.rows[k + 1]]))
 
     def own_cost(self, w: np.ndarray, k: int) -> float:
         """What a phase adds to the cost."""
@@ -109,11 +125,21 @@ def best_of(
     for attempt in range(refinements + 1):
         problem = whole(parts, links)
         begun = time.perf_counter()
-        w, cost, factors, stats = search(problem.program, plugin, options, warm=attempt > 0)
+        w, cost, factors, gaps, stats = search(problem.program, plugin, options, warm=attempt > 0)
         iterations, seconds = iterations + int(stats["iter_count"]), seconds + time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
         phases = tuple(
-            Optimum(part.model, one, problem.unknowns(w, k), own[k], iterations, seconds, part.given, problem.factors(factors, k))
+            Optimum(
+                part.model,
+                one,
+                problem.unknowns(w, k),
+                own[k],
+                iterations,
+                seconds,
+                part.given,
+                problem.factors(factors, k),
+                problem.gap(gaps, k),
+            )
             for k, (part, one) in enumerate(zip(parts, problem.parts, strict=True))
         )
         if stats["return_status"] == _INTERRUPTED:
@@ -162,8 +188,10 @@ def _finer(best: Optimum, tolerance: float) -> Mesh:
 
 
 def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
-    """Meshes whose nodes are loose where the cost would gain by that, as beside a switch; None where it is as good as asked for."""
-    unseen = max(one.violation if one.transcribed.mesh.loose else 0.0 for one in phases)
+    """Meshes whose nodes are loose where the cost would gain by that, as beside a switch, and on which bounds hold between the points; None where it is as good as
+    asked for.
+    """
+    unseen = max(one.violation for one in phases)
     gains = [one.gains * one.switching for one in phases]
     good = sum(float(np.sum(own)) for own in gains) <= tolerance * abs(sum(one.cost for one in phases))
     if good and unseen <= tolerance:
@@ -173,11 +201,11 @@ def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
 
 
 def _looser(best: Optimum, tolerance: float, more: np.ndarray) -> Mesh:
-    """With loose nodes where they were and some more (intervals + 1,), finer where bounds are left between points by loose nodes."""
+    """With loose nodes where they were and some more (intervals + 1,), finer where bounds are left between points that should hold there."""
     before = best.transcribed.mesh.loose
     loose = sorted({*before, *np.flatnonzero(more).tolist()})
-    if not before:
-        return replace(best.mesh, loose=tuple(loose))
+    if not best.mesh.inside:
+        return replace(best.mesh, loose=tuple(loose), inside=True)
     wanting = np.ceil((best.excesses / (0.5 * tolerance)) ** (1 / (best.mesh.tableau.stages + 1)))
     pieces = np.clip(wanting, 1, _MOST_PIECES).astype(int)
     return replace(best.mesh.refined(pieces), loose=tuple(np.append(0, np.cumsum(pieces))[loose].tolist()))
@@ -185,15 +213,21 @@ def _looser(best: Optimum, tolerance: float, more: np.ndarray) -> Mesh:
 
 def search(
     program: Program, plugin: str, options: dict[str, Any], *, warm: bool
-) -> tuple[np.ndarray, float, np.ndarray, dict[str, Any]]:
-    """Unknowns, cost, multipliers of the constraints, and what the solver says of its search."""
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]:
+    """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
+    pressed against, and what the solver says of its search.
+    """
     try:
         solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
     except RuntimeError as refused:
         raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
     (least, most), (lower, upper) = program.bounds, program.limits
     found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
-    return np.array(found["x"]).ravel(), float(found["f"]) * program.unit, np.array(found["lam_g"]).ravel(), solver.stats()
+    w, g, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+    pressed = np.append(of_bounds, of_rows)
+    bound = np.where(pressed > 0, np.append(most, upper), np.append(least, lower))
+    gaps = np.abs(np.where(np.isfinite(bound), pressed, 0.0) * np.where(np.isfinite(bound), bound - np.append(w, g), 0.0))
+    return w, float(found["f"]) * program.unit, of_rows, gaps * program.unit, solver.stats()
 
 
 def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
@@ -223,17 +257,9 @@ def _failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
             name, phase, at = problem.labels[r]
             size, first, last = worst.get((name, phase), (off[r], at, at))
             worst[name, phase] = max(size, off[r]), min(first, at), max(last, at)
-    reasons = {
-        "Infeasible_Problem_Detected": "no motion meets all that is asked for near where the search ended",
-        "Maximum_Iterations_Exceeded": "the search took too many iterations",
-        "Restoration_Failed": "the search could not come nearer to what is asked for",
-        "Diverging_Iterates": "the cost has no least value, or bounds are missing",
-        "Invalid_Number_Detected": "something has no finite value or slope where the search was",
-        "Error_In_Step_Computation": "something has no slope where the search was",
-    }
     if cost < -_BOTTOMLESS * problem.program.unit:
         status = "Diverging_Iterates"
-    words = [f"No optimum was found: {reasons.get(status, status)}; the cost came to {cost:.4g}."]
+    words = [f"No optimum was found: {REASONS.get(status, status)}; the cost came to {cost:.4g}."]
     blank = [
         name
         for k, one in enumerate(problem.parts)

@@ -100,13 +100,11 @@ class Asked:
     geometry: np.ndarray
 
     @property
-    def bounded(self) -> list[tuple[int, Limits, int]]:
-        """Numbers of the states and inputs that have limits all the time, each with these and the number of its entry there."""
-        stage = self.stage
-        known = {stage.unknowns[k].element_hash(): k for k in range(stage.width)}
-        found = [(known.get(one.value[r].element_hash(), -1), one, r) for one in self.path for r in range(one.value.numel())]
-        nx, first = stage.sizes[0], stage.width - stage.sizes[3]
-        return [(k, one, r) for k, one, r in found if 0 <= k < nx or k >= first]
+    def entries(self) -> list[tuple[int, Limits, int]]:
+        """Of what has limits all the time each entry: these, its number there, and before them the number of the unknown that it is; -1 where it is none."""
+        known = {self.stage.unknowns[k].element_hash(): k for k in range(self.stage.width)}
+        entries = [(one, r) for one in self.path for r in range(one.value.numel())]
+        return [(known.get(one.value[r].element_hash(), -1) if one.value[r].is_symbolic() else -1, one, r) for one, r in entries]
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,9 +240,10 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
     size[layout.extra[1:]] = np.where(guess.free == 0, 1.0, np.abs(guess.free))
     bounds = _bounds(asked, layout, w)
     sums = _sums(asked, layout, rows)
-    if mesh.loose:
+    if mesh.inside:
         _between(asked, layout, rows, bounds)
-    terms: list[Term] = [_dynamics(asked, layout, rows, w, units, bounds, sums)]
+    path = _path(asked, layout, rows)
+    terms: list[Term] = [_dynamics(asked, layout, rows, w, units, bounds, sums, path), *_beginnings(layout, path)]
     terms += _conditions(asked, layout, rows, w, size)
     terms += _ends(sums, layout)
     cost = np.zeros(layout.size)
@@ -280,15 +279,12 @@ def _bounds(asked: Asked, layout: Layout, w: np.ndarray) -> np.ndarray:
     bounds[:, layout.tail] = asked.duration
     bounds[:, layout.extra[1:]] = asked.geometry.T
     bounds[:, layout.nodes] = layout.mesh.bounds[:, : layout.nodes.size]
-    numbers = {asked.stage.unknowns[k].element_hash(): k for k in range(asked.stage.width)}
-    for limits in asked.path:
-        for r in range(limits.value.numel()):
-            k = numbers.get(limits.value[r].element_hash())
-            if k is not None:
-                at = layout.places[:, :, k].ravel()
-                at = np.append(at, k) if k < asked.stage.sizes[0] else at
-                bounds[0, at] = np.maximum(bounds[0, at], limits.lower[r])
-                bounds[1, at] = np.minimum(bounds[1, at], limits.upper[r])
+    for k, limits, r in asked.entries:
+        if k >= 0:
+            at = layout.places[:, :, k].ravel()
+            at = np.append(at, k) if k < asked.stage.sizes[0] else at
+            bounds[0, at] = np.maximum(bounds[0, at], limits.lower[r])
+            bounds[1, at] = np.minimum(bounds[1, at], limits.upper[r])
     if asked.start is not None:
         fixed = np.flatnonzero(np.isfinite(asked.start))
         bounds[:, fixed] = asked.start[fixed]
@@ -306,20 +302,92 @@ def _sums(asked: Asked, layout: Layout, rows: _Rows) -> list[tuple[Total, int]]:
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """A `value` (1, 1) of unknowns that is kept between limits. `rows` (rows in an interval, intervals): their numbers; of each the `weights` of the values at the
+    points (rows in an interval, stages), and that of the value where the interval begins (rows in an interval,); zero where it does not count.
+    """
+
+    value: ca.SX
+    rows: np.ndarray
+    weights: np.ndarray
+    beginning: np.ndarray
+
+
+def _path(asked: Asked, layout: Layout, rows: _Rows) -> list[_Kept]:
+    """Expressions that have limits all the time: at each point; where bounds hold `inside` the coefficients of Bernstein of the polynomials through these values.
+    What is constant in an interval has its limits once.
+    """
+    stage, mesh, found = asked.stage, layout.mesh, list[_Kept]()
+    s, inputs = mesh.tableau.stages, set(range(stage.width - stage.sizes[3], stage.unknowns.numel()))
+    for k, limits, r in asked.entries:
+        if k >= 0:
+            continue
+        value = stage.put(limits.value[r])
+        weights, beginning = np.eye(s), np.zeros(s)
+        if layout.held and inputs.issuperset(stage.used([value])) and not ca.depends_on(value, stage.data):
+            weights, beginning = weights[-1:], beginning[-1:]
+        elif mesh.inside and _of_states(stage, value):
+            hulled = hull(np.append(0.0, mesh.tableau.c))[1:]
+            weights, beginning = hulled[:, 1:], hulled[:, 0]
+        elif mesh.inside:
+            weights = hull(mesh.tableau.c)
+        number = [
+            [rows.add(limits.lower[r], limits.upper[r], limits.name, float(at)) for at in points[-len(weights) :]]
+            for points in mesh.points
+        ]
+        found.append(_Kept(value, np.array(number).T, weights, beginning))
+    return found
+
+
+def _of_states(stage: Stage, value: ca.SX) -> bool:
+    """Whether a value is known where an interval begins."""
+    known = {*range(stage.sizes[0]), *range(stage.width, stage.unknowns.numel())}
+    return known.issuperset(stage.used([value]))
+
+
+def _beginnings(layout: Layout, path: list[_Kept]) -> list[Term]:
+    """What values where intervals begin add to rows of these."""
+    stage, mesh, found = layout.stage, layout.mesh, list[Term]()
+    for kept in path:
+        if not kept.beginning.any():
+            continue
+        used = stage.used([kept.value])
+        z, given, value = stage.unknowns[used], stage.data, kept.value
+        places, data = (
+            np.array([layout.node(k)[used] for k in range(mesh.intervals)]).reshape(mesh.intervals, -1).T,
+            np.vstack([mesh.nodes[:-1], mesh.lengths]),
+        )
+        if mesh.loose and ca.depends_on(value, given):
+            when, none = ca.SX.sym("when"), ca.SX.sym("none", 2)
+            value, z, given = ca.substitute(value, given, ca.vertcat(when, 0)), ca.vertcat(z, when), none
+            places = np.vstack([places, layout.nodes[:-1]])
+        function = folded_function("beginning", [z, given], [ca.repmat(ca.densify(value), kept.beginning.size)])
+        weights = np.tile(kept.beginning[:, None], (1, mesh.intervals))
+        found.append(Term(function, places, np.ones(places.shape), data, kept.rows, weights))
+    return found
+
+
 def _dynamics(
-    asked: Asked, layout: Layout, rows: _Rows, w: np.ndarray, units: np.ndarray, bounds: np.ndarray, sums: list[tuple[Total, int]]
+    asked: Asked,
+    layout: Layout,
+    rows: _Rows,
+    w: np.ndarray,
+    units: np.ndarray,
+    bounds: np.ndarray,
+    sums: list[tuple[Total, int]],
+    path: list[_Kept],
 ) -> Term:
     stage, mesh = asked.stage, layout.mesh
     nx, nv, loops = *stage.sizes[:2], stage.reacting
     K, s = mesh.intervals, mesh.tableau.stages
     labels = stage.functions.state_names
-    path = [(limits, r) for limits in asked.path for r in range(limits.value.numel()) if not _is_unknown(stage, limits.value[r])]
     length = stage.data[1]
     values = ca.vertcat(
         length * stage.duration * stage.put(stage.collocated),
         stage.put(stage.balance),
         stage.put(stage.invariants[0]),
-        *(stage.put(limits.value[r]) for limits, r in path),
+        *(ca.repmat(kept.value, len(kept.weights)) for kept in path),
         *(length * stage.put(stage.duration * total.integrals + total.averages) for total, _ in sums),
     )
     held = stage.invariants[0].numel()
@@ -343,8 +411,10 @@ def _dynamics(
                 number[nx + i, column] = rows.add(0.0, 0.0, stage.equation_names[i], at)
             for r in used:
                 number[nx + nv + loops + r, column] = rows.add(0.0, 0.0, "closed loops", at)
-            for r, (limits, e) in enumerate(path):
-                number[nx + nv + loops + held + r, column] = rows.add(limits.lower[e], limits.upper[e], limits.name, at)
+            if path:
+                own = slice(nx + nv + loops + held, -len(sums))
+                number[own, column] = np.concatenate([kept.rows[:, k] for kept in path])
+                weights[own, column] = np.concatenate([kept.weights[:, j] for kept in path])
             number[-len(sums) :, column], weights[-len(sums) :, column] = [row for _, row in sums], mesh.tableau.b[j]
     unknowns, given, data = stage.unknowns, stage.data, np.vstack([mesh.points.ravel(), np.repeat(mesh.lengths, s)])
     places = np.vstack([layout.places.reshape(-1, stage.width).T, *(np.full(K * s, e) for e in layout.extra)])
@@ -359,21 +429,21 @@ def _dynamics(
 
 
 def _between(asked: Asked, layout: Layout, rows: _Rows, bounds: np.ndarray) -> None:
-    """States and inputs keep their bounds between the points, too: otherwise nodes that are loose would go where they leave them unseen."""
+    """Unknowns keep their bounds between the points, too: otherwise nodes that are loose would go where they leave them unseen."""
     stage, mesh = asked.stage, layout.mesh
     nx, first, c = stage.sizes[0], stage.width - stage.sizes[3], mesh.tableau.c
-    of_states, of_inputs = hull(np.append(0.0, c))[1:-1], hull(c)
-    said = {k: limits.entry(r) for k, limits, r in asked.bounded}
-    for k in said:
-        lower, upper = bounds[:, layout.places[0, 0, k]]
-        if not lower < upper or (layout.held and k >= first):
-            continue
+    of_states, of_others = hull(np.append(0.0, c))[1:-1], hull(c)
+    said = {k: limits.entry(r) for k, limits, r in asked.entries if k >= 0 and not (layout.held and k >= first)}
+    for k, name in said.items():
         for i in range(mesh.intervals):
+            lower, upper = bounds[:, layout.places[i, 0, k]]
+            if not lower < upper:
+                continue
             inside = layout.places[i, :, k] if k >= nx else layout.places[i, :-1, k]
             entries = layout.places[i, :, k] if k >= nx else np.append(layout.node(i)[k], layout.places[i, :, k])
             bounds[:, inside] = [[-np.inf], [np.inf]]
-            for weights in of_inputs if k >= nx else of_states:
-                row = rows.add(lower, upper, said[k], float(mesh.nodes[i]))
+            for weights in of_others if k >= nx else of_states:
+                row = rows.add(lower, upper, name, float(mesh.nodes[i]))
                 rows.linear += [(row, int(e), float(weight)) for e, weight in zip(entries, weights, strict=True)]
 
 
