@@ -1,6 +1,8 @@
 # `make demo` runs the main job, `make test` runs lint, types and tests. Both set up .venv by themselves.
 PYTHON ?= python3
 BIN := .venv/bin
+# what each worker and each process of a test imports is compiled once, even where the environment says otherwise
+export PYTHONDONTWRITEBYTECODE :=
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv

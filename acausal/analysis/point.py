@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.bound import dense, evaluated
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
@@ -48,11 +49,11 @@ class Differentiable:
         self.size = column.numel()
         arguments = [system.t, system.x, system.u, system.p]
         self._function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
-        self._forward = None if self._function is None else self._function.forward(1)
+        self._forward = None if self._function is None else dense(self._function.forward(1))
 
     def value(self, at: OperatingPoint) -> np.ndarray:
         """(size,)."""
-        return np.zeros(0) if self._function is None else np.array(self._function(at.t, at.x, at.u, at.p)).ravel()
+        return np.zeros(0) if self._function is None else evaluated(self._function, at.t, at.x, at.u, at.p)
 
     def rounding(self, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
         """What rounding makes of the values (size,): how they change when all arguments do by their rounding, that of states by the rounding
@@ -65,8 +66,8 @@ class Differentiable:
         for part, size in ((x, np.maximum(np.abs(at.x), sizes)), (u, np.abs(at.u)), (p, np.abs(at.p))):
             part += eps * size[:, None] * shake.uniform(-2.0, 2.0, part.shape)
         t = at.t * (1 + eps * shake.uniform(-2.0, 2.0, (1, _SAMPLES)))
-        values = np.array(self._function(t, x, u, p)).reshape(self.size, _SAMPLES)
-        return np.max(np.abs(values - self.value(at)[:, None]), axis=1)
+        values = [self.value(OperatingPoint(t[0, k], x[:, k], u[:, k], p[:, k])) for k in range(_SAMPLES)]
+        return np.max(np.abs(values - self.value(at)), axis=0)
 
     def along(
         self,
@@ -81,6 +82,7 @@ class Differentiable:
         k = next((d.shape[1] for d in (dx, du, dp) if d is not None), 1)
         if self._forward is None or k == 0:
             return np.zeros((self.size, k))
-        seeds = [np.full((1, k), dt)]
-        seeds += [np.zeros((n.size, k)) if d is None else d for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
-        return np.array(self._forward(at.t, at.x, at.u, at.p, np.zeros((self.size, 1)), *seeds)).reshape(self.size, k)
+        point = at.t, at.x, at.u, at.p, np.zeros(self.size)
+        seeds = [np.zeros((k, n.size)) if d is None else d.T for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
+        changes = [evaluated(self._forward, *point, dt, *(seed[j] for seed in seeds)) for j in range(k)]
+        return np.column_stack(changes)

@@ -1,8 +1,6 @@
-"""The formulas of one link, as CasADi functions that are built once and inlined for every link.
+"""The formulas of one link, built once and inlined for every link.
 
-Calling an `SX` function with `SX` arguments runs its instruction list on symbols: constants fold, zeros vanish, and it
-is several times quicker than the same formula on blocks. Notation: link B hangs on link A; X_AF is the constant offset
-from A to the base F of the joint (K, r), X_FB the joint's pose (R, p). Spatial inertia is
+Notation: link B hangs on link A; X_AF is the constant offset from A to the base F of the joint (K, r), X_FB the joint's pose (R, p). Spatial inertia is
 [[I, H], [H', M]] acting on [w'; a] with a the acceleration of the frame's origin (not Featherstone's spatial
 acceleration), so only angular velocities enter the bias: Luh, Walker and Paul's choice within Featherstone's recursions.
 """
@@ -10,30 +8,11 @@ acceleration), so only angular velocities enter the bias: Luh, Walker and Paul's
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import casadi as ca
 
-Formula = Callable[..., tuple[ca.SX, ...]]
-
-
-def inlined(*shapes: tuple[int, int]) -> Callable[[Callable[..., Sequence[ca.SX]]], Formula]:
-    """Decorate a function of `SX` blocks of these shapes, so that it is traced once and then inlined."""
-
-    def decorate(formula: Callable[..., Sequence[ca.SX]]) -> Formula:
-        @functools.cache
-        def traced() -> ca.Function:
-            arguments = [ca.SX.sym(f"a{i}", *shape) for i, shape in enumerate(shapes)]
-            return ca.Function(formula.__name__, arguments, [ca.densify(result) for result in formula(*arguments)])
-
-        @functools.wraps(formula)
-        def call(*arguments: ca.SX) -> tuple[ca.SX, ...]:
-            return tuple(traced().call(list(arguments)))
-
-        return call
-
-    return decorate
-
+from acausal.numerics.inlined import Formula, inlined
 
 V, M33 = (3, 1), (3, 3)
 _REORDERED = 8

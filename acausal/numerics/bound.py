@@ -41,6 +41,21 @@ class BoundFunction:
         return self.result
 
 
+def evaluated(function: ca.Function, *arguments: np.ndarray | float) -> np.ndarray:
+    """(numel,) the entries of the first result of a function whose result is dense, column by column. `arguments`: columns.
+
+    By a buffer of its own, so also for several threads at once; several times quicker than a call, which converts what it takes and gives.
+    """
+    columns = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+    result = np.empty(function.numel_out(0))
+    buffer, run = cast(Any, function.buffer())
+    for i, column in enumerate(columns):
+        buffer.set_arg(i, column.data)
+    buffer.set_res(0, result.data)
+    run()
+    return result
+
+
 def dense(function: ca.Function) -> ca.Function:
     """The same function without structural zeros in its first result: `buffer` moves stored entries only."""
     if function.nnz_out(0) == function.numel_out(0):

@@ -162,7 +162,7 @@ class Staged:
     def of(
         name: str, arguments: Sequence[ca.SX], results: Sequence[ca.SX], systems: Systems, fold: bool = True
     ) -> ca.Function | Staged:
-        """A plain function where the results need no system. `fold`: common subexpressions; no, where they come from a function that has been folded."""
+        """A plain function where the results need no system. `fold`: common subexpressions; no, where they come from a function that has been folded, or go to kernels, which do."""
         known = systems.needed_by(ca.veccat(*results))
         make = folded_function if fold else ca.Function
         function = make(name, [*arguments, *known.answers], [*results, *known.operands])

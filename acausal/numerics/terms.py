@@ -23,10 +23,10 @@ def rounded(expression: ca.SX) -> ca.SX:
         if code == ca.OP_OUTPUT:
             found[outputs[1]] = work[inputs[0]][1]
         elif code == ca.OP_INPUT:
-            work[outputs[0]] = symbols[inputs[1]], ca.fabs(symbols[inputs[1]])
+            work[outputs[0]] = symbols[inputs[1]], _size(symbols[inputs[1]])
         elif code == ca.OP_CONST:
             constant = ca.SX(function.instruction_constant(k))
-            work[outputs[0]] = constant, ca.fabs(constant)
+            work[outputs[0]] = constant, _size(constant)
         else:
             work[outputs[0]] = _result(code, [work[i] for i in inputs])
     return found
@@ -44,32 +44,40 @@ def _result(code: int, arguments: list[tuple[ca.SX, ca.SX]]) -> tuple[ca.SX, ca.
     if code in _COPIES:
         return arguments[0]
     values, sizes = [value for value, _ in arguments], [size for _, size in arguments]
-    result = _applied(code, values)
+    result = _applied(code, *values)
     if code in (ca.OP_ADD, ca.OP_SUB):
-        return result, sizes[0] + sizes[1]
+        return result, _sum(*sizes)
     if code in (ca.OP_MUL, ca.OP_DIV) and values[1].is_constant():
-        return result, _applied(code, [sizes[0], ca.fabs(values[1])])  # as nothing is said of a factor of one, which is left out
+        return result, _applied(code, sizes[0], _size(values[1]))  # as nothing is said of a factor of one, which is left out
     if code == ca.OP_MUL and values[0].is_constant():
-        return result, ca.fabs(values[0]) * sizes[1]
+        return result, _product(_size(values[0]), sizes[1])
     if code == ca.OP_MUL:
-        return result, ca.fabs(values[0]) * sizes[1] + ca.fabs(values[1]) * sizes[0]
+        return result, _sum(_product(_size(values[0]), sizes[1]), _product(_size(values[1]), sizes[0]))
     if code == ca.OP_SQ:
-        return result, 2 * ca.fabs(values[0]) * sizes[0]
+        return result, _product(_product(_TWO, _size(values[0])), sizes[0])
     if code in (ca.OP_NEG, ca.OP_TWICE):
-        return result, sizes[0] if code == ca.OP_NEG else sizes[0] + sizes[0]
+        return result, sizes[0] if code == ca.OP_NEG else _sum(sizes[0], sizes[0])
     if code in (ca.OP_SIN, ca.OP_COS):  # at most 1 each
-        return result, 1 + sizes[0]
+        return result, _sum(_ONE, sizes[0])
     slopes = _slopes(code, len(values)).call(values)
-    return result, ca.fabs(result) + sum((ca.fabs(slope) * size for slope, size in zip(slopes, sizes, strict=True)), ca.SX(0))
+    carried = (_product(_size(slope), size) for slope, size in zip(slopes, sizes, strict=True))
+    return result, _sum(_size(result), functools.reduce(_sum, carried))
 
 
-def _applied(code: int, values: list[ca.SX]) -> ca.SX:
+def _applied(code: int, *values: ca.SX) -> ca.SX:
+    """What an operation makes of its arguments. By its code: CasADi asks what an operator's operands may be read as for ten times as long."""
     return ca.SX.unary(code, values[0]) if len(values) == 1 else ca.SX.binary(code, values[0], values[1])
+
+
+_size = functools.partial(_applied, ca.OP_FABS)
+_sum = functools.partial(_applied, ca.OP_ADD)
+_product = functools.partial(_applied, ca.OP_MUL)
+_ONE, _TWO = ca.SX(1), ca.SX(2)
 
 
 @functools.cache
 def _slopes(code: int, count: int) -> ca.Function:
     """Derivatives of an operation by its arguments."""
     arguments = [ca.SX.sym(f"a{i}") for i in range(count)]
-    result = _applied(code, arguments)
+    result = _applied(code, *arguments)
     return ca.Function("slopes", arguments, [ca.densify(ca.gradient(result, a)) for a in arguments])

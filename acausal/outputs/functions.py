@@ -265,7 +265,7 @@ class Functions:
         if s.projection is None or self.invariants is None:
             return None
         result = ca.densify(self.space.kept(s.projection))
-        return folded_function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"])
+        return ca.Function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"])
 
     @functools.cached_property
     def clearance(self) -> ca.Function | None:
@@ -274,7 +274,7 @@ class Functions:
         if s.clearance is None or self.space.coordinates is not None:
             return None
         found = ca.densify(self.space.put(s.clearance))
-        return folded_function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
+        return ca.Function("clearance", [s.t, self.space.x, self.space.p], [found], ["t", "x", "p"], ["clearance"])
 
     @functools.cached_property
     def exact(self) -> Exact | None:

@@ -204,19 +204,22 @@ class Outputs:
 
     def _opened_raw(self, value: ca.SX) -> ca.SX:
         """For plain `SX`: look its symbols up among those of the scene."""
-        known: dict[int, Symbol] = {}
-        for symbol in [*self.system.flat.names, *self._joint_symbols, *self._quantities()]:
-            for k in range(symbol.sx.numel()):
-                known[symbol.sx[k].element_hash()] = symbol
-        own = {s.element_hash() for s in ca.symvar(ca.vertcat(self.system.x, self.system.t, self.system.u, self.system.p))}
+        declared, own = self._by_hash
         used: dict[int, Symbol] = {}
         for entry in ca.symvar(value):
-            found = known.get(entry.element_hash())
+            found = declared.get(entry.element_hash())
             if found is None and entry.element_hash() not in own:
                 raise UnknownVariableError(f"'{entry.name()}' is not a variable of the scene '{self.system.flat.name}'.")
             if found is not None:
                 used[id(found)] = found
         return self.shared(Expression(value, frozenset(used.values())))
+
+    @functools.cached_property
+    def _by_hash(self) -> tuple[dict[int, Symbol], set[int]]:
+        """What is declared in the scene, by its entries; and the entries of x, t, u and p."""
+        declared = [*self.system.flat.names, *self._joint_symbols, *self._quantities()]
+        own = ca.symvar(ca.vertcat(self.system.x, self.system.t, self.system.u, self.system.p))
+        return {e.element_hash(): s for s in declared for e in ca.vertsplit(ca.vec(s.sx))}, {e.element_hash() for e in own}
 
     def _quantities(self) -> list[Symbol]:
         return [q for connector in self.system.flat.connector_paths for q in connector.quantities]

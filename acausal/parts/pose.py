@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -9,6 +10,7 @@ import numpy as np
 
 from acausal.language.connector import Frame
 from acausal.language.expression import Expression
+from acausal.numerics.inlined import inlined
 
 Matrix = np.ndarray | ca.SX
 
@@ -55,8 +57,14 @@ def pose_between(a: Frame, b: Frame) -> Pose:
 
 
 def symbolic(matrix: Matrix) -> ca.SX:
-    """As `SX`; a vector becomes a column."""
-    return matrix if isinstance(matrix, ca.SX) else ca.SX(ca.DM(matrix))
+    """As `SX`, which is not to be changed; a vector becomes a column."""
+    return matrix if isinstance(matrix, ca.SX) else _constant(matrix.shape, np.asarray(matrix, dtype=float).tobytes())
+
+
+@functools.lru_cache(maxsize=4096)
+def _constant(shape: tuple[int, ...], entries: bytes) -> ca.SX:
+    """Numbers as `SX`: the same few are asked for many times."""
+    return ca.SX(ca.DM(np.frombuffer(entries).reshape(shape)))
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
@@ -133,30 +141,43 @@ def rotation_to_axis_symbolic(axis: ca.SX) -> ca.SX:
 
 def rotation_from_quaternion(q: ca.SX) -> ca.SX:
     """R(q) for a unit quaternion, scalar first, shape (4, 1) -> (3, 3)."""
+    return _rotation_from_quaternion(q)[0]
+
+
+@inlined((4, 1))
+def _rotation_from_quaternion(q: ca.SX) -> tuple[ca.SX]:
     w, x, y, z = q[0], q[1], q[2], q[3]
     xx, yy, zz = 2 * x * x, 2 * y * y, 2 * z * z
     xy, xz, yz, wx, wy, wz = 2 * x * y, 2 * x * z, 2 * y * z, 2 * w * x, 2 * w * y, 2 * w * z
-    return ca.vertcat(
-        ca.horzcat(1 - yy - zz, xy - wz, xz + wy),
-        ca.horzcat(xy + wz, 1 - xx - zz, yz - wx),
-        ca.horzcat(xz - wy, yz + wx, 1 - xx - yy),
-    )
+    first, second = ca.horzcat(1 - yy - zz, xy - wz, xz + wy), ca.horzcat(xy + wz, 1 - xx - zz, yz - wx)
+    return (ca.vertcat(first, second, ca.horzcat(xz - wy, yz + wx, 1 - xx - yy)),)
 
 
 def quaternion_rate(q: ca.SX, w: ca.SX) -> ca.SX:
     """q' = q * (0, w) / 2 for the angular velocity w in the turned frame."""
-    return 0.5 * ca.vertcat(
+    return _quaternion_rate(q, w)[0]
+
+
+@inlined((4, 1), (3, 1))
+def _quaternion_rate(q: ca.SX, w: ca.SX) -> tuple[ca.SX]:
+    doubled = ca.vertcat(
         -q[1] * w[0] - q[2] * w[1] - q[3] * w[2],
         q[0] * w[0] + q[2] * w[2] - q[3] * w[1],
         q[0] * w[1] + q[3] * w[0] - q[1] * w[2],
         q[0] * w[2] + q[1] * w[1] - q[2] * w[0],
     )
+    return (0.5 * doubled,)
 
 
 def rotation_about_z(angle: ca.SX) -> ca.SX:
     """R_z(angle)."""
+    return _rotation_about_z(angle)[0]
+
+
+@inlined((1, 1))
+def _rotation_about_z(angle: ca.SX) -> tuple[ca.SX]:
     c, s = ca.cos(angle), ca.sin(angle)
-    return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
+    return (ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1)),)
 
 
 def vee(matrix: ca.SX) -> ca.SX:

@@ -240,7 +240,7 @@ def _directional_derivative(function: Function, arguments: tuple[int, ...]) -> F
         along.append(answers)
         by.append(ca.vec(dX.T))
     product = ca.jtimes(ca.densify(result), ca.vertcat(*along), ca.vertcat(*by))
-    return Staged.of("product", [*symbols, *directions], [ca.densify(product)], change)
+    return Staged.of("product", [*symbols, *directions], [ca.densify(product)], change, fold=False)
 
 
 def _projection_with_invariants(invariants: Function, project: Function) -> Function:
