@@ -18,6 +18,8 @@
 #define CHANGES 40     /* of mode in one instant, which tell that no mode lasts */
 #define UNSEEN 1e-12   /* of a state: a jump that is none */
 #define RESOLVED 16.0  /* roundings of a gap: bounces that are not higher are none */
+#define BRIEFEST 1024.0 /* roundings of the time: nor are those that do not last longer, and so near to its end slip has a direction that is held */
+#define CLOSING 1e-9   /* of the slips: a speed of closing that is as good as none */
 #define BRIDGE -2      /* in place of the row that led to a transition: impacts without end are over */
 #define NIL 1e-11      /* of the largest: a reaction or a rate that is zero */
 #define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
@@ -67,11 +69,13 @@ static int make_modes(Integrator *I) {
     T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n);
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
+    T->lifted = reserve_doubles(I, I->masks + 1);
+    T->leaves = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
     T->near_knot = reserve_doubles(I, I->one_sided + n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->near_knot && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->lifted && T->leaves && T->near_knot && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -238,8 +242,11 @@ static int keep_straight(Integrator *I, const double *rates) {
 #include "impacts.h"
 #include "margin.h"
 
-/* The rate of a gap that is none: rounding, or that of a bounce so low that gaps do not tell it from rounding. */
-static double least_rate(const Decision *D, long i) { return fmax(D->rate_noise[i], D->free[i] < 0 ? sqrt(-2 * D->free[i] * RESOLVED * D->gap_noise[i]) : 0); }
+/* The rate of a gap that is none: rounding, or that of a bounce so low, or so short, that gaps, or times, do not tell it from rounding, as it falls back with this acceleration. */
+static double least_rate(const Integrator *I, const Decision *D, long i, double acceleration) {
+    double fall = fmax(0, -acceleration);
+    return fmax(D->rate_noise[i], fmax(sqrt(2 * fall * RESOLVED * D->gap_noise[i]), 0.5 * fall * BRIEFEST * EPS * fabs(I->t)));
+}
 
 /* The least pivot of the rows that hold, in units of their diagonal, but for those that vanish where rows depend on one another; 0: none does. */
 static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
@@ -331,7 +338,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
         double slip = size_of(D, f, D->rate), noise = 0;
         for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[i + k];
         R.met[f] = fmax(R.met[f], slip);
-        double least = fmax((rows_of(D, f) > 2 ? NEARER : 1) * NEAR_ZERO * R.met[f], 4 * noise);
+        double stops = size_of(D, f, R.rate) * BRIEFEST * EPS * fabs(I->t), least = fmax((rows_of(D, f) > 2 ? NEARER : 1) * NEAR_ZERO * R.met[f], fmax(4 * noise, stops));
         int held = law == STARTS || (law == AGAINST && slip < 2 * least);
         mask[1] = law == AGAINST && !held;
         mask[2] = held;
@@ -358,7 +365,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
     for (long k = carried_of(I); I->redundant && k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-    for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(&D, i)) ? MAY_HOLD : OFF;
+    for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(I, &D, i, D.free[i])) ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
@@ -390,6 +397,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         }
         if (!begun) break; /* what slips has another limit */
     }
+    find_rates(&p);
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
     if (!foresee_slips(I, &D, R, planned, later)) return INPUT_FAILED;
@@ -415,10 +423,22 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
     Problem p = problem_of(I, D, R, D->rate);
     p.kinetic = 1;
     memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
-    for (long i = 0; i < n; i++) R.push[i] = i < D->gaps && R.touching[i];
-    for (long i = 0; i < D->gaps; i++) R.law[i] = R.touching[i] ? HOLDS : OFF;
-    for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = !(limit_of(&p, f) > 0) ? OFF : R.touching[D->gaps + f] == 1 ? HOLDS : AGAINST;
-    change_choice(&p, &nothing, D->rate, 0, T->choice_change, R.before);
+    for (int slides = 1; slides >= 0; slides--) { /* where friction that slides leaves no answer, without it */
+        double open = 0, most = 0;
+        for (long i = 0; i < n; i++) R.push[i] = i < D->gaps && R.touching[i];
+        for (long i = 0; i < D->gaps; i++) R.law[i] = R.touching[i] ? HOLDS : OFF;
+        for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = !(limit_of(&p, f) > 0) ? OFF : R.touching[D->gaps + f] == 1 ? HOLDS : slides ? AGAINST : OFF;
+        change_choice(&p, &nothing, D->rate, 0, T->choice_change, R.before);
+        for (long i = 0; i < D->gaps; i++) {
+            double rate = D->rate[i], unit = unit_of(D->W[i * (n + 1)]);
+            for (long j = 0; j < n; j++) rate += D->W[i * n + j] * R.before[j];
+            if (!R.touching[i]) continue;
+            most = fmax(most, fabs(D->rate[i]) / unit);
+            open = isfinite(rate) ? fmax(open, fabs(rate) / unit) : INFINITY;
+        }
+        if (open <= sqrt(FITS) * most) break;
+        if (!slides) return; /* what holds is projected */
+    }
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D->J[i * n + j] * R.before[j];
 }
@@ -487,31 +507,37 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     return REACHED_END;
 }
 
-/* Where friction that slips leaves no acceleration that is possible, what touches is stopped by an impact, plastic, though nothing closes with speed (Genot and Brogliato,
-   European Journal of Mechanics A 18, 1999). Whether friction can do that. */
+/* Where friction that slips leaves no acceleration that is possible, what jams is stopped by an impact, plastic, though nothing closes with speed (Genot and Brogliato,
+   European Journal of Mechanics A 18, 1999): that of a speed of closing that goes to zero, whose impulses do not. Whether there is one. */
 static int strike_without_closing(Integrator *I, Room R) {
     struct State *T = I->state;
     Decision D;
-    long n = reactions_of(I);
+    long n = reactions_of(I), laws = I->one_sided + frictions_of(I);
+    double *start = R.compressed, fast = 0, most = 0;
     if (!decision_at(I, I->t, I->x, &D)) return 0;
-    Problem p = problem_of(I, &D, R, D.rate);
+    Problem p = problem_of(I, &D, R, start);
     p.kinetic = 1;
-    for (long i = 0; i < D.gaps; i++) R.law[i] = R.asked[i] = R.touching[i] ? HOLDS : OFF;
+    for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) {
         long *law = R.law + D.gaps + f;
         *law = OFF;
         for (long i = 0; i < D.gaps; i++)
-            if (R.touching[i] && D.slide_by[f * n + i] != 0) *law = HOLDS;
-        R.asked[D.gaps + f] = *law;
+            if (R.touching[i] && D.slide_by[f * n + i] != 0) *law = MAY_HOLD;
+        for (long k = row_of(&D, f); k < row_of(&D, f) + rows_of(&D, f) && *law == MAY_HOLD; k++) fast = fmax(fast, fabs(D.rate[k]) / unit_of(D.W[k * (n + 1)]));
     }
-    memset(R.push, 0, sizeof(double) * (size_t)n);
-    memset(R.centre, 0, sizeof(double) * (size_t)n);
+    memcpy(start, D.rate, sizeof(double) * (size_t)n);
+    for (long i = 0; i < D.gaps; i++) start[i] -= CLOSING * fast * unit_of(D.W[i * (n + 1)]);
+    if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
+    memcpy(start, D.rate, sizeof(double) * (size_t)n);
+    memcpy(R.asked, R.law, sizeof(long) * (size_t)laws);
+    memcpy(R.centre, R.push, sizeof(double) * (size_t)n);
     if (!newton_of_laws(&p, R.asked)) return 0;
     find_rates(&p);
-    if (!answers(&p)) return 0;
-    memcpy(T->impulse, R.push, sizeof(double) * (size_t)n);
+    for (long i = 0; i < n; i++) most = fmax(most, fabs(R.push[i]) * unit_of(D.W[i * (n + 1)]));
+    if (!answers(&p) || !(most > sqrt(CLOSING) * fast)) return 0;
+    for (long j = 0; j < n; j++) T->impulse[j] += R.push[j];
     for (long i = 0; i < I->nx; i++)
-        for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
+        for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * R.push[j];
     memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
     for (long k = 0; k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return 0;
@@ -519,12 +545,84 @@ static int strike_without_closing(Integrator *I, Room R) {
     return 1;
 }
 
+/* Whether no other gap closes while impacts are bridged; -1 when the input function failed. */
+static int meets_nothing_else(Integrator *I, Room R) {
+    struct State *T = I->state;
+    Decision D;
+    if (!decision_at(I, T->rest_t, T->rest_x, &D)) return -1;
+    for (long i = 0; i < D.gaps; i++)
+        if (!R.touching[i] && !T->rests[i] && D.gap[i] < -D.gap_noise[i]) return 0;
+    return 1;
+}
+
+/* Of the gaps that leave, those that fall back before that is seen, by the accelerations that have been decided: they touch. Whether there are any; `rate`: of gaps. */
+static int fall_back(const Integrator *I, const Decision *D, Room R, const double *rate, long *leaves) {
+    int low = 0;
+    for (long i = 0; i < D->gaps; i++) {
+        if (!leaves[i] || rate[i] > least_rate(I, D, i, R.rate[i])) continue;
+        leaves[i] = 0;
+        R.touching[i] = low = 1;
+    }
+    return low;
+}
+
+/* Frictions whose slip was zero after each of so many impacts of theirs. */
+static void note_sticking(Integrator *I, const Decision *D, Room R) {
+    struct State *T = I->state;
+    const char *struck = T->struck + T->impacts % REMEMBERED * D->gaps;
+    for (long f = 0; f < D->frictions; f++)
+        for (long i = 0; i < D->gaps; i++) {
+            if (!struck[i] || D->slide_by[f * D->n + i] == 0) continue;
+            T->sticks[f] = R.touching[D->gaps + f] == 1 ? T->sticks[f] + 1 : 0;
+        }
+}
+
+/* Gaps that are below zero by more than rounding, at a tolerance that allows for it, are put to zero where they strike or leave, as what holds is: positions are moved, speeds
+   stay. 1 where there are such gaps, -1 when the input function failed. */
+static int lift(Integrator *I, Decision *D, Room R) {
+    struct State *T = I->state;
+    long n = D->n, deep = 0;
+    double *sides = T->lifted, *before = T->later_x;
+    memcpy(sides, T->side, sizeof(double) * (size_t)I->masks);
+    memcpy(before, I->x, sizeof(double) * (size_t)I->nx);
+    memset(T->side, 0, sizeof(double) * (size_t)first_discrete(I));
+    for (long i = 0; i < D->gaps; i++) {
+        T->side[i] = R.touching[i] && D->gap[i] < -D->gap_noise[i];
+        deep |= T->side[i] == 1;
+    }
+    if (deep) project(I, I->t, I->x);
+    memcpy(T->side, sides, sizeof(double) * (size_t)I->masks);
+    if (!deep) return 0;
+    for (long i = 0; i < I->nx; i++)
+        for (long j = 0; j < n; j++)
+            if (D->J[i * n + j] != 0) I->x[i] = before[i];
+    return decision_at(I, I->t, I->x, D) ? 1 : -1;
+}
+
+/* From the impact that has been decided, of this row, to where all that follow it are over. */
+static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double planned) {
+    struct State *T = I->state;
+    if (I->directions) {
+        I->worst = row >= 0 && row < D->gaps ? row : 0;
+        return NO_DERIVATIVES;
+    }
+    if (!note_transition(I, row) || !keep_straight(I, 0) || !bridge_impacts(I)) return OUT_OF_MEMORY;
+    memset(T->impulse, 0, sizeof(double) * (size_t)D->n);
+    for (long i = 0; i < D->gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
+    if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
+    look_at_slips(I, D, R, -1, 0);
+    for (long f = 0; f < D->frictions; f++) /* so it does at last, whatever is left of its slip */
+        if (T->sticks[f] >= FEWEST) R.touching[D->gaps + f] = 1;
+    T->impacts = 0;
+    return decide_accelerations(I, R, planned);
+}
+
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
 static enum Code decide_reactions(Integrator *I, long row, double planned) {
     struct State *T = I->state;
     Decision D;
     Room R = room_of(I);
-    long gaps = I->one_sided, n = reactions_of(I);
+    long gaps = I->one_sided, n = reactions_of(I), *leaves = T->leaves;
     int impacts = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
@@ -538,6 +636,8 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         T->struck[T->impacts % REMEMBERED * gaps + i] = strikes != 0;
         impacts |= strikes; /* what begins to hold where its speed vanishes strikes nothing */
     }
+    int lifted = T->begun && !T->just_set && !I->directions ? lift(I, &D, R) : 0;
+    if (lifted < 0) return INPUT_FAILED;
     if (I->directions) {
         if (!meet_directions(I, row, planned)) return INPUT_FAILED;
         if (row < 0) note_closed(I, &D, R.touching);
@@ -555,34 +655,43 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         for (long k = 0; k < first_discrete(I); k++) T->side[k] = 0;
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, R.before);
-        int low = 0;
-        for (long i = 0; i < gaps; i++) { /* open, if it bounces */
-            double nil = fmax(D.rate_noise[i], NIL * fabs(R.before[i]));
-            low |= R.touching[i] && D.rate[i] > nil && D.rate[i] <= least_rate(&D, i);
-            if (D.rate[i] > fmax(nil, least_rate(&D, i))) R.touching[i] = 0;
-        }
-        foresee_rest(I, row < gaps ? row : -1);
-        if (comes_to_rest(I, low)) {
-            if (I->directions) {
-                I->worst = row >= 0 && row < gaps ? row : 0;
-                return NO_DERIVATIVES;
-            }
-            if (!note_transition(I, row) || !keep_straight(I, 0) || !bridge_impacts(I)) return OUT_OF_MEMORY;
-            memset(T->impulse, 0, sizeof(double) * (size_t)n);
-            for (long i = 0; i < gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
-            if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-            look_at_slips(I, &D, R, -1, 0);
-            row = BRIDGE;
-            impacts = 0;
-            T->impacts = 0;
-        } else if (low) {
-            end_low_bounces(I, &D, R);
-        }
     } else {
         T->impacts = 0;
     }
+    double *rate = R.compressed;
+    memcpy(rate, D.rate, sizeof(double) * (size_t)n);
+    for (long i = 0; i < gaps; i++) { /* open, if it bounces */
+        leaves[i] = R.touching[i] && rate[i] > (impacts ? fmax(D.rate_noise[i], NIL * fabs(R.before[i])) : least_rate(I, &D, i, D.free[i]));
+        if (leaves[i]) R.touching[i] = 0;
+    }
     enum Code code = decide_accelerations(I, R, planned);
-    if (code == NO_MODE && !impacts && !I->directions && strike_without_closing(I, R)) {
+    int low = code == REACHED_END && fall_back(I, &D, R, rate, leaves), over = 0;
+    if (impacts) {
+        note_sticking(I, &D, R);
+        foresee_rest(I, row < gaps ? row : -1);
+        over = comes_to_rest(I, low) ? meets_nothing_else(I, R) : 0;
+        if (over < 0) return INPUT_FAILED;
+    }
+    lifted |= low;
+    if (over || low) {
+        memset(T->side, 0, sizeof(double) * (size_t)first_discrete(I));
+        if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+    }
+    if (over) {
+        code = bridge(I, &D, R, row, planned);
+        row = BRIDGE;
+        impacts = 0;
+    }
+    while (!over && low) { /* what does not leave keeps others */
+        end_low_bounces(I, &D, R);
+        if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+        look_at_slips(I, &D, R, -1, rate);
+        memcpy(rate, D.rate, sizeof(double) * (size_t)n);
+        code = decide_accelerations(I, R, planned);
+        low = code == REACHED_END && fall_back(I, &D, R, rate, leaves);
+        if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+    }
+    if (code == NO_MODE && !I->directions && strike_without_closing(I, R)) {
         impacts = 1;
         code = decide_accelerations(I, R, planned);
     }
@@ -592,12 +701,12 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     project(I, I->t, I->x);
     for (long i = 0; i < I->nx; i++) {
         if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
-        impacts |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
+        lifted |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
     }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
     if (row == BRIDGE) end_bridge(I);
-    else if (impacts && !keep_straight(I, 0)) return OUT_OF_MEMORY;
+    else if ((impacts || lifted) && !keep_straight(I, 0)) return OUT_OF_MEMORY;
     return REACHED_END;
 }
 

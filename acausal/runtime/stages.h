@@ -165,11 +165,12 @@ struct State {
     double *set_side, *set_rows, *set_x, *discrete_change; /* of what is set, see sets.h; changes of discrete values (directions, discretes) */
     double *lock_noise;
     long *set_fired, *set_by;
+    double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps and rates of rows just before the last knot */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
     double *margin, *blow; /* work, see margin.h and impacts.h */
-    long *basis, *status, *impact_row, *rests, *margin_rows;
+    long *basis, *status, *impact_row, *rests, *sticks, *leaves, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */

@@ -376,14 +376,17 @@ static double first_switch(Path *p, struct Landing *L) {
         }
         double known = p->noise; /* of the ends; and of the inside: */
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
-        if (decided) p->noise = fmax(p->noise, (r < first_set(I) ? -2 : -1.01) * v[0]);
+        if (decided) p->noise = fmax(p->noise, r < first_set(I) ? known - v[0] : -1.01 * v[0]);
         for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
         int is_coarse = r < first_set(I) && p->noise > known;
         coarse += is_coarse;
         p->searches = 0;
         double here = first_below(p, 0, 1, T->row_values, 0);
         if (here < 0) return -1;
-        if (here == 2 && is_coarse && v[POINTS - 1] < -known) here = first_below_again(p, theta, v, known);
+        if (here >= 0 && is_coarse && (here <= 1 || v[POINTS - 1] < -known)) { /* what has left zero comes back to it, not to as far below it as it began */
+            double again = first_below_again(p, theta, v, known);
+            here = again < here ? again : here;
+        }
         if (here < 0) return -1;
         if (v[0] > 100 * p->noise) T->far[r] = 1;
         if (here == 2 && fabs(v[POINTS - 1]) <= p->noise && T->far[r]) here = 1; /* the step ends there */
