@@ -24,6 +24,8 @@ _SOLVER_TOLERANCE = 1e-9
 """Of the program in units of its own."""
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
 """What ipopt says of Ctrl-C: none of our functions raises anything else."""
+_NEAR = 300
+"""Iterations for what is near: who needs more was not."""
 _COARSE = 1e-3
 """How far off intervals are that tell more of the mesh than of the motion."""
 _BOTTOMLESS = 1e8
@@ -126,7 +128,11 @@ def best_of(
         problem = whole(parts, links)
         begun = time.perf_counter()
         w, cost, factors, gaps, stats = search(problem.program, plugin, options, warm=attempt > 0)
-        iterations, seconds = iterations + int(stats["iter_count"]), seconds + time.perf_counter() - begun
+        iterations += int(stats["iter_count"])
+        if attempt > 0 and not stats["success"] and stats["return_status"] != _INTERRUPTED:  # not so near: as from afar
+            w, cost, factors, gaps, stats = search(problem.program, plugin, options, warm=False)
+            iterations += int(stats["iter_count"])
+        seconds += time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
         phases = tuple(
             Optimum(
@@ -238,7 +244,12 @@ def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
         "ipopt.mumps_pivot_order": 0,  # minimum degree: bands as narrow as these need no graph to be cut
     }  # fmt: skip
     if warm:
-        options |= {"ipopt.mu_init": 1e-4, "ipopt.mu_strategy": "monotone", "ipopt.warm_start_init_point": "yes"}
+        options |= {
+            "ipopt.max_iter": _NEAR,
+            "ipopt.mu_init": 1e-4,
+            "ipopt.mu_strategy": "monotone",
+            "ipopt.warm_start_init_point": "yes",
+        }
     if known:
         pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
         options |= {"ipopt.mu_init": 1e-8, **{f"ipopt.warm_start_{one}": 1e-9 for one in pushes}}
