@@ -83,8 +83,8 @@ def test_masks_are_no_inputs_of_a_user() -> None:
     assert "0 inputs, 0 parameters, 1 part with modes" in str(model)
     assert "ground                   one-sided, dry friction" in model.report()
     refused = "does not go with parts that open, slip, strike or are let go yet: ground"
-    with pytest.raises(OptionError, match=f"inverse_dynamics {refused}"):
-        model.inverse_dynamics([0.0, 1.0], {scene.x.q: 0.0}, [scene.x])
+    with pytest.raises(OptionError, match=f"inverse_dynamics_function {refused}"):
+        model.inverse_dynamics_function([scene.x.q], [scene.x])
 
 
 def test_a_step_stays_in_the_mode_of_its_masks() -> None:

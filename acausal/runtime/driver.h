@@ -443,6 +443,7 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
 #define SOON 0.1     /* of a step: a little later */
 #define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
 
+#define MOSTLY 0.25  /* of a rate that is rounding */
 #define ASTRAY 0.01  /* of their sizes: stages that are off by more are no states of the motion, and their rounding explains nothing in the next try */
 
 /* That of a step around a singular position that all motions go straight through: along the branch, and across it beyond what rounding makes. */
@@ -491,6 +492,33 @@ static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     return 0;
 }
 
+/* How long it takes until something other than rounding has changed (x, rates and what rounding makes of these); to the end at most. */
+static double pace_of(const Integrator *I, const double *rate, const double *noise) {
+    double pace = I->end - I->t;
+    for (long i = 0; i < I->nx; i++)
+        if (FEW * noise[i] < SMALL * fabs(rate[i]) && I->state->size[i] > 0) pace = fmin(pace, I->state->size[i] / fabs(rate[i]));
+    return pace;
+}
+
+/* What such states make of others until the motion has changed, these are worth no more than, too, if it is much of them: an attitude of a spin that is rounding. */
+static int spread_rounding(Integrator *I) {
+    struct State *T = I->state;
+    double *rate = T->factor, *moved = T->increment;
+    int some = 0;
+    for (long i = 0; i < I->nx; i++) {
+        T->before[i] = I->x[i] + (drawn(i) & 1 ? T->known[i] : -T->known[i]);
+        some |= T->known[i] > 0;
+    }
+    if (!some) return 1;
+    if (!rate_at(I, I->t, I->x, rate) || !rate_at(I, I->t, T->before, moved)) return 0;
+    double until = SOON * pace_of(I, rate, T->most);
+    for (long i = 0; i < I->nx; i++) {
+        double change = until * fabs(moved[i] - rate[i]);
+        if (T->size[i] > 0 && change > SMALL * T->size[i] && change > T->known[i] && isfinite(change)) T->known[i] = change;
+    }
+    return 1;
+}
+
 /* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
    or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
 static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, int beside) {
@@ -501,8 +529,14 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
     for (int later = 0; later < 2; later++) { /* a little later states are looked at that are zero at first */
         double t = I->t + later * SOON * h;
         if (!rate_at(I, t, T->before, rate) || !rounding_of_rates(I, disturbed, t, T->before, h, found)) return -1;
+        double until = later ? 0 : SOON * pace_of(I, rate, found);
         for (long i = 0; i < I->nx; i++) {
             double noise = FEW * found[i];
+            /* what nothing but rounding moves is worth no more than what that makes of it until the motion is another: short steps do not show that */
+            if (!beside && noise > MOSTLY * fabs(rate[i]) && until * noise > fmax(fmax(T->unit, SMALL) * T->size[i], 2 * T->known[i]) && isfinite(noise) && T->size[i] > 0) {
+                T->known[i] = until * noise;
+                explains = 1;
+            }
             int is_noise = T->size[i] > 0 ? h * noise > fmax(T->unit, SMALL) * T->size[i] : later && noise > SMALL * fabs(rate[i]);
             if (noise > T->least[i] && is_noise && isfinite(noise) && !(beside && T->size[i] > 0)) {
                 T->least[i] = 2 * noise;
@@ -511,6 +545,7 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
             T->before[i] += SOON * h * (rate[i] + (isfinite(noise) ? drawn(i) & 1 ? noise : -noise : 0)); /* what is a product of others is known as badly as these are */
         }
     }
+    if (!beside && !spread_rounding(I)) return -1;
     T->doubts = 0;
     T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
     if (explains) forget_noise(I);
@@ -706,7 +741,8 @@ static enum Code one_adaptive(Integrator *I) {
         else if (!T->newton_now) leave_fixed_point(I, S, h, converging(I, h, contraction, failed), wanted, I->work - spent);
         else if (!review_newton(I, S, h)) return INPUT_FAILED;
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
-        if (!refused && T->doubts > 0) T->doubts--;
+        if (T->noisy) T->doubts += CALM / 2; /* rounding that is heard of for long may be all that there is */
+        else if (!refused && T->doubts > 0) T->doubts--;
         return finish_step(I, &L);
     }
 }

@@ -182,6 +182,7 @@ struct State {
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates, 0 where that is not looked at */
     double *least;           /* what rounding makes of the rates of states that are nothing else */
+    double *known;           /* what rounding makes of these until the motion has changed */
     double *most, *aside;    /* work: per state */
     V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
     double *last_a;          /* Legendre coefficients (nx, last_s) of the last step */
@@ -427,7 +428,7 @@ static double known_to(const Integrator *I, long i) {
 /* The scale of state i in a step of size h: atol + rtol times a magnitude. */
 static void set_scale_of(Integrator *I, long i, double h, double size) {
     struct State *T = I->state;
-    double least = fmax(least_scale(I, i, h), known_to(I, i));
+    double least = fmax(fmax(least_scale(I, i, h), T->known[i]), known_to(I, i));
     T->scale[i] = fmax(T->unit / I->rtol * I->atol + T->unit * size, fmax(least, NOTHING));
 }
 

@@ -29,7 +29,7 @@ _FORGIVEN, _A_STEP = 1e3, 10.0
 """Tolerances of disturbance that are forgiven: at once, and for each step besides."""
 _STRICT = 1e-2
 """Part of these where loops have singular positions: a motion that misses one closely, and is taken through it, loses no more energy."""
-_LEAST, _MOST = 1e-9, 0.1
+_LEAST, _MOST = 1e-8, 0.1
 """Relative disturbances: what is forgiven at least, and at most."""
 _LOOSE, _START = 10.0, 1e-5
 """Invariants are forgiven more, and as much as starts may be off."""
