@@ -200,7 +200,7 @@ def test_rounding_of_a_long_chain_is_looked_at_without_an_evaluation_for_each_st
     assert at_rounding.statistics.evaluations < 55 * at_rounding.statistics.steps
 
 
-@pytest.mark.parametrize("rates", [(4e-17, -3e-18, 7e-17), (0.0, 1.5e-16, 1e-14)])
+@pytest.mark.parametrize("rates", [(4e-17, -3e-18, 7e-17), (0.0, 1.5e-16, 1e-14), (1e-17, 2e-17, 5e-18)])
 def test_rates_of_rounding_take_no_steps(rates):
     """A body falls with an angular velocity that its own rounding errors are as large as, beside another one that is followed over it: it takes no steps of its own."""
     egg = ConvexShape(lambda n: 0.02 * n[2] + 0.1 * ca.sqrt(n[0] ** 2 + n[1] ** 2 + 1.5 * n[2] ** 2) + 0.02 * ca.norm_2(n))

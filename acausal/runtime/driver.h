@@ -492,12 +492,12 @@ static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     return 0;
 }
 
-/* How long it takes until something other than rounding has changed (x, rates and what rounding makes of these); to the end at most. */
+/* How long it takes until something other than rounding has changed (rates, and what rounding makes of these); the whole time, where nothing does. */
 static double pace_of(const Integrator *I, const double *rate, const double *noise) {
-    double pace = I->end - I->t;
+    double pace = INFINITY;
     for (long i = 0; i < I->nx; i++)
         if (FEW * noise[i] < SMALL * fabs(rate[i]) && I->state->size[i] > 0) pace = fmin(pace, I->state->size[i] / fabs(rate[i]));
-    return pace;
+    return pace < INFINITY ? pace : I->end - I->state->start;
 }
 
 /* What such states make of others until the motion has changed, these are worth no more than, too, if it is much of them: an attitude of a spin that is rounding. */
