@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import nnls
@@ -19,6 +20,7 @@ from components import (
     CartesianTranslation,
     Contact,
     Coulomb,
+    Force,
     Hard,
     Planar,
     Plane,
@@ -251,3 +253,28 @@ def test_spins_that_are_nothing_but_rounding_of_blows_do_not_shorten_steps(size:
         assert run.statistics.steps < 400
         ends.append(np.concatenate([run[ball.frame.position][-1] for ball in scene.balls]) / size)
     assert ends[0] == pytest.approx(ends[1], abs=max(1e-8, 100 * rtol))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e3])
+def test_what_slides_goes_on_while_something_else_comes_to_rest(size: float, order: int) -> None:
+    """A block bounces to rest without slip, and is pushed along from t = 1 s to 1.2 s with twice its friction; another one bounces until 1.35 s, when the first one slides yet."""
+    scene = ac.System()
+    scene.world, mu = World(gravity=(0, 0, -G * size)), 0.3
+    scene.along, scene.up = [Prismatic("x") for _ in range(2)], [Prismatic("z") for _ in range(2)]
+    scene.blocks, scene.feet = (
+        [RigidBody.box(2.0, (size,) * 3) for _ in range(2)],
+        [PointOnPlane(unilateral=True, restitution=0.5, friction=Coulomb(mu)) for _ in range(2)],
+    )
+    scene.push = Force(lambda t: (ca.if_else(ca.logic_and(t >= 1, t < 1.2), 2 * mu * 2.0 * G * size, 0), 0, 0))
+    for along, up, block, foot in [*zip(scene.along, scene.up, scene.blocks, scene.feet, strict=True)][::order]:
+        scene.connect(scene.world.frame, along.frame_a)
+        scene.connect(along.frame_b, up.frame_a)
+        scene.connect(up.frame_b, block.frame)
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(block.frame, foot.frame_b)
+    scene.connect(scene.blocks[0].frame, scene.push.point)
+    run = ac.build(scene).simulate(
+        2.0, {scene.up[0].q: 0.1 * size, scene.up[1].q: size, scene.along[1].v: 0.1 * size}, rtol=1e-11
+    )
+    assert run[scene.along[0].q][-1] == pytest.approx(0.2**2 * mu * G * size, rel=1e-9)

@@ -611,8 +611,12 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     for (long i = 0; i < D->gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
     if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
     look_at_slips(I, D, R, -1, 0);
-    for (long f = 0; f < D->frictions; f++) /* so it does at last, whatever is left of its slip */
-        if (T->sticks[f] >= FEWEST) R.touching[D->gaps + f] = 1;
+    for (long f = 0; f < D->frictions; f++) { /* so do those at last that have come to rest, whatever is left of their slips */
+        int rests = 0;
+        for (long i = 0; i < D->gaps; i++) rests |= T->rests[i] && D->slide_by[f * D->n + i] != 0;
+        if (rests && T->sticks[f] >= FEWEST) R.touching[D->gaps + f] = 1;
+        if (rests) T->sticks[f] = 0;
+    }
     T->impacts = 0;
     return decide_accelerations(I, R, planned);
 }
