@@ -121,7 +121,8 @@ class PhaseMode:
                 found += [float(word == "sticks"), {"slides +": 1.0, "slides -": -1.0}.get(word, 0.0)]
             else:
                 found += [float(word == "sticks"), float(word == "slides"), 0.0, 0.0, 0.0, 0.0]
-        return np.array([*found, *([_DAMPING] if modes.redundant else [])])
+        found += [_DAMPING] if modes.redundant else []
+        return np.array([*found, *[0.0] * (len(modes.masks) - len(found))])  # nothing is carried on
 
     def row(self, law: Law, x: ca.SX, rates: ca.SX, put: Callable[[ca.SX], ca.SX]) -> ca.SX:
         """What is off (n, 1): of accelerations where a law holds, of its reactions where not; by rates of states x, which are as they are `put`."""
