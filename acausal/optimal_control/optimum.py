@@ -150,10 +150,13 @@ class Optimum:
         found, accuracy = list[np.ndarray](), Accuracy.asked(_REPLAYED)
         inputs = self.run.problem.inputs
         given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
+        x = self.x * (
+            np.abs(self.x) > np.finfo(float).eps * np.abs(self.x).max(axis=1, keepdims=True)
+        )  # what touches is not below by rounding
         for k, times in enumerate(self._between):
             read = np.append(times, self.t[k + 1])
             problem = replace(self.run.problem, inputs=given, read=read)
-            solution = integrate(problem, self.x[:, k].copy(), float(self.t[k]), float(read[-1]), accuracy)
+            solution = integrate(problem, x[:, k].copy(), float(self.t[k]), float(read[-1]), accuracy)
             arrived = solution.status.kind is StatusKind.SUCCESS
             found.append(
                 np.column_stack([solution.dense(times), solution.x[:, -1]])
