@@ -9,10 +9,8 @@ import numpy as np
 
 from acausal.analysis.mode_at import in_its_mode, with_masks
 from acausal.analysis.point import Differentiable, OperatingPoint
-from acausal.analysis.resting import DAMPING, TOUCH
+from acausal.analysis.resting import DAMPING, touching
 from acausal.numerics import patches
-from acausal.numerics.folding import folded_function
-from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import Functions
 from acausal.simulate.transitions import Law, laws_of
 
@@ -67,26 +65,26 @@ class Demand:
 
 
 def led_in_its_mode(functions: Functions, at: OperatingPoint, sizes: np.ndarray) -> OperatingPoint:
-    """With the masks of a motion that is prescribed: what touches and does not part is closed, what does not slip sticks, whatever forces that takes. `sizes` (nx,) of states.
+    """In a scene with modes, with the masks of a motion that is prescribed: what touches and does not part is closed, what does not slip sticks, whatever forces that takes. `sizes` (nx,) of states.
     Raises `OptionError` where something strikes or overlaps."""
-    modes = functions.outputs.system.modes
-    if modes is None:
-        return at
+    system = functions.outputs.system
+    modes = system.modes
+    assert modes is not None
     decided = in_its_mode(functions, at, "inverse_dynamics")
     count = len(modes.masks)
     masks = decided.u[decided.u.size - count :].copy()
-    gaps = _nothing(functions, modes.gaps, at, sizes)
-    still = _nothing(functions, modes.rate, at, sizes)
-    slips = Differentiable(functions.outputs.system, modes.rate).value(at)
+    gap, rate = Differentiable(system, modes.gaps), Differentiable(system, modes.rate)
+    slips = rate.value(at)
+    touches, still = np.abs(gap.value(at)) <= touching(gap, at, sizes), np.abs(slips) <= touching(rate, at, sizes)
     if modes.damped is not None:
         masks[modes.damped] = DAMPING
-    touching = 0
+    row = 0
     for law in laws_of(functions.outputs):
         own = masks[law.masks]
         if law.row.one_sided:
             if not law.row.one_way:
-                own[0] = gaps[touching] and still[law.reactions].all()
-            touching += 1
+                own[0] = touches[row] and still[law.reactions].all()
+            row += 1
             continue
         if law.needs and not masks[list(law.needs)].any():
             own[:] = 0
@@ -101,14 +99,13 @@ def led_in_its_mode(functions: Functions, at: OperatingPoint, sizes: np.ndarray)
 
 def demands(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[str, Demand]:
     """By names of parts, for states (nx, m) and inputs (nu, m) at times (m,), all in one mode."""
-    system = functions.outputs.system
+    system, lasting = functions.outputs.system, functions.modes
     modes = system.modes
-    if modes is None:
+    if modes is None or lasting is None:
         return {}
-    columns = ca.densify(ca.vertcat(modes.found, modes.systems.unrolled(modes.guards)))
-    function = folded_function("demands", [system.t, system.x, system.u, system.p], [columns])
-    values = np.array(function(t[None, :], x, u, np.repeat(p[:, None], t.size, axis=1))).reshape(columns.numel(), t.size)
-    forces, guards = values[: modes.found.numel()], values[modes.found.numel() :]
+    given = functions.series(functions.given_by_dynamics)(t, x, u, p)
+    forces = given[system.x_dot.numel() + system.multipliers.numel() :]
+    guards = functions.series(lasting.guards)(t, x, u, p)
     found: dict[str, Demand] = {}
     first = 0
     for law in laws_of(functions.outputs):
@@ -138,12 +135,3 @@ def _share(law: Law, word: str, force: np.ndarray, margin: np.ndarray) -> np.nda
         limit = margin[0] + size
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(size > 0, np.where(limit > 0, size / limit, np.inf), 0.0)
-
-
-def _nothing(functions: Functions, column: ca.SX, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
-    """Which values (n,) are zero, measured by their terms."""
-    if not column.numel():
-        return np.zeros(0, dtype=bool)
-    value = Differentiable(functions.outputs.system, column)
-    terms = np.abs(value.along(at, np.eye(at.x.size))) @ sizes
-    return np.abs(value.value(at)) <= TOUCH * terms + ROUNDING * value.rounding(at, sizes)

@@ -98,8 +98,12 @@ def _wrong(system: ReducedSystem, at: OperatingPoint, sizes: np.ndarray) -> np.n
     """Which guards of masks are negative (n,)."""
     assert system.modes is not None
     guards = Differentiable(system, system.modes.systems.unrolled(system.modes.guards))
-    allowed = TOUCH * np.abs(guards.along(at, np.eye(at.x.size))) @ sizes + ROUNDING * guards.rounding(at, sizes)
-    return guards.value(at) < -allowed
+    return guards.value(at) < -touching(guards, at, sizes)
+
+
+def touching(column: Differentiable, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
+    """Up to which size gaps, slips and forces (n,) are none, by their terms. `sizes` (nx,) of states."""
+    return TOUCH * np.abs(column.along(at, np.eye(at.x.size))) @ sizes + ROUNDING * column.rounding(at, sizes)
 
 
 def _by_law(laws: Sequence[Law], wrong: np.ndarray) -> list[np.ndarray]:

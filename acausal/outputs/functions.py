@@ -335,19 +335,19 @@ class Functions:
     def staged_dynamics(self) -> Function:
         """`explicit_dynamics`; with modes, where reactions are answers of systems that are solved in numbers."""
         return (
-            self.explicit_dynamics if self.outputs.system.modes is None else self._staged("explicit_dynamics", self._kept_rates)
+            self.explicit_dynamics
+            if self.outputs.system.modes is None
+            else self._staged("explicit_dynamics", lambda outputs: self.space.kept(outputs.system.x_dot))
         )
-
-    def _kept_rates(self, outputs: Outputs) -> ca.SX:
-        return self.space.kept(outputs.system.x_dot)
 
     def _staged(self, name: str, said: Callable[[Outputs], ca.SX]) -> Function:
         """(t, x, u, p) -> what outputs say; with modes, where reactions are answers of systems that are solved in numbers."""
-        s, space = self.outputs.system, self.space
-        if s.modes is None or s.unmasked is None:
-            return self._function(name, [said(self.outputs)], [name])
-        result = s.modes.with_answers(said(Outputs(s.unmasked)))
-        return Staged.of(name, space.arguments, [ca.densify(space.put(result))], s.modes.systems.with_operands(space.put))
+        modes, space = self.outputs.system.modes, self.space
+        result = said(self.outputs.unmasked)
+        if modes is None:
+            return self._function(name, [result], [name])
+        found = ca.densify(space.put(modes.with_answers(result)))
+        return Staged.of(name, space.arguments, [found], modes.systems.with_operands(space.put))
 
     @functools.cached_property
     def modes(self) -> ModeFunctions | None:

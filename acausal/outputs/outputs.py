@@ -49,11 +49,15 @@ class Outputs:
         r = self._open
         return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers, r.solved)
 
+    @functools.cached_property
+    def unmasked(self) -> Outputs:
+        """Of the system in which reactions that hold as long as they can are symbols still; itself where there are none."""
+        unmasked = self.system.unmasked
+        return self if self.system.modes is None or unmasked is None else Outputs(unmasked)
+
     @property
     def _open(self) -> ReducedSystem:
-        """That in which reactions that hold as long as they can are symbols still."""
-        unmasked = self.system.unmasked
-        return self.system if self.system.modes is None or unmasked is None else unmasked
+        return self.unmasked.system
 
     @functools.cached_property
     def by_modes(self) -> tuple[ca.SX, ca.SX]:
@@ -61,7 +65,7 @@ class Outputs:
         modes = self.system.modes
         if modes is None:
             return ca.SX(0, 1), ca.SX(0, 1)
-        return ca.vertcat(modes.reactions, modes.dead), ca.vertcat(modes.found, ca.SX.zeros(modes.dead.numel()))
+        return modes.symbols, modes.with_dead(modes.found)
 
     @functools.cached_property
     def borne(self) -> ca.SX:
@@ -177,11 +181,11 @@ class Outputs:
     @functools.cached_property
     def loss_by_reactions(self) -> ca.SX:
         """(n, 1): what `power_loss` grows by with each reaction that holds as long as it can [W/N or W/(N*m)]: in an impact, what is lost by its impulse."""
-        modes, unmasked = self.system.modes, self.system.unmasked
-        if modes is None or unmasked is None:
+        modes = self.system.modes
+        if modes is None:
             return ca.SX(0, 1)
         r = modes.reactions
-        return ca.substitute(ca.jacobian(Outputs(unmasked).power_loss, r).T, r, ca.SX.zeros(r.numel()))
+        return ca.substitute(ca.jacobian(self.unmasked.power_loss, r).T, r, ca.SX.zeros(r.numel()))
 
     def said(self, value: Expression | ca.SX | float) -> ca.SX:
         """What a part says of itself, in states, inputs and parameters."""

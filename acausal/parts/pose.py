@@ -155,18 +155,12 @@ def _rotation_from_quaternion(q: ca.SX) -> tuple[ca.SX]:
 
 def quaternion_rate(q: ca.SX, w: ca.SX) -> ca.SX:
     """q' = q * (0, w) / 2 for the angular velocity w in the turned frame."""
-    return _quaternion_rate(q, w)[0]
-
-
-@inlined((4, 1), (3, 1))
-def _quaternion_rate(q: ca.SX, w: ca.SX) -> tuple[ca.SX]:
-    doubled = ca.vertcat(
+    return 0.5 * ca.vertcat(
         -q[1] * w[0] - q[2] * w[1] - q[3] * w[2],
         q[0] * w[0] + q[2] * w[2] - q[3] * w[1],
         q[0] * w[1] + q[3] * w[0] - q[1] * w[2],
         q[0] * w[2] + q[1] * w[1] - q[2] * w[0],
     )
-    return (0.5 * doubled,)
 
 
 def rotation_about_z(angle: ca.SX) -> ca.SX:

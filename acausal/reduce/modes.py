@@ -55,10 +55,18 @@ class Modes:
     magnitudes: Magnitudes
     dead: ca.SX
 
+    @property
+    def symbols(self) -> ca.SX:
+        """Of all reactions, then those that are zero at all times."""
+        return ca.vertcat(self.reactions, self.dead)
+
+    def with_dead(self, values: ca.SX) -> ca.SX:
+        """Values (n, 1) of the reactions, as those of `symbols`."""
+        return ca.vertcat(values, ca.SX.zeros(self.dead.numel()))
+
     def with_answers(self, value: ca.SX) -> ca.SX:
         """An expression of the scene in which reactions are symbols still, with answers of `systems` for them."""
-        symbols = ca.vertcat(self.reactions, self.dead)
-        return ca.substitute(value, symbols, ca.vertcat(self.solved, ca.SX.zeros(self.dead.numel())))
+        return ca.substitute(value, self.symbols, self.with_dead(self.solved))
 
     @functools.cached_property
     def found(self) -> ca.SX:
@@ -232,11 +240,11 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     Where rows depend on inputs these have rates, and what holds is followed by these, and not among the invariants; nor is what may jump. Raises `ModelError` for a gap that is
     not one of positions, and reactions that the rates do not depend on as they should.
     """
-    rows, dead = _living(rows, motion)
-    motion = motion.without(dead)
-    rows = [row.put([ca.vertcat(*dead)], [ca.SX.zeros(len(dead))]) for row in rows] if dead else rows
+    rows, unmoving = _living(rows, motion)
+    motion, dead = motion.without(unmoving), ca.vertcat(ca.SX(0, 1), *unmoving)
+    rows = [row.put([dead], [ca.SX.zeros(len(unmoving))]) for row in rows] if unmoving else rows
     if not rows:
-        return None, ca.vertcat(*dead)
+        return None, dead
     reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
     moves = _Moves.of(rows, motion, reactions)
     rate, acceleration = moves.rate, moves.acceleration
@@ -268,9 +276,9 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
     found = Modes(
         tuple(rows), tuple(everything), reactions, rate, free, W, ca.densify(J), values, guards, invariants, motion.closed(gaps, J, pushes), system.systems,
-        None if shared is None else shared.damping, magnitudes, ca.vertcat(ca.SX(0, 1), *dead),
+        None if shared is None else shared.damping, magnitudes, dead,
     )  # fmt: skip
-    return found, ca.vertcat(ca.SX(0, 1), *dead)
+    return found, dead
 
 
 def _magnitudes(rows: Sequence[ModeRow], names: Mapping[Any, str], reactions: ca.SX) -> Magnitudes:

@@ -344,7 +344,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
         modes = dataclasses.replace(modes, masks=(*modes.masks, *masks))
-        r, found, masks = ca.vertcat(modes.reactions, dead), ca.vertcat(modes.found, found), modes.masks
+        r, found, masks = modes.symbols, modes.with_dead(modes.found), modes.masks
     moving = [] if modes is None else [modes.rate, modes.free]
     given = {rate: f"der({system.flat.names.get(rate.of, rate.of.name)})" for rate in _input_rates(system.flat, moving)}
     names = {**system.flat.names, **given, **{mask: mask.name for mask in masks if mask not in system.flat.names}}
