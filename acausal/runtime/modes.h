@@ -71,7 +71,7 @@ static int make_modes(Integrator *I) {
     T->no_change = reserve_doubles(I, I->decision.outputs);
     T->lifted = reserve_doubles(I, I->masks + 1);
     T->leaves = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
-    T->near_knot = reserve_doubles(I, I->one_sided + n);
+    T->near_knot = reserve_doubles(I, I->one_sided + n + I->nx * n);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
@@ -165,6 +165,7 @@ static int look_before_knot(Integrator *I, double t) {
     if (!reactions_of(I)) return 1;
     if (!decision_at(I, t, I->x, &D)) return 0;
     memcpy(T->near_knot, D.gap, sizeof(double) * (size_t)(D.gaps + D.n));
+    memcpy(T->near_knot + D.gaps + D.n, D.J, sizeof(double) * (size_t)(I->nx * D.n));
     return 1;
 }
 
@@ -173,7 +174,22 @@ static int has_jumped(const Integrator *I, const Decision *D, long k) {
     return I->state->crossed && (k >= D->gaps || D->terms[k] > 0) && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
 }
 
-/* A switch has gone over: modes are decided anew where a gap or a rate has jumped by that; `before`: whether there was something to decide anyway. REACHED_END,
+/* Whether what reactions do has jumped there: their directions, which masks know. */
+static int has_turned(const Integrator *I, const Decision *D) {
+    const double *J = I->state->near_knot + D->gaps + D->n, speed = sqrt(2 * fmax(D->bounce[D->gaps], 0)); /* in their units */
+    for (long k = 0; k < I->nx; k++) {
+        double most = 0, turned = 0;
+        for (long j = k * D->n; j < (k + 1) * D->n; j++) {
+            double unit = unit_of(D->W[(j - k * D->n) * (D->n + 1)]);
+            most = fmax(most, fabs(J[j]) / unit);
+            turned = fmax(turned, fabs(D->J[j] - J[j]) / unit);
+        }
+        if (turned > sqrt(FITS) * most && turned * speed > NIL * I->state->size[k]) return 1;
+    }
+    return 0;
+}
+
+/* A switch has gone over: modes are decided anew where a gap, a rate or a direction has jumped by that; `before`: whether there was something to decide anyway. REACHED_END,
    or why not: derivatives do not go through it. */
 static enum Code look_after_switch(Integrator *I, int before) {
     struct State *T = I->state;
@@ -181,7 +197,7 @@ static enum Code look_after_switch(Integrator *I, int before) {
     long k = 0;
     if (reactions_of(I) && !decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     while (k < D.gaps + D.n && !has_jumped(I, &D, k)) k++;
-    if (k == D.gaps + D.n) T->crossed = before;
+    if (k == D.gaps + D.n) T->crossed = before || (D.n > 0 && !I->directions && has_turned(I, &D));
     else if (I->directions) {
         I->worst = k % D.gaps;
         return NO_DERIVATIVES;
@@ -439,6 +455,7 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
         if (open <= sqrt(FITS) * most) break;
         if (!slides) return; /* what holds is projected */
     }
+    for (long j = 0; j < n; j++) T->impulse[j] += R.before[j];
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D->J[i * n + j] * R.before[j];
 }
@@ -599,15 +616,72 @@ static int lift(Integrator *I, Decision *D, Room R) {
     return decision_at(I, I->t, I->x, D) ? 1 : -1;
 }
 
-/* From the impact that has been decided, of this row, to where all that follow it are over. */
-static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double planned) {
+/* Laws that hang together with gaps that come to rest, by what their reactions move, into `in`. */
+static void find_island(const Integrator *I, const Decision *D, const long *touching, long *in) {
+    long n = D->n, laws = D->gaps + D->frictions, found = 1;
+    for (long k = 0; k < laws; k++) in[k] = k < D->gaps && I->state->rests[k];
+    while (found) {
+        found = 0;
+        for (long a = 0; a < laws; a++)
+            for (long b = 0; b < laws && in[a]; b++) {
+                if (in[b] || !touching[b]) continue;
+                long i = a < D->gaps ? a : row_of(D, a - D->gaps), j = b < D->gaps ? b : row_of(D, b - D->gaps);
+                for (long r = i; r < i + (a < D->gaps ? 1 : rows_of(D, a - D->gaps)); r++)
+                    for (long c = j; c < j + (b < D->gaps ? 1 : rows_of(D, b - D->gaps)); c++) in[b] |= fabs(D->W[r * n + c]) > NIL * sqrt(D->W[r * (n + 1)] * D->W[c * (n + 1)]);
+                for (long f = 0; f < D->frictions; f++) in[b] |= (a < D->gaps && b == D->gaps + f && D->slide_by[f * n + a] != 0) || (b < D->gaps && a == D->gaps + f && D->slide_by[f * n + b] != 0);
+                found |= in[b] != 0;
+            }
+    }
+}
+
+/* Impulses of friction over a time h in which impacts are bridged, of laws `in` one island, from these rates, and accelerations without reactions, at its beginning: those with which all
+   that comes to rest does so, and what slides goes on. To first order in h, as what they do is. */
+static void bridge_friction(Integrator *I, const Decision *D, Room R, const long *in, double h, const double *rate, const double *free) {
     struct State *T = I->state;
+    long n = D->n;
+    double *start = R.compressed;
+    Decision nothing = decision_of(I, T->no_change, 0);
+    Problem p = problem_of(I, D, R, start);
+    p.kinetic = p.constants = 1;
+    memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
+    for (long i = 0; i < n; i++) R.push[i] = start[i] = R.before[i] = 0;
+    for (long i = 0; i < D->gaps; i++) {
+        R.law[i] = in[i] && R.touching[i] ? HOLDS : OFF;
+        R.push[i] = R.law[i] == HOLDS;
+    }
+    for (long f = 0; f < D->frictions; f++) {
+        long *law = R.law + D->gaps + f;
+        *law = !in[D->gaps + f] || !(limit_of(&p, f) > 0) ? OFF : R.touching[D->gaps + f] == 1 ? HOLDS : AGAINST;
+        for (long k = 0; k < rows_of(D, f) && *law == AGAINST; k++) T->impulse[row_of(D, f) + k] = -h * D->slide[f] * R.along[3 * f + k];
+    }
+    for (long i = 0; i < n; i++) {
+        start[i] = rate[i] + h * free[i];
+        for (long j = D->gaps; j < n; j++) start[i] += D->W[i * n + j] * T->impulse[j];
+    }
+    change_choice(&p, &nothing, start, 0, T->choice_change, R.before);
+    for (long j = D->gaps; j < n; j++) T->impulse[j] = isfinite(R.before[j]) ? T->impulse[j] + R.before[j] : 0;
+}
+
+/* From the impact that has been decided, of this row, to where all that follow it are over; `rate`: after it. What has nothing to do with them keeps its `sides`. */
+static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double planned, const double *sides, const double *rate) {
+    struct State *T = I->state;
+    long n = D->n, *in = T->rests + D->gaps;
+    double *free = T->blow, *first = T->blow + n, h = T->rest_t - I->t;
     if (I->directions) {
         I->worst = row >= 0 && row < D->gaps ? row : 0;
         return NO_DERIVATIVES;
     }
+    memcpy(free, D->free, sizeof(double) * (size_t)n);
+    memcpy(first, rate, sizeof(double) * (size_t)n);
+    find_island(I, D, R.touching, in);
+    memcpy(T->side, sides, sizeof(double) * (size_t)I->masks);
+    for (long i = 0; i < D->gaps; i++)
+        if (in[i]) T->side[i] = 0;
+    for (long f = 0; f < D->frictions; f++)
+        if (in[D->gaps + f]) memset(T->side + mask_of(I, f), 0, sizeof(double) * (size_t)(mask_of(I, f + 1) - mask_of(I, f)));
     if (!note_transition(I, row) || !keep_straight(I, 0) || !bridge_impacts(I)) return OUT_OF_MEMORY;
-    memset(T->impulse, 0, sizeof(double) * (size_t)D->n);
+    memset(T->side, 0, sizeof(double) * (size_t)first_discrete(I));
+    memset(T->impulse, 0, sizeof(double) * (size_t)n);
     for (long i = 0; i < D->gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
     if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
     look_at_slips(I, D, R, -1, 0);
@@ -617,6 +691,7 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
         if (rests && T->sticks[f] >= FEWEST) R.touching[D->gaps + f] = 1;
         if (rests) T->sticks[f] = 0;
     }
+    bridge_friction(I, D, R, in, h, first, free);
     T->impacts = 0;
     return decide_accelerations(I, R, planned);
 }
@@ -635,7 +710,8 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
             I->worst = i;
             return OVERLAPS;
         }
-        if (!T->just_set && D.gap[i] < -deepest(I, D.gap_noise[i], D.gap_noise[i] / (TOUCHES * EPS))) return falls(I, i, -D.gap[i]); /* what has been set moves gaps by the rounding of others */
+        double known = D.gap_noise[i] + (T->side[i] == 1 ? D.rate_noise[i] * T->pace : 0); /* what is held moves by the rounding of all that holds it */
+        if (!T->just_set && D.gap[i] < -deepest(I, known, D.gap_noise[i] / (TOUCHES * EPS))) return falls(I, i, -D.gap[i]); /* what has been set moves gaps by the rounding of others */
         int strikes = R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i];
         T->struck[T->impacts % REMEMBERED * gaps + i] = strikes != 0;
         impacts |= strikes; /* what begins to hold where its speed vanishes strikes nothing */
@@ -678,11 +754,12 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     }
     lifted |= low;
     if (over || low) {
+        memcpy(T->lifted, T->side, sizeof(double) * (size_t)I->masks);
         memset(T->side, 0, sizeof(double) * (size_t)first_discrete(I));
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     }
     if (over) {
-        code = bridge(I, &D, R, row, planned);
+        code = bridge(I, &D, R, row, planned, T->lifted, rate);
         row = BRIDGE;
         impacts = 0;
     }

@@ -203,6 +203,23 @@ static int changes_modes(const Integrator *I);
 static int look_before_knot(Integrator *I, double t);
 static enum Code look_after_switch(Integrator *I, int before);
 
+/* The switch of a row goes over, and with it those of all others that pass zero in the same instant, as where one condition is written in two ways: what is held at sides that do not fit
+   one another is no law. `rates`: those until now. Returns 0 when the input function failed. */
+static int go_over_together(Integrator *I, long row, double shift, const double *rates) {
+    struct State *T = I->state;
+    double *x = T->factor, *earlier = T->row_values;
+    for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - shift * rates[i];
+    if (!rows_at(I, I->t - shift, x)) return 0;
+    memcpy(earlier, T->one_row, sizeof(double) * (size_t)I->row_count);
+    if (!rows_at(I, I->t, I->x)) return 0;
+    go_to_other_side(I, row);
+    for (long r = I->mode_rows; r < I->row_count; r++) {
+        double noise = T->row_noise[r];
+        if (I->row_switch[r] != I->row_switch[row] && T->one_row[r] <= noise && earlier[r] > 10 * noise) go_to_other_side(I, r);
+    }
+    return 1;
+}
+
 /* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
 static enum Code go_over(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
@@ -223,7 +240,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     remembered[old > 0] = L->planned;
     int crossed = T->crossed;
     if (changes_modes(I) && !look_before_knot(I, I->t)) return INPUT_FAILED;
-    go_to_other_side(I, L->row);
+    if (!go_over_together(I, L->row, 0.1 * BACK * L->planned, before)) return INPUT_FAILED;
     new = T->side[k];
     for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
     if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;

@@ -15,7 +15,7 @@ static int make_zeno(Integrator *I) {
     T->impact_x = reserve_doubles(I, REMEMBERED * I->nx);
     T->impact_row = reserve(I, sizeof(long) * REMEMBERED);
     T->rest_x = reserve_doubles(I, I->nx + 1);
-    T->rests = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
+    T->rests = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + frictions_of(I) + 1));
     T->sticks = reserve(I, sizeof(long) * (size_t)(I->lines + I->planes + I->patches + 1));
     T->struck = reserve(I, (size_t)(REMEMBERED * I->one_sided + 1));
     return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->rest_x && T->rests && T->sticks && T->struck);

@@ -26,6 +26,8 @@ _COLUMNS = 1000
 """Places in a picture at which blows can be told apart."""
 _NOTHING = 1e-13
 """Of the largest impulse in an instant: what is no blow but rounding."""
+_BRIDGE = -2
+"""The row of a change that ends impacts without end."""
 _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
 _FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
 _ONE_SIDED = ("open", "closed")
@@ -174,7 +176,8 @@ class Transition:
 class Transitions(Sequence[Transition]):
     """Of a run, in order of time: a table that prints itself, of `Transition`s that are made when they are asked for.
 
-    `times` (n,) [s]; `rows` (n,): ends of steps before each; `jumped` (n,): whether the state jumps, over a step of no length. `old`, `new` (laws, n): numbers of words;
+    `times` (n,) [s]; `rows` (n,): ends of steps before each; `jumped` (n,): whether the state jumps, over a step of no length; `bridged` (n,): whether it
+    ends impacts without end, over a step whose friction has impulses. `old`, `new` (laws, n): numbers of words;
     `impulses` (n, reactions), and what each of them `lost` (n, reactions) as heat, and `lost_in_balance` (n,): less what drives brought in [J]. Where nothing
     changes but to which law a force is due there is no transition; the start's decision is none, unless something strikes there.
     """
@@ -184,6 +187,7 @@ class Transitions(Sequence[Transition]):
     times: np.ndarray
     rows: np.ndarray
     jumped: np.ndarray
+    bridged: np.ndarray
     masks: tuple[np.ndarray, np.ndarray]
     old: np.ndarray
     new: np.ndarray
@@ -198,11 +202,11 @@ class Transitions(Sequence[Transition]):
         """(n, reactions), (n,): half the rate before and after, times the impulse (Thomson and Tait): of what the laws hold, and of what the energy balance sees."""
         lost, n = np.zeros(self.impulses.shape), self.impulses.shape[1]
         in_balance = np.zeros(self.times.size)
-        function, some = self.run.functions.impacts, np.flatnonzero(self.jumped)
+        function, some = self.run.functions.impacts, np.flatnonzero(self.jumped | self.bridged)
         if function is None or not some.size:
             return lost, in_balance
         t, x = self.run.solution.beside(self.times[some], 1), self.run.solution.x
-        states = np.hstack([x[:, self.rows[some]], x[:, self.rows[some] + 1]])
+        states = np.hstack([x[:, self.rows[some] - self.bridged[some]], x[:, self.rows[some] + self.jumped[some]]])
         u = np.hstack([self._inputs(k, some, strikes=True) for k in range(2)])
         series = self.run.functions.series(function)
         before, after = np.split(series.glance(np.concatenate([t, t]), states, u, self.run.problem.parameters), 2, axis=1)
@@ -237,7 +241,8 @@ class Transitions(Sequence[Transition]):
     def lost_at_ends(self, count: int) -> np.ndarray:
         """The sum of these so far (n,) [J], at so many ends of steps: not yet at the end before an impact."""
         lost = np.zeros(count)
-        np.add.at(lost, (self.rows + 1)[self.jumped], self.lost_in_balance[self.jumped])
+        struck = self.jumped | self.bridged
+        np.add.at(lost, (self.rows + self.jumped)[struck], self.lost_in_balance[struck])
         return np.cumsum(lost)
 
     def _inputs(self, after: int, some: np.ndarray, strikes: bool = False) -> np.ndarray:
@@ -263,7 +268,7 @@ class Transitions(Sequence[Transition]):
             sizes[law.row.reaction.unit] = max(sizes[law.row.reaction.unit], float(np.abs(self.impulses[k, law.reactions]).max()))
         for i, law in enumerate(self.laws):
             old, new, impulse = self.old[i, k], self.new[i, k], self.impulses[k, law.reactions]
-            if old == new and not np.abs(impulse).max() > _NOTHING * sizes[law.row.reaction.unit]:
+            if old == new and (self.bridged[k] or not np.abs(impulse).max() > _NOTHING * sizes[law.row.reaction.unit]):
                 continue
             unit = _IMPULSES.get(law.row.reaction.unit, f"{law.row.reaction.unit}*s")
             lost = float(self._losses[0][k, law.reactions].sum())
@@ -347,21 +352,23 @@ def transitions_of(run: Run) -> Transitions:
     if met is None:
         none, words = np.zeros(0), np.zeros((0, 0), dtype=int)
         at = none.astype(int)
-        return Transitions(run, laws, none, at, none.astype(bool), (words, words), words, words, np.zeros((0, 0)), (), {})
+        return Transitions(
+            run, laws, none, at, none.astype(bool), none.astype(bool), (words, words), words, words, np.zeros((0, 0)), (), {}
+        )
     last = np.append(np.diff(met.steps) > 0, True)  # of those at the same end of a step
     first = np.insert(last[:-1], 0, True)
     begin, end = np.flatnonzero(first), np.flatnonzero(last)
     impulses = np.add.reduceat(met.impulses, begin, axis=0)
-    jumped = np.logical_or.reduceat(met.jumped, begin)
+    jumped, bridged = (np.logical_or.reduceat(flags, begin) for flags in (met.jumped, met.rows == _BRIDGE))
     after = met.masks[:, end]
     before = np.hstack([after[:, :1] if not jumped[0] else np.zeros((after.shape[0], 1)), after[:, :-1]])
     old, new = (
         np.array([law.numbers(masks) for law in laws]).reshape(len(laws), begin.size).astype(int) for masks in (before, after)
     )
     targets, words = _targets(run, met, begin, end)
-    some = np.flatnonzero(jumped | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
+    some = np.flatnonzero(jumped | bridged | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
     return Transitions(
-        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some],
+        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], bridged[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some],
         tuple(targets[k] for k in some), words,
     )  # fmt: skip
 
