@@ -19,7 +19,8 @@ import numpy as np
 
 import acausal as ac
 from acausal.optimal_control.mesh import Mesher
-from acausal.optimal_control.solving import Part, ipopt_options, whole
+from acausal.optimal_control.search import ipopt_options
+from acausal.optimal_control.whole import Part, whole
 from components import (
     ForceSource,
     Prismatic,

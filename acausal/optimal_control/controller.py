@@ -9,11 +9,12 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptimalControlError, OptionError
+from acausal.optimal_control.failing import REASONS
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import through
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.real_time import RealTime
-from acausal.optimal_control.solving import REASONS, ipopt_options
+from acausal.optimal_control.search import ipopt_options
 
 
 class Controller:

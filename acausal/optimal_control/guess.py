@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.stage import Stage
 
 if TYPE_CHECKING:
@@ -20,16 +21,27 @@ _CLOSINGS = 20
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """The `duration` [s], at `times` (n,), parts of it, all unknowns of points `values` (n, width), and those of free parameters (k,)."""
+    """The `duration` [s], at `times` (n,), parts of it, all unknowns of points `values` (n, width), and those of free parameters (k,).
+
+    What was found has a `mesh`, whose points these are; the first `states` of the unknowns are known where an interval begins, too.
+    """
 
     times: np.ndarray
     values: np.ndarray
     duration: float
     free: np.ndarray
+    mesh: Mesh | None = None
+    states: int = 0
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """(m, width): between, by straight lines."""
-        return np.column_stack([np.interp(times, self.times, column) for column in self.values.T])
+        """(m, width): between, by the polynomials of the mesh; by straight lines where there is none."""
+        if self.mesh is None:
+            return np.column_stack([np.interp(times, self.times, column) for column in self.values.T])
+        s = self.mesh.tableau.stages
+        k, of_states, of_others = self.mesh.between(times)
+        there = self.values[s * k[:, None] + np.arange(s + 1)]
+        states = np.einsum("mj,mjx->mx", of_states, there[:, :, : self.states])
+        return np.hstack([states, np.einsum("mj,mjx->mx", of_others, there[:, 1:, self.states :])])
 
 
 def path_guess(
@@ -42,9 +54,11 @@ def path_guess(
     *,
     turned: np.ndarray,
     sought: np.ndarray,
+    bend: np.ndarray | float = 0.0,
 ) -> Guess:
     """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk, or at constant speed where some are
-    `turned` (nx,) and others follow; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. `units` (width,): what is much for each unknown of a point.
+    `turned` (nx,) and others follow; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. `units` (width,): what is much for each unknown of a point. `bend` (times, nq): by how much
+    positions are off that path.
     """
     nq, steady = stage.functions.space.nq, bool(turned.any())
     where = np.array([at for at, _ in stops])
@@ -56,6 +70,7 @@ def path_guess(
         x = wanted[k] + (wanted[k + 1] - wanted[k]) * blend[:, None]
     else:
         x = np.repeat(wanted, times.size, axis=0)
+    x[:, :nq] += bend
     x[:, :nq] = closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
     t = times * duration
     x = _moving(stage, x, t, free, duration, sought, steady=steady)

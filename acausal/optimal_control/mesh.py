@@ -66,6 +66,14 @@ class Mesh:
         """(intervals + 1,): which nodes are at none of the `marks`."""
         return np.min(np.abs(self.nodes[:, None] - np.array(self.marks)), axis=1) > _APART
 
+    def between(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """For parts of the duration (m,): the interval of each (m,), where a node belongs to the one that it ends; and by which values at the beginning and at the
+        points of this (m, 1 + stages), and at the points alone (m, stages), count in the polynomials through them.
+        """
+        k = np.clip(np.searchsorted(self.nodes, times, side="left") - 1, 0, self.intervals - 1)
+        part, c = (times - self.nodes[k]) / self.lengths[k], self.tableau.c
+        return k, _values(np.append(0.0, c), part), _values(c, part)
+
     def refined(self, wanting: np.ndarray) -> Mesh:
         """With `wanting` (intervals,) pieces in place of each interval."""
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(self.nodes[:-1], self.nodes[1:], wanting, strict=True)]
@@ -81,6 +89,13 @@ def _slopes(points: np.ndarray) -> np.ndarray:
     np.fill_diagonal(found, 0.0)
     np.fill_diagonal(found, -found.sum(axis=1))
     return found
+
+
+def _values(points: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(m, n): values at places (m,) of the polynomials that are 1 at one of the points (n,) and 0 at the others."""
+    off = np.eye(points.size, dtype=bool)
+    parts = (at[:, None, None] - points) / np.where(off, 1.0, points[:, None] - points)
+    return np.prod(np.where(off, 1.0, parts), axis=2)
 
 
 def hull(points: np.ndarray) -> np.ndarray:

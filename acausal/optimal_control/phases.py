@@ -19,8 +19,9 @@ from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.mode import PhaseMode, replace_words
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.problem import OptimalControl
-from acausal.optimal_control.solving import Part, best_of
+from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.whole import Part
 from acausal.start.initial import near
 from acausal.start.states import start_values
 

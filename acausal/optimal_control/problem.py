@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary, finite
+from acausal.arguments import dictionary, finite, whole_number
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter, Symbol, declared
 from acausal.optimal_control.checks import check_problem
@@ -18,9 +19,11 @@ from acausal.optimal_control.language import Cost, free
 from acausal.optimal_control.mesh import Mesh, Mesher
 from acausal.optimal_control.mode import phase_mode
 from acausal.optimal_control.optimum import Optimum
-from acausal.optimal_control.solving import Part, best_of
+from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.swings import other_guesses
 from acausal.optimal_control.transcription import GIVEN, Asked, Limits, Total, beside
+from acausal.optimal_control.whole import Part
 from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
 from acausal.start.assembly_function import start_units
@@ -95,7 +98,7 @@ class OptimalControl:
         self._inputs: dict[Any, float] = dict(self.symbols(inputs or {}, "inputs"))
         self._start: dict[Expression, Any] | None = None
         self._opened: dict[Expression, free] = {}
-        self._path: list[tuple[Expression, Any, Any]] = []
+        self._limited: list[tuple[Expression, Any, Any]] = []
         self._here: list[tuple[float, dict[Expression, Any]]] = []
         self._totals: list[tuple[Cost, float, float, str]] = []
         self._geometry: dict[Parameter, free] = {}
@@ -139,7 +142,7 @@ class OptimalControl:
             return
         (wanted,) = self.symbols({expression: 0.0}, "bound")
         _ordered((lower, upper), self.name(wanted), None)
-        self._path.append((wanted, lower, upper))
+        self._limited.append((wanted, lower, upper))
 
     def periodic(self, turns: Any = None, drift: Sequence[Expression | str] = ()) -> None:
         """The motion ends as it began, each of `turns` {variable: number} full turns on; states in `drift` may end anywhere."""
@@ -193,25 +196,29 @@ class OptimalControl:
         solver: str = "ipopt",
         tolerance: float = 1e-6,
         refinements: int = 4,
+        guesses: int = 4,
         options: Mapping[str, Any] | None = None,
     ) -> Optimum:
-        """The best motion near the guess.
+        """The best motion near the guess, or near the best of several.
 
         `intervals`: of the first mesh; intervals whose replay is off by more than `tolerance`, relative to what each state varies by, are divided up to
         `refinements` times. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
-        CasADi's `ipopt`. Raises `OptimalControlError` with the last iterate where none is found.
+        CasADi's `ipopt`. `guesses`: so many other paths are tried at first, and the best is kept, where `guess` was not said, motions are not linear, and that is cheap.
+        Raises `OptimalControlError` with the last iterate where none is found.
         """
         part = self.part(Mesher(intervals, order, controls, solver))
-        return best_of([part], [], solver, dict(options or {}), tolerance, refinements).phases[0]
+        others = other_guesses(part, whole_number(guesses, "solve: guesses", 0))
+        return best_of([part], [], solver, dict(options or {}), tolerance, refinements, others).phases[0]
 
     def part(self, mesher: Mesher, begin: Mapping[Expression, Any] | None = None) -> Part:
         """As it is given to the solver. `begin`: start values near which the guess begins, where there are none of its own."""
         mesh = mesher.mesh([at for at, _ in self._here])
         asked, stops, units = self._asked(mesher.controls == "constant", begin)
-        first = self._first(asked.stage, stops, mesh, units)
-        units = self._measured(asked, units, first)
+        bent = functools.partial(self._path, asked.stage, stops, mesh, units)
+        first = self._told(asked.stage, mesh) or bent(0.0)
+        measured = self._measured(asked, units, first)
         check_problem(asked, first, self.name)
-        return Part(self.model, asked, mesh, first, units, self._given)
+        return Part(self.model, asked, mesh, first, measured, self._given, bent if self._guess is None else None)
 
     def controller(
         self,
@@ -257,7 +264,7 @@ class OptimalControl:
         following = self._opened or (self._geometry and f.invariants is not None)
         if self._start is not None and following:
             here.insert(0, (0.0, self._open_start(stage, begin.x)))
-        path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._path]
+        path = [self._limits(stage, key, (lower, upper)) for key, lower, upper in self._limited]
         path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
         path += [Limits(value, np.zeros(value.numel()), np.full(value.numel(), np.inf), name) for value, name in stage.bounds]
         totals = [(_total(stage, total, "bound"), low, high, name) for total, low, high, name in self._totals]
@@ -329,22 +336,31 @@ class OptimalControl:
         value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
         return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), GIVEN)
 
-    def _first(self, stage: Stage, stops: list[tuple[float, np.ndarray]], mesh: Mesh, units: np.ndarray) -> Guess:
-        geometry = np.array([v.guess for v in self._geometry.values()], dtype=float)
-        times = np.append(0.0, mesh.points.ravel())
-        if isinstance(self._guess, Optimum):
-            return self._guess.motion
-        if self._guess is not None:
-            return run_guess(stage, self._guess, geometry, times)
+    def _told(self, stage: Stage, mesh: Mesh) -> Guess | None:
+        """The motion that was given as a guess."""
+        if self._guess is None or isinstance(self._guess, Optimum):
+            return None if self._guess is None else self._guess.motion
+        return run_guess(stage, self._guess, self._free_guess, np.append(0.0, mesh.points.ravel()))
+
+    @property
+    def _free_guess(self) -> np.ndarray:
+        """Of free parameters."""
+        return np.array([v.guess for v in self._geometry.values()], dtype=float)
+
+    def _path(
+        self, stage: Stage, stops: list[tuple[float, np.ndarray]], mesh: Mesh, units: np.ndarray, bend: np.ndarray | float
+    ) -> Guess:
+        """A smooth path, with its positions off by `bend` (times, nq)."""
         return path_guess(
             stage,
             stops,
-            times,
+            np.append(0.0, mesh.points.ravel()),
             float(self._time.guess or 1.0),
-            geometry,
+            self._free_guess,
             units,
             turned=self.by_state(self._turns or {}) != 0,
             sought=self._sought(stage, stops[0][1], units),
+            bend=bend,
         )
 
     def _sought(self, stage: Stage, x: np.ndarray, units: np.ndarray) -> np.ndarray:
@@ -370,7 +386,7 @@ class OptimalControl:
         nq, nv = space.nq, space.velocities
         _, _, loops, inputs = stage.sizes
         drive = np.ones(inputs)
-        for expression, lower, upper in self._path:
+        for expression, lower, upper in self._limited:
             for k, entry in enumerate(self._mode.inputs):
                 if expression is entry:
                     size = max((abs(float(v)) for v in (lower, upper) if np.isfinite(v)), default=0.0)

@@ -99,6 +99,15 @@ class Asked:
     duration: np.ndarray
     geometry: np.ndarray
 
+    @functools.cached_property
+    def linear(self) -> bool:
+        """Whether all but the cost, and but for a free time, is linear in the unknowns of a point."""
+        stage = self.stage
+        said = [*self.path, *(limits for _, limits in self.here)]
+        rows = ca.veccat(stage.rates, stage.balance, stage.invariants[0], *(limits.value for limits in said))
+        unknowns = ca.vertcat(stage.unknowns[: stage.width], stage.geometry)
+        return not any(ca.which_depends(stage.put(rows), unknowns, 2, True))
+
     @property
     def entries(self) -> list[tuple[int, Limits, int]]:
         """Of what has limits all the time each entry: these, its number there, and before them the number of the unknown that it is; -1 where it is none."""
@@ -131,10 +140,10 @@ class Transcribed:
         values = full[self.places]
         nx = stage.sizes[0]
         first = np.append(full[:nx], values[0, 0, nx:])
-        times = np.append(0.0, self.settled(w).points.ravel())
+        mesh, count = self.settled(w), len(stage.free)
+        times = np.append(0.0, mesh.points.ravel())
         values = np.vstack([first, values.reshape(-1, stage.width)])
-        count = len(stage.free)
-        return Guess(times, values, float(full[self.layout.tail]), full[self.layout.tail + 1 :][:count])
+        return Guess(times, values, float(full[self.layout.tail]), full[self.layout.tail + 1 :][:count], mesh, nx)
 
     def unknowns(self, guess: Guess) -> np.ndarray:
         """Those of the program for a motion."""

@@ -1,0 +1,134 @@
+"""Searches for best motions on one mesh after another, counted together."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from acausal.optimal_control.failing import interrupted
+from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.link import Link
+from acausal.optimal_control.mesh import Mesh
+from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.search import INTERRUPTED, search
+from acausal.optimal_control.whole import Part, Whole, whole
+
+COARSE = 1e-3
+"""How far off intervals are that tell more of the mesh than of the motion: what is found on the next one is not near."""
+_HOPELESS = 300
+"""Iterations, after which another guess is given up."""
+MOST_PIECES = 4
+"""Into which an interval is divided at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best motions of all phases, their `cost` together, and how they were found."""
+
+    phases: tuple[Optimum, ...]
+    cost: float
+    iterations: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What a search found for a `problem` of these `parts`, on meshes that were `refined` so many times: `unknowns` (n,), the `cost`, and motions of the `phases`; `status`: what
+    the solver says; `work`: iterations times rows.
+    """
+
+    parts: Sequence[Part]
+    problem: Whole
+    refined: int
+    unknowns: np.ndarray
+    cost: float
+    phases: tuple[Optimum, ...]
+    status: str
+    success: bool
+    work: int
+
+    @functools.cached_property
+    def off(self) -> float:
+        """The largest defect; infinite where there is no solution."""
+        return max(one.defect for one in self.phases) if self.success else float("inf")
+
+    @property
+    def best(self) -> Optimum | tuple[Optimum, ...]:
+        """As users are given it."""
+        return self.phases[0] if len(self.phases) == 1 else self.phases
+
+
+class Searches:
+    """Searches by one solver with these options."""
+
+    def __init__(self, links: Sequence[Link], plugin: str, options: dict[str, Any]) -> None:
+        self._links, self._plugin, self._options = links, plugin, options
+        self._iterations, self._seconds = 0, 0.0
+
+    def found(self, attempt: Attempt) -> Found:
+        """With all iterations."""
+        counted = (replace(one, iterations=self._iterations, seconds=self._seconds) for one in attempt.phases)
+        return Found(tuple(counted), attempt.cost, self._iterations, self._seconds)
+
+    def on(self, parts: Sequence[Part]) -> Attempt:
+        """From the guesses of these parts."""
+        return self._made(parts, whole(parts, self._links), 0, {}, warm=False)
+
+    def elsewhere(self, attempt: Attempt, guess: Guess, work: int) -> Attempt:
+        """The same problem of one part, from another guess, with this `work` at most."""
+        problem = attempt.problem.beginning(guess)
+        most = max(1, min(_HOPELESS, work // problem.program.rows))
+        options = {"ipopt.max_iter": most}
+        return self._made([replace(attempt.parts[0], guess=guess)], problem, attempt.refined, options, warm=False)
+
+    def again(self, attempt: Attempt, meshes: Sequence[Mesh]) -> Attempt:
+        """On other meshes, from what was found."""
+        parts = [
+            replace(part, mesh=mesh, guess=one.motion)
+            for part, mesh, one in zip(attempt.parts, meshes, attempt.phases, strict=True)
+        ]
+        return self._made(parts, whole(parts, self._links), attempt.refined + 1, {}, warm=attempt.off <= COARSE)
+
+    def _made(self, parts: Sequence[Part], problem: Whole, refined: int, options: dict[str, Any], *, warm: bool) -> Attempt:
+        before, begun, options = self._iterations, time.perf_counter(), {**options, **self._options}
+        w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=warm)
+        self._iterations += int(stats["iter_count"])
+        if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
+            w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=False)
+            self._iterations += int(stats["iter_count"])
+        self._seconds += time.perf_counter() - begun
+        own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
+        phases = tuple(
+            Optimum(
+                part.model,
+                one,
+                problem.unknowns(w, k),
+                own[k],
+                self._iterations,
+                self._seconds,
+                part.given,
+                problem.factors(factors, k),
+                problem.gap(gaps, k),
+            )
+            for k, (part, one) in enumerate(zip(parts, problem.parts, strict=True))
+        )
+        if stats["return_status"] == INTERRUPTED:
+            raise interrupted(phases, self._iterations)
+        status, work = str(stats["return_status"]), (self._iterations - before) * problem.program.rows
+        return Attempt(parts, problem, refined, w, cost, phases, status, bool(stats["success"]), work)
+
+
+def finer(phases: Sequence[Optimum], tolerance: float) -> list[Mesh]:
+    """Meshes on which intervals are divided that are off by more than the tolerance."""
+    return [_finer(one, tolerance) for one in phases]
+
+
+def _finer(best: Optimum, tolerance: float) -> Mesh:
+    wanting = np.ceil((best.defects / (0.5 * tolerance)) ** (1 / best.mesh.tableau.order))
+    pieces = np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 1, MOST_PIECES).astype(int)
+    return best.mesh.refined(pieces)

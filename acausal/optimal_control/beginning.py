@@ -1,0 +1,58 @@
+"""Of several guesses the one that leads to the best motion.
+
+The least cost near one guess can be twice that near another, and a coarse mesh lies about both: so what is found from each is looked up by simulation, and is made finer
+while it lies, the cheapest first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from acausal.optimal_control.attempts import COARSE, Attempt, Searches, finer
+from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.whole import Part
+
+_CHEAP = 400_000
+"""Iterations times rows: what all guesses beside the first may cost before no other is tried; a few seconds."""
+_SAME, _OFTEN = 1e-4, 3
+"""Of the cost: what comes out as near as this is the same motion; so many times, and it is taken for the only one."""
+_FINER = 2
+"""How often what a coarse mesh says is looked up on a finer one."""
+
+
+def best_beginning(
+    searches: Searches, part: Part, others: Sequence[Sequence[Callable[[], Guess]]], tolerance: float, refinements: int
+) -> Attempt:
+    """The best attempt of those from the guess of a part, and from `others`: of these in each row where nothing was found by those before it, or the first row anyway."""
+    first = searches.on([part])
+    tried, work = [first], 0
+    for number, row in enumerate(others):
+        if number and any(one.success for one in tried):
+            break
+        for guess in row:
+            if work >= _CHEAP or _agree(tried):
+                break
+            tried.append(searches.elsewhere(first, guess(), _CHEAP - work))
+            work += tried[-1].work
+    return _best([one for one in tried if one.success], searches, tolerance, min(refinements, _FINER)) or first
+
+
+def _agree(tried: Sequence[Attempt]) -> bool:
+    costs = sorted(one.cost for one in tried if one.success)
+    return any(abs(b - a) <= _SAME * abs(a) for a, b in zip(costs, costs[_OFTEN - 1 :], strict=False))
+
+
+def _best(found: list[Attempt], searches: Searches, tolerance: float, most: int) -> Attempt | None:
+    """Of these the one of least cost of which simulation says nothing else."""
+    lying = list[Attempt]()
+    while found:
+        least = min(found, key=lambda one: one.cost)
+        if least.off <= COARSE:
+            return least
+        found.remove(least)
+        if least.refined < most:
+            again = searches.again(least, finer(least.phases, tolerance))
+            found += [again] if again.success else []
+        else:
+            lying.append(least)
+    return min(lying, key=lambda one: one.off, default=None)

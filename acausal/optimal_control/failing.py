@@ -1,0 +1,74 @@
+"""What is said where no best motion was found: which constraints could not be met, by part and time, and what has no value."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.promises import no_number
+from acausal.optimal_control.whole import Whole
+
+_BOTTOMLESS = 1e8
+"""Units of the cost, in which its slope is 1 at the guess: farther down there is no least value."""
+
+REASONS = {
+    "Infeasible_Problem_Detected": "no motion meets all that is asked for near where the search ended",
+    "Maximum_Iterations_Exceeded": "the search took too many iterations",
+    "Restoration_Failed": "the search could not come nearer to what is asked for",
+    "Diverging_Iterates": "the cost has no least value, or bounds are missing",
+    "Invalid_Number_Detected": "something has no finite value or slope where the search was",
+    "Error_In_Step_Computation": "something has no slope where the search was",
+}
+"""What the solver says, in words."""
+
+
+def failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
+    """Which constraints are violated most, by part and time; what has no value."""
+    program = problem.program
+    g = np.array(program.values(w)[1]).ravel()
+    off = np.maximum(program.limits[0] - g, g - program.limits[1])
+    worst: dict[tuple[str, int], tuple[float, float, float]] = {}
+    for r in np.argsort(-off)[:200]:
+        if off[r] > 1e-6:
+            name, phase, at = problem.labels[r]
+            size, first, last = worst.get((name, phase), (off[r], at, at))
+            worst[name, phase] = max(size, off[r]), min(first, at), max(last, at)
+    if cost < -_BOTTOMLESS * problem.program.unit:
+        status = "Diverging_Iterates"
+    words = [f"No optimum was found: {REASONS.get(status, status)}; the cost came to {cost:.4g}."]
+    blank = [
+        name
+        for k, one in enumerate(problem.parts)
+        for v in (w, problem.program.guess)
+        for name in no_number(one, problem.unknowns(v, k))
+    ]
+    if blank:
+        words.append(
+            f"No finite value or slope have: {', '.join(dict.fromkeys(blank[:4]))}. A root, a norm or a quotient may be of zero there."
+        )
+    if worst:
+        listed = [_where(problem, w, name, phase, entry) for (name, phase), entry in list(worst.items())[:4]]
+        words.append("What could not be met: " + "; ".join(listed) + ".")
+    words.append(
+        "The last iterate is in the error's `best`. Relax a bound, give more time, or begin elsewhere with ocp.guess(run)."
+    )
+    return " ".join(words)
+
+
+def _where(problem: Whole, w: np.ndarray, name: str, phase: int, entry: tuple[float, float, float]) -> str:
+    size, first, last = entry
+    part = problem.parts[phase]
+    duration, t0 = part.motion(problem.unknowns(w, phase)).duration, part.asked.stage.t0
+    a, b = t0 + first * duration, t0 + last * duration
+    when = f"at {a:.3g} s" if first == last else f"between {a:.3g} and {b:.3g} s"
+    of = f" of phase {phase + 1}" if len(problem.parts) > 1 else ""
+    return f"{name} (off by {size:.1e} of its size {when}{of})"
+
+
+def interrupted(phases: tuple[Optimum, ...], iterations: int) -> KeyboardInterrupt:
+    """With the last iterate in it."""
+    interrupt = KeyboardInterrupt(
+        f"Interrupted after {iterations} iterations; the last iterate is in this exception's `best`, and can be where the search goes on: ocp.guess(best)."
+    )
+    interrupt.best = phases[0] if len(phases) == 1 else phases  # type: ignore[attr-defined]  # the one thing that is added to it
+    return interrupt

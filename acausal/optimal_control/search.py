@@ -1,0 +1,57 @@
+"""One search of the solver for the least cost of a program."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from acausal.errors import OptionError
+from acausal.optimal_control.separable import Program
+
+INTERRUPTED = "NonIpopt_Exception_Thrown"
+"""What ipopt says of Ctrl-C: none of our functions raises anything else."""
+_TOLERANCE = 1e-9
+"""Of the program in units of its own."""
+_NEAR = 300
+"""Iterations for what is near: who needs more was not."""
+
+
+def search(
+    program: Program, plugin: str, options: dict[str, Any], *, warm: bool
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]:
+    """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
+    pressed against, and what the solver says of its search.
+    """
+    try:
+        solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
+    except RuntimeError as refused:
+        raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
+    (least, most), (lower, upper) = program.bounds, program.limits
+    found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
+    w, g, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+    pressed = np.append(of_bounds, of_rows)
+    bound = np.where(pressed > 0, np.append(most, upper), np.append(least, lower))
+    gaps = np.abs(np.where(np.isfinite(bound), pressed, 0.0) * np.where(np.isfinite(bound), bound - np.append(w, g), 0.0))
+    return w, float(found["f"]) * program.unit, of_rows, gaps * program.unit, solver.stats()
+
+
+def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
+    """Quiet, in the units of the program; `warm`: where a solution is near; `known`: its multipliers, too."""
+    options = {
+        "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _TOLERANCE, "ipopt.nlp_scaling_method": "none",
+        "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.mu_strategy": "adaptive",
+        "ipopt.mumps_pivot_order": 0,  # minimum degree: bands as narrow as these need no graph to be cut
+    }  # fmt: skip
+    if warm:
+        options |= {
+            "ipopt.max_iter": _NEAR,
+            "ipopt.mu_init": 1e-4,
+            "ipopt.mu_strategy": "monotone",
+            "ipopt.warm_start_init_point": "yes",
+        }
+    if known:
+        pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+        options |= {"ipopt.mu_init": 1e-8, **{f"ipopt.warm_start_{one}": 1e-9 for one in pushes}}
+        options |= {"ipopt.fast_step_computation": "yes", "ipopt.min_refinement_steps": 0}
+    return options

@@ -1,0 +1,82 @@
+"""Other ways from start to end than the straight one: with a swing on the way as the scene swings by itself, and with any."""
+
+from __future__ import annotations
+
+import functools
+import zlib
+from collections.abc import Callable
+
+import numpy as np
+
+from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.whole import Part
+
+_FAR = 0.3
+"""Of how far the straight path goes: by how much another one is beside it."""
+_STEP = 1e-5
+"""Of what is much for a state: the difference by which slopes are taken."""
+_POINTS = 3
+"""Intervals in which a swing comes and goes, at least."""
+_WAVES = 3
+"""How many waves any swing is made of."""
+
+
+def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
+    """So many of each: those with swings of the scene's own; those with any, where these lead nowhere. None where a motion was given, or all is linear."""
+    bent, stage, first = part.bent, part.asked.stage, part.guess
+    if bent is None or count == 0 or part.asked.linear:
+        return []
+    own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
+    return [[functools.partial(bent, one) for one in bends] for bends in (own, _any(stage, first, part.units, count))]
+
+
+def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> list[np.ndarray]:
+    """(times, nq) each, of positions: the fastest and the slowest swing about the start that this motion has time for and the mesh has points for, out one way and the
+    other. With its own swings a pendulum goes up at a fraction of the effort.
+    """
+    nx, nq, T = stage.sizes[0], stage.functions.space.nq, first.duration
+    A = _slope(stage, first, units)
+    if not np.isfinite(A).all():
+        return []
+    values, vectors = np.linalg.eig(A)
+    turning = np.imag(values) * T
+    ways = [
+        k
+        for k in range(nx)
+        if abs(np.real(values[k])) < np.imag(values[k]) and np.pi <= turning[k] <= 2 * np.pi * intervals / _POINTS
+    ]
+    ways.sort(key=lambda k: -turning[k])
+    found = list[np.ndarray]()
+    for k in dict.fromkeys([*ways[:1], *ways[-1:]]):
+        shape = vectors[:nq, k]
+        shape = np.real(shape / shape[np.argmax(np.abs(shape))])
+        found.append((np.sin(np.pi * first.times) * np.sin(turning[k] * first.times))[:, None] * shape)
+    far = _FAR * _far(stage, first, units) * units[:nq]
+    return [sign * far * one for sign in (1, -1) for one in found]
+
+
+def _any(stage: Stage, first: Guess, units: np.ndarray, count: int) -> list[np.ndarray]:
+    """(times, nq) each: some waves, the later the wider; drawn by names, so that the order of states does not matter."""
+    nq, k = stage.functions.space.nq, np.arange(1, _WAVES + 1)
+    waves = np.sin(np.pi * first.times[:, None] * k) / k
+    seeds = [zlib.crc32(name.encode()) for name in stage.functions.state_names[:nq]]
+    drawn = np.array([np.random.default_rng(seed).normal(size=(count, _WAVES)) for seed in seeds])
+    wide = _FAR * _far(stage, first, units) * np.linspace(1, 1 / _FAR, count)
+    return [wide[n] * waves @ drawn[:, n].T * units[:nq] for n in range(count)]
+
+
+def _far(stage: Stage, first: Guess, units: np.ndarray) -> float:
+    """How far it goes, in units of positions."""
+    nq = stage.functions.space.nq
+    return float(np.max(np.ptp(first.values[:, :nq], axis=0) / units[:nq], initial=0.0)) or 1.0
+
+
+def _slope(stage: Stage, first: Guess, units: np.ndarray) -> np.ndarray:
+    """(nx, nx), in units of the states [1/s]: of their rates at the start, by themselves."""
+    f, nx = stage.functions, stage.sizes[0]
+    z, step = first.values[0], _STEP * units[:nx]
+    u = stage.told(z[stage.width - stage.sizes[3] :])
+    x = np.hstack([z[:nx, None] + np.diag(step), z[:nx, None] - np.diag(step)])
+    rates = np.array(f.explicit_dynamics(stage.t0, x, u, stage.p))
+    return (rates[:, :nx] - rates[:, nx:]) / (2 * step) * units[:nx] / units[:nx, None]

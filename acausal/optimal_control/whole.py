@@ -1,0 +1,79 @@
+"""Phases and links together as one nonlinear program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.link import Link, linked
+from acausal.optimal_control.mesh import Mesh
+from acausal.optimal_control.separable import Program
+from acausal.optimal_control.transcription import Asked, Transcribed, transcribe
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A phase as it is `asked` of a `model`, on a mesh, with a guess. `units` (width,): what is much for each unknown of a point; `given`: arguments of
+    `simulate`; `bent`: the guess with its positions off by so much (times, nq), None where a motion was given.
+    """
+
+    model: Any
+    asked: Asked
+    mesh: Mesh
+    guess: Guess
+    units: np.ndarray
+    given: Mapping[str, Any]
+    bent: Callable[[np.ndarray], Guess] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """The `program` of all phases `parts`, whose unknowns begin at `begins` and constraints at `rows`; those of links come last. `labels`: of each row what it is, in which
+    phase and when: a part of its duration.
+    """
+
+    parts: tuple[Transcribed, ...]
+    program: Program
+    begins: tuple[int, ...]
+    rows: tuple[int, ...]
+    labels: list[tuple[str, int, float]]
+
+    def factors(self, multipliers: np.ndarray, k: int) -> np.ndarray:
+        """Of the constraints of a phase."""
+        own = multipliers * self.program.sizes * self.program.unit
+        return own[self.rows[k] : self.rows[k + 1]]
+
+    def unknowns(self, w: np.ndarray, k: int) -> np.ndarray:
+        """Of a phase."""
+        return w[self.begins[k] : self.begins[k] + self.parts[k].program.size]
+
+    def gap(self, gaps: np.ndarray, k: int) -> float:
+        """Of a phase, of those of the unknowns and then of the constraints."""
+        rows = gaps[self.program.size :]
+        return float(np.sum(self.unknowns(gaps, k)) + np.sum(rows[self.rows[k] : self.rows[k + 1]]))
+
+    def beginning(self, guess: Guess) -> Whole:
+        """Of one phase, from another guess."""
+        return replace(self, program=replace(self.program, guess=self.parts[0].unknowns(guess)))
+
+    def own_cost(self, w: np.ndarray, k: int) -> float:
+        """What a phase adds to the cost."""
+        return float(self.parts[k].program.values(self.unknowns(w, k))[0])
+
+
+def whole(parts: Sequence[Part], links: Sequence[Link]) -> Whole:
+    """The program of phases and links, rows and cost in balance."""
+    made = tuple(transcribe(part.asked, part.mesh, part.guess, part.units) for part in parts)
+    begins = tuple(np.cumsum([0, *(one.program.size for one in made)]).tolist())
+    rows = np.cumsum([0, *(one.program.rows for one in made)]).tolist()
+    program = Program.joined([one.program for one in made])
+    labels = [(name, k, at) for k, one in enumerate(made) for name, at in one.labels]
+    for link in links:
+        program, added = linked(program, link, made, begins)
+        labels += [(name, link.after, 0.0) for name in added]
+    assert len(labels) == program.rows >= rows[-1]
+    return Whole(made, program.balanced(), begins[:-1], tuple(rows), labels)
