@@ -307,10 +307,11 @@ def test_swings_of_its_own_are_tried_on_the_way() -> None:
 
 
 def test_a_torque_that_is_held_makes_an_acrobot_stand_up_as_a_free_one() -> None:
-    """At a cost that is no less, and more by a part that goes with the square of the interval."""
+    """At a cost that is no less, and little more."""
     ocp = stand_up(4.0, driven=False)
-    free, held = ocp.solve(30), [ocp.solve(intervals, controls="constant") for intervals in (20, 30)]
-    assert all(0 < one.cost / free.cost - 1 < 0.01 and one.defect < 1e-6 for one in held)
+    free, held = ocp.solve(30), ocp.solve(30, controls="constant")
+    assert 0 < held.cost / free.cost - 1 < 0.01
+    assert max(free.defect, held.defect) < 1e-6
 
 
 def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:

@@ -75,9 +75,9 @@ class Searches:
         counted = (replace(one, iterations=self._iterations, seconds=self._seconds) for one in attempt.phases)
         return Found(tuple(counted), attempt.cost, self._iterations, self._seconds)
 
-    def on(self, parts: Sequence[Part]) -> Attempt:
-        """From the guesses of these parts."""
-        return self._made(parts, whole(parts, self._links), 0, {}, warm=False)
+    def on(self, parts: Sequence[Part], refined: int = 0) -> Attempt:
+        """From the guesses of these parts, on their meshes, which were `refined` before."""
+        return self._made(parts, whole(parts, self._links), refined, {}, warm=False)
 
     def elsewhere(self, attempt: Attempt, guess: Guess, work: int) -> Attempt:
         """The same problem of one part, from another guess, with this `work` at most."""

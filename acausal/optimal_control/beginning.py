@@ -7,6 +7,9 @@ while it lies, the cheapest first.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from acausal.optimal_control.attempts import COARSE, Attempt, Searches, finer
 from acausal.optimal_control.guess import Guess
@@ -23,16 +26,21 @@ _FINER = 2
 def best_beginning(
     searches: Searches, part: Part, others: Sequence[Sequence[Callable[[], Guess]]], tolerance: float, refinements: int
 ) -> Attempt:
-    """The best attempt of those from the guess of a part, and from `others`: of these in each row where nothing was found by those before it, or the first row anyway."""
-    first = searches.on([part])
+    """The best attempt of those from the guess of a part, and from `others`: the first row of these, and a next one where nothing was found so far. Where the mesh of
+    the part lies, they are tried on one of half its intervals' lengths.
+    """
+    first = base = searches.on([part])
     tried, work = [first], 0
+    if first.off > COARSE and refinements:
+        base = searches.on([replace(part, mesh=part.mesh.refined(np.full(part.mesh.intervals, 2)))], 1)
+        tried.append(base)
     for number, row in enumerate(others):
         if number and any(one.success for one in tried):
             break
         for guess in row:
             if work >= _CHEAP or _agree(tried):
                 break
-            tried.append(searches.elsewhere(first, guess(), _CHEAP - work))
+            tried.append(searches.elsewhere(base, guess(), _CHEAP - work))
             work += tried[-1].work
     return _best([one for one in tried if one.success], searches, tolerance, min(refinements, _FINER)) or first
 
