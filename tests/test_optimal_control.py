@@ -363,7 +363,7 @@ def test_a_slider_crank_turns_as_in_one_coordinate() -> None:
     turn.start({scene.crank.q: 0.0, scene.crank.v: ac.free(2, 40, 12)})
     turn.periodic(turns={scene.crank.q: 1})
     turn.minimise(ac.integral(scene.torque**2))
-    best = turn.solve(32, order=13, refinements=0)
+    best = turn.solve(32, order=13, refinements=0, guesses=0)
     assert model.functions.invariants is not None
     gaps = [np.max(np.abs(np.array(model.functions.invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
     assert max(gaps) < 1e-12
@@ -416,7 +416,7 @@ def test_reactions_are_bounded_by_name() -> None:
     assert np.max(np.abs(bounded.run[scene.hinge.frame_b.force[2]])) < 14.2
     assert bounded.cost > free.cost
     with pytest.raises(OptimalControlError, match=r"No optimum was found.*could not be met") as failed:
-        swing(2.0).solve(10)
+        swing(2.0).solve(10, guesses=1)
     assert failed.value.best.x.shape == (2, 11)
 
 

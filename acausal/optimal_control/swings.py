@@ -18,6 +18,8 @@ _STEP = 1e-5
 """Of what is much for a state: the difference by which slopes are taken."""
 _POINTS = 3
 """Intervals in which a swing comes and goes, at least."""
+_ANY = 2
+"""How many other paths are tried where nothing was found."""
 _WAVES = 3
 """How many waves any swing is made of."""
 
@@ -28,7 +30,7 @@ def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
     if bent is None or count == 0 or part.asked.linear:
         return []
     own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
-    return [[functools.partial(bent, one) for one in bends] for bends in (own, _any(stage, first, part.units, count))]
+    return [[functools.partial(bent, one) for one in bends] for bends in (own, _any(stage, first, part.units, min(count, _ANY)))]
 
 
 def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> list[np.ndarray]:
