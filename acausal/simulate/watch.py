@@ -27,14 +27,15 @@ _LOOKS = 8
 """Steps at which a run is looked at; an error that stays is seen at the later ones."""
 _FORGIVEN, _A_STEP = 1e3, 10.0
 """Tolerances of disturbance that are forgiven: at once, and for each step besides."""
-_STRICT = 1e-2
-"""Part of these where loops have singular positions: a motion that misses one closely, and is taken through it, loses no more energy."""
+_STRICT, _ASSEMBLED = 1e-2, 0.1
+"""Parts of these where loops have singular positions, or rows that depend on one another only where they are assembled exactly: a motion that misses
+one closely, and is taken through it, loses no more energy, nor one whose lengths are rounded."""
 _LEAST, _MOST = 1e-8, 0.1
 """Relative disturbances: what is forgiven at least, and at most."""
 _LOOSE, _START = 10.0, 1e-5
 """Invariants are forgiven more, and as much as starts may be off."""
 _NOISE = 1e3
-"""Times what rounding makes of an energy."""
+"""Times what rounding makes of an energy; of what it makes of rates, up to a part `_MOST` of the energy that moves: more is no motion to rely on."""
 _FEW = 4
 """Steps that tell how a power goes on."""
 _CHEAP, _SHARE = 1e4, 1 / 40
@@ -55,7 +56,8 @@ class Sizes:
 
 def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol: float) -> None:
     """Say so when invariants or the energy balance of a run are off by far more than its tolerance explains."""
-    forgiven = (_FORGIVEN + _A_STEP * run.statistics.steps) * (_STRICT if functions.outputs.system.constraints.singular else 1.0)
+    loops = functions.outputs.system.constraints
+    forgiven = (_FORGIVEN + _A_STEP * run.statistics.steps) * (_STRICT if loops.singular else _ASSEMBLED if loops.damped else 1.0)
     part = min(max(forgiven * rtol, _LEAST), _MOST)
     if run.steps.t.size < 2 or not functions.space.x.numel():
         return
@@ -132,8 +134,8 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
     return True
 
 
-def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np.ndarray:
-    """What rounding makes of energies and invariants at step k.
+def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes, *, moved: bool = True) -> np.ndarray:
+    """What rounding makes of energies and invariants at step k; `moved`: also by what it makes of rates.
 
     A state at rest has the size of what the terms of its rate would make of it in a step: the terms of a balance are there though
     their sum is nothing.
@@ -141,7 +143,7 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes) -> np
     t, x, p = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters
     u = inputs_at_steps(run, np.array([k]))[:, 0]
     rates, h, spread = Rounding(functions.explicit_dynamics), float(np.diff(run.steps.t).max()), _EPS * sizes.met
-    for _ in range(2):  # of velocities, then of positions
+    for _ in range(2 if moved else 0):  # of velocities, then of positions
         spread = np.maximum(spread, h * np.nan_to_num(rates(t, x, u, p, spread=spread)))
     return Rounding(functions.watched)(t, x, u, p, spread=spread)
 
@@ -173,8 +175,11 @@ def _look_at_energy(
     least = np.maximum(sizes.part * every.scale, spreads)
     look = int(np.argmax(np.abs(every.gap[some]) / np.maximum(least, np.finfo(float).tiny)))
     worst = int(some[look])
-    noise = sum(float(np.sum(_rounding(functions, run, k, sizes)[:2])) for k in (0, worst))
-    allowed = max(float(least[look]), _NOISE * noise)
+    plain, noise = (
+        _NOISE * sum(float(np.sum(_rounding(functions, run, k, sizes, moved=moved)[:2])) for k in (0, worst))
+        for moved in (False, True)
+    )
+    allowed = max(float(least[look]), plain, min(noise, _MOST * every.scale))
     if not np.abs(every.gap[worst]) > allowed:
         return
     size = float(np.max(np.abs(every.gap)))
