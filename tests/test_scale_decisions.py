@@ -53,6 +53,33 @@ def test_the_order_of_declaration_decides_nothing():
     assert len(found) == 1
 
 
+def drawn_where_it_stands(place: np.ndarray, mass: float | ac.Parameter) -> np.ndarray:
+    """Angles of a double pendulum after 3 s, frames of whose bodies lie at the world's origin, their centres where they stand; the second are two bodies."""
+    scene = ac.System()
+    scene.mass, scene.world = mass, World((0, 0, -9.81))
+    scene.upper = RigidBody(mass, (0.05, 0.02, 0.06), tuple(place + (0.4, 0.1, 0.0)))
+    scene.lower = RigidBody(0.7, (0.03, 0.02, 0.04), tuple(place + (1.2, 0.1, -0.3)))
+    scene.other = RigidBody(mass, (0.02, 0.02, 0.01), tuple(place + (1.3, 0.3, -0.5)))
+    scene.connect(scene.lower.frame, scene.other.frame)
+    scene.shoulder = Revolute.between(scene.world, scene.upper, at=tuple(place), axis=(0, 1, 0.2))
+    scene.elbow = Revolute.between(scene.upper, scene.lower, at=tuple(place + (0.9, 0.2, 0)), axis=(0.1, 1, 0))
+    run = ac.build(scene).simulate(3.0, {scene.shoulder.v: 0.5}, rtol=1e-12)
+    return np.array([run[joint.q][-1] for joint in (scene.shoulder, scene.elbow)])
+
+
+@pytest.mark.parametrize("adjustable", [False, True])
+def test_bodies_keep_their_inertia_however_far_from_the_origin_of_their_frames_they_are(adjustable):
+    """About that origin the second moment is m d^2, of which rounding at 1e7 m is a hundredth of what the body has itself."""
+
+    def mass() -> float | ac.Parameter:
+        return ac.Parameter(1.3, "kg") if adjustable else 1.3
+
+    near = drawn_where_it_stands(np.zeros(3), mass())
+    for far in (1e3, 1e7):
+        place = 2.0 ** np.round(np.log2(far)) * np.array([1.0, -0.5, 0.25])
+        assert np.max(np.abs(drawn_where_it_stands(place, mass()) - near)) < 1e-13 * far
+
+
 def coupled(coupler: float) -> ac.System:
     """Cranks of 0.4 m, 0.9 m apart, joined by a bar of adjustable length: a parallelogram where that is 0.9 m."""
     scene = ac.System()

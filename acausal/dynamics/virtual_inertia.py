@@ -170,11 +170,9 @@ def _is_thin(inertia: Inertia) -> bool:
     """Whether its moment of inertia vanishes about some axis through the centre of mass; unknown for adjustable ones: no."""
     if not (isinstance(inertia.mass, float) and isinstance(inertia.moment, np.ndarray)) or not inertia.mass:
         return False
-    second, c = inertia.second_moment, inertia.moment / inertia.mass
-    if not isinstance(second, np.ndarray):
+    if not isinstance(central := inertia.central, np.ndarray):
         return False
-    levels = np.linalg.eigvalsh(second - inertia.mass * (c @ c * np.eye(3) - np.outer(c, c)))
-    return bool(levels[0] <= 1e-12 * max(np.trace(second), 1e-300))
+    return bool(np.linalg.eigvalsh(central)[0] <= 1e-12 * max(float(np.trace(np.asarray(inertia.second_moment))), 1e-300))
 
 
 LinkData = tuple[ca.Function, list[tuple[int, int]]]

@@ -10,8 +10,8 @@ import numpy as np
 
 from acausal.language.component import Component
 from acausal.language.connector import Frame, Point
-from acausal.parts.inertia import Inertia, is_zero, scaled, skew
-from acausal.parts.pose import Matrix, Pose, cleaned_vector, product, symbolic, total
+from acausal.parts.inertia import Inertia, is_zero, scaled
+from acausal.parts.pose import Matrix, Pose, cleaned_vector, symbolic
 from acausal.parts.potential import AbstractPotential
 from acausal.parts.rigid import AbstractRigidPart, Attachment
 
@@ -117,10 +117,7 @@ def _centre(inertia: Inertia) -> ca.SX:
 
 def _spread(inertia: Inertia, traceless: bool) -> Matrix:
     """Second moments of mass about the centre (3, 3) [kg m^2]; `traceless`: less their mean, which a field without sources does not feel."""
-    second = inertia.second_moment
-    if not is_zero(inertia.moment):
-        centre = scaled(1 / inertia.mass, inertia.moment)
-        second = total(second, product(skew(inertia.moment), skew(centre)))
+    second = inertia.central
     if isinstance(second, np.ndarray):
         return cleaned_vector((1 / 3 if traceless else 1 / 2) * np.trace(second) * np.eye(3) - second)
     return ca.sparsify((1 / 3 if traceless else 1 / 2) * ca.trace(second) * ca.SX.eye(3) - second)

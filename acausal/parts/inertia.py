@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -16,11 +16,16 @@ _ROUND = 1e-9
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass [kg], first moment m c (3,) [kg m] and second moment (3, 3) [kg m^2] about and in one frame."""
+    """Mass [kg], first moment m c (3,) [kg m] and second moment (3, 3) [kg m^2] about and in one frame.
+
+    `near`: a point (3,) of the frame and the moments about it, where they are known better than from the origin: of a body far from the origin of its
+    frame the second moment about this is all distance, and taking the distance away again leaves rounding.
+    """
 
     mass: float | ca.SX
     moment: Matrix
     second_moment: Matrix
+    near: tuple[np.ndarray, Matrix, Matrix] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def zero(cls) -> Inertia:
@@ -30,8 +35,15 @@ class Inertia:
     @classmethod
     def about_centre(cls, mass: float | ca.SX, centre: Matrix, central: Matrix) -> Inertia:
         """From the centre of mass (3,) [m] and the inertia about it (3, 3) [kg m^2]: Steiner's theorem."""
+        if isinstance(centre, np.ndarray):
+            return cls._about(mass, centre, np.zeros(3), central)
         moment = scaled(mass, centre)
         return cls(mass, moment, total(central, -product(skew(moment), skew(centre))))
+
+    @classmethod
+    def _about(cls, mass: float | ca.SX, point: np.ndarray, moment: Matrix, second: Matrix) -> Inertia:
+        """From moments about a point (3,), in the same axes."""
+        return cls(mass, *_shifted(mass, moment, second, point), (point, moment, second))
 
     @property
     def is_zero(self) -> bool:
@@ -50,21 +62,43 @@ class Inertia:
         return bool(np.linalg.eigvalsh(whole)[0] >= -EDGE * np.max(np.abs(whole)))
 
     def __add__(self, other: Inertia) -> Inertia:
-        return Inertia(self.mass + other.mass, total(self.moment, other.moment), total(self.second_moment, other.second_moment))
+        if self.is_zero or other.is_zero:
+            return other if self.is_zero else self
+        point, moment, second = self._known
+        there, *moments = other._known
+        moments = _shifted(other.mass, *moments, there - point)
+        return Inertia._about(self.mass + other.mass, point, total(moment, moments[0]), total(second, moments[1]))
 
     def shared(self, parts: int) -> Inertia:
         """One of `parts` equal shares, all of them in the same place."""
-        share = 1.0 / parts
-        return Inertia(share * self.mass, scaled(share, self.moment), scaled(share, self.second_moment))
+        share, (point, moment, second) = 1.0 / parts, self._known
+        return Inertia._about(share * self.mass, point, scaled(share, moment), scaled(share, second))
 
     def seen_from(self, X_AB: Pose) -> Inertia:
         """The inertia about and in A of what is given about and in B."""
         R, p = X_AB.rotation, X_AB.position
-        moment = product(R, self.moment)
-        second = product(product(R, self.second_moment), R.T)
-        shift = product(skew(p), skew(moment))
-        second = total(second, -total(shift, total(shift.T, product(skew(scaled(self.mass, p)), skew(p)))))
-        return Inertia(self.mass, total(moment, scaled(self.mass, p)), second)
+        if not (isinstance(R, np.ndarray) and isinstance(p, np.ndarray)):
+            moments = product(R, self.moment), product(product(R, self.second_moment), R.T)
+            return Inertia(self.mass, *_shifted(self.mass, *moments, p))
+        point, moment, second = self._known
+        return Inertia._about(self.mass, R @ point + p, product(R, moment), product(product(R, second), R.T))
+
+    @property
+    def central(self) -> Matrix:
+        """Second moment (3, 3) about the centre of mass. Not of what has none."""
+        _, moment, second = self._known
+        return second if is_zero(moment) else total(second, product(skew(moment), skew(scaled(1 / self.mass, moment))))
+
+    @property
+    def _known(self) -> tuple[np.ndarray, Matrix, Matrix]:
+        return self.near or (np.zeros(3), self.moment, self.second_moment)
+
+
+def _shifted(mass: float | ca.SX, moment: Matrix, second: Matrix, p: Matrix) -> tuple[Matrix, Matrix]:
+    """Moments about the origin, from those about a point p (3,)."""
+    shift = product(skew(p), skew(moment))
+    second = total(second, -total(shift, total(shift.T, product(skew(scaled(mass, p)), skew(p)))))
+    return total(moment, scaled(mass, p)), second
 
 
 def skew(vector: Matrix) -> Matrix:
