@@ -53,16 +53,20 @@ def test_the_order_of_declaration_decides_nothing():
     assert len(found) == 1
 
 
+def moved(place: np.ndarray, *by: float) -> tuple[float, ...]:
+    return tuple(place + np.array(by))
+
+
 def drawn_where_it_stands(place: np.ndarray, mass: float | ac.Parameter) -> np.ndarray:
     """Angles of a double pendulum after 3 s, frames of whose bodies lie at the world's origin, their centres where they stand; the second are two bodies."""
     scene = ac.System()
     scene.mass, scene.world = mass, World((0, 0, -9.81))
-    scene.upper = RigidBody(mass, (0.05, 0.02, 0.06), tuple(place + (0.4, 0.1, 0.0)))
-    scene.lower = RigidBody(0.7, (0.03, 0.02, 0.04), tuple(place + (1.2, 0.1, -0.3)))
-    scene.other = RigidBody(mass, (0.02, 0.02, 0.01), tuple(place + (1.3, 0.3, -0.5)))
+    scene.upper = RigidBody(mass, (0.05, 0.02, 0.06), moved(place, 0.4, 0.1, 0.0))
+    scene.lower = RigidBody(0.7, (0.03, 0.02, 0.04), moved(place, 1.2, 0.1, -0.3))
+    scene.other = RigidBody(mass, (0.02, 0.02, 0.01), moved(place, 1.3, 0.3, -0.5))
     scene.connect(scene.lower.frame, scene.other.frame)
     scene.shoulder = Revolute.between(scene.world, scene.upper, at=tuple(place), axis=(0, 1, 0.2))
-    scene.elbow = Revolute.between(scene.upper, scene.lower, at=tuple(place + (0.9, 0.2, 0)), axis=(0.1, 1, 0))
+    scene.elbow = Revolute.between(scene.upper, scene.lower, at=moved(place, 0.9, 0.2, 0), axis=(0.1, 1, 0))
     run = ac.build(scene).simulate(3.0, {scene.shoulder.v: 0.5}, rtol=1e-12)
     return np.array([run[joint.q][-1] for joint in (scene.shoulder, scene.elbow)])
 
