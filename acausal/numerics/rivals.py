@@ -54,10 +54,15 @@ class Candidate:
         return all(abs(mine - theirs) <= _SAME * (1 + theirs) for mine, theirs in pairs)
 
     def precedes(self, other: Candidate) -> bool:
-        """Whether it misses less, or is nearer; of two that are as near, the one whose coordinates come to more, the first first."""
+        """Whether it misses less, or is nearer; of two that are as near, as mirror images are, the one with the larger sum of the cubes of the distances,
+        which no order of the coordinates has to do with; where these are as large, the one whose coordinates come to more, the first first.
+        """
         if not self.is_as_near_as(other):
             off = abs(self.missed - other.missed) > _SAME * (1 + other.missed)
             return self.missed < other.missed if off else self.distance < other.distance
+        cubes, theirs = (float(np.sum(one.apart**3)) for one in (self, other))
+        if abs(cubes - theirs) > _APART * (1 + abs(cubes)):
+            return cubes > theirs
         ahead = self.apart - other.apart
         telling = np.flatnonzero(np.abs(ahead) > _APART)
         return bool(telling.size) and bool(ahead[telling[0]] > 0)
@@ -69,10 +74,13 @@ def nearest_rival(
     close: Callable[[np.ndarray], Candidate | None],
     slopes: Callable[[np.ndarray], np.ndarray],
     dependent: float,
+    *,
+    wished: bool = False,
 ) -> Candidate:
     """The best of what was `found` from the `sketch` (n,) and of what `close` finds from beginnings about that; None: nothing closes.
 
-    `slopes`: z -> derivatives of the constraints (m, n), whose singular values below `dependent` count as zero. Cost: four searches, twelve
+    `slopes`: z -> derivatives of the constraints (m, n), whose singular values below `dependent` count as zero. `wished`: the search that found it knows
+    of those that are as near which way wishes lead. Cost: four searches, twelve
     or more where these come to different places; one comparison of slopes where the sketch is so near that there can be no other.
     """
     first, at_sketch = found, slopes(sketch)
@@ -88,8 +96,8 @@ def nearest_rival(
             reach = min(max(best.distance, _LEAST), _FARTHEST)
             rival = close(sketch + reach * direction)
             others |= rival is not None and not rival.is_as(best)
-            # of those that are as near, a search from the sketch knows best which way the wishes lead
-            if rival is not None and rival.precedes(best) and not (best is first and rival.is_as_near_as(best)):
+            kept = wished and best is first
+            if rival is not None and rival.precedes(best) and not (kept and rival.is_as_near_as(best)):
                 best = rival
         if best is found:
             break

@@ -182,7 +182,7 @@ class _Search:
             return self.sizes.scaled(hard(z * unit)[1])
 
         first = candidate(found.y)
-        best = nearest_rival(first, self.begun / unit, close, slopes, self.sizes.dependent)
+        best = nearest_rival(first, self.begun / unit, close, slopes, self.sizes.dependent, wished=self._soft is not None)
         if best is first:
             return Found(found.y, self.begun, found.gap, found.part, True, spent, restarts)
         left = np.abs(hard(best.z * unit)[0])
