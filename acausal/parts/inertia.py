@@ -65,9 +65,9 @@ class Inertia:
         if self.is_zero or other.is_zero:
             return other if self.is_zero else self
         point, moment, second = self._known
-        there, *moments = other._known
-        moments = _shifted(other.mass, *moments, there - point)
-        return Inertia._about(self.mass + other.mass, point, total(moment, moments[0]), total(second, moments[1]))
+        there, first, turning = other._known
+        first, turning = _shifted(other.mass, first, turning, there - point)
+        return Inertia._about(self.mass + other.mass, point, total(moment, first), total(second, turning))
 
     def shared(self, parts: int) -> Inertia:
         """One of `parts` equal shares, all of them in the same place."""
