@@ -17,6 +17,7 @@ from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
+from acausal.optimal_control.whole import whole
 from acausal.simulate.trajectory import Trajectory
 from components import (
     Fixed,
@@ -25,6 +26,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    Rod,
     RollingBall,
     Torque,
     TorqueSource,
@@ -312,6 +314,65 @@ def test_a_torque_that_is_held_makes_an_acrobot_stand_up_as_a_free_one() -> None
     free, held = ocp.solve(30), ocp.solve(30, controls="constant")
     assert 0 < held.cost / free.cost - 1 < 0.01
     assert max(free.defect, held.defect) < 1e-6
+
+
+def test_wheels_whose_torques_are_held_turn_a_satellite_in_least_time() -> None:
+    """Alike about all axes: about the one through its corners all wheels pull all the time, for 2 sqrt(angle J / torque) together; other ways are little faster. J: of the
+    body with wheels across.
+    """
+    scene: Any = ac.System()
+    scene.world, scene.body = World(gravity=None), RigidBody(100.0, (25.0, 25.0, 25.0))
+    scene.torques = [ac.Input("N m") for _ in range(3)]
+    scene.wheels = [RigidBody.disk(4.0, 0.25, axis) for axis in "xyz"]
+    scene.bearings = [Revolute(axis) for axis in "xyz"]
+    scene.motors = [TorqueSource(torque) for torque in scene.torques]
+    for wheel, bearing, motor in zip(scene.wheels, scene.bearings, scene.motors, strict=True):
+        scene.connect(scene.body.frame, bearing.frame_a)
+        scene.connect(bearing.frame_b, wheel.frame)
+        scene.connect(motor.flange, bearing.flange)
+    frame, turn = scene.body.frame, 2 * np.pi / 3
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(5, 300))
+    ocp.start(
+        {frame.position: (0, 0, 0), frame.velocity: (0, 0, 0), frame.rotation: np.eye(3), frame.angular_velocity: (0, 0, 0)}
+    )
+    ocp.end({frame.rotation: ac.rotations.axis_angle((1, 1, 1), turn), frame.angular_velocity: (0, 0, 0)})
+    for torque in scene.torques:
+        ocp.bound(torque, -0.5, 0.5)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve(10, controls="constant")
+    straight = 2 * np.sqrt(turn * (25.0 + 2 * 4.0 * 0.25**2 / 4) / (np.sqrt(3) * 0.5))
+    assert 0.95 * straight < best.duration < straight * (1 + 1e-6)
+    assert best.defect < 1e-6
+
+
+def test_what_a_loop_keeps_from_turning_is_not_asked_to_turn() -> None:
+    """A plate on three pairs of rods of equal length, as in a delta robot: no row of its program follows from the others."""
+    scene: Any = ac.System()
+    scene.world, scene.plate = World(gravity=(0, 0, -9.81)), RigidBody(0.3, (1e-4, 1e-4, 2e-4))
+    scene.torques = [ac.Input("N m") for _ in range(3)]
+    ways = [np.array((np.cos(a), np.sin(a), 0.0)) for a in 2 * np.pi / 3 * np.arange(3)]
+    across = [np.array((-y, x, 0.0)) for x, y, _ in ways]
+    scene.hips = [Revolute(tuple(one)) for one in across]
+    scene.arms = [RigidBody.rod(0.3, tuple(0.25 * one)) for one in ways]
+    scene.motors, scene.rods = [TorqueSource(one) for one in scene.torques], [Rod(0.5) for _ in range(6)]
+    for k in range(3):
+        scene.connect(scene.world.at(tuple(0.2 * ways[k])), scene.hips[k].frame_a)
+        scene.connect(scene.hips[k].frame_b, scene.arms[k].frame)
+        scene.connect(scene.motors[k].flange, scene.hips[k].flange)
+        for side, rod in ((-0.04, scene.rods[2 * k]), (0.04, scene.rods[2 * k + 1])):
+            scene.connect(scene.arms[k].at(tuple(0.25 * ways[k] + side * across[k])), rod.frame_a)
+            scene.connect(scene.plate.at(tuple(0.05 * ways[k] + side * across[k])), rod.frame_b)
+    place = scene.plate.frame.position
+    ocp = ac.OptimalControl(ac.build(scene), 0.5)
+    ocp.start({place: (-0.1, 0, -0.4)})
+    ocp.end({place: (0.1, 0.05, -0.4), scene.plate.frame.velocity: (0, 0, 0)})
+    ocp.minimise(ac.integral(sum(one**2 for one in scene.torques)))
+    program = whole([ocp.part(Mesher(2, 5, "free", "ipopt"))], []).program
+    beside = program.guess + 0.01 * np.random.default_rng(0).normal(size=program.size)
+    J = np.array(program.derivatives["jac_g"](beside, [])[1])[:, program.bounds[0] < program.bounds[1]]
+    assert np.linalg.matrix_rank(J, 1e-9 * np.linalg.norm(J, 2)) == program.rows
+    best = ocp.solve(6, refinements=0)
+    assert best.run[place][-1] == pytest.approx([0.1, 0.05, -0.4], abs=1e-4)
 
 
 def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:

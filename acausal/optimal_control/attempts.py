@@ -86,13 +86,22 @@ class Searches:
         options = {"ipopt.max_iter": most}
         return self._made([replace(attempt.parts[0], guess=guess)], problem, attempt.refined, options, warm=False)
 
-    def again(self, attempt: Attempt, meshes: Sequence[Mesh]) -> Attempt:
+    def again(self, attempt: Attempt, meshes: Sequence[Mesh], *, briefly: bool = False) -> Attempt:
         """On other meshes, from what was found."""
         parts = [
             replace(part, mesh=mesh, guess=one.motion)
             for part, mesh, one in zip(attempt.parts, meshes, attempt.phases, strict=True)
         ]
-        return self._made(parts, whole(parts, self._links), attempt.refined + 1, {}, warm=attempt.off <= COARSE)
+        options = {"ipopt.max_iter": _HOPELESS} if briefly else {}
+        return self._made(parts, whole(parts, self._links), attempt.refined + 1, options, warm=attempt.off <= COARSE)
+
+    def held(self, attempt: Attempt) -> Attempt:
+        """The same on the same meshes, from what was found, with inputs that are held in each interval."""
+        parts = [
+            replace(part, asked=replace(part.asked, held=True), guess=one.motion)
+            for part, one in zip(attempt.parts, attempt.phases, strict=True)
+        ]
+        return self._made(parts, whole(parts, self._links), attempt.refined, {}, warm=True)
 
     def _made(self, parts: Sequence[Part], problem: Whole, refined: int, options: dict[str, Any], *, warm: bool) -> Attempt:
         before, begun, options = self._iterations, time.perf_counter(), {**options, **self._options}
@@ -124,8 +133,10 @@ class Searches:
 
 
 def finer(phases: Sequence[Optimum], tolerance: float) -> list[Mesh]:
-    """Meshes on which intervals are divided that are off by more than the tolerance."""
-    return [_finer(one, tolerance) for one in phases]
+    """Meshes on which intervals are divided that are off by more than the tolerance; where these do not lie, bounds hold between points, too, if they did not."""
+    found = [_finer(one, tolerance) for one in phases]
+    unseen = max(one.defect for one in phases) <= COARSE and max(one.violation for one in phases) > tolerance
+    return [replace(mesh, inside=True) for mesh in found] if unseen else found
 
 
 def _finer(best: Optimum, tolerance: float) -> Mesh:

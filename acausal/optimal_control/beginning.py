@@ -24,15 +24,40 @@ _FINER = 2
 
 
 def best_beginning(
-    searches: Searches, part: Part, others: Sequence[Sequence[Callable[[], Guess]]], tolerance: float, refinements: int
+    searches: Searches,
+    parts: Sequence[Part],
+    others: Sequence[Sequence[Callable[[], Guess]]],
+    tolerance: float,
+    refinements: int,
 ) -> Attempt:
-    """The best attempt of those from the guess of a part, and from `others`: the first row of these, and a next one where nothing was found so far. Where the mesh of
-    the part lies, they are tried on one of half its intervals' lengths.
+    """The best attempt of those from the guesses of the parts, and from `others` for the one part that there is then: from the first row of these, and from a next one
+    where nothing was found so far. Inputs that are to be held are free at first: a search for them alone creeps.
     """
-    first = base = searches.on([part])
+    finer_by = min(refinements, _FINER)
+    if any(part.asked.held and part.bent is not None and not part.asked.linear for part in parts):
+        loose = [replace(part, asked=replace(part.asked, held=False)) for part in parts]
+        free = _begun(searches, loose, others, tolerance, finer_by)
+        held = searches.held(free) if free.success else free
+        if held.success:
+            return held
+    return _begun(searches, parts, others, tolerance, finer_by)
+
+
+def _begun(
+    searches: Searches,
+    parts: Sequence[Part],
+    others: Sequence[Sequence[Callable[[], Guess]]],
+    tolerance: float,
+    refinements: int,
+) -> Attempt:
+    """Where the mesh lies, others are tried on one of half its intervals' lengths."""
+    first = base = searches.on(parts)
+    if not others:
+        return first
     tried, work = [first], 0
     if first.off > COARSE and refinements:
-        base = searches.on([replace(part, mesh=part.mesh.refined(np.full(part.mesh.intervals, 2)))], 1)
+        mesh = parts[0].mesh
+        base = searches.on([replace(parts[0], mesh=mesh.refined(np.full(mesh.intervals, 2)))], 1)
         tried.append(base)
     for number, row in enumerate(others):
         if number and any(one.success for one in tried):
@@ -42,7 +67,7 @@ def best_beginning(
                 break
             tried.append(searches.elsewhere(base, guess(), _CHEAP - work))
             work += tried[-1].work
-    return _best([one for one in tried if one.success], searches, tolerance, min(refinements, _FINER)) or first
+    return _best([one for one in tried if one.success], searches, tolerance, refinements) or first
 
 
 def _agree(tried: Sequence[Attempt]) -> bool:
@@ -59,7 +84,7 @@ def _best(found: list[Attempt], searches: Searches, tolerance: float, most: int)
             return least
         found.remove(least)
         if least.refined < most:
-            again = searches.again(least, finer(least.phases, tolerance))
+            again = searches.again(least, finer(least.phases, tolerance), briefly=True)
             found += [again] if again.success else []
         else:
             lying.append(least)

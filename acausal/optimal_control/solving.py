@@ -41,7 +41,7 @@ def best_of(
         raise OptionError(f"solve: the tolerance must be positive, not {tolerance:g}.")
     whole_number(refinements, "solve: refinements", 0)
     searches, before = Searches(links, plugin, options), None
-    now = best_beginning(searches, parts[0], others, tolerance, refinements) if others else searches.on(parts)
+    now = best_beginning(searches, parts, others, tolerance, refinements)
     while True:
         if before is not None and (now.off > COARSE or (now.refined == refinements and now.off > tolerance)):
             return searches.found(before)  # on a mesh that says itself how good it is

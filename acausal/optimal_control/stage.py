@@ -251,8 +251,8 @@ def independent_rows(matrix: np.ndarray) -> tuple[int, ...]:
 def independent_states(
     stage: Stage, z: np.ndarray, at: float, units: np.ndarray, preferred: Sequence[int] = (), *, whole: bool = False
 ) -> tuple[list[int], list[int]]:
-    """Which states (of all but those that follow) are collocated, with `whole` quaternions; and which invariants hold the others: rows that do not
-    follow from others.
+    """Which states (of all but those that follow) are collocated, with `whole` quaternions, as far as loops do not hold these; and which invariants hold the others: rows
+    that do not follow from others.
     """
     n = stage.invariants[1]
     nx, nv, _, _ = stage.sizes
@@ -265,7 +265,14 @@ def independent_states(
         length = np.linalg.norm(own, axis=1)
         own = own / np.where(length > 0, length, 1.0)[:, None]
         gone = independent_entries(own, [k - columns.start for k in preferred if k in columns]).dependent
-        turning = {k for places in stage.quaternions for k in places} if whole else set[int]()
-        kept = [k for k in kept if k - columns.start not in gone or k not in columns or k in turning]
+        dependent = {k + columns.start for k in gone}
+        dependent -= _turning(stage, dependent, z) if whole else set()
+        kept = [k for k in kept if k not in dependent]
         used += [block[0] + r for r in independent_rows(own)]
     return kept, used
+
+
+def _turning(stage: Stage, dependent: set[int], z: np.ndarray) -> set[int]:
+    """Of each quaternion that can turn the largest of the entries that depend on others: this one follows from its length, which a multiplier keeps."""
+    held = [[k for k in places if k in dependent] for places in stage.quaternions]
+    return {max(own, key=lambda k: abs(z[k])) for own in held if 0 < len(own) < 4}

@@ -275,7 +275,11 @@ def _scaled(term: Term, size: np.ndarray) -> Term:
 
 def _values(layout: Layout, guess: Guess, mesh: Mesh) -> np.ndarray:
     w = np.zeros(layout.size)
-    w[layout.places] = guess.at(mesh.points.ravel()).reshape(layout.places.shape)
+    values = guess.at(mesh.points.ravel()).reshape(layout.places.shape)
+    if layout.held:
+        first = layout.stage.width - layout.stage.sizes[3]
+        values[:, :, first:] = np.einsum("j,kju->ku", mesh.tableau.b, values[:, :, first:])[:, None]
+    w[layout.places] = values
     w[: layout.stage.sizes[0]] = guess.at(np.zeros(1))[0, : layout.stage.sizes[0]]
     w[layout.tail] = guess.duration
     w[layout.extra[1:]] = guess.free
@@ -407,6 +411,7 @@ def _dynamics(
         kept, used = independent_states(stage, middle, half, units, whole=True)
         loop_rows = stage.ruling(middle, half, units)
         idle = [nx + nv + r for r in range(loops) if r not in loop_rows]
+        idle += [nx + nv + loops + n for n, places in enumerate(stage.quaternions) if not set(places) & set(kept)]
         bounds[:, layout.places[k][:, idle]] = 0.0  # multipliers that rigid bodies leave open
         begin = layout.node(k)[:nx]
         for j in range(s):
