@@ -24,6 +24,7 @@ from tests.exported import (
     FLAGS,
     INPUT,
     OPEN_START,
+    OTHER_MODEL,
     OUTPUT,
     PARAMETER,
     RADAU,
@@ -149,6 +150,25 @@ def test_reset_gives_an_instance_as_it_was_created():
     instance.reset()
     assert instance.advance(1.0) == BAD_ARGUMENT and instance.words() == "There is no motion yet: start it."
     assert instance.started() == SUCCESS and np.array_equal(reached(instance, 1.0), first)
+
+
+def test_loops_that_parameters_bring_to_a_singular_position_are_told_where_they_come_to_it():
+    """With a coupler of 0.6 m the bars come to lie on one line: the model that is exported knows no way through. In any size, and only then."""
+    scene, model, _, _, _, library = driven()
+    for length in (0.6, 0.75, 1.3):
+        start, instance = {scene.a.q: 1.0, scene.a.v: 4.0}, library.instance()
+        assert instance.set(PARAMETER, list(model.parameter_names).index("length"), length) == SUCCESS
+        assert instance.set(CONDITION, 1, 4.0) == SUCCESS and instance.started() == SUCCESS
+        run = model.simulate(2.0, start, parameters={scene.length: length})
+        status = AT_EVENT
+        while status == AT_EVENT:
+            status = instance.advance(2.0)
+        if length != 0.6:
+            assert status == SUCCESS and np.max(np.abs(instance.x - run.x[:, -1])) < 1e-6
+            continue
+        assert status == OTHER_MODEL and instance.advance(2.0) == OTHER_MODEL
+        near = run.at([instance.time()])
+        assert abs(np.sin(near[scene.a.q][0])) < 1e-2 and np.max(np.abs(near.x[:, 0] - instance.x)) < 1e-2
 
 
 def test_inputs_and_parameters_that_are_set_on_the_way_begin_a_new_piece():

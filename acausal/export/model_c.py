@@ -129,6 +129,7 @@ def model_c(
         f".depends = depends, .given = given, .switches = switch_words, .laws = law_words, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
         *([] if start.holds is None else [f".holds = {_plain(start.holds)}"]),
+        *([] if start.clear is None else [f".clear = {_plain(start.clear)}"]),
         f".motion = {{\n        {(',' + chr(10) + ' ' * 8).join(motion)}}}",
     ]
     lines = [

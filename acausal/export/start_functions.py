@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.numerics.folding import folded_function
 from acausal.outputs.functions import Functions
+from acausal.reduce.holds import clearance
 from acausal.start.assembly_function import assembled, row_lengths, start_units
 from acausal.start.initial import InitialState
 
@@ -32,13 +33,15 @@ _TAIL = "\n#pragma GCC diagnostic pop\n#pragma GCC visibility pop\n"
 class StartFunctions:
     """`assembly`: data (start values, t0, u, p without constants) -> (x, constants of integration), NaN where there is no such start; `depends`:
     on which of the data. `gaps`: (t, x, u, p) -> how far positions and velocities are from closing, and how large the velocities are, without
-    unit; None without constraints. `holds`: (t, x, u, p) -> not negative where what was decided holds. `names`, `units`, `values`: of the start values.
+    unit; None without constraints. `holds`: (t, x, u, p) -> not negative where what was decided holds. `clear`: (t, x, u, p) -> how far loops are from
+    singular positions, of which they have none with the values that are exported; None where no parameter can bring them to any. `names`, `units`, `values`: of the start values.
     """
 
     assembly: ca.Function
     depends: tuple[bool, ...]
     gaps: ca.Function | None
     holds: ca.Function | None
+    clear: ca.Function | None
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: tuple[float, ...]
@@ -59,6 +62,7 @@ def start_functions(functions: Functions, initial: InitialState) -> StartFunctio
         _depends(functions, initial),
         _gaps(functions, initial),
         functions.holds,
+        None if (clear := clearance(space)) is None else folded_function("clear", space.arguments, [ca.densify(clear)]),
         names,
         tuple(met.unit for met in initial.met for _ in range(met.wanted.size)),
         tuple(account.data[: len(names)].tolist()),
@@ -112,7 +116,7 @@ def _gaps(functions: Functions, initial: InitialState) -> ca.Function | None:
 def start_c(start: StartFunctions, prefix: str) -> str:
     """A header with C of the functions; `prefix`: what names begin with that might be taken for those of others."""
     generator = ca.CodeGenerator("start", {"casadi_int": "long long int"})
-    for function in (start.assembly, start.gaps, start.holds):
+    for function in (start.assembly, start.gaps, start.holds, start.clear):
         if function is not None:
             generator.add(function)
     with tempfile.TemporaryDirectory() as folder:

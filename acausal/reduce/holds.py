@@ -15,6 +15,7 @@ import numpy as np
 from acausal.dynamics.formulas import pivots, solve_positive
 from acausal.loops.examined import Examined
 from acausal.loops.gaps import gap_margins
+from acausal.loops.walk import Walk
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import SINGULAR
 from acausal.reduce.state_space import StateSpace
@@ -59,25 +60,64 @@ def _sampled(rows: ca.SX, space: StateSpace) -> ca.SX:
     return ca.substitute(rows, free, ca.DM(np.random.default_rng(5).uniform(0.5, 1.5, free.numel()))) if free.numel() else rows
 
 
-def _loops(part: Examined) -> list[ca.SX]:
-    """Margins of the rows of a group, without unit, by the coordinates of the tree."""
+def clearance(space: StateSpace) -> ca.SX | None:
+    """By t, x, u and p: how far, at least, loops without singular positions are from one: the least of the pivots of K K', which falls with the square of
+    the distance. None where no parameter can bring them to any.
+    """
+    found = [
+        p
+        for part in space.system.constraints.examined
+        if part.parameters and not part.singular and part.rank.kept
+        for p in ca.vertsplit(pivots(_kept_rows(part)[2]))
+    ]
+    return space.put(functools.reduce(ca.fmin, found)) if found else None
+
+
+def _kept_rows(part: Examined) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The rows A of a group, each of its usual length, those that are kept, K, and K K'."""
     assert part.walk is not None
-    rates, lengths = part.walk.sizes_of_velocities
+    lengths = part.walk.sizes_of_velocities[1]
     usual = np.max(lengths * part.scale, where=np.isfinite(lengths), initial=0.0)
     lengths = np.where(np.isfinite(lengths), lengths * part.scale, usual)  # rows of rounding errors may be more with other values
-    # rows grow with what they are made of: lengths that are parameters
-    functions, walk = part.walk.symbolic, part.walk
-    usual_terms = np.array(functions.terms(part.samples[0], rates, walk.time, part.values)).ravel()
-    here = functions.terms(part.group.q, ca.DM(rates), functions.t, functions.parameters)
-    told = usual_terms > _VANISHED * lengths
-    grown = ca.sum1(here[np.flatnonzero(told).tolist()]) / float(np.sum(usual_terms[told]))
-    sizes = ca.vertcat(*(n * (here[k] / usual_terms[k] if told[k] else grown) for k, n in enumerate(lengths)))
+    speeds, grown = _growth(part, part.walk, lengths)
     A = ca.jacobian(part.group.velocity, part.group.v)
-    A = ca.sparsify(ca.diag(1 / sizes) @ A @ ca.diag(ca.DM(rates)))
+    A = ca.sparsify(ca.diag(1 / (ca.DM(lengths) * grown)) @ A @ ca.diag(speeds))
+    K = A[list(part.rank.kept), :]
+    return A, K, ca.densify(K @ K.T)
+
+
+def _growth(part: Examined, walk: Walk, lengths: np.ndarray) -> tuple[ca.SX, ca.SX]:
+    """How much velocities are (nv, 1), and times as much as where the part was examined its rows (m, 1) of these `lengths` are: rows grow with what they
+    are made of, lengths that are parameters, and so do the shifts and speeds that go with these.
+    """
+    group, f, rates = part.group, walk.symbolic, walk.sizes_of_velocities[0]
+    slopes = ca.DM(ca.jacobian(group.rates, group.v).sparsity(), 1).full()
+    spins = np.any(slopes[group.turning], axis=0)
+
+    def speeds(by: ca.SX | float) -> ca.SX:
+        return ca.vertcat(*(rate if spin else by * rate for rate, spin in zip(rates, spins, strict=True)))
+
+    def grown(by: ca.SX | float, built: float) -> tuple[ca.SX, ca.SX]:
+        """The rows, and all that tell together, where what is no angle is `by` times as much, `built` times where the part was examined."""
+        here, there = (
+            ca.vertcat(*(x if turn else part_of * x for x, turn in zip(part.samples[0], group.turning, strict=True)))
+            for part_of in (by, built)
+        )
+        now = f.terms(here, speeds(by), f.t, f.parameters)
+        usual = np.array(ca.evalf(f.terms(there, speeds(built), walk.time, part.values))).ravel()
+        told = np.flatnonzero(usual > _VANISHED * lengths).tolist()
+        total = ca.sum1(now[told]) / float(np.sum(usual[told])) if told else ca.SX(1)
+        return ca.vertcat(*(now[k] / usual[k] if k in told else total for k in range(usual.size))), total
+
+    by = grown(0.0, 0.0)[1]
+    return speeds(by), grown(by, 1.0)[0]
+
+
+def _loops(part: Examined) -> list[ca.SX]:
+    """Margins of the rows of a group, without unit, by the coordinates of the tree."""
+    A, K, G = _kept_rows(part)
     kept = list(part.rank.kept)
     others = [k for k in range(A.shape[0]) if k not in kept]
-    K = A[kept, :]
-    G = ca.densify(K @ K.T)
     margins = [] if part.singular or not kept else [p - SINGULAR**2 for p in ca.vertsplit(pivots(G))]
     if others and kept:
         D = A[others, :]

@@ -29,6 +29,8 @@ typedef struct {
     PlainFunction assembly;         /* data (conditions, t, u, p without constants) -> x, constants; NaN where there is no such start */
     PlainFunction gaps;             /* t, x, u (masks among them), p -> gaps of positions, of velocities; size of velocities. run is 0 without constraints */
     PlainFunction holds;            /* t, x, u, p -> not negative where what the model decided holds. run is 0 where nothing can change it */
+    PlainFunction clear;            /* t, x, u, p -> how far loops are from singular positions, of which they have none with the values that were exported. run is 0
+                                       where no parameter can bring them to any */
     const char *depends;            /* on which of the data the start depends */
 } Model;
 

@@ -8,6 +8,11 @@
 
 #define FINEST 1e-15
 #define CLOSED 1e-6 /* gaps that a start may have, in parts of the model's size, or of its velocities */
+#define LOOKS 8         /* places of a step at which is looked for singular positions */
+#define NEAR 1e-2       /* squares of distances from one: where it is looked for ... */
+#define SINGULAR 1e-6   /* ... and what is as good as one */
+#define GOLDEN 0.382
+#define CUTS 24
 #define ALIGNED 64
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
 #define KINDS (SIMULATOR_EVENT + 1)
@@ -29,6 +34,7 @@ struct simulator_instance {
     simulator_report report; /* the last status; the rest: of the pieces before the present one */
     double *values[KINDS]; /* the present ones of each kind; masks behind inputs */
     double *x, *met, *data; /* where the piece began, then the end of the last step; sizes that states have had; for the assembly */
+    double *looks;          /* states at LOOKS times of a step */
     V *in, *out, *c, *w;    /* of outputs, and of inputs that are formulas */
     const double **arguments;
     double **results, *work;
@@ -133,7 +139,7 @@ static void *take(char *block, size_t *used, size_t bytes) {
 static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
     simulator_instance counted;
     size_t used = 0, room = needed(I);
-    const PlainFunction *plain[] = {&model.assembly, &model.gaps, &model.holds};
+    const PlainFunction *plain[] = {&model.assembly, &model.gaps, &model.holds, &model.clear};
     long arguments = 0, results = 0, integers = 0, work = 0;
     for (long k = 0; k < COUNT(plain); k++) {
         arguments = larger(arguments, plain[k]->arguments);
@@ -152,6 +158,7 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
     s->x = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->met = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->data = take(block, &used, sizeof(double) * (size_t)data);
+    s->looks = take(block, &used, sizeof(double) * (size_t)(model.clear.run ? LOOKS * I->nx : 0));
     s->in = take(block, &used, sizeof(V) * (size_t)larger(o->inputs, f->inputs));
     s->out = take(block, &used, sizeof(V) * (size_t)larger(o->outputs, f->outputs));
     s->c = take(block, &used, sizeof(V) * (size_t)(larger(o->constants, f->constants) + 1));
@@ -585,6 +592,46 @@ int simulator_set_end(simulator_instance *s, double end) {
     return SIMULATOR_SUCCESS;
 }
 
+/* Of a state at a time. */
+static double clearance_at(simulator_instance *s, double t, const double *x) {
+    double clear = 0;
+    run_plain(s, &model.clear, (const double *const[]){&t, x, s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]}, 4, (double *const[]){&clear}, 1);
+    return clear;
+}
+
+/* Whether the last step came by a singular position of loops that have none with the values that were exported: the model knows no way through. The present
+   time and state are then those next to it. */
+static int comes_by_singular(simulator_instance *s) {
+    Integrator *I = &s->I;
+    const long last = I->steps - I->first, own = I->np - model.constants;
+    if (!model.clear.run || last < 1 || !memcmp(s->values[SIMULATOR_PARAMETER], model.quantities[SIMULATOR_PARAMETER].values, sizeof(double) * (size_t)own)) return 0;
+    const double begin = I->times[last - 1], h = I->times[last] - begin;
+    double t[LOOKS], least = INFINITY, *x = s->values[SIMULATOR_STATE];
+    for (int k = 0; k < LOOKS; k++) t[k] = begin + h * (k + 1) / LOOKS;
+    if (!(h > 0) || dense(I, LOOKS, t, s->looks) != REACHED_END) return 0;
+    double found = t[0];
+    for (int k = 0; k < LOOKS; k++) {
+        double clear = clearance_at(s, t[k], s->looks + k * I->nx);
+        if (clear < least) least = clear, found = t[k];
+    }
+    double low = fmax(begin, found - h / LOOKS), high = fmin(begin + h, found + h / LOOKS);
+    for (int cut = 0; cut < CUTS && least < NEAR && !(least < SINGULAR); cut++) { /* golden section of the larger part */
+        double other = high - found > found - low ? found + GOLDEN * (high - found) : found - GOLDEN * (found - low);
+        if (state_at(I, other, x) != REACHED_END) break;
+        double clear = clearance_at(s, other, x);
+        if (clear < least) {
+            if (other > found) low = found;
+            else high = found;
+            least = clear, found = other;
+        } else if (other > found) high = other;
+        else low = other;
+    }
+    if (!(least < SINGULAR)) return 0;
+    s->present = found;
+    state_at(I, found, x);
+    return 1;
+}
+
 /* One step of the integrator towards a time. */
 static int take_step(simulator_instance *s, double towards) {
     Integrator *I = &s->I;
@@ -592,8 +639,10 @@ static int take_step(simulator_instance *s, double towards) {
     I->events = s->told = 0;
     enum Code code = I->nx ? (enum Code)advance(I) : REACHED_END;
     if (!I->nx) I->t = I->end;
-    if (code == PAUSED || code == REACHED_END || code == EVENT) return SIMULATOR_SUCCESS;
-    return ended(s, code);
+    if (code != PAUSED && code != REACHED_END && code != EVENT) return ended(s, code);
+    if (I->nx && comes_by_singular(s))
+        return failed(s, SIMULATOR_OTHER_MODEL, "Loops come to a singular position, of which they have none with the values that were exported: export a model that is built with these.");
+    return SIMULATOR_SUCCESS;
 }
 
 /* To the next event that has not been told, if it comes by time t. */

@@ -54,7 +54,7 @@ typedef enum {
     SIMULATOR_OUT_OF_MEMORY,  /* malloc failed, or a step had more than SIMULATOR_EVENTS_OF_A_STEP events */
     SIMULATOR_BAD_ARGUMENT,   /* the call makes no sense; nothing was done */
     SIMULATOR_OPEN_START,     /* the states do not close the loops, or there are none that do for these values */
-    SIMULATOR_OTHER_MODEL,    /* with these values other equations would be needed, e.g. other constraints are independent */
+    SIMULATOR_OTHER_MODEL,    /* with these values other equations would be needed, e.g. other constraints are independent, or loops come to a singular position */
     SIMULATOR_SLIDES,         /* the rates switch back and forth without end */
     SIMULATOR_OVERLAPS,       /* the gap of a one-sided contact is negative at the start, where an input jumps, or where it jumps itself */
     SIMULATOR_NO_MODE,        /* whether contacts hold, slide or open: nothing obeys the laws of all of them */
