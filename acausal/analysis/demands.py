@@ -9,9 +9,10 @@ import numpy as np
 
 from acausal.analysis.mode_at import in_its_mode, with_masks
 from acausal.analysis.point import Differentiable, OperatingPoint
-from acausal.analysis.resting import DAMPING, touching
+from acausal.analysis.resting import touching
 from acausal.numerics import patches
 from acausal.outputs.functions import Functions
+from acausal.reduce.modes import DAMPING
 from acausal.simulate.transitions import Law, laws_of
 
 _EXCESS = 1e-9

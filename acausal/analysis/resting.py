@@ -11,15 +11,13 @@ from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.errors import EquilibriumError, OptionError
 from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import Functions
+from acausal.reduce.modes import DAMPING
 from acausal.reduce.reduce import ReducedSystem
 from acausal.simulate.transitions import Law, laws_of
 from acausal.wording import compact
 
 TOUCH = 1e-9
 """Of its terms: what a gap or a force may be on the wrong side of zero."""
-
-DAMPING = 1e-6
-"""Of rows that depend on one another, in units of their compliance."""
 
 Found = tuple[OperatingPoint, np.ndarray]
 """A point, and sizes of its states (nx,)."""

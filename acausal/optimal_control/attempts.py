@@ -22,6 +22,7 @@ COARSE = 1e-3
 """How far off intervals are that tell more of the mesh than of the motion: what is found on the next one is not near."""
 _HOPELESS = 300
 """Iterations, after which another guess is given up."""
+_BRIEFLY = {"ipopt.max_iter": _HOPELESS}
 MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -75,9 +76,9 @@ class Searches:
         counted = (replace(one, iterations=self._iterations, seconds=self._seconds) for one in attempt.phases)
         return Found(tuple(counted), attempt.cost, self._iterations, self._seconds)
 
-    def on(self, parts: Sequence[Part], refined: int = 0) -> Attempt:
-        """From the guesses of these parts, on their meshes, which were `refined` before."""
-        return self._made(parts, whole(parts, self._links), refined, {}, warm=False)
+    def on(self, parts: Sequence[Part], refined: int = 0, *, briefly: bool = False) -> Attempt:
+        """From the guesses of these parts, on their meshes, which were `refined` before; `briefly`: given up soon."""
+        return self._made(parts, whole(parts, self._links), refined, _BRIEFLY if briefly else {}, warm=False)
 
     def elsewhere(self, attempt: Attempt, guess: Guess, work: int) -> Attempt:
         """The same problem of one part, from another guess, with this `work` at most."""
@@ -92,7 +93,7 @@ class Searches:
             replace(part, mesh=mesh, guess=one.motion)
             for part, mesh, one in zip(attempt.parts, meshes, attempt.phases, strict=True)
         ]
-        options = {"ipopt.max_iter": _HOPELESS} if briefly else {}
+        options = _BRIEFLY if briefly else {}
         return self._made(parts, whole(parts, self._links), attempt.refined + 1, options, warm=attempt.off <= COARSE)
 
     def held(self, attempt: Attempt) -> Attempt:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from acausal.optimal_control.attempts import COARSE, Attempt, Searches, finer
+from acausal.optimal_control.failing import bottomless
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.whole import Part
 
@@ -38,7 +39,7 @@ def best_beginning(
         loose = [replace(part, asked=replace(part.asked, held=False)) for part in parts]
         free = _begun(searches, loose, others, tolerance, finer_by)
         held = searches.held(free) if free.success else free
-        if held.success:
+        if held.success or bottomless(held.problem, held.cost):
             return held
     return _begun(searches, parts, others, tolerance, finer_by)
 
@@ -52,12 +53,12 @@ def _begun(
 ) -> Attempt:
     """Where the mesh lies, others are tried on one of half its intervals' lengths."""
     first = base = searches.on(parts)
-    if not others:
+    if not others or (not first.success and bottomless(first.problem, first.cost)):
         return first
     tried, work = [first], 0
     if first.off > COARSE and refinements:
         mesh = parts[0].mesh
-        base = searches.on([replace(parts[0], mesh=mesh.refined(np.full(mesh.intervals, 2)))], 1)
+        base = searches.on([replace(parts[0], mesh=mesh.refined(np.full(mesh.intervals, 2)))], 1, briefly=True)
         tried.append(base)
     for number, row in enumerate(others):
         if number and any(one.success for one in tried):

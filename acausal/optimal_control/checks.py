@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
+from acausal.optimal_control.asked import GIVEN, ROOM, Asked, Limits, when
 from acausal.optimal_control.guess import Guess
-from acausal.optimal_control.transcription import GIVEN, ROOM, Asked, Limits
 
 
 def check_problem(asked: Asked, first: Guess, name: Callable[[object], str]) -> None:
@@ -46,14 +46,8 @@ def _check_what_stands(asked: Asked) -> None:
                 found = float(value[r])
                 if limits.outside(found, r):
                     raise OptionError(
-                        f"{limits.entry(r)} is {found:.6g} however the scene moves, but is to be {limits.range(r)} {_when(at)}. Leave it out, or change the scene."
+                        f"{limits.entry(r)} is {found:.6g} however the scene moves, but is to be {limits.range(r)} {when(at)}. Leave it out, or change the scene."
                     )
-
-
-def _when(at: float | None) -> str:
-    if at is None:
-        return "all the time"
-    return {0.0: "at the start", 1.0: "at the end"}.get(at, f"when {at:g} of the time has passed")
 
 
 def _check_bounds(asked: Asked, first: Guess) -> None:
@@ -76,7 +70,7 @@ def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
         room = ROOM * max((abs(v) for v in said if np.isfinite(v)), default=0.0)
         if own.lower[e] > limits.upper[r] + room or own.upper[e] < limits.lower[r] - room:
             raise OptionError(
-                f"{own.name} is to be {own.range(e)} {_when(at)}, but is bounded to {limits.range(r)} all the time. Move one of them."
+                f"{own.name} is to be {own.range(e)} {when(at)}, but is bounded to {limits.range(r)} all the time. Move one of them."
             )
 
 

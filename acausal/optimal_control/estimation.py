@@ -12,7 +12,8 @@ import numpy as np
 
 from acausal.arguments import dictionary
 from acausal.errors import AccuracyWarning, AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
-from acausal.language.expression import Expression, Input, Parameter, Symbol
+from acausal.language.expression import Expression, Input, Parameter
+from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.simulate.sensitivity import Sensitivities
 from acausal.start.initial import exactly, near
@@ -22,6 +23,9 @@ _FAR = 20
 """Standard deviations of chi squared, beyond which the model or the search is wrong and not the luck bad."""
 _UNSEEN = 1e-6
 """Of the largest: singular values of the data's slopes below this say nothing beside rounding and the tolerance of the motion."""
+
+_PAUSE = 1e5
+"""Times what data usually come apart: a pause that nobody means."""
 
 
 class Sensitive(Protocol):
@@ -136,7 +140,7 @@ def estimate(
             "estimate: the recordings hold no finite value. Give data={scene.hinge.q: (times, values, standard deviation)}."
         )
     problem = _Fit(runs, first)
-    names = tuple(model.functions.outputs.name(k) if isinstance(k, Symbol) else repr(k) for k in keys)
+    names = tuple(expression_name(model.functions.outputs, k) for k in keys)
     found = problem.solved(tuple(keys), names)
     if all(run.noise_known for run in runs) and found.chi2 > found.freedom + _FAR * np.sqrt(2 * max(found.freedom, 1)):
         warnings.warn(
@@ -215,7 +219,7 @@ class _Series:
 
 
 def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> _Series:
-    name = functions.outputs.name(wanted) if isinstance(wanted, Symbol) else repr(wanted)
+    name = expression_name(functions.outputs, wanted)
     if not isinstance(given, tuple) or len(given) not in (2, 3):  # pyright: ignore[reportUnknownArgumentType]
         raise OptionError(f"The data of {name} must be (times, values) or (times, values, standard deviation).")
     try:
@@ -228,6 +232,7 @@ def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> 
         raise OptionError(f"The data of {name}: {times.size} times need {times.size * size} values, not {values.size}.")
     if not np.all(np.isfinite(times)) or np.any(times < t0):
         raise OptionError(f"The data of {name} have times that are not finite, or before the start at {t0:g} s.")
+    _check_gaps(name, times)
     values = values.reshape(times.size, size)
     noise = parts[2] if len(parts) == 3 else np.array(1.0)
     if np.isinf(values).any():
@@ -236,6 +241,17 @@ def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> 
         raise OptionError(f"The standard deviation of {name} must be positive and finite. What is missing is NaN in the values.")
     whole = np.broadcast_to(noise.reshape(times.size, -1) if noise.size > 1 else noise, values.shape)
     return _Series(wanted, times, values, np.array(whole), len(parts) == 3)
+
+
+def _check_gaps(name: str, times: np.ndarray) -> None:
+    """Of times (m,) those that are far from all others: no motion goes on for so long."""
+    apart = np.diff(np.unique(times))
+    if apart.size > 1 and np.max(apart) > _PAUSE * np.median(apart):
+        k = int(np.argmax(apart))
+        raise OptionError(
+            f"The data of {name} come {np.median(apart):.3g} s apart, but then {apart[k]:.3g} s, after {np.unique(times)[k]:.6g} s. Is one of the times in another unit? "
+            "Recordings with such a pause are two: estimate(model, [ac.Recording(...), ac.Recording(...)], ...)."
+        )
 
 
 class _Fit:

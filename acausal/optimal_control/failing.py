@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acausal.optimal_control.optimum import Optimum
-from acausal.optimal_control.promises import no_number
+from acausal.optimal_control.promises import broken_promises, far_away, kinks, no_number, pressed
 from acausal.optimal_control.whole import Whole
 
 _BOTTOMLESS = 1e8
@@ -33,7 +33,7 @@ def failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
             name, phase, at = problem.labels[r]
             size, first, last = worst.get((name, phase), (off[r], at, at))
             worst[name, phase] = max(size, off[r]), min(first, at), max(last, at)
-    if cost < -_BOTTOMLESS * problem.program.unit:
+    if bottomless(problem, cost):
         status = "Diverging_Iterates"
     words = [f"No optimum was found: {REASONS.get(status, status)}; the cost came to {cost:.4g}."]
     blank = [
@@ -46,13 +46,31 @@ def failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
         words.append(
             f"No finite value or slope have: {', '.join(dict.fromkeys(blank[:4]))}. A root, a norm or a quotient may be of zero there."
         )
-    if worst:
-        listed = [_where(problem, w, name, phase, entry) for (name, phase), entry in list(worst.items())[:4]]
-        words.append("What could not be met: " + "; ".join(listed) + ".")
+    elif kinked := [name for one in problem.parts for name in kinks(one.asked)]:
+        words.append(
+            f"Kinks, where it has no slope, has: {', '.join(dict.fromkeys(kinked[:4]))}. Make it smooth: np.sqrt(u**2 + small**2) for the absolute value of u."
+        )
+    runaway = [name for k, one in enumerate(problem.parts) for name in far_away(one, problem.unknowns(w, k))]
+    if runaway:
+        words.append(f"What nothing bounds, and ran away: {'; '.join(runaway[:3])}. Bound it: ocp.bound(..., lower, upper).")
+    if not (runaway and status == "Diverging_Iterates"):
+        broken = [name for k, one in enumerate(problem.parts) for name in broken_promises(one, problem.unknowns(w, k))]
+        said = {limits.name for one in problem.parts for _, limits in one.asked.here} if broken else set[str]()
+        rows = [_where(problem, w, name, k, entry) for (name, k), entry in worst.items() if name not in said]
+        if worst:
+            words.append("What could not be met: " + "; ".join([*broken, *rows][:4]) + ".")
+        limits = [name for k, one in enumerate(problem.parts) for name in pressed(one, problem.unknowns(w, k))]
+        if worst and limits:
+            words.append(f"At its limits came: {', '.join(dict.fromkeys(limits[:6]))}.")
     words.append(
         "The last iterate is in the error's `best`. Relax a bound, give more time, or begin elsewhere with ocp.guess(run)."
     )
     return " ".join(words)
+
+
+def bottomless(problem: Whole, cost: float) -> bool:
+    """Whether a cost is so low that there is no least one."""
+    return cost < -_BOTTOMLESS * problem.program.unit
 
 
 def _where(problem: Whole, w: np.ndarray, name: str, phase: int, entry: tuple[float, float, float]) -> str:

@@ -15,12 +15,11 @@ from acausal.language.component import Component, System
 from acausal.language.expression import Input, Mode, Reaction
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
-from acausal.reduce.modes import refuse_modes
+from acausal.reduce.modes import DAMPING, refuse_modes
 from acausal.simulate.transitions import Law, laws_of
 from acausal.wording import compact
 
 _WORDS = ("open", "closed", "sticks", "slides", "slides +", "slides -", "bounces")
-_DAMPING = 1e-6  # of rows that depend on one another, as the runtime has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +120,7 @@ class PhaseMode:
                 found += [float(word == "sticks"), {"slides +": 1.0, "slides -": -1.0}.get(word, 0.0)]
             else:
                 found += [float(word == "sticks"), float(word == "slides"), 0.0, 0.0, 0.0, 0.0]
-        found += [_DAMPING] if modes.redundant else []
+        found += [DAMPING] if modes.redundant else []
         return np.array([*found, *[0.0] * (len(modes.masks) - len(found))])  # nothing is carried on
 
     def row(self, law: Law, x: ca.SX, rates: ca.SX, put: Callable[[ca.SX], ca.SX]) -> ca.SX:

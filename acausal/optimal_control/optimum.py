@@ -15,9 +15,10 @@ from acausal.collocation.problem import Accuracy, StatusKind
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.language.pieces import PiecewisePolynomial
+from acausal.optimal_control.asked import Limits
 from acausal.optimal_control.guess import Guess, closed, points_of
 from acausal.optimal_control.mesh import Mesh, through
-from acausal.optimal_control.transcription import Limits, Transcribed
+from acausal.optimal_control.transcription import Transcribed
 from acausal.start.initial import near
 from acausal.start.states import start_values
 
@@ -150,9 +151,8 @@ class Optimum:
         found, accuracy = list[np.ndarray](), Accuracy.asked(_REPLAYED)
         inputs = self.run.problem.inputs
         given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
-        x = self.x * (
-            np.abs(self.x) > np.finfo(float).eps * np.abs(self.x).max(axis=1, keepdims=True)
-        )  # what touches is not below by rounding
+        rounding = np.finfo(float).eps * np.max(np.abs(self.x), axis=1, keepdims=True)
+        x = np.where(np.abs(self.x) > rounding, self.x, 0.0)  # what touches is not below by rounding
         for k, times in enumerate(self._between):
             read = np.append(times, self.t[k + 1])
             problem = replace(self.run.problem, inputs=given, read=read)

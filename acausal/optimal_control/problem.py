@@ -11,8 +11,10 @@ import numpy as np
 
 from acausal.arguments import dictionary, finite, whole_number
 from acausal.errors import OptionError, UnknownVariableError
-from acausal.language.expression import Expression, Parameter, Symbol, declared
+from acausal.language.expression import Expression, Parameter
+from acausal.optimal_control.asked import GIVEN, Asked, Limits, Total
 from acausal.optimal_control.checks import check_problem
+from acausal.optimal_control.conditions import beside
 from acausal.optimal_control.controller import Controller
 from acausal.optimal_control.guess import Guess, path_guess, run_guess
 from acausal.optimal_control.language import Cost, free
@@ -22,8 +24,8 @@ from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.swings import other_guesses
-from acausal.optimal_control.transcription import GIVEN, Asked, Limits, Total, beside
 from acausal.optimal_control.whole import Part
+from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.outputs.state_units import state_units
 from acausal.start.assembly_function import start_units
@@ -136,7 +138,7 @@ class OptimalControl:
         Of an `ac.integral`, an `ac.average` or a sum of such: two numbers for the whole motion.
         """
         if isinstance(expression, Cost):
-            name = f"the total number {len(self._totals) + 1} that is bounded"
+            name = self._total_name(expression)
             low, high = (float(v[0]) for v in _ordered((lower, upper), name, 1))
             self._totals.append((expression, low, high, name))
             return
@@ -238,6 +240,11 @@ class OptimalControl:
         every = finite(rate, "controller: the rate [s]")
         if not every > 0:
             raise OptionError(f"controller: the rate must be positive, not {every:g} s.")
+        if self._start is None or self._opened:
+            open_ones = ", ".join(self.name(key) for key in self._opened) or "everything"
+            raise OptionError(
+                f"controller: {open_ones} is free at the start, where the state takes its place. Say the start without ac.free: ocp.start({{scene.hinge.q: 0.3}})."
+            )
         best = self.solve(intervals, order=order, controls=controls, refinements=0)
         return Controller(best, every, solver, dict(options or {}))
 
@@ -464,18 +471,18 @@ class OptimalControl:
 
     def name(self, key: Any) -> str:
         """In words: an expression by the names of what stands in it."""
-        if isinstance(key, Symbol) or not isinstance(key, Expression):
-            return self._functions.outputs.name(key) if isinstance(key, Symbol) else repr(key)
-        scalars = ca.symvar(key.sx)
-        said = [self._scalar_name(one) for one in scalars]
-        return str(ca.substitute([key.sx], scalars, [ca.SX.sym(one) for one in said])[0]) if scalars else repr(key)
+        return expression_name(self._functions.outputs, key) if isinstance(key, Expression) else repr(key)
 
-    def _scalar_name(self, scalar: ca.SX) -> str:
-        symbol = declared(scalar)
-        if symbol is None:
-            return scalar.name()
-        place = [symbol.sx[k].element_hash() for k in range(symbol.sx.numel())].index(scalar.element_hash())
-        return self._functions.outputs.name(symbol) + (f"[{place}]" if symbol.sx.numel() > 1 else "")
+    def _total_name(self, cost: Cost) -> str:
+        """In words."""
+        kinds = (
+            ("the integral of {}", cost.integrals),
+            ("the average of {}", cost.averages),
+            ("{} at the start", cost.starts),
+            ("{} at the end", cost.ends),
+        )
+        said = [words.format(self.name(one)) for words, own in kinds for one in own]
+        return " plus ".join([*said, *(["the duration"] if cost.duration else [])])
 
 
 def _total(stage: Stage, cost: Cost, what: str) -> Total:

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from acausal.optimal_control.asked import Asked
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link, linked
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.separable import Program
-from acausal.optimal_control.transcription import Asked, Transcribed, transcribe
+from acausal.optimal_control.transcription import Transcribed, transcribe
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,9 @@ from acausal.numerics.thresholds import ROUNDING
 from acausal.reduce.magnitudes import Magnitudes
 from acausal.wording import compact
 
+DAMPING = 1e-6
+"""Of rows that depend on one another, in units of the least of the other pivots, as `runtime/modes.h` has it."""
+
 
 @dataclass(frozen=True)
 class Modes:

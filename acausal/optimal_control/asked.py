@@ -1,0 +1,111 @@
+"""A problem of optimal control by the unknowns of a stage: what is limited, when, and what is minimised."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.optimal_control.stage import Stage
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """`value` (n, 1) of a stage's unknowns, between `lower` and `upper` (n,); `name`: what it is, in words."""
+
+    value: ca.SX
+    lower: np.ndarray
+    upper: np.ndarray
+    name: str
+
+    def entry(self, r: int) -> str:
+        """What one of the entries is, in words."""
+        return self.name if self.value.numel() == 1 else f"{self.name}[{r}]"
+
+    def range(self, r: int) -> str:
+        """Where one of the entries is to be, in words."""
+        lower, upper = self.lower[r], self.upper[r]
+        if lower == upper:
+            return f"{lower:g}"
+        if np.isfinite([lower, upper]).all():
+            return f"between {lower:g} and {upper:g}"
+        return f"at least {lower:g}" if np.isfinite(lower) else f"at most {upper:g}"
+
+    def outside(self, found: float, r: int, size: float = 0.0) -> bool:
+        """Whether an entry with this value is clearly not where it is to be; `size`: what is much for it, beside these numbers."""
+        lower, upper = self.lower[r], self.upper[r]
+        room = ROOM * max(size, *(abs(v) for v in (found, lower, upper) if np.isfinite(v)))
+        return not lower - room <= found <= upper + room
+
+    def excess(self, values: np.ndarray) -> np.ndarray:
+        """By how much values (entries, n) are outside, not negative."""
+        return np.maximum(0.0, np.maximum(self.lower[:, None] - values, values - self.upper[:, None]))
+
+    def sizes(self, values: np.ndarray) -> np.ndarray:
+        """(entries,): what is much for each, by values (entries, n) and finite bounds that are not zero."""
+        bounds = np.abs(np.vstack([self.lower, self.upper]))
+        found = np.maximum(np.max(np.abs(values), axis=1), np.max(np.where(np.isfinite(bounds), bounds, 0.0), axis=0))
+        return np.where(found > 0, found, 1.0)
+
+
+def when(at: float | None) -> str:
+    """In words: at a part of the duration, None all the time."""
+    if at is None:
+        return "all the time"
+    return {0.0: "at the start", 1.0: "at the end"}.get(at, f"when {at:g} of the time has passed")
+
+
+@dataclass(frozen=True, eq=False)
+class Total:
+    """A sum of integrals, averages and values at the `starts` and `ends` (1, 1), with `per_second` times the duration."""
+
+    integrals: ca.SX
+    averages: ca.SX
+    starts: ca.SX
+    ends: ca.SX
+    per_second: float
+
+
+ROOM = 1e-6
+"""Of what a bound and a value are: how far apart they are before they contradict each other."""
+GIVEN = "start values"
+"""The name of what is given at the start and holds with what is free there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A problem, by unknowns of a `stage`. `path`: at every point; `here`: at parts of the duration; `start` (nx,): all states, NaN what is open;
+    `cost`: what is minimised; `totals`: what else stays between two numbers, with names. `periodic`: by what the states
+    (nx,) are more at the end than at the start, NaN what is open. `held`: inputs are constant in each interval. `duration` and `geometry`:
+    (2,) and (free parameters, 2) bounds.
+    """
+
+    stage: Stage
+    path: Sequence[Limits]
+    here: Sequence[tuple[float, Limits]]
+    start: np.ndarray | None
+    periodic: np.ndarray | None
+    cost: Total
+    totals: Sequence[tuple[Total, float, float, str]]
+    held: bool
+    duration: np.ndarray
+    geometry: np.ndarray
+
+    @functools.cached_property
+    def linear(self) -> bool:
+        """Whether all but the cost, and but for a free time, is linear in the unknowns of a point."""
+        stage = self.stage
+        said = [*self.path, *(limits for _, limits in self.here)]
+        rows = ca.veccat(stage.rates, stage.balance, stage.invariants[0], *(limits.value for limits in said))
+        unknowns = ca.vertcat(stage.unknowns[: stage.width], stage.geometry)
+        return not any(ca.which_depends(stage.put(rows), unknowns, 2, True))
+
+    @property
+    def entries(self) -> list[tuple[int, Limits, int]]:
+        """Of what has limits all the time each entry: these, its number there, and before them the number of the unknown that it is; -1 where it is none."""
+        known = {self.stage.unknowns[k].element_hash(): k for k in range(self.stage.width)}
+        entries = [(one, r) for one in self.path for r in range(one.value.numel())]
+        return [(known.get(one.value[r].element_hash(), -1) if one.value[r].is_symbolic() else -1, one, r) for one, r in entries]
