@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal import errors, rotations
+from acausal.parts.rotations import axis_vector
 from components import Fixed, Particle, Revolute, RigidBody, Spherical, World
 
 ORDERS = ["".join(o) for o in itertools.product("xyz", repeat=3) if o[0] != o[1] != o[2]]
@@ -186,3 +187,11 @@ def test_what_is_no_rotation_is_refused_with_the_line(call, words):
     with pytest.raises((errors.ParameterError, errors.ExpressionError), match=words) as found:
         call()
     assert "test_rotations.py:" in str(found.value)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-20, 1e200, 1e300])
+def test_axes_have_no_size(size):
+    """Directions are differences of points in any unit."""
+    want = axis_vector((1.0, 2.0, -2.0), "an axis")
+    assert np.max(np.abs(axis_vector((size, 2 * size, -2 * size), "an axis") - want)) < 1e-15
+    assert np.array_equal(axis_vector((2.0**900, 2.0**901, -(2.0**901)), "an axis"), want)

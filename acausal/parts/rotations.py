@@ -66,10 +66,11 @@ def axis_vector(axis: Axis, what: str) -> np.ndarray | Expression:
     direction = vector(axis, what)  # pyright: ignore[reportArgumentType]
     if isinstance(direction, Expression):
         return direction / Expression(ca.norm_2(direction.sx), direction.leaves)
-    length = float(np.linalg.norm(direction))
-    if length < 1e-12:
+    largest = float(np.max(np.abs(direction)))
+    if not largest:
         raise ParameterError(f"{what} has length zero ({origin()}). Give a direction, e.g. (0, 0, 1) or 'z'.")
-    return snapped(direction / length) + 0.0
+    direction = np.ldexp(direction, -int(np.frexp(largest)[1]))  # whatever unit it is in, its square is a number
+    return snapped(direction / np.linalg.norm(direction)) + 0.0
 
 
 def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
