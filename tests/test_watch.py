@@ -31,6 +31,8 @@ from components import (
     TorqueSource,
     World,
 )
+from tests.scenes import bennett_linkage
+from tests.test_singular_loops import FourBars
 
 G = 9.81
 
@@ -111,6 +113,45 @@ def test_a_tighter_tolerance_forgives_less(size):
     assert 3e-8 < part < 3e-7
     with pytest.warns(AccuracyWarning, match="energy balance"):
         model.simulate(3.0, start, parameters=wrong, rtol=1e-12)
+
+
+def test_no_tolerance_and_no_rounding_of_rates_forgives_a_fifth_of_the_energy(monkeypatch):
+    """However loose the one is, and however large the other, as where a loop is all but singular."""
+    scene, start = on_a_spring(1.0)
+    model, rounding = ac.build(scene), vars(watch)["_rounding"]
+    with pytest.warns(AccuracyWarning, match="energy balance"):
+        model.simulate(3.0, start, parameters={scene.spring.factor: 1.0}, rtol=1e-3)
+
+    def large(*given: object, moved: bool = True) -> np.ndarray:
+        return rounding(*given, moved=moved) * (1e300 if moved else 1.0)
+
+    monkeypatch.setattr(watch, "_rounding", large)
+    with pytest.warns(AccuracyWarning, match="energy balance"):
+        model.simulate(3.0, start, parameters={scene.spring.factor: 1.0})
+
+
+def sprung_linkage(name: str) -> tuple[ac.System, dict[ac.Expression, object]]:
+    """With a `Stiffer` spring: Bennett's, whose rows depend on one another when assembled; a parallelogram, which passes through singular positions."""
+    scene = bennett_linkage() if name == "Bennett" else FourBars((1.0, 1.0), (1.0,))
+    scene.spring = Stiffer(0.3)
+    if name == "Bennett":
+        ends, start = (scene.world.at((3, 0, 0)), scene.links[1].at((0.5, 0.866, 0))), {scene.joints[0].v: 3.0}
+    else:
+        ends, start = (scene.world.at((0, -1.5, 0)), scene.cranks[0].tip), {scene.feet[0].q: 0.1, scene.feet[0].v: -1.0}
+    for point, end in zip((scene.spring.point_a, scene.spring.point_b), ends, strict=True):
+        scene.connect(point, end)
+    return scene, start
+
+
+@pytest.mark.parametrize("name", ["Bennett", "parallelogram"])
+def test_loops_that_may_lose_energy_are_forgiven_less(name):
+    """Half a hundredth of the energy at a tolerance of 1e-5."""
+    scene, start = sprung_linkage(name)
+    model = ac.build(scene)
+    silent(model, 2.0, start, rtol=1e-5)
+    with pytest.warns(AccuracyWarning, match="energy balance") as told:
+        model.simulate(2.0, start, parameters={scene.spring.factor: 0.01}, rtol=1e-5)
+    assert 4e-3 < float(re.search(r"J, (\S+) of", str(told[0].message))[1]) < 8e-3  # type: ignore[index]
 
 
 def test_own_force_with_a_wrong_potential_is_told_where_energy_is_lost_besides():
