@@ -243,6 +243,9 @@ def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
 def _by_hand_options(*, warm: bool) -> dict[str, Any]:
     """The same tolerances and start; the scaling and linear algebra of ipopt as they are usually."""
     found = ipopt_options(warm=warm, known=warm)
+    if warm:  # quicker so for it, where there are many bounds
+        found |= {"ipopt.mu_strategy": "monotone", "ipopt.mu_init": 1e-8}
+        found |= {key: 1e-9 for key in found if key.startswith("ipopt.warm_start_") and key.endswith(("push", "frac"))}
     ours_alone = ("nlp_scaling_method", "mumps_pivot_order", "fast_step_computation", "min_refinement_steps")
     own = {key.removeprefix("ipopt."): value for key, value in found.items() if key.startswith("ipopt.")}
     return {key: value for key, value in own.items() if key not in ours_alone}

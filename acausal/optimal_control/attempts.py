@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.optimal_control.failing import interrupted
@@ -70,6 +71,7 @@ class Searches:
     def __init__(self, links: Sequence[Link], plugin: str, options: dict[str, Any]) -> None:
         self._links, self._plugin, self._options = links, plugin, options
         self._iterations, self._seconds = 0, 0.0
+        self._solvers: dict[Any, ca.Function] = {}  # of what begins elsewhere
 
     def found(self, attempt: Attempt) -> Found:
         """With all iterations."""
@@ -80,12 +82,11 @@ class Searches:
         """From the guesses of these parts, on their meshes, which were `refined` before; `briefly`: given up soon."""
         return self._made(parts, whole(parts, self._links), refined, _BRIEFLY if briefly else {}, warm=False)
 
-    def elsewhere(self, attempt: Attempt, guess: Guess, work: int) -> Attempt:
-        """The same problem of one part, from another guess, with this `work` at most."""
-        problem = attempt.problem.beginning(guess)
-        most = max(1, min(_HOPELESS, work // problem.program.rows))
-        options = {"ipopt.max_iter": most}
-        return self._made([replace(attempt.parts[0], guess=guess)], problem, attempt.refined, options, warm=False)
+    def elsewhere(self, attempt: Attempt, guess: Guess) -> Attempt:
+        """The same problem of one part, from another guess; given up soon."""
+        begin = attempt.problem.parts[0].unknowns(guess)
+        parts = [replace(attempt.parts[0], guess=guess)]
+        return self._made(parts, attempt.problem, attempt.refined, _BRIEFLY, warm=False, begin=begin)
 
     def again(self, attempt: Attempt, meshes: Sequence[Mesh], *, briefly: bool = False) -> Attempt:
         """On other meshes, from what was found."""
@@ -104,9 +105,20 @@ class Searches:
         ]
         return self._made(parts, whole(parts, self._links), attempt.refined, {}, warm=True)
 
-    def _made(self, parts: Sequence[Part], problem: Whole, refined: int, options: dict[str, Any], *, warm: bool) -> Attempt:
+    def _made(
+        self,
+        parts: Sequence[Part],
+        problem: Whole,
+        refined: int,
+        options: dict[str, Any],
+        *,
+        warm: bool,
+        begin: np.ndarray | None = None,
+    ) -> Attempt:
         before, begun, options = self._iterations, time.perf_counter(), {**options, **self._options}
-        w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=warm)
+        w, cost, factors, gaps, stats = search(
+            problem.program, self._plugin, options, warm=warm, begin=begin, solvers=None if begin is None else self._solvers
+        )
         self._iterations += int(stats["iter_count"])
         if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
             w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=False)

@@ -66,7 +66,7 @@ def _begun(
         for guess in row:
             if work >= _CHEAP or _agree(tried):
                 break
-            tried.append(searches.elsewhere(base, guess(), _CHEAP - work))
+            tried.append(searches.elsewhere(base, guess()))
             work += tried[-1].work
     return _best([one for one in tried if one.success], searches, tolerance, refinements) or first
 

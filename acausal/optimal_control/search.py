@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
@@ -18,17 +19,27 @@ _NEAR = 300
 
 
 def search(
-    program: Program, plugin: str, options: dict[str, Any], *, warm: bool
+    program: Program,
+    plugin: str,
+    options: dict[str, Any],
+    *,
+    warm: bool,
+    begin: np.ndarray | None = None,
+    solvers: dict[Any, ca.Function] | None = None,
 ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]:
     """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
-    pressed against, and what the solver says of its search.
+    pressed against, and what the solver says of its search. `begin` (n,): where it begins, if not at the program's guess; `solvers`: those that were made, which
+    are used again.
     """
+    made, key = {} if solvers is None else solvers, (program, warm, repr(sorted(options.items())))
     try:
-        solver = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
+        if key not in made:
+            made[key] = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
+        solver = made[key]
     except RuntimeError as refused:
         raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
     (least, most), (lower, upper) = program.bounds, program.limits
-    found = solver(x0=np.clip(program.guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
+    found = solver(x0=np.clip(program.guess if begin is None else begin, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
     w, g, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
     pressed = np.append(of_bounds, of_rows)
     bound = np.where(pressed > 0, np.append(most, upper), np.append(least, lower))
@@ -52,6 +63,7 @@ def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
         }
     if known:
         pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-        options |= {"ipopt.mu_init": 1e-8, **{f"ipopt.warm_start_{one}": 1e-9 for one in pushes}}
+        options |= {"ipopt.mu_strategy": "adaptive", "ipopt.mu_oracle": "probing"}
+        options |= {f"ipopt.warm_start_{one}": 1e-7 for one in pushes}
         options |= {"ipopt.fast_step_computation": "yes", "ipopt.min_refinement_steps": 0}
     return options

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -56,10 +56,6 @@ class Whole:
         """Of a phase, of those of the unknowns and then of the constraints."""
         rows = gaps[self.program.size :]
         return float(np.sum(self.unknowns(gaps, k)) + np.sum(rows[self.rows[k] : self.rows[k + 1]]))
-
-    def beginning(self, guess: Guess) -> Whole:
-        """Of one phase, from another guess."""
-        return replace(self, program=replace(self.program, guess=self.parts[0].unknowns(guess)))
 
     def own_cost(self, w: np.ndarray, k: int) -> float:
         """What a phase adds to the cost."""
