@@ -12,9 +12,11 @@ import pytest
 import acausal as ac
 from acausal.errors import AssemblyError, JumpWarning, LockedError, OptionError, StartValueError
 from acausal.loops.self_stress import loop_reactions
+from acausal.numerics.rivals import Candidate
 from components import AngleSource, CartesianTranslation, Fixed, Particle, Revolute, RigidBody, Rod, World
 from tests.scenes import DoublePendulum, Pendulum, bennett_linkage
 from tests.similar import Units, four_bar_scene
+from tests.test_scale_decisions import drawn_flat
 
 
 def bead_on_two_rods(apart: float) -> ac.System:
@@ -211,3 +213,21 @@ def test_states_are_typed_to_six_digits(size: float, off: float, met: bool):
         return
     with pytest.raises(StartValueError, match="violate the constraints"):
         model.linearize(x)
+
+
+@pytest.mark.parametrize(("turned", "told"), [(1e-4, True), (1e-5, True), (1e-7, False), (1e-10, False)])
+def test_a_side_is_drawn_by_a_hundred_thousandth_of_a_turn(turned: float, told: bool):
+    """Bars drawn on one line but for an angle close to the side that it points to; what is less is a slip of the pen, and one side is taken for both."""
+    sides = list[float]()
+    for sense in (1.0, -1.0):
+        scene, hinges = drawn_flat((0.3, 0.9, 0.6, 0.8))
+        hinges[1].q.start = sense * turned
+        sides.append(float(np.sign(ac.build(scene).simulate(1e-9, samples=2)[hinges[0].q][0])))
+    assert sides == ([1.0, -1.0] if told else [1.0, 1.0])
+
+
+@pytest.mark.parametrize(("off", "same"), [(1e-3, False), (1e-5, True)])
+def test_configurations_are_the_same_to_four_digits(off: float, same: bool):
+    """Searches end near one another, branches lie apart: only those are compared by which is nearer."""
+    one, other = (Candidate(np.zeros(3), 0.0, np.array([0.3, x, -0.2])) for x in (0.1, 0.1 + off))
+    assert one.is_as(other) == other.is_as(one) == same
