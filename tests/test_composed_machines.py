@@ -208,3 +208,33 @@ def test_the_balance_of_energy_closes_through_bounces_without_end_while_other_th
     """What slides beside what comes to rest has friction all the while, and from the bounces that are bridged, or that are too low to be seen."""
     model, start = make()
     assert model.simulate(end, start, rtol=1e-12).energy_error() < left
+
+
+@pytest.mark.parametrize("size, rtol", [(1.0, 1e-6), (1e-3, 1e-11), (1e4, 1e-8)])
+def test_a_rod_that_jams_on_its_tip_is_stopped_whatever_else_might_touch(size: float, rtol: float) -> None:
+    """Slipping forward on its tip, with 1 + 3 s (s - mu c) < 0, it has no acceleration: its tip is held at once, by the impulse that ends its slip. A foot at its other
+    end, which touches nothing until it falls on it, changes nothing; with it there are more rows than freedoms."""
+    mu, turned = 1.5, -0.6832591242345625
+    speed, rate = 0.6752376256381849, -3.3978796614215545
+    c, s = np.cos(turned), np.sin(turned)
+    assert 1 + 3 * s * (s + mu * c) < 0
+    ends = []
+    for feet in ((-0.5,), (-0.5, 0.5), (0.5, -0.5)):
+        scene = ac.System()
+        scene.world, scene.plane = World((0, 0, -G * size)), Planar("y")
+        scene.rod = RigidBody(1.0, inertia=size**2 / 12 * np.eye(3))
+        scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in feet]
+        pairs = [(scene.world.frame, scene.plane.frame_a), (scene.plane.frame_b, scene.rod.frame)]
+        for foot, z in zip(scene.feet, feet, strict=True):
+            pairs += [(scene.world.frame, foot.frame_a), (foot.frame_b, scene.rod.at((0, 0, z * size)))]
+        start = {scene.plane.q: (0.5 * c * size, 0, turned), scene.plane.v: (-0.5 * s * rate * size, speed * size, rate)}
+        run = connected(scene, pairs, 1).simulate(0.2, start, rtol=rtol)
+        stopped = run.at([1e-9])[scene.plane.v][0] / (size, size, 1)
+        tip = stopped[:2] + 0.5 * stopped[2] * np.array([s, -c])
+        assert tip == pytest.approx([0, 0], abs=1e-7)
+        # about the tip nothing acts: its angular momentum stays, by an inertia of 1 / 3
+        before = rate / 12 + 0.5 * (c * speed - s * (-0.5 * s * rate))
+        assert stopped[2] / 3 == pytest.approx(before, rel=1e-7)
+        ends.append(run[scene.plane.q][-1] / (size, size, 1))
+        assert run.energy_error() < max(1e-12, rtol)
+    assert np.array(ends) == pytest.approx(np.tile(ends[0], (3, 1)), abs=max(1e-11, rtol))

@@ -326,6 +326,7 @@ static int answers(const Problem *p) {
         double unit = unit_of(D->W[i * n + i]);
         if (p->law[i] == HOLDS && (p->push[i] - floor_of(p, i)) * unit < -far) return 0;
         if (p->law[i] == OPENS && p->rate[i] / unit < -far) return 0;
+        if (p->law[i] == HOLDS && !(fabs(p->rate[i]) / unit <= far / sqrt(FITS))) return 0; /* it grows without end where friction turns it round */
     }
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f), law = p->law[D->gaps + f];

@@ -543,7 +543,10 @@ static int strike_without_closing(Integrator *I, Room R) {
         for (long k = row_of(&D, f); k < row_of(&D, f) + rows_of(&D, f) && *law == MAY_HOLD; k++) fast = fmax(fast, fabs(D.rate[k]) / unit_of(D.W[k * (n + 1)]));
     }
     memcpy(start, D.rate, sizeof(double) * (size_t)n);
-    for (long i = 0; i < D.gaps; i++) start[i] -= CLOSING * fast * unit_of(D.W[i * (n + 1)]);
+    for (long i = 0; i < n; i++) /* what closes a little later, if nothing acts */
+        if (R.law[i < D.gaps ? i : 0] != OFF || i >= D.gaps) most = fmax(most, fabs(D.free[i]) / unit_of(D.W[i * (n + 1)]));
+    for (long i = 0; i < n && most > 0; i++) start[i] = (i < D.gaps ? 0 : D.rate[i]) + CLOSING * fast / most * D.free[i];
+    most = 0;
     if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
     memcpy(start, D.rate, sizeof(double) * (size_t)n);
     memcpy(R.asked, R.law, sizeof(long) * (size_t)laws);
@@ -551,7 +554,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     if (!newton_of_laws(&p, R.asked)) return 0;
     find_rates(&p);
     for (long i = 0; i < n; i++) most = fmax(most, fabs(R.push[i]) * unit_of(D.W[i * (n + 1)]));
-    if (!answers(&p) || !(most > sqrt(CLOSING) * fast)) return 0;
+    if (!answers(&p) || !(most > NIL * fast)) return 0;
     for (long j = 0; j < n; j++) T->impulse[j] += R.push[j];
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * R.push[j];
@@ -560,6 +563,19 @@ static int strike_without_closing(Integrator *I, Room R) {
     if (!decision_at(I, I->t, I->x, &D)) return 0;
     look_at_slips(I, &D, R, -1, R.before);
     return 1;
+}
+
+/* Slips that are nothing beside how fast all is, and that leave no acceleration that is possible: they are zero. Whether there are such. */
+static int end_least_slips(const Integrator *I, const Decision *D, Room R) {
+    long n = D->n, found = 0;
+    double fast = sqrt(2 * fmax(D->bounce[D->gaps], 0));
+    for (long f = 0; f < D->frictions; f++) {
+        long i = row_of(D, f);
+        if (R.touching[D->gaps + f] != 2 || !(size_of(D, f, D->rate) <= NEAR_ZERO * fast * unit_of(D->W[i * (n + 1)]))) continue;
+        R.touching[D->gaps + f] = 1;
+        for (long k = 0; k < I->one_sided; k++) found |= R.touching[k] && D->slide_by[f * n + k] != 0;
+    }
+    return found != 0;
 }
 
 /* Whether no other gap closes while impacts are bridged; -1 when the input function failed. */
@@ -771,6 +787,10 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         code = decide_accelerations(I, R, planned);
         low = code == REACHED_END && fall_back(I, &D, R, rate, leaves);
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+    }
+    if (code == NO_MODE && !I->directions) {
+        if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+        if (end_least_slips(I, &D, R)) code = decide_accelerations(I, R, planned);
     }
     if (code == NO_MODE && !I->directions && strike_without_closing(I, R)) {
         impacts = 1;

@@ -394,7 +394,7 @@ static double first_switch(Path *p, struct Landing *L) {
         double known = p->noise; /* of the ends; and of the inside: */
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
         if (decided) p->noise = fmax(p->noise, r < first_set(I) ? known - v[0] : -1.01 * v[0]);
-        for (int j = 0; decided && fabs(v[0]) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
+        for (int j = 0; decided && (r < first_set(I) ? v[0] : fabs(v[0])) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
         int is_coarse = r < first_set(I) && p->noise > known;
         coarse += is_coarse;
         p->searches = 0;
