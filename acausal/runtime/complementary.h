@@ -9,6 +9,7 @@
 
 #define DAMPED 1e-2    /* in units of the diagonal */
 #define UNDAMPED 60    /* answers about the last one, at most */
+#define SETTLING 10    /* of these, after which there is a tenth of the damping: rows that nearly depend on one another settle slowly */
 #define SWEEPS 16      /* of Gauss and Seidel at first; doubled so many times */
 #define DOUBLINGS 8
 #define ROUGHLY 2      /* an answer that has not settled */
@@ -492,8 +493,10 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
         for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     double last = INFINITY;
     int whole = p->damping == 0;
+    Problem less = *p;
     for (long again = 0; again < (p->damping > 0 ? UNDAMPED : 1); again++) {
-        if (!damped_answer(p, asked)) return 0;
+        if (again > 0 && again % SETTLING == 0) less.damping *= 0.1;
+        if (!damped_answer(&less, asked)) return 0;
         double changed = 0, most = 0;
         for (long i = 0; i < n; i++) {
             changed = fmax(changed, fabs(p->push[i] - p->centre[i]) * unit_of(D->W[i * n + i]));

@@ -2,12 +2,15 @@
    means nothing. Where those of least norm do not fit, others are carried on from then: those in the middle of all that fit, with their rates, so that all limits are
    met together where none fits any longer.
 
+   Limits that grow with magnitudes of forces grow at least with the parts of these along any direction: with those along what the forces are, which is looked at again.
+
    The middle: the least of  |l|^2 / 2 - sum log (what is left to each limit), l measured in units of the largest; by Newton's iteration, damped as it may be for such
    functions (Nesterov and Nemirovskii, Interior-Point Polynomial Algorithms, 1994). Whether there is any: all limits are moved outwards by s, the least s is looked for. */
 
 #define NO_MARGIN 1e-12 /* of the largest reaction: limits that leave no more than this leave nothing */
 #define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
 #define HARDEST 1e14    /* weight of s */
+#define TURNS 8         /* times that directions of forces are looked at again */
 #define APART_IN_TIME 100.0 /* times the look ahead: places by which the middle's rate is known to rounding */
 
 /* Some of the rows, which are to hold: A l = b in their units, reactions l = least + N z with z (free). `cone`: frictions among them. */
@@ -18,13 +21,14 @@ typedef struct {
     double *drawn, *slope; /* room for rows */
     double *turn; /* of rows: their units in those of the first row of their friction */
     double *limit, *by; /* of frictions, (frictions), (frictions, rows) */
+    double *e;          /* directions of the forces that limits depend on (magnitudes, 3) */
 } Held;
 
 static int make_margin(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I);
     if (!I->redundant) return 1;
-    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 10 * n + 8);
+    T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 10 * n + 8 + 3 * I->magnitudes);
     T->margin_rows = reserve(I, sizeof(long) * (size_t)(8 * n + F));
     return I->counted || (T->margin && T->margin_rows);
 }
@@ -38,7 +42,7 @@ static Held held_of(const Integrator *I) {
     at += 2 * n * n + (n + 1) * (n + 1);
     S.by = at, S.limit = at + F * n;
     at += F * n + F;
-    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2, S.turn = at + 7 * n + 4, S.drawn = at + 8 * n + 4, S.slope = at + 9 * n + 4;
+    S.b = at, S.least = at + n, S.found = at + 2 * n, S.y = at + 3 * n, S.gradient = at + 4 * n + 1, S.scratch = at + 5 * n + 2, S.turn = at + 7 * n + 4, S.drawn = at + 8 * n + 4, S.slope = at + 9 * n + 4, S.e = at + 10 * n + 4;
     return S;
 }
 
@@ -47,6 +51,20 @@ static int grows_with_magnitudes(const Decision *D, long f) {
     for (long m = 0; m < D->magnitudes; m++)
         if (D->hold_size[f * D->magnitudes + m] != 0) return 1;
     return 0;
+}
+
+/* What the magnitudes by which the limit of a friction grows have of the reaction of a row, or without any (row -1), along the directions there are. */
+static double part_along(const Decision *D, const Held *S, long f, long row) {
+    double sum = 0;
+    for (long c = 0; c < 3 * D->magnitudes; c++) sum += D->hold_size[f * D->magnitudes + c / 3] * S->e[c] * (row < 0 ? D->force[c] : D->force_by[c * D->n + row]);
+    return sum;
+}
+
+/* Whether the limit of a friction that holds grows with the reaction of a row. */
+static int limit_needs(const Decision *D, long f, long row) {
+    int needs = D->hold_by[f * D->n + row] != 0;
+    for (long c = 0; c < 3 * D->magnitudes; c++) needs |= D->hold_size[f * D->magnitudes + c / 3] != 0 && D->force_by[c * D->n + row] != 0;
+    return needs;
 }
 
 /* Rows of these laws which hang together with the first one, by their compliances or limits: HOLDS in `law`. */
@@ -64,7 +82,8 @@ static void gather(const Decision *D, const long *law, long first, Held *S, long
             long j = c < D->gaps ? c : row_of(D, c - D->gaps), wide = c < D->gaps ? 1 : rows_of(D, c - D->gaps), near = 0;
             for (long k = 0; k < size; k++)
                 for (long w = 0; w < wide; w++) near |= fabs(D->W[(i + k) * n + j + w]) > NIL * sqrt(D->W[(i + k) * n + i + k] * D->W[(j + w) * n + j + w]);
-            for (long f = 0; f < D->frictions; f++) near |= law[D->gaps + f] != OFF && ((a < D->gaps && c == D->gaps + f && D->hold_by[f * n + a] != 0) || (c < D->gaps && a == D->gaps + f && D->hold_by[f * n + c] != 0));
+            for (long k = 0; k < size && c >= D->gaps; k++) near |= limit_needs(D, c - D->gaps, i + k);
+            for (long w = 0; w < wide && a >= D->gaps; w++) near |= limit_needs(D, a - D->gaps, j + w);
             if (near) seen[c] = first + 1, S->order[count++] = c;
         }
     }
@@ -97,9 +116,35 @@ static void pose_held(const Decision *D, const long *law, const double *along, H
         double unit = unit_of(D->W[i * n + i]);
         for (long a = 0; a < m; a++)
             if (S->row[a] > i && S->row[a] < i + rows_of(D, f)) S->turn[a] = unit / unit_of(D->W[S->row[a] * n + S->row[a]]);
-        S->limit[q] = D->hold[f] * unit;
-        for (long c = 0; c < m; c++) S->by[q * m + c] = D->hold_by[f * n + S->row[c]] * unit / unit_of(D->W[S->row[c] * n + S->row[c]]);
+        S->limit[q] = (D->hold[f] + part_along(D, S, f, -1)) * unit;
+        for (long c = 0; c < m; c++) S->by[q * m + c] = (D->hold_by[f * n + S->row[c]] + part_along(D, S, f, S->row[c])) * unit / unit_of(D->W[S->row[c] * n + S->row[c]]);
+        for (long g = 0; g < D->frictions; g++) /* what slides bears on it, too */
+            for (long k = 0; k < rows_of(D, g) && law[D->gaps + g] == AGAINST; k++) {
+                double part = -along[3 * g + k] * part_along(D, S, f, row_of(D, g) + k) * unit;
+                S->limit[q] += part * D->slide[g];
+                for (long c = 0; c < m && part != 0; c++)
+                    if (S->row[c] < D->gaps) S->by[q * m + c] += part * D->slide_by[g * n + S->row[c]] / unit_of(D->W[S->row[c] * n + S->row[c]]);
+            }
     }
+}
+
+/* Directions of forces by these reactions. Whether they have turned. */
+static int turn_forces(const Decision *D, Held *S, const double *push) {
+    int turned = 0;
+    for (long m = 0; m < D->magnitudes; m++) {
+        double force[3], *e = S->e + 3 * m, size = 0;
+        for (long c = 0; c < 3; c++) {
+            force[c] = D->force[3 * m + c];
+            for (long k = 0; k < D->n; k++) force[c] += D->force_by[(3 * m + c) * D->n + k] * push[k];
+            size = hypot(size, force[c]);
+        }
+        for (long c = 0; c < 3; c++) {
+            double now = size > 0 ? force[c] / size : e[c];
+            turned |= fabs(now - e[c]) > NIL;
+            e[c] = now;
+        }
+    }
+    return turned;
 }
 
 /* S->least and S->N by elimination with complete pivoting; 0 where nothing obeys all rows. */
@@ -348,6 +393,14 @@ static int middle_at(Integrator *I, const long *law, const double *along, double
     return 1;
 }
 
+/* Whether a friction moves any of these rows. */
+static int moves_with(const Decision *D, const Held *S, long f) {
+    for (long a = 0; a < S->rows; a++)
+        for (long k = row_of(D, f); k < row_of(D, f) + rows_of(D, f); k++)
+            if (fabs(D->W[S->row[a] * D->n + k]) > NIL * sqrt(D->W[S->row[a] * (D->n + 1)] * D->W[k * (D->n + 1)])) return 1;
+    return 0;
+}
+
 /* Whether rows of these laws that hang together with the first one may all hold, by what is known of them `later`: then they do, carry the middle on, and `push` is that.
    -1 when the input function failed. */
 static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, long *seen, double *push) {
@@ -358,10 +411,17 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
     Held S = held_of(I);
     if (!decision_later(I, later, &D)) return -1;
     gather(&D, law, first, &S, seen);
-    for (long f = 0; f < D.frictions; f++) /* limits that are not linear: those of least norm are taken */
-        if ((law[D.gaps + f] == AGAINST || (law[D.gaps + f] == HOLDS && seen[D.gaps + f] == first + 1)) && (grows_with_magnitudes(&D, f) || (rows_of(&D, f) > 2 && law[D.gaps + f] == HOLDS))) return 0;
-    pose_held(&D, law, along, &S);
-    int found = find_middle(&S, &D);
+    for (long f = 0; f < D.frictions; f++) /* what is not linear: those of least norm are taken */
+        if (law[D.gaps + f] == AGAINST ? grows_with_magnitudes(&D, f) && moves_with(&D, &S, f) : law[D.gaps + f] == HOLDS && seen[D.gaps + f] == first + 1 && rows_of(&D, f) > 2) return 0;
+    int found = 0;
+    for (int turned = 1, again = 0; turned && again < TURNS; again++) {
+        S.size = 0;
+        pose_held(&D, law, along, &S);
+        found = find_middle(&S, &D);
+        memcpy(S.drawn, push, sizeof(double) * (size_t)n);
+        for (long a = 0; a < S.rows; a++) S.drawn[S.row[a]] = S.found[a] * S.size / unit_of(D.W[S.row[a] * (n + 1)]);
+        turned = !found && S.size > 0 && turn_forces(&D, &S, S.drawn);
+    }
     if (!found || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;
     for (long a = 0; a < S.rows; a++) {
         long i = S.row[a];
@@ -400,6 +460,9 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
 static int hold_more(Integrator *I, const Decision *D, const long *asked, long *law, const double *along, const double *rate, double *push, double later) {
     struct State *T = I->state;
     long laws = D->gaps + D->frictions, n = D->n, *seen = T->margin_rows + 3 * n + frictions_of(I), *given = seen + laws, *moves = given + laws, *done = moves + laws, *stays = done + laws;
+    Held S = held_of(I);
+    memset(S.e, 0, sizeof(double) * (size_t)(3 * D->magnitudes));
+    turn_forces(D, &S, push);
     int found = 0;
     double largest = 0;
     for (long i = 0; i < n; i++) largest = fmax(largest, fmax(fabs(push[i]) * unit_of(D->W[i * n + i]), fabs(D->free[i]) / unit_of(D->W[i * n + i])));

@@ -66,7 +66,7 @@ static int make_modes(Integrator *I) {
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
-    T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n);
+    T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n + 3 * F);
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
     T->lifted = reserve_doubles(I, I->masks + 1);
@@ -80,7 +80,7 @@ static int make_modes(Integrator *I) {
 
 /* Parts of T->push and T->status. */
 typedef struct {
-    double *push, *rate, *compressed, *floor, *before, *centre, *along, *met, *work;
+    double *push, *rate, *compressed, *floor, *before, *centre, *along, *met, *work, *now;
     long *touching, *law, *asked, *place, *wanted;
 } Room;
 static Room room_of(const Integrator *I) {
@@ -88,7 +88,7 @@ static Room room_of(const Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I);
     double *at = T->push;
     long *k = T->status;
-    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, at + 6 * n + 4 * F + n * n + 5 * n, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
 }
 
 /* What is to be solved for there, from these rates or accelerations on; without limits that do not grow with reactions, unless it is said that they count. */
@@ -374,6 +374,16 @@ static int never_holds(const Decision *D, long f) {
     return D->hold[f] <= 0 && !grows_with_magnitudes(D, f);
 }
 
+/* Directions of what slips, as it does at this place: a little later they have turned, and what is at its threshold is passed by that, too. */
+static void turn_slips(const Integrator *I, const Decision *D, Room R) {
+    for (long f = I->lines; f < D->frictions; f++) {
+        const double *mask = I->state->side + mask_of(I, f);
+        double slip = size_of(D, f, D->rate), noise = 0;
+        for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[row_of(D, f) + k];
+        if (R.law[D->gaps + f] == AGAINST && mask[2] == 0 && slip > fmax(2 * mask[3], noise)) against(D, f, D->rate + row_of(D, f), R.along + 3 * f);
+    }
+}
+
 /* Accelerations, looked at so much later [s], decide which of the rows that touch hold on, and which way friction acts; `roughly`: they hardly tell which way. */
 static enum Code decide_when(Integrator *I, Room R, double planned, double later, int *roughly) {
     struct State *T = I->state;
@@ -385,6 +395,8 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
+    memcpy(R.now, R.along, sizeof(double) * (size_t)(3 * D.frictions));
+    turn_slips(I, &D, R);
     for (long f = 0; f < D.frictions; f++)
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
     Problem p = problem_of(I, &D, R, D.free);
@@ -416,6 +428,8 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     find_rates(&p);
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
+    for (long f = 0; f < D.frictions; f++)
+        if (asked[D.gaps + f] == AGAINST) memcpy(R.along + 3 * f, R.now + 3 * f, sizeof(double) * 3);
     if (!foresee_slips(I, &D, R, planned, later)) return INPUT_FAILED;
     set_masks(I, &D, R);
     set_directions_of_forces(I, &p);
