@@ -25,7 +25,9 @@
 #define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
 #define DAMPING 1e-6   /* of these, in units of the least of the other pivots, see acausal/reduce/modes.py */
 #define NEAR_ZERO 1e-9 /* of the slips met: where their direction is held */
+#define PULLS 1e-3      /* of the largest reaction: what cannot be that of a contact that presses */
 #define ALIKE 1e-3     /* of the slip: where a patch slides as fast as its edge turns; forces bend there, and a step ends */
+#define HARDLY 1e-4    /* radians by which a direction has turned that is nearly the same */
 #define NEARER 1e-2    /* of that, for patches: what they act against turns until the end */
 
 static long frictions_of(const Integrator *I) { return I->lines + I->planes + I->patches; }
@@ -374,13 +376,14 @@ static int never_holds(const Decision *D, long f) {
     return D->hold[f] <= 0 && !grows_with_magnitudes(D, f);
 }
 
-/* Directions of what slips, as it does at this place: a little later they have turned, and what is at its threshold is passed by that, too. */
-static void turn_slips(const Integrator *I, const Decision *D, Room R) {
-    for (long f = I->lines; f < D->frictions; f++) {
-        const double *mask = I->state->side + mask_of(I, f);
-        double slip = size_of(D, f, D->rate), noise = 0;
-        for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[row_of(D, f) + k];
-        if (R.law[D->gaps + f] == AGAINST && mask[2] == 0 && slip > fmax(2 * mask[3], noise)) against(D, f, D->rate + row_of(D, f), R.along + 3 * f);
+/* Directions of what slips, as it does at this place: where it has hardly turned since then, since what is at its threshold may be passed by that alone. */
+static void turn_slips(const Decision *D, Room R) {
+    for (long f = D->lines; f < D->frictions; f++) {
+        double *e = R.along + 3 * f, now[3], turned = 0;
+        if (R.law[D->gaps + f] != AGAINST || !(size_of(D, f, D->rate) > 0)) continue;
+        against(D, f, D->rate + row_of(D, f), now);
+        for (long k = 0; k < rows_of(D, f); k++) turned = hypot(turned, now[k] - e[k]);
+        if (turned < HARDLY) memcpy(e, now, sizeof(double) * (size_t)rows_of(D, f));
     }
 }
 
@@ -396,7 +399,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
     memcpy(R.now, R.along, sizeof(double) * (size_t)(3 * D.frictions));
-    turn_slips(I, &D, R);
+    turn_slips(&D, R);
     for (long f = 0; f < D.frictions; f++)
         if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
     Problem p = problem_of(I, &D, R, D.free);
@@ -527,8 +530,17 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
             I->worst = D->gaps + f;
             return NO_MODE;
         }
-    if (!I->magnitudes) return REACHED_END;
+    int holds = 0;
+    for (long i = 0; i < D->gaps; i++) holds |= I->state->side[i] == 1;
+    if (!I->magnitudes && !holds) return REACHED_END;
     if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
+    for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
+        double most = 0, unit = unit_of(D->W[i * (D->n + 1)]);
+        for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(D->W[k * (D->n + 1)]), fabs(D->free[k]) / unit_of(D->W[k * (D->n + 1)])));
+        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -PULLS * most)) continue;
+        I->worst = i;
+        return NO_MODE;
+    }
     for (long m = 0; m < I->magnitudes; m++) {
         if (I->state->one_row[first_set(I) - 2 * (I->magnitudes - m) + 1] > 0) continue;
         I->worst = D->gaps;
