@@ -135,6 +135,21 @@ static void find_rates(const Problem *p) {
     for (long i = 0; i < p->D->n; i++) p->rate[i] = rate_of(p, i) - p->damping * p->D->W[i * p->D->n + i] * (p->push[i] - p->centre[i]);
 }
 
+/* The least of r A r / 2 + c r, A = (a, b; b, e) positive, of forces r of this size: -(A + y) r = c, by Newton's iteration for y on 1 / |r| (More and Sorensen, SIAM J. Sci. Stat.
+   Comput. 4, 1983). */
+static void least_of_size(double a, double b, double e, const double *c, double size, double *r) {
+    double least = 0.5 * (a + e) - hypot(0.5 * (a - e), b), y = fmax(0, hypot(c[0], c[1]) / size - 0.5 * (a + e) - hypot(0.5 * (a - e), b));
+    for (int again = 0; again < 30; again++) {
+        double p = a + y, q = e + y, det = p * q - b * b, x = -(q * c[0] - b * c[1]) / det, z = -(p * c[1] - b * c[0]) / det, now = hypot(x, z);
+        double slope = (q * x * x - 2 * b * x * z + p * z * z) / det, by = now > 0 && slope > 0 ? now * now / slope * (now - size) / size : 0;
+        r[0] = x, r[1] = z;
+        y = fmax(y + by, -least + 1e-12 * (a + e));
+        if (!(fabs(by) > 4 * EPS * (a + e + fabs(y)))) break;
+    }
+    double now = hypot(r[0], r[1]);
+    for (int k = 0; k < 2 && now > 0; k++) r[k] *= size / now;
+}
+
 /* One sweep; how much changed, in units of forces over the diagonal. */
 static double sweep(const Problem *p) {
     const Decision *D = p->D;
@@ -170,12 +185,9 @@ static double sweep(const Problem *p) {
             double u = rate_of(p, i), v = rate_of(p, i + 1);
             double x = r[0] - (e * u - b * v) / det, y = r[1] - (a * v - c * u) / det;
             if (law == MAY_SLIDE || !(hypot(x, y) <= limit)) {
-                for (int again = 0; again < 8; again++) {
-                    u = rate_of(p, i), v = rate_of(p, i + 1);
-                    x = r[0] - u / (a + e), y = r[1] - v / (a + e);
-                    double size_now = hypot(x, y), part = size_now > 0 && (size_now > limit || law == MAY_SLIDE) ? limit / size_now : 1;
-                    r[0] = part * x, r[1] = part * y;
-                }
+                double start[2] = {u - a * r[0] - b * r[1], v - c * r[0] - e * r[1]};
+                if (limit > 0) least_of_size(a, 0.5 * (b + c), e, start, limit, r);
+                else r[0] = r[1] = 0;
             } else {
                 r[0] = x, r[1] = y;
             }

@@ -25,7 +25,7 @@
 #define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
 #define DAMPING 1e-6   /* of these, in units of the least of the other pivots, see acausal/reduce/modes.py */
 #define NEAR_ZERO 1e-9 /* of the slips met: where their direction is held */
-#define PULLS 1e-3      /* of the largest reaction: what cannot be that of a contact that presses */
+#define ATTRACTS 1e-3   /* of the largest reaction: what cannot be that of a contact that presses */
 #define ALIKE 1e-3     /* of the slip: where a patch slides as fast as its edge turns; forces bend there, and a step ends */
 #define HARDLY 1e-4    /* radians by which a direction has turned that is nearly the same */
 #define NEARER 1e-2    /* of that, for patches: what they act against turns until the end */
@@ -537,7 +537,7 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
         double most = 0, unit = unit_of(D->W[i * (D->n + 1)]);
         for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(D->W[k * (D->n + 1)]), fabs(D->free[k]) / unit_of(D->W[k * (D->n + 1)])));
-        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -PULLS * most)) continue;
+        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most)) continue;
         I->worst = i;
         return NO_MODE;
     }
