@@ -74,10 +74,11 @@ static int make_modes(Integrator *I) {
     T->lifted = reserve_doubles(I, I->masks + 1);
     T->leaves = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
     T->near_knot = reserve_doubles(I, I->one_sided + n + I->nx * n);
+    T->gap_terms = reserve_doubles(I, I->one_sided);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->lifted && T->leaves && T->near_knot && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -145,7 +146,10 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
             }
     }
     *D = decision_of(I, T->decided, T->decided_noise);
-    for (long i = 0; i < gaps; i++) T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * fabs(D->terms[i])); /* where things are put is rounded too */
+    for (long i = 0; i < gaps; i++) {
+        T->gap_terms[i] = fabs(D->terms[i]);
+        T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * T->gap_terms[i]); /* where things are put is rounded too */
+    }
     double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
     for (long i = 0; i < n && energy > 0; i++)
         if (D->W[i * n + i] > 0) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * sqrt(2 * D->W[i * n + i] * energy));
@@ -753,7 +757,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
             return OVERLAPS;
         }
         double known = D.gap_noise[i] + (T->side[i] == 1 ? D.rate_noise[i] * T->pace : 0); /* what is held moves by the rounding of all that holds it */
-        if (!T->just_set && D.gap[i] < -deepest(I, known, fmax(D.gap_noise[i] / (TOUCHES * EPS), fabs(D.terms[i])))) return falls(I, i, -D.gap[i]); /* what has been set moves gaps by the rounding of others */
+        if (!T->just_set && D.gap[i] < -deepest(I, known, fmax(D.gap_noise[i] / (TOUCHES * EPS), T->gap_terms[i]))) return falls(I, i, -D.gap[i]); /* what has been set moves gaps by the rounding of others */
         int strikes = R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i];
         T->struck[T->impacts % REMEMBERED * gaps + i] = strikes != 0;
         impacts |= strikes; /* what begins to hold where its speed vanishes strikes nothing */

@@ -167,6 +167,7 @@ struct State {
     long *set_fired, *set_by;
     double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
+    double *gap_terms; /* sizes of what gaps are made of, as known last: they are rounded to those, however little states move them */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
     double *margin, *blow; /* work, see margin.h and impacts.h */
