@@ -526,7 +526,8 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
         int full = *law == HOLDS && p->damping > 0 && force > 0 && limit_needed(D, f, p->push + i) >= (1 - FITS) * limit_of(p, f);
         if (full) *law = STARTS;
         if (*law != STARTS) continue;
-        if (size > 1 && speed > 0 && !full) against(D, f, p->rate + i, e);
+        int told = size == 1 && 2 * force > limit_of(p, f); /* by the force, unless that is nothing but rounding beside others */
+        if (!told && speed > 0 && !full) against(D, f, p->rate + i, e);
         else
             for (long k = 0; k < size; k++) e[k] = size == 1 ? (p->push[i] > 0 ? -1 : 1) : -p->push[i + k] / (size > 2 ? limit_of(p, f) : force);
     }
