@@ -54,7 +54,7 @@ class Candidate:
         return all(abs(mine - theirs) <= _SAME * (1 + theirs) for mine, theirs in pairs)
 
     def precedes(self, other: Candidate) -> bool:
-        """Whether it misses less, or is nearer; of two that are as near, as mirror images are, the one with the larger sum of the cubes of the distances,
+        """Whether it misses less, or is nearer; of two that are as near, as mirror images are, the one with the smaller sum of the cubes of the distances,
         which no order of the coordinates has to do with; where these are as large, the one whose coordinates come to more, the first first.
         """
         if not self.is_as_near_as(other):
@@ -62,7 +62,7 @@ class Candidate:
             return self.missed < other.missed if off else self.distance < other.distance
         cubes, theirs = (float(np.sum(one.apart**3)) for one in (self, other))
         if abs(cubes - theirs) > _APART * (1 + abs(cubes)):
-            return cubes > theirs
+            return cubes < theirs
         ahead = self.apart - other.apart
         telling = np.flatnonzero(np.abs(ahead) > _APART)
         return bool(telling.size) and bool(ahead[telling[0]] > 0)
