@@ -46,6 +46,7 @@ class Scene(AdjustableFourBar):
 
     def __init__(self) -> None:
         super().__init__()
+        self.c.q.start = 1.0  # the side to which it closes
         self.drive = ac.Input("N*m")
         self.motor = TorqueSource(self.drive)
         self.connect(self.motor.flange, self.a.flange)

@@ -505,10 +505,16 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
         for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     double last = INFINITY;
     int whole = p->damping == 0;
+    double part = 0.1;
     Problem less = *p;
     for (long again = 0; again < (p->damping > 0 ? UNDAMPED : 1); again++) {
-        if (again > 0 && again % SETTLING == 0) less.damping *= 0.1;
-        if (!damped_answer(&less, asked)) return 0;
+        if (again > 0 && again % SETTLING == 0) less.damping *= part;
+        while (!damped_answer(&less, asked)) {
+            if (!(less.damping < p->damping)) return 0;
+            less.damping *= 10; /* what grows until its slip ends has no answer with less */
+            part = 1;
+            memcpy(p->push, p->centre, sizeof(double) * (size_t)n);
+        }
         double changed = 0, most = 0;
         for (long i = 0; i < n; i++) {
             changed = fmax(changed, fabs(p->push[i] - p->centre[i]) * unit_of(D->W[i * n + i]));

@@ -35,7 +35,7 @@ _LEAST, _MOST = 1e-8, 0.1
 _LOOSE, _START = 10.0, 1e-5
 """Invariants are forgiven more, and as much as starts may be off."""
 _NOISE = 1e3
-"""Times what rounding makes of an energy; of what it makes of rates, up to a part `_MOST` of the energy that moves: more is no motion to rely on."""
+"""Times what rounding makes of an energy; of what it makes of rates, up to a part `_MOST` of the energy that moves, where any does: more is no motion to rely on."""
 _FEW = 4
 """Steps that tell how a power goes on."""
 _CHEAP, _SHARE = 1e4, 1 / 40
@@ -179,7 +179,8 @@ def _look_at_energy(
         _NOISE * sum(float(np.sum(_rounding(functions, run, k, sizes, moved=moved)[:2])) for k in (0, worst))
         for moved in (False, True)
     )
-    allowed = max(float(least[look]), plain, min(noise, _MOST * every.scale))
+    moves = float(T.max()) > plain  # what rests is held by forces whose rounding is all that works
+    allowed = max(float(least[look]), plain, min(noise, _MOST * every.scale) if moves else noise)
     if not np.abs(every.gap[worst]) > allowed:
         return
     size = float(np.max(np.abs(every.gap)))
