@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
@@ -196,6 +197,58 @@ def test_nodes_move_to_where_a_force_switches(size: float, of: float, controls: 
     assert best.violation < 1e-8
     for switch in (0.7, 1 / 0.7):
         assert np.min(np.abs(best.t - switch)) < 1e-6
+
+
+class Oscillator(ac.System):
+    """A mass on a spring and a damper of adjustable values, driven by a force."""
+
+    def __init__(self) -> None:
+        self.force = ac.Input("N")
+        self.mass, self.stiffness, self.damping = (ac.Parameter(1.0, unit) for unit in ("kg", "N/m", "N s/m"))
+        self.world, self.rail, self.body = World(), Prismatic("x"), Particle(self.mass)
+        self.motor, self.ground = ForceSource(self.force), TranslationalGround()
+        self.spring, self.damper = TranslationalSpring(self.stiffness), TranslationalDamper(self.damping)
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.body.point)
+        self.connect(self.motor.flange, self.rail.flange)
+        for part in (self.spring, self.damper):
+            self.connect(self.ground.flange, part.flange_a)
+            self.connect(part.flange_b, self.rail.flange)
+
+
+def least_quadratic_cost(m: float, k: float, c: float, q: float, time: float, x: np.ndarray, end: np.ndarray) -> float:
+    """Least integral of q position^2 + force^2 from the states x to the end: by the canonical equations (Bryson and Ho, section 5.2) in short pieces."""
+    A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([[0], [1 / m]])
+    H = np.block([[A, -B @ B.T], [-np.diag([q, 0.0]), -A.T]])
+    unit = np.array([1, np.sqrt(k / m), max(k, np.sqrt(q)) ** 2, max(k, np.sqrt(q)) ** 2 * np.sqrt(m / k)])
+    H = H / unit[:, None] * unit
+    n = int(np.ceil(np.max(np.abs(np.linalg.eigvals(H))) * time)) + 1
+    step, M = expm(H * time / n), np.eye(4 * (n + 1), k=2)
+    for i in range(n):
+        M[2 + 4 * i : 6 + 4 * i, 4 * i : 4 * i + 8] = np.hstack([step, -np.eye(4)])
+    M[:2, :4], M[-2:, -4:] = np.eye(4)[:2], np.eye(4)[:2]
+    z = np.linalg.solve(M, np.concatenate([x / unit[:2], np.zeros(4 * n), end / unit[:2]])).reshape(-1, 4) * unit
+    return float(z[0, 2:] @ x - z[-1, 2:] @ end)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_an_optimum_does_not_understate_how_far_its_cost_is_from_the_least(size: float) -> None:
+    """Of oscillators drawn at random, brought from one place to another at least quadratic cost, on coarse meshes and on fine ones."""
+    scene, rng = Oscillator(), np.random.default_rng(3)
+    model = ac.build(scene)
+    for _ in range(10):
+        m, k, c = np.exp(rng.normal(0, 1, 3)).tolist()
+        time, q = rng.uniform(0.5, 12) * np.sqrt(m / k), k**2 * rng.choice([0.0, 1.0, 100.0])
+        x, end = size * np.array([1.0, rng.choice([0.0, np.sqrt(k / m)])]), size * np.array([rng.choice([0.0, 0.5]), 0.0])
+        ocp = ac.OptimalControl(model, time, parameters={scene.mass: m, scene.stiffness: k, scene.damping: c})
+        ocp.start({scene.rail.q: x[0], scene.rail.v: x[1]})
+        ocp.end({scene.rail.q: end[0], scene.rail.v: end[1]})
+        ocp.minimise(ac.integral(scene.force**2 + q * scene.rail.q**2))
+        best = ocp.solve(int(rng.choice([5, 10, 20])), order=int(rng.choice([3, 5, 7])), refinements=int(rng.choice([0, 4])))
+        off = abs(best.cost - least_quadratic_cost(m, k, c, q, time, x, end)) / best.cost
+        said = best.cost_error / best.cost
+        assert off < said + 1e-13, (off, said)
+        assert said < 30 * max(off, best.defect, 1e-12), (off, said)
 
 
 def test_what_nothing_moves_yet_may_run_away() -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from acausal.collocation.tableau import radau_iia
 from acausal.optimal_control.failing import interrupted
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
@@ -63,6 +64,30 @@ class Attempt:
     def best(self) -> Optimum | tuple[Optimum, ...]:
         """As users are given it."""
         return self.phases[0] if len(self.phases) == 1 else self.phases
+
+
+@dataclass(frozen=True, eq=False)
+class Sharper:
+    """The motions of a `problem` that `unknowns` (n,) tell, on the same nodes with one point more in each interval: what points leave of the cost shows beside these.
+    `again`: searches for the best motions of parts, from their guesses.
+    """
+
+    parts: Sequence[Part]
+    problem: Whole
+    unknowns: np.ndarray
+    again: Callable[[Whole], tuple[np.ndarray, bool]]
+
+    @functools.cached_property
+    def costs(self) -> tuple[float, ...]:
+        """Of each phase; infinite where none is found."""
+        parts = list[Part]()
+        for k, (part, before) in enumerate(zip(self.parts, self.problem.parts, strict=True)):
+            motion = before.motion(self.problem.unknowns(self.unknowns, k))
+            mesh = before.settled(self.problem.unknowns(self.unknowns, k))
+            parts.append(replace(part, mesh=replace(mesh, tableau=radau_iia(mesh.tableau.stages + 1)), guess=motion))
+        program = whole(parts, self.problem.links)
+        w, success = self.again(program)
+        return tuple(program.own_cost(w, k) if success else float("inf") for k in range(len(parts)))
 
 
 class Searches:
@@ -125,6 +150,7 @@ class Searches:
             self._iterations += int(stats["iter_count"])
         self._seconds += time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
+        sharper = Sharper(parts, problem, w, self._near)
         phases = tuple(
             Optimum(
                 part.model,
@@ -136,6 +162,8 @@ class Searches:
                 part.given,
                 problem.factors(factors, k),
                 problem.gap(gaps, k),
+                sharper,
+                k,
             )
             for k, (part, one) in enumerate(zip(parts, problem.parts, strict=True))
         )
@@ -143,6 +171,16 @@ class Searches:
             raise interrupted(phases, self._iterations)
         status, work = str(stats["return_status"]), (self._iterations - before) * problem.program.rows
         return Attempt(parts, problem, refined, w, cost, phases, status, bool(stats["success"]), work)
+
+    def _near(self, problem: Whole) -> tuple[np.ndarray, bool]:
+        """Unknowns of the best motions near the guesses, and whether there are any; nobody counts that."""
+        for warm in (True, False):
+            w, _, _, _, stats = search(problem.program, self._plugin, {**_BRIEFLY, **self._options}, warm=warm)
+            if stats["return_status"] == INTERRUPTED:
+                raise KeyboardInterrupt
+            if stats["success"]:
+                return w, True
+        return w, False
 
 
 def finer(phases: Sequence[Optimum], tolerance: float) -> list[Mesh]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -32,6 +32,15 @@ _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
 
+class _Sharper(Protocol):
+    """The same motions with more points between the nodes."""
+
+    @property
+    def costs(self) -> tuple[float, ...]:
+        """Of each phase."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Optimum:
     """The best motion found: its `cost`, and how it was found (`iterations` and `seconds` of the solver on all meshes).
@@ -41,8 +50,8 @@ class Optimum:
     much the motion magnifies a small error on its way. A good solution of an unstable motion has a small defect, a large growth and a replay error of
     about their product.
 
-    Between the points of the mesh: `true_cost` and `violation`, of what `simulate` makes of each interval; `cost_error`: about how much better the cost
-    could be with other nodes. `factors` (rows,): multipliers of the constraints; `gap`: about how far the solver, whose tolerance is finite, left the cost
+    Between the points of the mesh: `true_cost` and `violation`, of what `simulate` makes of each interval; `cost_error`: about how far the cost is from
+    the least one. `factors` (rows,): multipliers of the constraints; `gap`: about how far the solver, whose tolerance is finite, left the cost
     from the least one.
     """
 
@@ -55,6 +64,8 @@ class Optimum:
     given: Mapping[str, Any]
     factors: np.ndarray
     gap: float
+    sharper: _Sharper | None
+    phase: int
 
     @functools.cached_property
     def mesh(self) -> Mesh:
@@ -63,7 +74,7 @@ class Optimum:
 
     def again(self, unknowns: np.ndarray, cost: float, iterations: int, factors: np.ndarray) -> Optimum:
         """Another solution of the same program."""
-        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations, factors=factors, gap=float("nan"))
+        return replace(self, unknowns=unknowns, cost=cost, iterations=iterations, factors=factors, gap=float("nan"), sharper=None)
 
     @functools.cached_property
     def motion(self) -> Guess:
@@ -264,9 +275,16 @@ class Optimum:
 
     @property
     def cost_error(self) -> float:
-        """About how far the cost is from that on the best mesh, the sum of `gains`, and from that of the program, its `gap`. A switch between two nodes shows
-        here, and not in the `defect`.
+        """About how far the cost is from the least one: from that on the same nodes with more points between them, which is searched for when this is asked; from
+        that with other nodes, the sum of `gains`; and from that of the program, its `gap`. A switch between two nodes shows here, and not in the `defect`. Infinite where
+        nothing is found with more points; NaN for plans of a controller.
         """
+        sharp = float("nan") if self.sharper is None else self.sharper.costs[self.phase]
+        return abs(self.cost - sharp) + self.unsettled
+
+    @property
+    def unsettled(self) -> float:
+        """What nodes and the solver's tolerance leave of the cost."""
         return float(np.sum(self.gains)) + self.gap
 
     @property

@@ -191,6 +191,13 @@ class PhasesOptimum:
         """The largest of all phases."""
         return max(one.defect for one in self.phases)
 
+    @property
+    def cost_error(self) -> float:
+        """About how far the cost is from the least one, see `Optimum.cost_error`: of all phases together, since what one loses another may gain."""
+        sharper = self.phases[0].sharper
+        assert sharper is not None
+        return abs(self.cost - sum(sharper.costs)) + sum(one.unsettled for one in self.phases)
+
     @functools.cached_property
     def _begins(self) -> np.ndarray:
         """When each phase begins in the whole run [s], and the last one ends."""
@@ -237,7 +244,7 @@ class PhasesOptimum:
         ]
         return "\n".join(
             [
-                f"cost {self.cost:.10g} in {self.duration:g} s: {self.iterations} iterations, {self.seconds:.2f} s; replayed to {self.replay_error:.1e}",
+                f"cost {self.cost:.10g} (to {self.cost_error:.0e}) in {self.duration:g} s: {self.iterations} iterations, {self.seconds:.2f} s; replayed to {self.replay_error:.1e}",
                 *lines,
             ]
         )

@@ -33,11 +33,12 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """The `program` of all phases `parts`, whose unknowns begin at `begins` and constraints at `rows`; those of links come last. `labels`: of each row what it is, in which
+    """The `program` of all phases `parts` and the `links` between them, whose unknowns begin at `begins` and constraints at `rows`; those of links come last. `labels`: of each row what it is, in which
     phase and when: a part of its duration.
     """
 
     parts: tuple[Transcribed, ...]
+    links: Sequence[Link]
     program: Program
     begins: tuple[int, ...]
     rows: tuple[int, ...]
@@ -73,4 +74,4 @@ def whole(parts: Sequence[Part], links: Sequence[Link]) -> Whole:
         program, added = linked(program, link, made, begins)
         labels += [(name, link.after, 0.0) for name in added]
     assert len(labels) == program.rows >= rows[-1]
-    return Whole(made, program.balanced(), begins[:-1], tuple(rows), labels)
+    return Whole(made, links, program.balanced(), begins[:-1], tuple(rows), labels)
