@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from acausal.collocation.tableau import radau_iia
 from acausal.optimal_control.failing import interrupted
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.search import INTERRUPTED, search
+from acausal.optimal_control.sharper import Sharper
 from acausal.optimal_control.whole import Part, Whole, whole
 
 COARSE = 1e-3
@@ -64,30 +64,6 @@ class Attempt:
     def best(self) -> Optimum | tuple[Optimum, ...]:
         """As users are given it."""
         return self.phases[0] if len(self.phases) == 1 else self.phases
-
-
-@dataclass(frozen=True, eq=False)
-class Sharper:
-    """The motions of a `problem` that `unknowns` (n,) tell, on the same nodes with one point more in each interval: what points leave of the cost shows beside these.
-    `again`: searches for the best motions of parts, from their guesses.
-    """
-
-    parts: Sequence[Part]
-    problem: Whole
-    unknowns: np.ndarray
-    again: Callable[[Whole], tuple[np.ndarray, bool]]
-
-    @functools.cached_property
-    def costs(self) -> tuple[float, ...]:
-        """Of each phase; infinite where none is found."""
-        parts = list[Part]()
-        for k, (part, before) in enumerate(zip(self.parts, self.problem.parts, strict=True)):
-            motion = before.motion(self.problem.unknowns(self.unknowns, k))
-            mesh = before.settled(self.problem.unknowns(self.unknowns, k))
-            parts.append(replace(part, mesh=replace(mesh, tableau=radau_iia(mesh.tableau.stages + 1)), guess=motion))
-        program = whole(parts, self.problem.links)
-        w, success = self.again(program)
-        return tuple(program.own_cost(w, k) if success else float("inf") for k in range(len(parts)))
 
 
 class Searches:

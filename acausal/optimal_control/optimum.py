@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from acausal.language.pieces import PiecewisePolynomial
 from acausal.optimal_control.asked import Limits
 from acausal.optimal_control.guess import Guess, closed, points_of
 from acausal.optimal_control.mesh import Mesh, through
+from acausal.optimal_control.sharper import Sharper
 from acausal.optimal_control.transcription import Transcribed
 from acausal.start.initial import near
 from acausal.start.states import start_values
@@ -30,15 +31,6 @@ _AT_BOUND = 1e-5
 """Of its size: how near to its bound something is that is at it."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
-
-
-class _Sharper(Protocol):
-    """The same motions with more points between the nodes."""
-
-    @property
-    def costs(self) -> tuple[float, ...]:
-        """Of each phase."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +56,7 @@ class Optimum:
     given: Mapping[str, Any]
     factors: np.ndarray
     gap: float
-    sharper: _Sharper | None
+    sharper: Sharper | None
     phase: int
 
     @functools.cached_property

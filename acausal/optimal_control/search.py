@@ -14,6 +14,8 @@ INTERRUPTED = "NonIpopt_Exception_Thrown"
 """What ipopt says of Ctrl-C: none of our functions raises anything else."""
 _TOLERANCE = 1e-9
 """Of the program in units of its own."""
+_PRESSED = 1e-12
+"""How far off its bound something is, times what it presses: each that presses leaves the cost off by so much."""
 _NEAR = 300
 """Iterations for what is near: who needs more was not."""
 
@@ -51,7 +53,7 @@ def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
     """Quiet, in the units of the program; `warm`: where a solution is near; `known`: its multipliers, too."""
     options = {
         "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _TOLERANCE, "ipopt.nlp_scaling_method": "none",
-        "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.mu_strategy": "adaptive",
+        "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.compl_inf_tol": _TOLERANCE if known else _PRESSED, "ipopt.mu_strategy": "adaptive",
         "ipopt.mumps_pivot_order": 0,  # minimum degree: bands as narrow as these need no graph to be cut
     }  # fmt: skip
     if warm:
