@@ -251,6 +251,22 @@ def test_an_optimum_does_not_understate_how_far_its_cost_is_from_the_least(size:
         assert said < 30 * max(off, best.defect, 1e-12), (off, said)
 
 
+@pytest.mark.parametrize(("order", "intervals", "size"), [(5, 20, 1e-6), (5, 40, 1.0), (7, 10, 1e6)])
+def test_a_least_time_that_small_errors_change_much_says_so(order: int, intervals: int, size: float) -> None:
+    """From four times as far as the force holds the spring it takes two half swings, pi/2 each, and nothing less or more: a millionth of the way off, and a time shorter by a
+    thousandth would do.
+    """
+    scene = Oscillator()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.1, 10), parameters={scene.stiffness: 4.0, scene.damping: 0.0})
+    ocp.start({scene.rail.q: size})
+    ocp.end({scene.rail.q: 0.0, scene.rail.v: 0.0})
+    ocp.bound(scene.force, -size, size)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve(intervals, order=order)
+    assert abs(best.duration - np.pi) < best.cost_error < 5e-3
+    assert best.defect < 1e-6 and best.violation < 1e-6
+
+
 def test_what_nothing_moves_yet_may_run_away() -> None:
     """At rest, nothing pushed: units of forces come from what inertia resists, and a cost without a least value is said to have none."""
     scene = Sledge()

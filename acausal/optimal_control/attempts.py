@@ -16,7 +16,7 @@ from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
-from acausal.optimal_control.search import INTERRUPTED, search
+from acausal.optimal_control.search import CONVERGED, INTERRUPTED, search
 from acausal.optimal_control.sharper import Sharper
 from acausal.optimal_control.whole import Part, Whole, whole
 
@@ -154,7 +154,7 @@ class Searches:
             w, _, _, _, stats = search(problem.program, self._plugin, {**_BRIEFLY, **self._options}, warm=warm)
             if stats["return_status"] == INTERRUPTED:
                 raise KeyboardInterrupt
-            if stats["success"]:
+            if stats["return_status"] == CONVERGED:
                 return w, True
         return w, False
 

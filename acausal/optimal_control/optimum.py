@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _REPLAYED = 1e-10
 _AT_BOUND = 1e-5
 """Of its size: how near to its bound something is that is at it."""
+LEFT = 1.25
+"""Times what more points change in a cost: they leave some of it in their turn."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
@@ -272,7 +274,7 @@ class Optimum:
         nothing is found with more points; NaN for plans of a controller.
         """
         sharp = float("nan") if self.sharper is None else self.sharper.costs[self.phase]
-        return abs(self.cost - sharp) + self.unsettled
+        return LEFT * abs(self.cost - sharp) + self.unsettled
 
     @property
     def unsettled(self) -> float:

@@ -17,7 +17,7 @@ from acausal.language.pieces import PiecewisePolynomial
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.mode import PhaseMode, replace_words
-from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.optimum import LEFT, Optimum
 from acausal.optimal_control.problem import OptimalControl
 from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
@@ -196,7 +196,7 @@ class PhasesOptimum:
         """About how far the cost is from the least one, see `Optimum.cost_error`: of all phases together, since what one loses another may gain."""
         sharper = self.phases[0].sharper
         assert sharper is not None
-        return abs(self.cost - sum(sharper.costs)) + sum(one.unsettled for one in self.phases)
+        return LEFT * abs(self.cost - sum(sharper.costs)) + sum(one.unsettled for one in self.phases)
 
     @functools.cached_property
     def _begins(self) -> np.ndarray:

@@ -217,7 +217,7 @@ class OptimalControl:
         mesh = mesher.mesh([at for at, _ in self._here])
         asked, stops, units = self._asked(mesher.controls == "constant", begin)
         bent = functools.partial(self._path, asked.stage, stops, mesh, units)
-        first = self._told(asked.stage, mesh) or bent(0.0)
+        first = self._told(asked.stage, mesh) or bent(0.0, None)
         measured = self._measured(asked, units, first)
         check_problem(asked, first, self.name)
         return Part(self.model, asked, mesh, first, measured, self._given, bent if self._guess is None else None)
@@ -355,14 +355,20 @@ class OptimalControl:
         return np.array([v.guess for v in self._geometry.values()], dtype=float)
 
     def _path(
-        self, stage: Stage, stops: list[tuple[float, np.ndarray]], mesh: Mesh, units: np.ndarray, bend: np.ndarray | float
+        self,
+        stage: Stage,
+        stops: list[tuple[float, np.ndarray]],
+        mesh: Mesh,
+        units: np.ndarray,
+        bend: np.ndarray | float,
+        duration: float | None = None,
     ) -> Guess:
-        """A smooth path, with its positions off by `bend` (times, nq)."""
+        """A smooth path, with its positions off by `bend` (times, nq), in this time [s] or as long as is guessed."""
         return path_guess(
             stage,
             stops,
             np.append(0.0, mesh.points.ravel()),
-            float(self._time.guess or 1.0),
+            duration or float(self._time.guess or 1.0),
             self._free_guess,
             units,
             turned=self.by_state(self._turns or {}) != 0,

@@ -10,6 +10,8 @@ import numpy as np
 from acausal.errors import OptionError
 from acausal.optimal_control.separable import Program
 
+CONVERGED = "Solve_Succeeded"
+"""What ipopt says where all holds to its tolerance; what is nearly as good is a success, too."""
 INTERRUPTED = "NonIpopt_Exception_Thrown"
 """What ipopt says of Ctrl-C: none of our functions raises anything else."""
 _TOLERANCE = 1e-9

@@ -14,7 +14,7 @@ from acausal.optimal_control.whole import Part, Whole, whole
 
 @dataclass(frozen=True, eq=False)
 class Sharper:
-    """The motions of a `problem` that `unknowns` (n,) tell, on the same nodes with one point more in each interval. `again`: unknowns of the
+    """The motions of a `problem` that `unknowns` (n,) tell, with one point more in each interval; nodes that were loose still are. `again`: unknowns of the
     best motions near the guesses of a program, and whether there are any.
     """
 
@@ -28,9 +28,9 @@ class Sharper:
         """Of each phase; infinite where none is found."""
         parts = list[Part]()
         for k, (part, before) in enumerate(zip(self.parts, self.problem.parts, strict=True)):
-            motion = before.motion(self.problem.unknowns(self.unknowns, k))
-            mesh = before.settled(self.problem.unknowns(self.unknowns, k))
-            parts.append(replace(part, mesh=replace(mesh, tableau=radau_iia(mesh.tableau.stages + 1)), guess=motion))
+            own, stages = self.problem.unknowns(self.unknowns, k), before.mesh.tableau.stages
+            mesh = replace(before.settled(own), loose=before.mesh.loose, tableau=radau_iia(stages + 1))
+            parts.append(replace(part, mesh=mesh, guess=before.motion(own)))
         program = whole(parts, self.problem.links)
         w, success = self.again(program)
         return tuple(program.own_cost(w, k) if success else float("inf") for k in range(len(parts)))

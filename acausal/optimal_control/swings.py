@@ -1,4 +1,4 @@
-"""Other ways from start to end than the straight one: with a swing on the way as the scene swings by itself, and with any."""
+"""Other ways from start to end than the straight one: with a swing on the way as the scene swings by itself, with any, and in other times."""
 
 from __future__ import annotations
 
@@ -22,15 +22,25 @@ _ANY = 2
 """How many other paths are tried where nothing was found."""
 _WAVES = 3
 """How many waves any swing is made of."""
+_LONGER = (2.0, 0.5, 4.0)
+"""How much more time another path takes where nothing was found."""
 
 
 def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
-    """So many of each: those with swings of the scene's own; those with any, where these lead nowhere. None where a motion was given, or all is linear."""
+    """So many of each: those with swings of the scene's own; those with any, where these lead nowhere; then those in more time and less, where that is free. None where
+    a motion was given; no swings where all is linear.
+    """
     bent, stage, first = part.bent, part.asked.stage, part.guess
-    if bent is None or count == 0 or part.asked.linear:
+    if bent is None or count == 0:
         return []
+    least, most = part.asked.duration
+    times = [factor * first.duration for factor in _LONGER if least <= factor * first.duration <= most][:count]
+    others = [[functools.partial(bent, 0.0, one) for one in times]]
+    if part.asked.linear:
+        return [[], *others] if times else []
     own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
-    return [[functools.partial(bent, one) for one in bends] for bends in (own, _any(stage, first, part.units, min(count, _ANY)))]
+    swings = own, _any(stage, first, part.units, min(count, _ANY))
+    return [[functools.partial(bent, one, None) for one in bends] for bends in swings] + others
 
 
 def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> list[np.ndarray]:
