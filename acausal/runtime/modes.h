@@ -360,7 +360,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
         double slip = size_of(D, f, D->rate), noise = 0;
         for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[i + k];
         R.met[f] = fmax(R.met[f], slip);
-        double stops = size_of(D, f, R.rate) * BRIEFEST * EPS * fabs(I->t), least = fmax((rows_of(D, f) > 2 ? NEARER : 1) * NEAR_ZERO * R.met[f], fmax(4 * noise, stops));
+        double stops = size_of(D, f, R.rate) * BRIEFEST * EPS * fabs(I->t), least = fmax((rows_of(D, f) > 2 && law != STARTS ? NEARER : 1) * NEAR_ZERO * R.met[f], fmax(4 * noise, stops));
         int held = law == STARTS || (law == AGAINST && slip < 1.5 * least); /* from one to twice that, as it came */
         mask[1] = law == AGAINST && !held;
         mask[2] = held;
