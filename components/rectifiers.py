@@ -1,4 +1,4 @@
-"""Valves of circuits: what lets current flow one way only, without any loss."""
+"""Valves of circuits: what lets current flow one way only."""
 
 from __future__ import annotations
 
@@ -13,12 +13,18 @@ from components.flanges import gate_of
 
 
 class AbstractValve(AbstractTwoPin):
-    """Conducts from pin_a to pin_b without any voltage, and blocks the other way. `current` [A] >= 0: what flows while it conducts."""
+    """Conducts from pin_a to pin_b, and blocks the other way. `current` [A] >= 0: what flows while it conducts, with the voltage `resistance` times that."""
 
+    if_undecided = (
+        "Where a source or a capacitor drives current through valves alone, nothing limits it, and where several of them meet, nothing may say how they share it: "
+        "give them a small resistance."
+    )
     current: Reaction
 
-    def _leaks(self, leakage: Scalar) -> None:
-        self.leakage = scalar(leakage, f"{type(self).__name__}'s leakage", non_negative=True, unit="A/V")
+    def _conducts(self, leakage: Scalar, resistance: Scalar) -> None:
+        name = type(self).__name__
+        self.leakage = scalar(leakage, f"{name}'s leakage", non_negative=True, unit="A/V")
+        self.resistance = scalar(resistance, f"{name}'s resistance", non_negative=True, unit="Ohm")
         self.current = Reaction("A", "what flows while it conducts")
 
     @property
@@ -30,7 +36,7 @@ class AbstractValve(AbstractTwoPin):
         return equal(self.i, self.current + self.leakage * self.v)
 
     def laws(self) -> Iterable[ModeLaw]:
-        yield OneWay(self.current, -1.0 * self.v, self.gate)
+        yield OneWay(self.current, self.resistance * self.current - self.v, self.gate)
 
     def dissipated_power(self) -> Expression:
         return self.v * self.i
@@ -38,29 +44,31 @@ class AbstractValve(AbstractTwoPin):
 
 @final
 class IdealDiode(AbstractValve):
-    """Conducts from pin_a to pin_b without any voltage, and blocks the other way: 0 <= current, v <= 0, one of them zero.
+    """Conducts from pin_a to pin_b, and blocks the other way: 0 <= current, v <= resistance current, one of them with equality.
 
     i = current + leakage v. `leakage` [A/V] >= 0: conducts while it blocks; a circuit needs one in which something else decides the current, such as an
-    inductor in series, or nothing the potential between several diodes that block.
+    inductor in series, or nothing the potential between several diodes that block. `resistance` [Ohm] >= 0: while it conducts; a circuit needs one in which
+    nothing else limits the current, or several diodes share it, such as a bridge right at a source and a capacitor. With both any circuit has one motion.
 
         scene.rectifier = IdealDiode()
     """
 
-    def __init__(self, leakage: Scalar = 0.0) -> None:
-        self._leaks(leakage)
+    def __init__(self, leakage: Scalar = 0.0, resistance: Scalar = 0.0) -> None:
+        self._conducts(leakage, resistance)
 
 
 @final
 class Thyristor(AbstractValve):
     """An ideal diode that begins to conduct only where its `gate` is positive, and goes on until its current has fallen to zero.
 
-    `gate`: an input, a function of time, or an expression of the scene. `leakage` [A/V] as of an IdealDiode, in either direction while it blocks.
+    `gate`: an input, a function of time, or an expression of the scene. `leakage` [A/V] and `resistance` [Ohm] as of an IdealDiode;
+    it leaks in either direction while it blocks.
 
         scene.dimmer = Thyristor(gate=ac.Input("V"))
     """
 
-    def __init__(self, gate: Scalar | Callable[[Any], Any], leakage: Scalar = 0.0) -> None:
-        self._leaks(leakage)
+    def __init__(self, gate: Scalar | Callable[[Any], Any], leakage: Scalar = 0.0, resistance: Scalar = 0.0) -> None:
+        self._conducts(leakage, resistance)
         self.fires = gate_of(gate, "Thyristor's gate")
 
     @property

@@ -59,6 +59,8 @@ class Component(metaclass=PartClass):
     """What is said to who gives arguments to a part that takes none."""
     if_overlaps: ClassVar[str] = "Move what it keeps apart, or turn its normal round."
     """What is said where a gap of its laws is negative at the start."""
+    if_undecided: ClassVar[str] = ""
+    """What is said where no mode obeys its laws and those of others."""
     created_at: str
     """Where in the user's code it was made, `file:line`."""
 

@@ -11,6 +11,9 @@ from acausal.reduce.modes import Modes
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
 
+_NO_IMPACT = -1
+"""Of what has no rate, as `runtime/impacts.h` has it."""
+
 
 def mode_functions(
     m: Modes | None, system: ReducedSystem, space: StateSpace, invariants: ca.Function | None, projection: ca.Function | None
@@ -64,7 +67,8 @@ def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
         limits += [ca.substitute(limit, unknown, none), ca.vec(ca.jacobian(limit, m.reactions).T)]
     bounce = ca.vertcat(ca.SX(0, 1), *(row.restitution for row in m.rows if row.restitution is not None))
     response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(n)))
-    kind = ca.SX([row.impact for row in m.rows if row.one_sided])
+    gaps = list(zip(m.rows[: m.one_sided], ca.vertsplit(m.rate)[: m.one_sided], strict=True))
+    kind = ca.SX([_NO_IMPACT if row.one_way and rate.is_zero() else row.impact for row, rate in gaps])
     back = ca.vertcat(ca.SX(0, 1), *(row.back for row in m.frictions))
     parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, kind, back, bounce]
     return ca.vertcat(*(ca.densify(part) for part in parts))

@@ -258,7 +258,8 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
         if ca.depends_on(ca.veccat(W[:, k], J[:, k]), reactions):
             raise ModelError(f"Rates are not linear in the reaction of {row.part.where}. Let forces be proportional to it.")
     free = ca.densify(ca.substitute(acceleration, reactions, ca.SX.zeros(len(owner))))
-    redundant = any(_may_depend(found) for found in motion.at_places(W))
+    least = _DEPEND if all(moves.at_once) else _NEARLY
+    redundant = any(_may_depend(found, least) for found in motion.at_places(W))
     masks = [_masks(row, names) for row in rows]
     shared = _Shared.among(len(owner)) if redundant else None
     magnitudes = _magnitudes(rows, names, reactions)
@@ -369,8 +370,13 @@ def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], lis
     """Laws without what never moves, such as the slip across a rail; and the reactions that are zero then. Raises `ModelError` for a reaction that moves nothing it is
     held by, or drives it the wrong way."""
     reactions = [reaction.sx for row in rows for reaction in row.reactions]
-    compliance = ca.diag(ca.jacobian(_Moves.of(rows, motion, ca.vertcat(*reactions)).acceleration, ca.vertcat(*reactions)))
-    places = motion.at_places(compliance)
+    moves = _Moves.of(rows, motion, ca.vertcat(*reactions))
+    compliance = ca.diag(ca.jacobian(moves.acceleration, ca.vertcat(*reactions)))
+    rest = _rounding_at_once(moves, ca.vertcat(*reactions))
+    places = [
+        np.where(np.abs(one) > noise, one, 0.0)
+        for one, noise in (np.hsplit(both, 2) for both in motion.at_places(ca.horzcat(compliance, rest)))
+    ]
     size = np.max(np.abs(places), axis=0).ravel() if places else np.ones(len(reactions))
     kept: list[ModeRow] = []
     dead: list[ca.SX] = []
@@ -396,6 +402,16 @@ def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], lis
         if living:
             kept.append(replace(row, reactions=tuple(row.reactions[k] for k in living), moved=row.moved[living]))
     return sorted(kept, key=lambda row: (not row.one_sided, row.size)), dead
+
+
+def _rounding_at_once(moves: _Moves, reactions: ca.SX) -> ca.SX:
+    """(n, 1): what rounding makes of the compliances of rows that have no rate: those of a leak beside a source are nothing but that."""
+    found = ca.SX.zeros(reactions.numel())
+    for k, at_once in enumerate(moves.at_once):
+        if at_once:
+            slope = ca.jacobian(rounded(moves.acceleration[k]), reactions[k])
+            found[k] = ROUNDING * ca.substitute(slope, reactions, ca.SX.ones(reactions.numel()))
+    return found
 
 
 def _without_parts(row: ModeRow, living: Sequence[int]) -> ModeRow:
@@ -566,16 +582,19 @@ def positions_in(gaps: ca.SX, J: ca.SX, x: ca.SX, nq: int) -> list[int]:
     return [i for i in range(x.numel()) if (i < nq or i in in_gaps) and J[i, :].is_zero()]
 
 
-def _may_depend(W: np.ndarray) -> bool:
-    """Whether rows might depend on one another, if all of them held."""
+def _may_depend(W: np.ndarray, least: float) -> bool:
+    """Whether rows might depend on one another, if all of them held: to this part of the largest."""
     diagonal = np.diag(W)
     if not (diagonal > 0).all():
         return True
     scale = 1 / np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(scale[:, None] * W * scale)[0] < _NEARLY)
+    return bool(np.linalg.eigvalsh(scale[:, None] * W * scale)[0] < least)
 
 
 _NEARLY = 1e-3
+"""Of rows that move with the states."""
+_DEPEND = 1e-11
+"""Of rows that stay as they are, such as those of valves in a circuit: what leaves enough digits."""
 _LITTLE = 1e-9
 _NEVER = 1e-12
 """Part of the largest compliance that is none."""

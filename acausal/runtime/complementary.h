@@ -15,6 +15,7 @@
 #define ROUGHLY 2      /* an answer that has not settled */
 #define NEWTON 60      /* iterations */
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
+#define SPENT 100.0    /* roundings of what reactions do, which leave something of what holds at once */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
 
 /* What is decided by, at one place; frictions: first those along lines, then those in planes, then those of patches, by their `pressure`. Limits may grow with `magnitudes` too, those of forces (3 each), which are `force` and
@@ -35,6 +36,8 @@ enum Law {
     OPENS,
     STARTS  /* friction that is at its limit: in the direction that is found */
 };
+
+enum ImpactLaw { NO_IMPACT = -1, BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4 }; /* of gaps, their `kind`; none: what has no rate, and holds at once */
 
 /* A problem. law (gaps + frictions); along (3 each): of frictions, what acts against the slip, with the sign turned and by the limit: its direction, but of patches; floor (gaps): least reactions, null: zero; constants: whether limits
    count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 5 n. */
@@ -339,7 +342,8 @@ static int answers(const Problem *p) {
         double unit = unit_of(D->W[i * n + i]);
         if (p->law[i] == HOLDS && (p->push[i] - floor_of(p, i)) * unit < -far) return 0;
         if (p->law[i] == OPENS && p->rate[i] / unit < -far) return 0;
-        if (p->law[i] == HOLDS && !(fabs(p->rate[i]) / unit <= far / sqrt(FITS))) return 0; /* it grows without end where friction turns it round */
+        int exact = D->kind[i] == NO_IMPACT; /* else it grows without end where friction turns it round */
+        if (p->law[i] == HOLDS && !(fabs(p->rate[i]) / unit <= (exact ? FITS : sqrt(FITS)) * rate + (exact ? SPENT * EPS : FITS) * force)) return 0;
     }
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f), law = p->law[D->gaps + f];

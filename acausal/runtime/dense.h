@@ -41,6 +41,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     int newton = T->newton_now, noisy = T->noisy, unheard = T->unheard;
     double *met = T->size, work = I->work;
     memcpy(T->aside, T->noise, sizeof(double) * (size_t)I->nx);
+    memcpy(T->apart, T->spread, sizeof(double) * (size_t)I->nx);
     T->size = I->coefficients + I->offset[k] + s * I->nx;
     T->newton_now = 0;
     forget_noise(I);
@@ -67,6 +68,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     T->size = met;
     I->work = work;
     memcpy(T->noise, T->aside, sizeof(double) * (size_t)I->nx);
+    memcpy(T->spread, T->apart, sizeof(double) * (size_t)I->nx);
     legendre_coefficients(I, F, F->K);
     return 1;
 }

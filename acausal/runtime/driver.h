@@ -279,7 +279,7 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
         double even = 0, odd = 0, unit = h / T->scale[i];
         if (!isfinite(T->end_rate[i])) return 1;
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
-        double noise = (double)s * T->noise[i];
+        double noise = (double)s * T->spread[i];
         double ends[2] = {even - odd - T->start_rate[i], even + odd - T->end_rate[i]};
         for (int e = 0; e < 2; e++) off[e][i] = copysign(heard(ends[e], noise), ends[e]);
         tail = fmax(tail, fabs(a[s - 1]) * unit);

@@ -11,8 +11,6 @@
 #define BLOWS 1000    /* one after the other, for each gap */
 #define PULLS 8       /* sequence of midpoint rules that are extrapolated */
 #define SLIP_ENDS 1e-14
-enum ImpactLaw { BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4 };
-
 static int impact_law(const Decision *D, long i) { return (int)D->kind[i] & 3; }
 static int is_alone(const Decision *D, long i) { return D->kind[i] >= BY_ENERGY; }
 
@@ -249,7 +247,7 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
     memset(total, 0, sizeof(double) * (size_t)n);
     memcpy(rate, D->rate, sizeof(double) * (size_t)n);
     memcpy(met, D->rate, sizeof(double) * (size_t)n);
-    for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || D->kind[i] == BY_POISSON;
+    for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || D->kind[i] <= BY_POISSON;
     for (long f = 0; f < D->frictions; f++) plain &= D->back[f] == 0;
     if (I->directions && (!plain || I->patches)) return NO_DERIVATIVES;
     for (long blows = 0; blows < (plain ? 1 : BLOWS * D->gaps); blows++) {

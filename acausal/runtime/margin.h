@@ -8,6 +8,7 @@
    functions (Nesterov and Nemirovskii, Interior-Point Polynomial Algorithms, 1994). Whether there is any: all limits are moved outwards by s, the least s is looked for. */
 
 #define NO_MARGIN 1e-12 /* of the largest reaction: limits that leave no more than this leave nothing */
+#define FROM_LATER 1e-8 /* of the largest: rounding, beside what has grown so much later */
 #define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
 #define HARDEST 1e14    /* weight of s */
 #define TURNS 8         /* times that directions of forces are looked at again */
@@ -401,9 +402,10 @@ static int moves_with(const Decision *D, const Held *S, long f) {
     return 0;
 }
 
-/* Whether rows of these laws that hang together with the first one may all hold, by what is known of them `later`: then they do, carry the middle on, and `push` is that.
+/* Whether rows of these laws that hang together with the first one may all hold, by what is known of them `later`, where that takes more than `least`: then they do, carry the
+   middle on, and `push` is that.
    -1 when the input function failed. */
-static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, long *seen, double *push) {
+static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, double least, long *seen, double *push) {
     struct State *T = I->state;
     long n = reactions_of(I), at = carried_of(I);
     double *carried = T->side + at + 1, *drift = carried + n;
@@ -422,7 +424,7 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
         for (long a = 0; a < S.rows; a++) S.drawn[S.row[a]] = S.found[a] * S.size / unit_of(D.W[S.row[a] * (n + 1)]);
         turned = !found && S.size > 0 && turn_forces(&D, &S, S.drawn);
     }
-    if (!found || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;
+    if (!found || !(S.size > least) || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;
     for (long a = 0; a < S.rows; a++) {
         long i = S.row[a];
         push[i] = S.found[a] * S.size / unit_of(D.W[i * n + i]);
@@ -475,13 +477,13 @@ static int hold_more(Integrator *I, const Decision *D, const long *asked, long *
     for (int pass = 0; pass < 3; pass++) { /* what held goes on to, if that may be; what is found to; whatever might, here and now */
         memset(seen, 0, sizeof(long) * (size_t)laws);
         for (long k = 0; k < laws; k++) {
-            int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE;
+            int may = (asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE) && !(k < D->gaps && D->kind[k] == NO_IMPACT); /* what has no rate is never at rest */
             given[k] = law[k] == STARTS ? AGAINST : law[k];
             if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (stays[k] && pass == 0))))) given[k] = HOLDS;
         }
         for (long k = 0; k < laws; k++) {
             if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !(moves[k] || stays[k] || law[k] == STARTS)))) continue;
-            int held = hold_together(I, given, k, along, pass == 2 ? 0 : later, later, seen, push);
+            int held = hold_together(I, given, k, along, pass == 2 ? 0 : later, later, pass == 2 ? FROM_LATER * largest : 0, seen, push);
             if (held < 0) return -1;
             for (long c = 0; c < laws && held; c++)
                 if (seen[c] == k + 1) law[c] = HOLDS, done[c] = 1;

@@ -13,6 +13,11 @@
    beginning. There slip runs through zero like slip along a line; how it turns so near to zero moves nothing. */
 
 #define TOUCHES 16.0   /* roundings within which gaps are closed and slips are zero */
+#define REFINED 3      /* times that impulses are solved for, what they leave open last */
+#define FORESEEN 1e3   /* roundings of rates, where states are extrapolated */
+#define SETTLED 6      /* times that what holds at once is asked again */
+#define SOONEST 1e-13  /* not so much sooner */
+#define BEGINS 1e-6    /* of its terms, and of what it is a little later: what may have been nothing before */
 #define LATER 1e-6     /* of a step: where accelerations are looked at */
 #define TOO_LATE 1.0   /* not so much later */
 #define CHANGES 40     /* of mode in one instant, which tell that no mode lasts */
@@ -71,8 +76,8 @@ static int make_modes(Integrator *I) {
     T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n + 3 * F);
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
-    T->lifted = reserve_doubles(I, I->masks + 1);
-    T->leaves = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
+    T->lifted = reserve_doubles(I, 2 * I->masks + 1);
+    T->leaves = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + 1));
     T->near_knot = reserve_doubles(I, I->one_sided + n + I->nx * n);
     T->gap_terms = reserve_doubles(I, I->one_sided);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
@@ -346,7 +351,8 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
     }
     for (long i = 0; i < D->gaps; i++) {
         int carried = I->redundant && T->side[carried_of(I) + 1 + i] != 0;
-        if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(D->W[i * n + i]) > NIL * largest)) R.law[i] = OPENS;
+        double least = D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
+        if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(D->W[i * n + i]) > least)) R.law[i] = OPENS;
         T->side[i] = R.law[i] == HOLDS;
     }
     for (long f = 0; f < D->frictions; f++) {
@@ -443,12 +449,78 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     return REACHED_END;
 }
 
-/* The same, not later than it takes to tell. */
-static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
+/* What is decided here and now already, into `now`: HOLDS, OPENS, or MAY_HOLD where that only begins; of rows without rates, where there are no others. Rounding is what is so
+   beside its terms, and beside what there is `later`. */
+static int decide_now(Integrator *I, Room R, double later, long *now) {
+    struct State *T = I->state;
+    Decision D;
+    double *noise = R.compressed, largest = 0; /* there are no impacts */
+    int plain = frictions_of(I) == 0;
+    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    for (long i = 0; i < D.gaps; i++) {
+        plain &= D.kind[i] == NO_IMPACT;
+        now[i] = MAY_HOLD;
+    }
+    if (!plain) return 1;
+    if (!decision_later(I, later, &D)) return 0;
+    for (long i = 0; i < D.gaps; i++) noise[i] = BEGINS * fabs(D.free[i]);
+    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    for (long i = 0; i < D.gaps; i++) {
+        R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
+        largest = fmax(largest, fabs(D.free[i]) / unit_of(D.W[i * (D.n + 1)]));
+    }
+    Problem p = problem_of(I, &D, R, D.free);
+    p.constants = 1;
+    if (!complementary(&p, R.place, T->lemke, T->basis)) return 1;
+    for (long i = 0; i < D.gaps; i++) {
+        const double *W = D.W + i * D.n;
+        double terms = fabs(D.free[i]);
+        for (long j = 0; j < D.n; j++) terms = fmax(terms, fabs(W[j] * R.push[j]));
+        double told = R.law[i] == HOLDS ? fmin(R.push[i] * W[i], fabs(D.free[i])) : R.law[i] == OPENS ? R.rate[i] : 0;
+        if (told > fmax(noise[i], fmax(BEGINS * terms, FITS * largest * unit_of(W[i])))) now[i] = R.law[i];
+    }
+    return 1;
+}
+
+/* The same, not later than it takes to tell; nor so late that something else has changed, if it can be told. */
+static enum Code decide_in_time(Integrator *I, Room R, double planned) {
+    struct State *T = I->state;
+    long *now = T->leaves + I->one_sided;
+    double *before = T->lifted + I->masks;
     enum Code code = REACHED_END;
     int roughly = 1;
+    memcpy(before, T->side, sizeof(double) * (size_t)I->masks);
+    if (!decide_now(I, R, LATER * planned, now)) return INPUT_FAILED;
     for (double later = LATER; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
+    for (double later = LATER; later > SOONEST; later *= 0.01) {
+        int sooner = 0;
+        for (long i = 0; i < I->one_sided; i++) sooner |= now[i] != MAY_HOLD && (code != REACHED_END || (now[i] == HOLDS) != (T->side[i] == 1));
+        if (!sooner) break;
+        memcpy(T->side, before, sizeof(double) * (size_t)I->masks);
+        code = decide_when(I, R, planned, (0.01 * later > SOONEST ? 0.01 * later : LATER) * planned, &roughly);
+    }
     return code;
+}
+
+/* The same. Of rows that depend on one another, what holds at once changes how fast states move, and by that whether the others can: until it is the same as before. */
+static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
+    struct State *T = I->state;
+    Decision D;
+    enum Code code = decide_in_time(I, R, planned);
+    long changed = -1;
+    if (code != REACHED_END || !I->redundant) return code;
+    if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+    for (long again = 0, n = 0; again < SETTLED; again++, n = 0, changed = -1) {
+        for (long i = 0; i < D.gaps; i++) n += D.kind[i] == NO_IMPACT;
+        if (n == 0) return code;
+        memcpy(T->lifted, T->side, sizeof(double) * (size_t)I->masks);
+        code = decide_in_time(I, R, planned);
+        for (long i = 0; i < D.gaps; i++)
+            if (D.kind[i] == NO_IMPACT && T->side[i] != T->lifted[i]) changed = i;
+        if (code != REACHED_END || changed < 0) return code;
+    }
+    I->worst = changed;
+    return CHATTERS;
 }
 
 /* Rows that touch and leave so slowly that gaps do not tell it are held where they are. What happens instead, a bounce, loses the time until it is over, and the
@@ -456,6 +528,7 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
 static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n;
+    double *left = T->blow, *more = T->blow + n;
     Decision nothing = decision_of(I, T->no_change, 0);
     Problem p = problem_of(I, D, R, D->rate);
     p.kinetic = 1;
@@ -465,7 +538,14 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
         for (long i = 0; i < n; i++) R.push[i] = i < D->gaps && R.touching[i];
         for (long i = 0; i < D->gaps; i++) R.law[i] = R.touching[i] ? HOLDS : OFF;
         for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = !(limit_of(&p, f) > 0) ? OFF : R.touching[D->gaps + f] == 1 ? HOLDS : slides ? AGAINST : OFF;
-        change_choice(&p, &nothing, D->rate, 0, T->choice_change, R.before);
+        for (int again = 0; again < REFINED; again++) { /* of redundant rows damping leaves something open */
+            for (long i = 0; i < n; i++) {
+                left[i] = D->rate[i];
+                for (long j = 0; j < n && again; j++) left[i] += D->W[i * n + j] * R.before[j];
+            }
+            change_choice(&p, &nothing, left, 0, T->choice_change, again ? more : R.before);
+            for (long i = 0; i < n && again; i++) R.before[i] += more[i];
+        }
         for (long i = 0; i < D->gaps; i++) {
             double rate = D->rate[i], unit = unit_of(D->W[i * (n + 1)]);
             for (long j = 0; j < n; j++) rate += D->W[i * n + j] * R.before[j];
@@ -561,7 +641,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     Decision D;
     long n = reactions_of(I), laws = I->one_sided + frictions_of(I);
     double *start = R.compressed, fast = 0, most = 0;
-    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    if (!frictions_of(I) || !decision_at(I, I->t, I->x, &D)) return 0;
     Problem p = problem_of(I, &D, R, start);
     p.kinetic = 1;
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
@@ -734,7 +814,10 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     for (long f = 0; f < D->frictions; f++) { /* so do those at last that have come to rest, whatever is left of their slips */
         int rests = 0;
         for (long i = 0; i < D->gaps; i++) rests |= T->rests[i] && D->slide_by[f * D->n + i] != 0;
-        if (rests && T->sticks[f] >= FEWEST) R.touching[D->gaps + f] = 1;
+        double slip = size_of(D, f, D->rate), noise = 0;
+        for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[row_of(D, f) + k];
+        int holds = sides[mask_of(I, f)] == 1 && slip <= FORESEEN * noise; /* what stuck through all of them */
+        if ((rests && T->sticks[f] >= FEWEST) || holds) R.touching[D->gaps + f] = 1;
         if (rests) T->sticks[f] = 0;
     }
     bridge_friction(I, D, R, in, h, first, free);

@@ -182,9 +182,10 @@ struct State {
     long *own; /* states that are not copied */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates, 0 where that is not looked at */
+    double *spread;          /* the same, with what fast decay forgets before a stage is solved */
     double *least;           /* what rounding makes of the rates of states that are nothing else */
     double *known;           /* what rounding makes of these until the motion has changed */
-    double *most, *aside;    /* work: per state */
+    double *most, *most_left, *change_left, *aside, *apart; /* work: per state */
     V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
     double *last_a;          /* Legendre coefficients (nx, last_s) of the last step */
     double *guard_values, *guard_noise, *chebyshev;
@@ -448,6 +449,7 @@ static void set_scale(Integrator *I, double h, double reach) {
 }
 
 static void along_branch(Integrator *I, const V *in, const V *K, V *out);
+static void forget_fast(Integrator *I, const Method *m, double *rates);
 
 /* A random number, the same for the same n (the mixing of Wellons' hash prospector). */
 static unsigned drawn(long n) {
@@ -457,12 +459,15 @@ static unsigned drawn(long n) {
     return x ^ (x >> 16);
 }
 
-/* What rounding makes of the rates at the stages: how much they change when the states change by a unit or two of their last place. The
-   largest change is left out: there the rates may jump. */
+/* What rounding makes of the rates: how much they change when the states of stages change by a unit or two of their last place; and how much of that fast decay leaves
+   in the rates of stages that are solved for. The largest change is left out: there the rates may jump. */
 static void sample_noise(Integrator *I, const Stages *S) {
     struct State *T = I->state;
     long samples = (S->s + COUNTED - 1) / COUNTED * COUNTED; /* the last stage again, where there are fewer */
-    for (long i = 0; i < I->nx; i++) T->noise[i] = T->most[i] = 0;
+    int forgets = T->newton_now && T->factored_h == S->h && T->factored_method == I->method;
+    double *found[2] = {T->spread, T->noise}, *most[2] = {T->most, T->most_left}, *change = T->change_left;
+    for (int k = 0; k < 2; k++)
+        for (long i = 0; i < I->nx; i++) found[k][i] = most[k][i] = 0;
     for (long first = 0; first < samples; first += LANES) {
         for (int k = 0; k < 2; k++) {
             V *in = T->disturbed;
@@ -474,18 +479,27 @@ static void sample_noise(Integrator *I, const Stages *S) {
             rates_at(I, S->exact, in, T->rates[k]);
             if (S->around) along_branch(I, in, T->rates[k], T->rates[k]);
         }
-        for (long i = 0; i < I->nx; i++)
-            for (long l = 0; l < LANES; l++) {
-                double change = fabs(T->rates[0][i][l] - T->rates[1][i][l]);
-                if (!(change < INFINITY) || (S->around && S->tau[first + l < S->s ? first + l : S->s - 1] > 0)) continue;
-                T->noise[i] += change;
-                T->most[i] = fmax(T->most[i], change);
+        for (long l = 0; l < LANES; l++) {
+            if (S->around && S->tau[first + l < S->s ? first + l : S->s - 1] > 0) continue;
+            int known = 1;
+            for (long i = 0; i < I->nx; i++) known &= isfinite(change[i] = T->rates[0][i][l] - T->rates[1][i][l]) != 0;
+            for (int k = 0; k < 2; k++) {
+                if (k == 1 && forgets && known) forget_fast(I, S->method, change);
+                for (long i = 0; i < I->nx; i++) {
+                    if (!(fabs(change[i]) < INFINITY)) continue;
+                    found[k][i] += fabs(change[i]);
+                    most[k][i] = fmax(most[k][i], fabs(change[i]));
+                }
             }
+        }
     }
-    for (long i = 0; i < I->nx; i++) T->noise[i] = FEW * (T->noise[i] - T->most[i]) / (double)(samples - 1);
-    for (long k = 0; k < I->copies; k++) /* what is the integral of a disturbed state is disturbed with it */
-        T->noise[I->copy_to[k]] = fmax(T->noise[I->copy_to[k]], S->h * T->noise[I->copy_from[k]]);
-    for (long i = 0; i < I->nx; i++) T->noise[i] = fmax(T->noise[i], T->least[i]);
+    for (int k = 0; k < 2; k++) {
+        double *noise = found[k];
+        for (long i = 0; i < I->nx; i++) noise[i] = FEW * (noise[i] - most[k][i]) / (double)(samples - 1);
+        for (long c = 0; c < I->copies; c++) /* what is the integral of a disturbed state is disturbed with it */
+            noise[I->copy_to[c]] = fmax(noise[I->copy_to[c]], S->h * noise[I->copy_from[c]]);
+        for (long i = 0; i < I->nx; i++) noise[i] = fmax(noise[i], T->least[i]);
+    }
     T->noisy = 1;
     I->work += 2 * (double)((S->s + COUNTED - 1) / COUNTED) * ((double)I->operations + 150 * (double)I->nx);
 }
@@ -502,7 +516,7 @@ static void forget_noise(Integrator *I) {
     struct State *T = I->state;
     T->noisy = T->unheard = 0;
     for (long i = 0; i < I->nx; i++) {
-        T->noise[i] = T->least[i];
+        T->noise[i] = T->spread[i] = T->least[i];
         T->noisy |= T->least[i] > 0;
     }
 }

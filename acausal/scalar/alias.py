@@ -180,10 +180,18 @@ class _Elimination:
             members = [self.chains.members.get(s.element_hash()) for s in ca.symvar(source.residual)]
             names = named(m.unknown for m in members if m is not None)
             raise OverdeterminedError(
-                f"Equation {source}{f' of {names}' if names else ''} contradicts the others: with what they say it reads 0 = {_told(equation.remainder)}. "
-                f"A value or a motion is given twice: remove a source, or another equation of the same variables. {self.system.totals}"
+                f"Equation {source}{f' of {names}' if names else ''} contradicts the others: with what they say it reads 0 = {self._told(equation.remainder)}. "
+                f"A value or a motion is given twice: remove a source, or another equation of the same variables"
+                f"{'' if equation.remainder.is_constant() else ', or let something between yield (a leakage, a resistance, a spring)'}. {self.system.totals}"
             )
         self.dropped.append(source)
+
+    def _told(self, remainder: ca.SX) -> str:
+        if remainder.is_constant():
+            return f"{float(remainder):.6g}"
+        known = [(symbol, name) for symbol, name in self.system.names if ca.depends_on(remainder, symbol)]
+        named = ca.substitute(remainder, ca.vertcat(*(s for s, _ in known)), ca.vertcat(*(ca.SX.sym(name) for _, name in known)))
+        return str(named)[:60]
 
     def _renewed(self, gone: int) -> set[int]:
         """Rewrites the equations of a root that is gone; returns their numbers."""
@@ -201,7 +209,3 @@ class _Elimination:
                 self._add(equation, (relation.root, relation.order), coefficient * relation.factor)
                 self.occurrences.setdefault(relation.root, set()).add(k)
         return touched
-
-
-def _told(remainder: ca.SX) -> str:
-    return f"{float(remainder):.6g}" if remainder.is_constant() else str(remainder)[:60]

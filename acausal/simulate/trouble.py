@@ -269,6 +269,8 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
         StatusKind.NOT_CONVERGED,
     ):
         message = paradox(functions, run) or message
+    if status.kind in (StatusKind.NO_MODE, StatusKind.CHATTERS):
+        message = _undecided(functions, message)
     if status.worst is not None:
         worst = f" The state that failed first: {functions.state_names[status.worst]}."
     if run is not None:
@@ -300,6 +302,21 @@ def _overlap(functions: Functions, run: Trajectory) -> str:
     row = [row for row in modes.rows if row.one_sided][int(np.argmin(gaps))]
     unit = "rad" if row.reactions[0].unit == "N*m" else "m"
     return f"The gap of {row.part.where} is negative {when} ({gaps.min():.3g} {unit}). {row.part.component.if_overlaps}"
+
+
+def _undecided(functions: Functions, message: str) -> str:
+    """The message with what parts say of it; where there is no friction, it is not told of."""
+    modes = functions.outputs.system.modes
+    said = (
+        {}
+        if modes is None
+        else {row.part.where: row.part.component.if_undecided for row in modes.rows if row.part.component.if_undecided}
+    )
+    if modes is None or not said:
+        return message
+    if not modes.frictions:
+        message = f"No mode of {compact(said, 4)} obeys their laws."
+    return " ".join((message, *dict.fromkeys(said.values())))
 
 
 def _argument(functions: Functions, kind: str, k: int) -> str:

@@ -76,6 +76,7 @@ CASES = [
     Wrong("brake by a pressure", lambda: Brake(Revolute("x").flange, ac.Input("Pa")), errors.ParameterError, ("Brake's capacity", "Pa", "N*m")),
     Wrong("freewheel to a joint's frame", lambda: Freewheel(mass(), Revolute("x").frame_a), errors.IncompatibleError, ("Freewheel(...)", "Frame", HERE)),  # type: ignore[arg-type]
     Wrong("diode of negative leakage", lambda: IdealDiode(-1e-6), errors.ParameterError, ("IdealDiode's leakage", HERE)),
+    Wrong("diode of negative resistance", lambda: IdealDiode(0.0, -1e-3), errors.ParameterError, ("IdealDiode's resistance", HERE)),
     Wrong("stop that is violated at the start", lambda: started(lower=0.1), errors.SimulationError, ("The gap of stop", "negative at the start")),
     Wrong("stop on a spring alone", lambda: on_a_spring_alone("stop"), errors.ModelError, ("gap of stop", HERE, "mass or an inertia")),
     Wrong("brake on a spring alone", lambda: on_a_spring_alone("spring"), errors.ModelError, ("rub", HERE)),

@@ -1,0 +1,164 @@
+"""Circuits of valves drawn at random, and bridges: what valves obey at all times, in any order of declaration and at any size."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, VoltageSource
+
+RTOL = 1e-10
+
+
+def drawn(seed: int, resistance: float, order: np.random.Generator | None) -> tuple[Any, list[Any], float, float]:
+    """A source, one to four diodes and other parts between three to five nodes; with its times [s] and voltages [V]."""
+    g = np.random.default_rng(seed)
+    V, R, T = float(g.choice([1e-3, 1.0, 1e4])), float(g.choice([1e-2, 1.0, 1e5])), float(g.choice([1e-6, 1.0, 1e2]))
+    nodes, leak = int(g.integers(3, 6)), 10 ** g.uniform(-6, -3) / R
+    while True:
+        kinds = "V" + "D" * int(g.integers(1, 5)) + "C" + "".join(g.choice(list("RRRCL"), int(g.integers(nodes - 1, nodes + 3))))
+        ends = [g.choice(nodes, 2, replace=False) for _ in kinds]
+        beside = any(kind == "D" and set(pair) == set(ends[0]) for kind, pair in zip(kinds, ends, strict=True))
+        uses = Counter(int(node) for pair in ends for node in pair)
+        if not beside and all(uses[node] + (node == 0) > 1 for node in range(nodes)):
+            break
+    parts: list[Any] = []
+    for kind, value, phase in zip(kinds, g.uniform(0.5, 2, len(kinds)), g.uniform(0, 6, len(kinds)), strict=True):
+        made = {
+            "V": lambda v=value, p=phase: VoltageSource(V * v * np.sin(5 / T * ac.time + p)),
+            "D": lambda v=value: IdealDiode(leak, resistance * R * v),
+            "R": lambda v=value: Resistor(R * v),
+            "C": lambda v=value: Capacitor(0.3 * v * T / R),
+            "L": lambda v=value: Inductor(0.3 * v * T * R),
+        }
+        parts.append(made[kind]())
+    scene = ac.System()
+    scene.ground = Ground()
+    scene.elements = list(parts) if order is None else [parts[k] for k in order.permutation(len(parts))]
+    for node in range(nodes):
+        pins = [
+            pin
+            for part, pair in zip(parts, ends, strict=True)
+            for pin, end in zip((part.pin_a, part.pin_b), pair, strict=True)
+            if end == node
+        ]
+        scene.connect(*([scene.ground.pin] if node == 0 else []), *pins)
+    return scene, parts, T, V
+
+
+def obeys(run: Any, parts: list[Any], size: float) -> None:
+    """Nothing flows backwards and nothing is lost forwards, to 1e-9 of what the valve carries and to the rounding of what the circuit does."""
+    rounding = 1e-15 * max(np.abs(run[part.i]).max() for part in parts)
+    for diode in (part for part in parts if isinstance(part, IdealDiode)):
+        current, over = run[diode.current], run[diode.v] - diode.resistance * run[diode.current]
+        behind = (
+            rounding / diode.leakage if diode.leakage else 0.0
+        )  # [V] what rounding of currents makes of the voltage of what conducts
+        most = max(size, np.abs(run[diode.v]).max()) + 1e8 * behind
+        assert over.max() < 1e-8 * most
+        assert current.min() >= -1e-9 * np.abs(run[diode.i]).max() - rounding
+        assert np.abs(over * current).max() <= 1e-8 * most * np.abs(run[diode.i]).max()
+
+
+SEEDS = [seed for seed in range(60) if seed not in (12, 13, 55, 56, 58)]
+"""In 12 nothing moves, 56 has no state, in 13 and 58 a diode's rate would act, which is refused; 55 goes on in steps of 1e-6."""
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_valves_conduct_one_way_and_without_voltage_in_any_order_of_parts(seed: int) -> None:
+    runs: list[Any] = []
+    for order in (None, np.random.default_rng(seed)):
+        scene, parts, T, V = drawn(seed, 1e-3, order)
+        run = ac.build(scene).simulate(2 * T, rtol=RTOL, samples=60)
+        obeys(run, parts, V)
+        runs.append(np.array([run[part.v] for part in parts]))
+    assert runs[1] == pytest.approx(runs[0], abs=1e-7 * np.abs(runs[0]).max())
+
+
+@pytest.mark.parametrize("leak", [1e-6, 1e-4])
+@pytest.mark.parametrize(
+    ("wire", "coil", "store"), [(0.0, 0.0, 1.0), (0.0, 0.0, 1e-3), (0.1, 0.0, 1e-3), (0.1, 0.01, 0.0), (0.1, 0.01, 1.0)]
+)
+@pytest.mark.parametrize(("phases", "begins"), [(1, 0.0), (1, 0.7), (3, 0.7)])
+def test_bridges_conduct_through_one_pair_after_the_other(
+    leak: float, wire: float, coil: float, store: float, phases: int, begins: float
+) -> None:
+    """From a store without charge on, right at sources, behind wires and behind coils whose current valves cut off."""
+    scene = ac.System()
+    lines = max(phases, 2)
+    scene.ground, scene.load = Ground(), Resistor(2.0)
+    scene.mains = [VoltageSource(np.sin(6 * ac.time + begins + 2 * np.pi * k / 3)) for k in range(phases)]
+    scene.up, scene.down = [[IdealDiode(leak, 1e-3) for _ in range(lines)] for _ in range(2)]
+    ends = [source.pin_b for source in scene.mains] + [scene.mains[0].pin_a] * (phases == 1)
+    if phases > 1:
+        scene.connect(*(source.pin_a for source in scene.mains))
+    for name, part, size in (("wires", Resistor, wire), ("coils", Inductor, coil)):
+        if size > 0:
+            setattr(scene, name, [part(size) for _ in range(lines)])
+            for end, between in zip(ends, getattr(scene, name), strict=True):
+                scene.connect(end, between.pin_a)
+            ends = [between.pin_b for between in getattr(scene, name)]
+    for end, up, down in zip(ends, scene.up, scene.down, strict=True):
+        scene.connect(end, up.pin_a, down.pin_b)
+    plus, minus = [up.pin_b for up in scene.up], [down.pin_a for down in scene.down]
+    scene.connect(scene.load.pin_a, *plus)
+    scene.connect(scene.load.pin_b, scene.ground.pin, *minus)
+    if store > 0:
+        scene.store = Capacitor(store)
+        scene.connect(scene.store.pin_a, scene.load.pin_a)
+        scene.connect(scene.store.pin_b, scene.load.pin_b)
+    run = ac.build(scene).simulate(3.0, rtol=1e-9, samples=100)
+    obeys(run, [*scene.up, *scene.down, scene.load], 1.0)
+    highest = np.sqrt(3.0) if phases == 3 else 1.0
+    assert run[scene.load.v].min() > -1e-2
+    assert run[scene.load.v].max() < 1.001 * highest + (2.0 if store > 0 and coil > 0 else 0.0)
+    if not (coil or store > 1e-2 or wire):  # the store is small: it follows the largest voltage between two lines
+        u = np.array([run[source.v] for source in scene.mains])
+        largest = np.abs(u[0]) if phases == 1 else np.max([np.abs(u[i] - u[j]) for i in range(3) for j in range(i)], axis=0)
+        assert np.all(run[scene.load.v][1:] > (1 - 3e-3) * largest[1:] - 3e-3)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_valves_side_by_side_share_the_current(count: int) -> None:
+    """Right at a source and a store: w C V cos(w t) + V sin(w t) / R together, each the same part of it."""
+    scene = ac.System()
+    scene.ground, scene.mains, scene.store, scene.load = (
+        Ground(),
+        VoltageSource(-np.sin(6 * ac.time)),
+        Capacitor(1.0),
+        Resistor(1.0),
+    )
+    scene.valves = [IdealDiode() for _ in range(count)]
+    scene.connect(scene.ground.pin, scene.mains.pin_a, scene.store.pin_b, scene.load.pin_b)
+    scene.connect(scene.mains.pin_b, *(valve.pin_a for valve in scene.valves))
+    scene.connect(scene.store.pin_a, scene.load.pin_a, *(valve.pin_b for valve in scene.valves))
+    run = ac.build(scene).simulate(6.0, rtol=1e-10, samples=500)
+    t, through = run.t, run[scene.valves[0].i] > 0
+    assert np.count_nonzero(through) > 50
+    for valve in scene.valves:
+        exact = (6 * np.cos(6 * t) + np.sin(6 * t)) / count
+        assert run[valve.i][through] == pytest.approx(exact[through], abs=1e-8)
+        assert np.all(run[valve.i][~through] == 0)
+
+
+def test_a_short_circuit_ends_in_words() -> None:
+    """A source, and a valve that conducts; two valves that lead to both ends of a capacitor."""
+    scene = ac.System()
+    scene.ground, scene.mains, scene.valve, scene.store = (
+        Ground(),
+        VoltageSource(-np.sin(6 * ac.time)),
+        IdealDiode(1e-6),
+        Capacitor(1.0),
+    )
+    scene.wire = Resistor(1.0)
+    scene.connect(scene.ground.pin, scene.mains.pin_a, scene.store.pin_b)
+    scene.connect(scene.mains.pin_b, scene.wire.pin_a)
+    scene.connect(scene.wire.pin_b, scene.store.pin_a)
+    scene.connect(scene.mains.pin_b, scene.valve.pin_a)
+    scene.connect(scene.ground.pin, scene.valve.pin_b)
+    with pytest.raises(ac.errors.AcausalError, match="valve"):
+        ac.build(scene).simulate(3.0)
