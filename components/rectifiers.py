@@ -17,7 +17,7 @@ class AbstractValve(AbstractTwoPin):
 
     if_undecided = (
         "Where a source or a capacitor drives current through valves alone, nothing limits it, and where several of them meet, nothing may say how they share it: "
-        "give them a small resistance."
+        "give them a small resistance. A leakage below a ten-millionth of what else conducts is lost in rounding: then give them a larger one."
     )
     current: Reaction
 
@@ -48,7 +48,8 @@ class IdealDiode(AbstractValve):
 
     i = current + leakage v. `leakage` [A/V] >= 0: conducts while it blocks; a circuit needs one in which something else decides the current, such as an
     inductor in series, or nothing the potential between several diodes that block. `resistance` [Ohm] >= 0: while it conducts; a circuit needs one in which
-    nothing else limits the current, or several diodes share it, such as a bridge right at a source and a capacitor. With both any circuit has one motion.
+    nothing else limits the current, or several diodes share it, such as a bridge right at a source and a capacitor. With both any circuit has one motion;
+    it is found where the leakage is not below 1e-7 of what else conducts.
 
         scene.rectifier = IdealDiode()
     """

@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, Thyristor, VoltageSource
+from components import (
+    Capacitor,
+    Ground,
+    IdealDiode,
+    Inductor,
+    PointOnPlane,
+    PrescribedMotion,
+    Resistor,
+    Thyristor,
+    VoltageSource,
+    World,
+)
 
 
 def changes(run: Any) -> list[float]:
@@ -135,10 +146,14 @@ def test_bridge_of_four_diodes_gives_the_modulus(order: tuple[int, ...]) -> None
     assert run[scene.load.v] == pytest.approx(share * np.abs(10 * np.sin(100 * t)), abs=1e-9)
 
 
-def test_diodes_without_any_state_are_refused() -> None:
-    """Nothing is integrated then that could tell when they open."""
+def test_laws_between_what_is_moved_as_given_are_refused() -> None:
+    """Nothing could yield."""
+    scene = ac.System()
+    scene.world, scene.hand, scene.floor = World(), PrescribedMotion(position=(0, 0, 1 - ac.time)), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.hand.frame_a, scene.floor.frame_a)
+    scene.connect(scene.hand.frame_b, scene.floor.frame_b)
     with pytest.raises(ac.errors.ModelError, match="nothing in the scene has a state"):
-        ac.build(rectifier(Resistor(1.0), 100.0, None))
+        ac.build(scene)
 
 
 @pytest.mark.parametrize("inductive", [False, True])

@@ -20,7 +20,7 @@ from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError, ModelError, OverdeterminedError
 from acausal.language.connector import Electrical
 from acausal.language.equation import input_rates
-from acausal.language.expression import InputRate, Mode, Reaction, Symbol, stacked, time
+from acausal.language.expression import InputRate, Mode, Reaction, Symbol, Variable, stacked, time
 from acausal.language.flatten import FlatSystem
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
@@ -337,9 +337,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     """With the reactions of parts that hold as long as they can as masks make them. Raises `ModelError`."""
     rows = system.mechanics.modes
     if not system.x.numel():
-        raise ModelError(
-            f"{rows[0].part.where} changes its mode as the motion goes on, but nothing in the scene has a state. Add what stores energy: an inertia, a mass, a capacitor."
-        )
+        system = _with_passages(system, rows)
     modes, dead = modes_of(rows, system.flat.names, _motion(system))
     r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
@@ -353,6 +351,25 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
         _with_found(system, rows, r, found), flat=flat, u=stacked([entry.sx for entry in flat.inputs]),
         u_defaults=np.array([entry.default for entry in flat.inputs]), modes=modes, unmasked=system, mechanics=system.mechanics.with_reactions(r, found),
     )  # fmt: skip
+
+
+def _with_passages(system: ReducedSystem, rows: Sequence[ModeRow]) -> ReducedSystem:
+    """With states that nothing depends on, where there are no others: what has passed each valve, and what it has held back; steps are chosen by these. Raises `ModelError`."""
+    states, rates, names = list[Variable](), list[ca.SX](), dict[Symbol, str]()
+    for row in rows:
+        if not row.one_way:
+            raise ModelError(
+                f"{row.part.where} changes its mode as the motion goes on, but nothing in the scene has a state. Add what stores energy: an inertia, a mass, a capacitor."
+            )
+        for word, rate in (("passed by", row.reactions[0].sx), ("held back by", row.moved)):
+            states.append(Variable())
+            rates.append(rate)
+            names[states[-1]] = f"{word} {row.part.path}"
+    scalar = dataclasses.replace(
+        system.scalar, states=tuple(states), rates=ca.vertcat(*rates), names={**system.scalar.names, **names}
+    )
+    flat = dataclasses.replace(system.flat, names={**system.flat.names, **names})
+    return dataclasses.replace(system, flat=flat, x=stacked([state.sx for state in states]), x_dot=scalar.rates, scalar=scalar)
 
 
 def _motion(system: ReducedSystem) -> Motion:
