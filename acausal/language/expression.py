@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExpressionError, ParameterError
-from acausal.language.casadi_tables import has_calls, without_calls
+from acausal.language.casadi_tables import has_calls, is_no_number, without_calls
 from acausal.language.identity import Atom
 from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import asked_while_made, origin
@@ -591,7 +591,12 @@ def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:
 
 
 def formula(value: ca.SX, what: str) -> ca.SX:
-    """The same with CasADi's interpolants as formulas. Raises `ParameterError` where another function is called."""
+    """The same with CasADi's interpolants as formulas. Raises `ParameterError` where another function is called, and for nan whatever stands in it."""
+    if is_no_number(value):
+        raise ParameterError(
+            f"{what} gives nan, which is no number, whatever stands in it ({origin()}). Functions of the module math make nan of CasADi's symbols: use those "
+            "of numpy or CasADi."
+        )
     if not has_calls(value):
         return value
     found = without_calls(value)
@@ -610,7 +615,7 @@ def _shown(expression: Expression, what: str) -> Expression:
 
 
 def check_formula(value: ca.SX, what: str) -> None:
-    """Raises `ParameterError` where a CasADi function is called whose formula is hidden."""
+    """Raises `ParameterError` where `formula` does."""
     formula(value, what)
 
 

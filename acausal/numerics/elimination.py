@@ -1,4 +1,4 @@
-"""Linear equations in symbols, solved in the order in which they are given."""
+"""Linear equations in symbols, solved in the order in which they are given, or by QR."""
 
 from __future__ import annotations
 
@@ -37,6 +37,21 @@ def factored(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
 def eliminated(A: ca.SX, B: ca.SX) -> ca.SX:
     """A^-1 B (n, m) by elimination in the order of the rows."""
     return factored(A)(B)
+
+
+def solved_by_qr(A: ca.SX, B: ca.SX) -> ca.SX:
+    """A^-1 B (n, m) by QR, which needs no pivot that is known not to vanish, with rows brought to one size.
+
+    QR looks at all rows of a column at once: of rows in small units it would see nothing. Columns need no such care. Two rows by Cramer's rule, which is as
+    good there and has the same bits in other units.
+    """
+    A, B = ca.densify(ca.SX(A)), ca.densify(ca.SX(B))
+    if A.shape == (2, 2):
+        found = ca.vertcat(A[1, 1] * B[0, :] - A[0, 1] * B[1, :], A[0, 0] * B[1, :] - A[1, 0] * B[0, :])
+        return found / (A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0])
+    columns = ca.sum1(ca.fabs(A))
+    rows = ca.sum2(ca.fabs(A) / ca.repmat(columns, A.shape[0], 1))
+    return ca.solve(A / ca.repmat(rows, 1, A.shape[1]), B / ca.repmat(rows, 1, B.shape[1]))
 
 
 def undamped(A: ca.SX, damping: ca.SX, B: ca.SX, refinements: int) -> ca.SX:

@@ -46,6 +46,7 @@ class OwnPart:
             for k, equation in enumerate(self._called("equations()", lambda: _listed(component.equations())), start=1):
                 if isinstance(equation, Equation):
                     check_formula(equation.residual.sx, f"Equation {k} of {self.part.where}")
+            self._check_energies(component)
         if isinstance(component, AbstractJoint):
             self._check_joint(component)
         if isinstance(component, AbstractConstraint):
@@ -309,6 +310,7 @@ class OwnPart:
                 call, f"gives {shown(actions)}. Return a tuple of them{one}: return (Action(self.point, force, torque),)."
             )
         for action in actions:
+            check_formula(ca.vertcat(action.force, action.torque), f"{self.part.where}: {call}")
             for scalar in ca.symvar(ca.vertcat(action.force, action.torque)):
                 if declared(scalar) is None and not ca.depends_on(ca.vertcat(placement.y, placement.y_dot), scalar):
                     raise self._error(call, f"contains the symbol '{scalar.name()}', which is declared nowhere.")
@@ -323,8 +325,13 @@ class OwnPart:
         value = found if isinstance(found, ca.SX | Expression | int | float) else None
         if value is None or (not isinstance(value, int | float) and tuple(value.shape) != (1, 1)):
             raise self._error(call, f"gives {shown(found)}. Return one number or SX; ca.SX(0) for none.")
+        check_formula(sx(value), f"{self.part.where}: {call}")
         if known is not None and not isinstance(value, int | float):
             self._check_symbols(call, sx(value), known)
+
+    def _check_energies(self, component: Component) -> None:
+        for name in ("stored_energy", "dissipated_power", "supplied_power"):
+            self._scalar(f"{name}()", getattr(component, name))
 
     def _check_balance(self, force: AbstractForce) -> None:
         """What the forces do to the bodies comes from the potential energy, or is the power that is said to be lost or supplied."""

@@ -13,6 +13,7 @@ from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Symbol
 from acausal.loops.constraints import Constraints
 from acausal.loops.reactions import Reactions
+from acausal.numerics.elimination import solved_by_qr
 from acausal.scalar.coupling import ScalarPart
 
 _STEPS = 7
@@ -112,7 +113,7 @@ def _solved(y: ca.SX, read: ca.SX, phi: ca.SX, laws: ca.SX) -> ca.SX:
     R, first = ca.jacobian(read, phi), ca.substitute(read, phi, none)
     slope = ca.densify(ca.SX.eye(y.numel()) - ca.jacobian(first, y) - R @ ca.jacobian(laws, y))
     value = first + R @ laws
-    step = y - ca.solve(slope, y - value)
+    step = y - solved_by_qr(slope, y - value)
     start = ca.substitute(first, y, ca.SX.zeros(y.numel()))
     if not ca.depends_on(slope, y):
         return ca.substitute(step, y, start)

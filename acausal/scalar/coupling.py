@@ -14,6 +14,7 @@ from acausal.language.connector import Connector
 from acausal.language.equation import input_rates
 from acausal.language.expression import Symbol, Variable, time
 from acausal.loops.loops import relative_pose
+from acausal.numerics.elimination import solved_by_qr
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.span import AbstractSpan
 from acausal.scalar.collection import Collection as Collected
@@ -343,7 +344,7 @@ class _Coupling:
         for block, residual in zip(reduced.algebraic, residuals, strict=True):
             z = ca.vertcat(*(u.symbol for u in block.unknowns))
             left = residual + ca.jtimes(residual, ca.vertcat(*known), ca.vertcat(*changed))
-            dz = -ca.solve(ca.densify(ca.jacobian(residual, z)), left)
+            dz = -solved_by_qr(ca.densify(ca.jacobian(residual, z)), left)
             known, changed, changes = [*known, z], [*changed, dz], [*changes, dz]
         return ca.densify(change_q), ca.densify(change_v), ca.densify(ca.vertcat(ca.SX(0, 1), *changes))
 
@@ -369,7 +370,7 @@ class _Coupling:
             z.clear()
             for block, residual in zip(reduced.algebraic, blocks if p.numel() else [], strict=False):
                 symbols = ca.vertcat(*(u.symbol for u in block.unknowns))
-                z.append((symbols, -ca.solve(ca.densify(ca.jacobian(residual, symbols)), ca.densify(response(residual)))))
+                z.append((symbols, -solved_by_qr(ca.densify(ca.jacobian(residual, symbols)), ca.densify(response(residual)))))
             of_v = self._flexibility @ response(efforts)
         found = _put(second, self._at_rest([of_v, response(tops)]))
         return found[0], found[1]

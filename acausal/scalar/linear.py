@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.thresholds import DEPENDENT
 from acausal.numerics.vanishing import equilibrated, equilibrated_rank
 
@@ -65,8 +66,11 @@ Sample = Callable[[list[ca.SX]], Sequence[float] | np.ndarray]
 """Values of expressions at the sample points (n, k); of the present values of parameters first."""
 
 
-def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int], measured: Collection[int] = ()) -> list[ca.SX]:
-    """x of matrix x = right. `constants`: hashes of symbols that do not change; `measured`: of others whose samples are of their size.
+def solve_linear(
+    matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int], measured: Collection[int] = (), draw: Sample | None = None
+) -> list[ca.SX]:
+    """x of matrix x = right. `constants`: hashes of symbols that do not change; `measured`: of others whose samples are of their size. `draw`: values at
+    the present ones of parameters, with many sizes of what is not known.
 
     Raises SingularMatrixError.
     """
@@ -76,7 +80,9 @@ def solve_linear(matrix: ca.SX, right: ca.SX, sample: Sample, constants: set[int
     solved, open_rows = _triangular(rows, n, b, _MOST_BY_QR)
     x: dict[int, ca.SX] = {}
     if open_rows:
-        _solve_rest(rows, sorted(open_rows), sorted(set(range(n)) - {j for _, j, _ in solved}), b, x, matrix, sample)
+        _solve_rest(
+            rows, sorted(open_rows), sorted(set(range(n)) - {j for _, j, _ in solved}), b, x, matrix, sample, draw or sample
+        )
     for i, j, row in reversed(solved):
         total = b[i]
         for k, entry in row.items():
@@ -261,6 +267,7 @@ def _solve_rest(
     x: dict[int, ca.SX],
     matrix: ca.SX,
     sample: Sample,
+    draw: Sample,
 ) -> None:
     place = {j: k for k, j in enumerate(columns)}
     numbers = np.zeros((len(left), len(columns)))
@@ -270,11 +277,24 @@ def _solve_rest(
             numbers[k, place[j]] = entry.sample[0]
             core[k, place[j]] = entry.value
     if equilibrated_rank(numbers) < len(left):
-        raise SingularMatrixError(*_null_vectors(matrix, sample))
+        null_rows, null_columns = _null_vectors(matrix, sample)
+        if null_rows and not _regular_somewhere(matrix, draw):
+            raise SingularMatrixError(null_rows, null_columns)
     rest = ca.vertcat(*(b[i] for i in left))
-    found = rest / core if len(left) == 1 else ca.solve(core, rest)
+    known = all(entry.known for i in left for entry in rows[i].values())
+    found = rest / core if len(left) == 1 else ca.solve(core, rest) if known else solved_by_qr(core, rest)
     for j, k in place.items():
         x[j] = found[k]
+
+
+def _regular_somewhere(matrix: ca.SX, draw: Sample) -> bool:
+    """Whether the matrix has an inverse at one of the points that are drawn: elsewhere some of its terms were too small beside others to be seen."""
+    A, where = np.zeros(matrix.shape), list(zip(*matrix.sparsity().get_triplet(), strict=True))
+    for values in np.transpose(draw([matrix[i, j] for i, j in where])):
+        A[tuple(np.transpose(where))] = values
+        if np.isfinite(A).all() and equilibrated_rank(A) == A.shape[0]:
+            return True
+    return False
 
 
 def _null_vectors(matrix: ca.SX, sample: Sample) -> tuple[list[int], list[int]]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from acausal.errors import ModelError, UnderdeterminedError
+from acausal.numerics.elimination import solved_by_qr
 from acausal.scalar.alias import Simplified, eliminate_aliases
 from acausal.scalar.chains import Level
 from acausal.scalar.diagnosis import check_regular, no_jerk, no_rate, singular
@@ -281,4 +282,4 @@ def algebraic_rates(block: AlgebraicBlock, symbols: Sequence[ca.SX], rates: Sequ
     z = ca.vertcat(*(u.symbol for u in block.unknowns))
     change = ca.jtimes(block.residual, ca.vertcat(*symbols), ca.vertcat(*rates))
     slope = ca.jacobian(block.residual, z)
-    return -change / slope if z.numel() == 1 else -ca.solve(ca.densify(slope), change)
+    return -change / slope if z.numel() == 1 else -solved_by_qr(ca.densify(slope), change)

@@ -18,6 +18,8 @@ _OTHERS = 2
 """Sample points with other values of the parameters."""
 _DECADES = 9.0
 """How far the sizes of what is not known lie apart there."""
+_DRAWN = 32
+"""Points at which a block may have an inverse that it seems not to have."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class Solution:
             found = [-rest if float(matrix) == 1 else rest if float(matrix) == -1 else -rest / matrix]
         else:
             try:
-                found = solve_linear(matrix, -ca.densify(rest), self.sample, self._constants, self._measured)
+                found = solve_linear(matrix, -ca.densify(rest), self.sample, self._constants, self._measured, self._drawn)
             except SingularMatrixError as error:
                 raise singular(self.system, (sources[i] for i in error.rows), (unknowns[j] for j in error.columns)) from None
         if not matrix.is_constant():
@@ -123,6 +125,18 @@ class Solution:
         point = np.array([self._samples[s.element_hash()] for s in symbols]).reshape(len(symbols), self._points)
         values = np.array(ca.Function("sample", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)])(point))
         return np.where(np.isfinite(values), values, np.nan) if symbols else np.repeat(values, self._points, axis=1)
+
+    def _drawn(self, expressions: list[ca.SX]) -> np.ndarray:
+        """Values (n, k) at the present parameters; anything else random, of sizes that lie far apart, all of them large or small at some points."""
+        column = ca.vertcat(ca.SX(0, 1), *expressions)
+        symbols, rng = ca.symvar(column), np.random.default_rng(0)
+        present = {symbol.element_hash(): value for symbol, value in self.system.values}
+        point = np.empty((len(symbols), _DRAWN))
+        for k, symbol in enumerate(symbols):
+            decades = _DECADES * rng.uniform(-1, 1, _DRAWN) + np.linspace(-2, 2, _DRAWN) * _DECADES
+            drawn = rng.uniform(0.5, 1.5, _DRAWN) * 10.0 ** (0 if symbol.element_hash() in self._measured else decades)
+            point[k] = present.get(symbol.element_hash(), drawn)
+        return np.array(ca.Function("draw", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(column)]).map(_DRAWN)(point))
 
 
 def _depends(matrix: ca.SX, column: ca.SX) -> bool:

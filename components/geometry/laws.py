@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Parameter, Time, declared_in, sx, time
+from acausal.language.expression import Expression, Parameter, Time, declared_in, formula, sx, time
 from acausal.language.origin import origin
 
 
@@ -17,7 +17,7 @@ def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) 
     if not callable(law):  # pyright: ignore[reportUnnecessaryComparison]
         raise ParameterError(f"{what} is given by {law!r} ({origin()}). Give a function, e.g. lambda s: (s, 0, s**2).")
     try:
-        found = sx(law(*arguments))
+        found = formula(sx(law(*arguments)), what)
     except (TypeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
             f"{what}: the function fails with CasADi's symbols ({origin()}): {error}. Use ca.sin, ca.sqrt, ca.if_else and the like."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +19,7 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from acausal.parts.potential import AbstractPotential
 from acausal.parts.rigid import AbstractRigidPart, Attachment
-from components import Prismatic, RigidBody, World
+from components import HeightField, PotentialField, Prismatic, RigidBody, World
 from tests.bad_input.messages import Wrong
 from tests.scenes import Pendulum
 
@@ -40,6 +41,22 @@ def with_equations(write: Callable[[Any], Any], size: int = 1) -> Callable[[], o
     def call() -> object:
         scene = ac.System()
         scene.tank = Tank()
+        return ac.build(scene)
+
+    return call
+
+
+def with_energy(method: str, given: object) -> Callable[[], object]:
+    """Builds a scene with one part that says this of its energy."""
+
+    def equations(self: Any) -> Any:
+        yield ac.equal(ac.der(self.level), 1.0)
+
+    members = {"level": ac.Variable("m"), "equations": equations, method: lambda self: given, "__module__": __name__}
+
+    def call() -> object:
+        scene = ac.System()
+        scene.tank = type("Tank", (ac.Component,), members)()
         return ac.build(scene)
 
     return call
@@ -199,6 +216,14 @@ CASES = [
     Wrong("field of a parameter of nobody", part_between(AbstractField, potential=lambda s, p, t: ac.Parameter(3.0) * ac.Expression(p[2], frozenset())), errors.ModelError, ("potential(p, t)", "belongs to no part", HERE)),
     Wrong("body whose moments no mass has", body(1.0, np.zeros(3), np.diag([1.0, 1.0, 3.0])), errors.ParameterError, ("no distribution of mass", HERE)),
     Wrong("body whose moments are about another point", body(2.0, np.array([5.0, 0, 0]), np.eye(3)), errors.ParameterError, ("no distribution of mass", HERE)),
+    Wrong("store of two numbers", with_energy("stored_energy", (1.0, 2.0)), errors.ModelError, ("tank", "Tank.stored_energy() gives (1.0, 2.0)", "one number", HERE)),
+    Wrong("loss that is text", with_energy("dissipated_power", "much"), errors.ModelError, ("Tank.dissipated_power() gives 'much'", HERE)),
+    Wrong("supply that is nothing", with_energy("supplied_power", None), errors.ModelError, ("Tank.supplied_power() gives None", HERE)),
+    Wrong("equation of no number", with_equations(lambda s: [ac.equal(ac.der(s.level), float("nan") * s.level)]), errors.ParameterError, ("nan", "module math", HERE)),
+    Wrong("row by a function of math", row(lambda X: X.position[2] - math.sin(X.position[0])), errors.ParameterError, ("closure(X_ab, t)", "nan", "module math", HERE)),
+    Wrong("potential by a function of math", potential(lambda X: ca.sumsqr(X.position) + math.cosh(X.position[0])), errors.ParameterError, ("potential(X_ab, t)", "nan", HERE)),
+    Wrong("surface by a function of math", lambda: HeightField(lambda x, y: x + math.sin(y)), errors.ParameterError, ("HeightField", "nan", "module math", HERE)),
+    Wrong("field by a function of math", lambda: PotentialField(lambda p, t: math.sqrt(p[0])), errors.ParameterError, ("PotentialField's potential", "nan", HERE)),
     Wrong("constraint that says nothing", part_between(AbstractConstraint), errors.ModelError, ("Own does not say its closure()", HERE)),
     Wrong("body with moments of two entries", body(1.0, np.zeros(2), np.eye(3)), errors.ModelError, ("first moment", "(3,)", HERE)),
     Wrong("body with a number for its sketch", body(1.0, np.zeros(3), np.eye(3), 3), errors.ModelError, ("sketch_pose()", HERE)),
