@@ -440,6 +440,44 @@ def test_a_block_shot_up_an_incline_stops_and_stays_or_slides_back(static: float
     assert drag == pytest.approx([0.7 * G * (mu * cosine if back else sine), 0, 0], rel=STATE)
 
 
+@pytest.mark.parametrize(
+    ("seed", "rtol"),
+    [
+        *((3, 1e-4), (28, 1e-3), (47, 3e-4), (70, 1e-4), (105, 1e-4), (116, 1e-3), (127, 1e-5), (206, 1e-3), (251, 1e-4)),
+        *((301, 1e-5), (315, 1e-7), (353, 1e-3), (358, 1e-7), (389, 1e-3)),
+    ],
+)
+def test_slip_along_a_line_stops_where_it_turns_round_however_loosely_it_is_followed(seed: int, rtol: float) -> None:
+    """On planes turned at random, up which it is shot: more friction at rest than it slides with keeps it there, which steps across the stop would miss."""
+    draw = np.random.default_rng([seed, 7])
+    size, gravity, mass, slope = (
+        10 ** draw.uniform(-4, 4),
+        10 ** draw.uniform(-2, 2),
+        10 ** draw.uniform(-4, 4),
+        draw.uniform(0.05, 1.4),
+    )
+    part = draw.choice([draw.uniform(0.2, 0.95), draw.uniform(1.05, 4)])
+    mu = float(part * np.tan(slope))
+    static = float(mu * draw.choice([1.0, draw.uniform(1, 1.5)]))
+    Q = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+    Q *= np.linalg.det(Q)
+    speed, shift = np.sqrt(gravity * size) * draw.uniform(0.3, 3), draw.normal(size=3) * size
+    scene = ac.System()
+    scene.world, scene.mass = World(Q @ (-gravity * np.sin(slope), 0, -gravity * np.cos(slope))), Particle(mass)
+    scene.plane = PointOnPlane(unilateral=True, friction=Coulomb(mu, static=static))
+    scene.connect(scene.plane.frame_b, scene.mass.point)
+    scene.connect(scene.world.at(tuple(shift), rotation=Q), scene.plane.frame_a)
+    slows = gravity * (np.sin(slope) + mu * np.cos(slope))
+    stop = speed / slows
+    p, v = scene.mass.point.position, scene.mass.point.velocity
+    run = ac.build(scene).simulate(stop * draw.uniform(1.2, 2.5), {p: shift, v: Q @ (speed, 0, 0)}, rtol=rtol)
+    assert static > np.tan(slope)
+    assert times(run)[-1] == pytest.approx(stop, rel=rtol)
+    assert run.modes(scene.plane).words[-1] == "closed, sticks"
+    assert np.linalg.norm(run[p][-1] - shift - Q @ (speed * stop / 2, 0, 0)) < rtol * speed * stop
+    assert np.linalg.norm(run[v][-1]) < 1e-12 * speed
+
+
 def test_a_block_thrown_across_a_floor_stops_on_a_straight_line() -> None:
     scene = held(PointOnPlane(unilateral=True, friction=Coulomb(0.3)))
     p, v = scene.mass.point.position, scene.mass.point.velocity

@@ -47,6 +47,12 @@ static long mask_of(const Integrator *I, long friction) {
 /* Where the masks of a magnitude begin: the direction that its force is along, until it is across it. */
 static long mask_of_size(const Integrator *I, long m) { return mask_of(I, frictions_of(I)) + 3 * m; }
 
+/* Whether a row of a mode has a corner at zero: that of a slip in a plane, which is its size. */
+static int has_corner(const Integrator *I, long row) {
+    long f = (row - I->one_sided) / 2;
+    return row >= I->one_sided + 2 * I->lines && row < I->one_sided + 2 * frictions_of(I) && !((row - I->one_sided) & 1) && I->state->side[mask_of(I, f) + 1] == 1;
+}
+
 /* Number of the law, or behind all laws of what is set, that a row belongs to; 0 for none in particular. */
 static long law_of_row(const Integrator *I, long row) {
     long gaps = I->one_sided, set = row - first_set(I);
@@ -73,7 +79,7 @@ static int make_modes(Integrator *I) {
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->lemke = reserve_doubles(I, most * width + width);
-    T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n + 3 * F);
+    T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n + 3 * F + F);
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
     T->lifted = reserve_doubles(I, 2 * I->masks + 1);
@@ -88,7 +94,7 @@ static int make_modes(Integrator *I) {
 
 /* Parts of T->push and T->status. */
 typedef struct {
-    double *push, *rate, *compressed, *floor, *before, *centre, *along, *met, *work, *now;
+    double *push, *rate, *compressed, *floor, *before, *centre, *along, *met, *work, *now, *slow;
     long *touching, *law, *asked, *place, *wanted;
 } Room;
 static Room room_of(const Integrator *I) {
@@ -96,7 +102,7 @@ static Room room_of(const Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I);
     double *at = T->push;
     long *k = T->status;
-    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, at + 6 * n + 4 * F + n * n + 5 * n, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, at + 6 * n + 4 * F + n * n + 5 * n, at + 6 * n + 7 * F + n * n + 5 * n, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
 }
 
 /* What is to be solved for there, from these rates or accelerations on; without limits that do not grow with reactions, unless it is said that they count. */
@@ -367,7 +373,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
         for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[i + k];
         R.met[f] = fmax(R.met[f], slip);
         double stops = size_of(D, f, R.rate) * BRIEFEST * EPS * fabs(I->t), least = fmax((rows_of(D, f) > 2 && law != STARTS ? NEARER : 1) * NEAR_ZERO * R.met[f], fmax(4 * noise, stops));
-        int held = law == STARTS || (law == AGAINST && slip < 1.5 * least); /* from one to twice that, as it came */
+        int held = law == STARTS || (law == AGAINST && fmin(slip, R.slow[f]) < 1.5 * least); /* from one to twice that, as it came; later it may have passed zero */
         mask[1] = law == AGAINST && !held;
         mask[2] = held;
         mask[3] = least;
@@ -407,6 +413,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(I, &D, i, D.free[i])) ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
+    for (long f = 0; f < D.frictions; f++) R.slow[f] = size_of(&D, f, D.rate);
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
     memcpy(R.now, R.along, sizeof(double) * (size_t)(3 * D.frictions));
     turn_slips(&D, R);

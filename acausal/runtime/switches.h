@@ -14,6 +14,7 @@
 #define NEAR_END 0.75   /* of a step: ends that lie before that are looked for again, since the inside of a shorter step is known better */
 #define FAR_END 0.25
 #define MOST 30       /* places in a step tried; then it becomes shorter until none is left */
+#define CORNER 128.0  /* last coefficients of what has a corner between two points, as large as it is there */
 #define HOP 1e-5      /* of a step: how far from its end a switch may go over; the state is moved there */
 
 static int make_switches(Integrator *I) {
@@ -261,6 +262,8 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     return changes_modes(I) ? look_after_switch(I, crossed) : REACHED_END;
 }
 
+static int has_corner(const Integrator *I, long row);
+
 /* Whether so many values of a row in order of time are far from zero, beside what they change by; row_count apart. */
 static int is_far_above(const double *v, long row_count, int count, double changes) {
     double least = v[0], most = v[0], finite = 0;
@@ -283,7 +286,7 @@ static int are_all_far(Path *p) {
     for (int j = 0; j < FEW_POINTS; j++) theta[j] = (double)j / (FEW_POINTS - 1);
     if (!guard_values(p, theta, FEW_POINTS, T->row_values)) return -1;
     for (long r = 0; r < I->row_count; r++)
-        if (!is_far_above(T->row_values + r, I->row_count, FEW_POINTS, FAR_CHANGES)) return 0;
+        if (has_corner(I, r) || !is_far_above(T->row_values + r, I->row_count, FEW_POINTS, FAR_CHANGES)) return 0;
     memset(T->far, 1, (size_t)I->row_count);
     return 1;
 }
@@ -295,11 +298,18 @@ static int stays_above(const double *c, double noise) {
     return c[0] - 1.01 * rest >= -noise;
 }
 
+/* Whether what is so large at least may have a corner at zero between two points: its last coefficients tell of that by those that would follow. */
+static int may_turn(const double *c, double noise, double least) {
+    double last = 0;
+    for (int k = POINTS - 3; k < POINTS; k++) last = fmax(last, fabs(c[k]) - noise);
+    return CORNER * last > least;
+}
+
 /* Where a row becomes negative between lo and hi, 2 where it does not, -1 when the input function failed. `known`: its values, or null. */
 static double first_below(Path *p, double lo, double hi, const double *known, int depth) {
     struct State *T = p->I->state;
-    double theta[POINTS], v[POINTS], c[POINTS], middle = 0.5 * (lo + hi);
-    int finite = 0, below = -1;
+    double theta[POINTS], v[POINTS], c[POINTS], middle = 0.5 * (lo + hi), least = INFINITY;
+    int finite = 0, below = -1, corner = has_corner(p->I, p->guard), turns = 0;
     for (int j = 0; j < POINTS; j++) theta[j] = j == POINTS - 1 ? hi : lo + (hi - lo) * point_in(T->chebyshev, j);
     if (p->series) {
         for (int j = 0; j < POINTS; j += LANES) {
@@ -314,18 +324,20 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
     }
     for (int j = 0; j < POINTS; j++) {
         finite += isfinite(v[j]) != 0;
+        least = fmin(least, v[j]);
         if (below < 0 && v[j] < -p->noise) below = j;
     }
     int deep = depth > 30 || ++p->searches > SEARCHES, here = 0;
     if (finite == 0 || (finite < POINTS && deep)) return below < 0 ? 2 : theta[below];
     if (finite == POINTS) {
         chebyshev_coefficients(T->chebyshev, v, c);
-        if (stays_above(c, p->noise)) return 2;
+        turns = corner && may_turn(c, p->noise, least);
+        if (!turns && stays_above(c, p->noise)) return 2;
         here = !p->series && is_resolved(c, 0.1 * p->noise);
         if (here) p->series = c, p->from = lo, p->to = hi;
     }
     double found;
-    if (finite == POINTS && (is_monotone(c) || deep)) {
+    if (finite == POINTS && ((!turns && is_monotone(c)) || deep)) {
         if (below < 0) found = 2;
         else if (below == 0 || v[below - 1] <= 0) found = below == 0 ? lo : theta[below - 1];
         else found = zero_between(p, theta[below - 1], theta[below], v[below - 1], v[below]);
@@ -374,7 +386,7 @@ static double first_switch(Path *p, struct Landing *L) {
     if (!guard_values(p, theta, POINTS, T->row_values)) return -1;
     for (long r = 0; r < I->row_count; r++) {
         for (int j = 0; j < POINTS; j++) v[j] = T->row_values[j * I->row_count + r];
-        if (is_far_above(v, 1, POINTS, 0.5)) {
+        if (!has_corner(I, r) && is_far_above(v, 1, POINTS, 0.5)) {
             T->far[r] = 1;
             continue;
         }
