@@ -321,3 +321,27 @@ def test_current_source_and_resistors_without_a_state_beside_a_capacitor():
     M[0, 0], M[-1], b = 2.0, np.eye(n)[-1], np.zeros(n)
     b[0], b[-1] = 1.0, 0.3
     assert np.max(np.abs(np.array(y).ravel() - np.linalg.solve(M, b))) < 1e-14
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e6])
+def test_what_nonlinear_equations_give_leaves_states_at_rest(size):
+    """A capacitor behind a diode begins without voltage where nothing says otherwise, whatever the diode's own voltage is by that."""
+    scene = ac.System()
+    scene.ground, scene.source, scene.load, scene.diode = (
+        Ground(),
+        VoltageSource(10.0 * size),
+        Resistor(100.0),
+        Diode(1e-9 * size, 0.025 * size),
+    )
+    scene.store, scene.leak = Capacitor(1e-3), Resistor(1000.0)
+    scene.connect(scene.ground.pin, scene.source.pin_b, scene.store.pin_b, scene.leak.pin_b)
+    scene.connect(scene.source.pin_a, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.diode.pin_a)
+    scene.connect(scene.diode.pin_b, scene.store.pin_a, scene.leak.pin_a)
+    model = ac.build(scene)
+    found = model.simulate(0.01)
+    assert found[scene.store.v][0] == 0.0
+    drop = brentq(lambda v: 100 * 1e-9 * np.expm1(v / 0.025) + v - 10, 0, 1, xtol=1e-15)
+    assert abs(found[scene.diode.v][0] / size - drop) < 1e-12
+    given = model.simulate(0.01, {scene.diode.v: 0.45 * size})  # then the capacitor has what is left of it
+    assert abs(given[scene.store.v][0] / size - (10 - 0.45 - 100 * 1e-9 * np.expm1(0.45 / 0.025))) < 1e-9

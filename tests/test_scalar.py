@@ -373,6 +373,17 @@ def test_nonlinear_loop_becomes_a_state_with_an_invariant():
     assert run.constraint_error() < 1e-13
 
 
+def test_states_begin_where_they_say_and_what_follows_is_found():
+    """x stays at its start of 1; b, which a nonlinear equation gives by it, does not move it. A start of b does."""
+    scene = ac.System()
+    scene.pipe = Turbulent()
+    model = ac.build(scene)
+    run = model.simulate(0.1)
+    assert run[scene.pipe.x][0] == 1.0
+    assert abs(run[scene.pipe.b][0] - brentq(lambda b: 3 * b + b**3 - 1, 0, 1, xtol=1e-15)) < 1e-14
+    assert abs(model.simulate(0.1, {scene.pipe.b: 2.0})[scene.pipe.x][0] - 14) < 1e-13
+
+
 class Network(ac.Component):
     """A column of unknowns: A x = u - x', with a vector and a matrix."""
 

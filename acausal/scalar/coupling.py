@@ -80,6 +80,8 @@ class ScalarPart:
     names: dict[Symbol, str] = field(default_factory=dict)
     led: Callable[[ca.SX], ca.SX] | None = None
     """Joint forces by accelerations (nv, 1), where these are known and nothing has to yield; not finite where efforts follow from what yields."""
+    followers: frozenset[int] = frozenset()
+    """Places of the states that nonlinear equations give by the others."""
 
     @property
     def position(self) -> ca.SX:
@@ -193,6 +195,7 @@ class _Coupling:
             tuple(sorted((one for _, one in held), key=lambda one: one.depth == 1)), ca.vertcat(ca.SX(0, 1), *residuals),
             (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._followers(self.redundant),
             self._followers(self.looped), self.collection.names, self._led,
+            frozenset(place for place, k in enumerate(order) if k >= n_states),
         )  # fmt: skip
 
     @property

@@ -44,6 +44,8 @@ class Block:
     drawn: Drawn
     apart: Apart | Moving | None = None
     """How far positions are from the sketch, velocities from rest; None where unknowns say that by themselves."""
+    leading: tuple[int, ...] = ()
+    """Those of the unknowns that are states of scalar parts by which nonlinear equations give others in the block."""
     known: dict[bytes, tuple[Sizes, np.ndarray]] = field(default_factory=dict[bytes, tuple[Sizes, np.ndarray]], compare=False)
     """Sizes of some calls before."""
 

@@ -38,7 +38,10 @@ def solve_block(
     whole, slowest = np.concatenate([data, first]), _SLOW * fastest
     sizes, wanted = block.sizes(whole, first, factors)
     search = _Search(block, data, first, factors, whole, sizes.faster(slowest), wanted, slowest)
-    found, right = search.descend(search.beginning())
+    led = replace(search, still=block.leading)  # what is given by others is found beside them, where they may stay
+    found, right = led.descend(led.beginning()) if block.leading else (None, False)
+    if found is None or not right:
+        found, right = search.descend(search.beginning())
     spent, restarts = found.iterations, 0
     if not right:
         found, right, more, restarts = search.begin_anew(found, closer)
@@ -66,6 +69,8 @@ class _Search:
     sizes: Sizes
     wanted: np.ndarray
     slowest: float
+    still: tuple[int, ...] = ()
+    """Unknowns that stay as they are."""
 
     @property
     def begun(self) -> np.ndarray:
@@ -82,13 +87,24 @@ class _Search:
 
     @property
     def _hard(self) -> Residual:
-        return self.block.constraints.at(self.whole)
+        return self._beside(self.block.constraints.at(self.whole))
+
+    def _beside(self, residual: Residual) -> Residual:
+        """The same, which does not feel what stays as it is."""
+
+        def rows(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            r, J = residual(y)
+            J = J.copy()
+            J[:, list(self.still)] = 0.0
+            return r, J
+
+        return rows if self.still else residual
 
     @functools.cached_property
     def _soft(self) -> Residual | None:
         if self.block.wishes is None:
             return None
-        wishes, weights = self.block.wishes.at(self.whole), self.factors / self.wanted
+        wishes, weights = self._beside(self.block.wishes.at(self.whole)), self.factors / self.wanted
 
         def soft(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             r, J = wishes(y)
@@ -112,8 +128,10 @@ class _Search:
         guess = self.begun
         if self._steep:
             for part in 0.5 ** np.arange(_HALVINGS):
-                if np.isfinite(self._hard(part * self.begun)[1]).all():
-                    return part * self.begun
+                begun = part * self.begun
+                begun[list(self.still)] = self.begun[list(self.still)]
+                if np.isfinite(self._hard(begun)[1]).all():
+                    return begun
         return guess
 
     def descend(self, guess: np.ndarray, approach: bool = True, limit: int = 100) -> tuple[Assembled, bool]:

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.graphs import Graph
 from acausal.numerics.assembly import Assembled, Residual, assemble
 from acausal.numerics.sizes import Drawn, Sizes
-from acausal.numerics.thresholds import EDGE, STRIDE
+from acausal.numerics.thresholds import DEPENDENT, EDGE, STRIDE
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.apart import Apart, Moving
 from acausal.start.block import Block
@@ -211,7 +211,14 @@ class Search:
         sizes = self.sizes(data, self.first(data))
         scaled = sizes.scaled(J)
         off = (J @ first + by_data @ change) / sizes.rows[:, None]
-        return first - sizes.unknowns[:, None] * (np.linalg.pinv(scaled, rcond=sizes.dependent) @ off)
+        leading = [block.places[k] for block in self.blocks for k in block.leading]
+        for still in ([leading] if leading else []) + [[]]:
+            kept = scaled.copy()
+            kept[:, still] = 0.0
+            step = np.linalg.pinv(kept, rcond=sizes.dependent) @ off
+            if not still or np.abs(kept @ step - off).max(initial=0.0) <= DEPENDENT * np.abs(off).max(initial=0.0):
+                return first - sizes.unknowns[:, None] * step
+        return first
 
 
 def start_search(
@@ -256,7 +263,7 @@ def start_search(
         exact,
         wished,
         closing.owners,
-        _blocks(everything),
+        tuple(_led(block, y, system) for block in _blocks(everything)),
         everything,
         ca.Function("residual", [y, data], [hard], ["y", "data"], ["c"]),
         ca.Function("wishes", [y, data, first], [soft], ["y", "data", "first"], ["r"]) if soft.numel() else None,
@@ -292,6 +299,16 @@ def _blocks(whole: Block) -> tuple[Block, ...]:
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def _led(block: Block, y: ca.SX, system: ReducedSystem) -> Block:
+    """The same, with the states of scalar parts in it that others follow."""
+    here = {y[i].element_hash(): k for k, i in enumerate(block.places)}
+    own = [(here.get(system.x[i].element_hash()), k in system.scalar.followers) for k, i in enumerate(system.scalar_places)]
+    follow = any(place is not None and follows for place, follows in own)
+    return (
+        replace(block, leading=tuple(place for place, follows in own if place is not None and not follows)) if follow else block
+    )
 
 
 def _plain(y: ca.SX, targets: Sequence[Target]) -> list[tuple[int, int]]:
