@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import hashlib
+import os
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import acausal as ac
-from acausal.emit.compiler import compiler
+from acausal.emit.compiler import cache_folder, compiler, machine
 from tests.scenes import DoublePendulum
 
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Wno-psabi", "-Werror")
 FLAGS = ("-O1", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fPIC")
 """Compiled in a hurry: optimisation does not change bits."""
+KEPT = cache_folder()
+"""As it is before tests take others."""
 SUCCESS, AT_EVENT, STOPPED, STEP_UNDERFLOW, NON_FINITE, NOT_CONVERGED, MAX_STEPS, FAILED_INPUT = range(8)
 OUT_OF_MEMORY, BAD_ARGUMENT, OPEN_START, OTHER_MODEL, SLIDES, OVERLAPS, NO_MODE, CHATTERS = range(8, 16)
 STATE, INPUT, PARAMETER, CONDITION, OUTPUT, EVENT = range(6)
@@ -42,8 +46,20 @@ def runtime(name: str = "simulator", lanes: tuple[str, ...] = ()) -> Path:
     """The integrators as an object file: the same for all models, and the longest to compile."""
     folder = Path(_scratch().name) / "".join([name, *lanes])
     ac.build(DoublePendulum()).export_simulator(folder, name=name)
-    compiled(folder, "-c", *lanes, "runtime.c")
-    return folder / "runtime.o"
+    sources = [file.read_bytes() for file in sorted(folder.glob("*.[ch]"))]
+    return made_once(sources, lambda made: compiled(folder, "-c", "-o", made, *lanes, "runtime.c"), *WARNINGS, *FLAGS, *lanes)
+
+
+def made_once(sources: Iterable[bytes], make: Callable[[Path], None], *words: str) -> Path:
+    """What the compiler makes of sources with these words, kept in the cache for other workers and other days."""
+    key = b"\0".join([*sources, *map(str.encode, (*words, *command(), machine(command())))])
+    KEPT.mkdir(parents=True, exist_ok=True)
+    kept = KEPT / f"{hashlib.sha256(key).hexdigest()[:32]}.o"
+    if not kept.exists():
+        with tempfile.TemporaryDirectory(dir=KEPT) as scratch:
+            make(made := Path(scratch) / kept.name)
+            os.replace(made, kept)
+    return kept
 
 
 @functools.cache

@@ -35,6 +35,7 @@ from acausal.runtime.kernels import Compilation, How, Kernel, Wanted
 from acausal.runtime.load import compiled_runtime
 from acausal.runtime.native import NativeProblem
 from components import Spherical, TorqueSource
+from tests.exported import made_once
 from tests.scenes import FourBar, Pendulum, chain
 
 Array = NDArray[np.float64]
@@ -611,7 +612,7 @@ def test_whatever_code_depends_on_compiles_again(
     wrapper = _script(tmp_path / "wrapper", "$COMPILE")
     assert grows(command=wrapper)
     os.utime(wrapper[0], ns=(1, 1))
-    compiler._machine.cache_clear()
+    compiler.machine.cache_clear()
     assert grows(command=wrapper)
     with monkeypatch.context() as patch:
         patch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-DUNUSED"))
@@ -819,8 +820,12 @@ def _built(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Libraries of the package for all processors, as an installation makes them."""
     monkeypatch.setattr(library, "BUILT", folder)
     for variant in library.variants():
-        options = (*variant.flags(COMMAND), *library.FLAGS, f"-DLANES={variant.lanes}", "-shared", "-o", str(variant.file))
-        compiler.run_compiler([*COMMAND, *options, str(library.SOURCES / "runtime.c"), "-lm"])
+        options = (*variant.flags(COMMAND), *library.FLAGS, f"-DLANES={variant.lanes}", "-shared")
+        line = [*COMMAND, *options, str(library.SOURCES / "runtime.c"), "-lm"]
+        made = made_once(
+            library.sources().values(), lambda made, line=line: compiler.run_compiler([*line, "-o", str(made)]), *options
+        )
+        shutil.copyfile(made, variant.file)
 
 
 @pytest.mark.slow

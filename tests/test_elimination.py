@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-
 import numpy as np
 import pytest
 
@@ -22,6 +20,7 @@ from components import (
     TranslationalSpring,
     World,
 )
+from tests.exported import printed, program
 
 RADIUS, PINION, BLOCK, STIFFNESS = 0.2, 0.03, 2.0, 10.0
 
@@ -222,11 +221,8 @@ def test_steps_and_exported_programs_know_the_constants(tmp_path):
     assert np.max(np.abs(np.array(residual))) < 1e-12
     assert np.allclose(np.array(x).ravel(), [0.5 + 0.25 / 0.9, 1.0 / 0.9], atol=1e-12)
     folder = model.export_simulator(tmp_path, start)
-    line = next(text for text in (folder / "README.txt").read_text().splitlines() if text.strip().startswith("cc "))
-    subprocess.run(line.strip(), shell=True, cwd=folder, check=True, capture_output=True)
-    out = subprocess.run(["./simulator", "2", "3", "1e-10"], cwd=folder, check=True, capture_output=True, text=True).stdout
-    last = [float(number) for number in out.strip().splitlines()[-1].split(",")]
-    assert abs(last[1] - (0.5 + 4 / 0.9)) < 1e-8
+    _, rows = printed(program(folder), 2, 3, 1e-10)
+    assert abs(rows[-1, 1] - (0.5 + 4 / 0.9)) < 1e-8
 
 
 def test_whole_and_eliminated_states_belong_together():

@@ -78,7 +78,7 @@ def cached_library(
     `key`: a hash of what the sources are made from. `folder`: the cache. `patience`: seconds that a compiler may take. Raises `ExportError`
     when the compiler fails, and `CacheError` when the cache cannot be written.
     """
-    name = hashlib.sha256("\0".join((key, *command, *FLAGS, *options, _machine(command))).encode()).hexdigest()[:32]
+    name = hashlib.sha256("\0".join((key, *command, *FLAGS, *options, machine(command))).encode()).hexdigest()[:32]
     target = (folder or cache_folder()) / (name + suffix())
     if _is_whole(target):
         return target
@@ -252,7 +252,7 @@ def _stop() -> None:
 
 
 @functools.cache
-def _machine(command: tuple[str, ...]) -> str:
+def machine(command: tuple[str, ...]) -> str:
     """What compiled code depends on beside sources and flags: compiler, processor, operating system."""
     path = Path(shutil.which(command[0]) or command[0]).resolve()
     facts = [str(path), str(path.stat().st_mtime_ns), platform.platform(), platform.machine(), platform.processor()]
