@@ -76,6 +76,18 @@ class Modes:
         """The reactions (n, 1), without systems that are to be solved."""
         return self.systems.unrolled(self.solved)
 
+    @functools.cached_property
+    def needed(self) -> tuple[tuple[int, ...], ...]:
+        """Of each law, numbers of the one-sided ones without whose reactions its limit is zero."""
+        none = ca.SX.zeros(self.reactions.numel())
+        found: list[tuple[int, ...]] = []
+        for row in self.rows:
+            limit = row.sliding
+            lives = limit is not None and ca.substitute(limit, self.reactions, none).is_zero()
+            needs = (k for k, one in enumerate(self.rows) if one.one_sided and ca.depends_on(limit, one.reaction.sx))
+            found.append(tuple(needs) if lives else ())
+        return tuple(found)
+
     @property
     def damped(self) -> int | None:
         """The place among the masks of the damping of rows that depend on one another; None where none do."""

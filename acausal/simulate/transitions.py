@@ -92,7 +92,7 @@ def laws_of(outputs: Outputs) -> tuple[Law, ...]:
     paths = [row.part.path for row in modes.rows]
     found: list[Law] = []
     reaction = mask = 0
-    for row in modes.rows:
+    for row, needed in zip(modes.rows, modes.needed, strict=True):
         size = row.size
         width = row.masks
         name = row.part.path if paths.count(row.part.path) == 1 else outputs.name(row.reaction).removesuffix("[0]")
@@ -102,18 +102,11 @@ def laws_of(outputs: Outputs) -> tuple[Law, ...]:
                 name,
                 slice(reaction, reaction + size),
                 slice(mask, mask + width),
-                _needed(modes.rows, modes.reactions, row.sliding),
+                needed,
             )
         )
         reaction, mask = reaction + size, mask + width
     return tuple(found)
-
-
-def _needed(rows: Sequence[ModeRow], reactions: ca.SX, limit: ca.SX | None) -> tuple[int, ...]:
-    """Numbers of one-sided laws without whose reactions a limit is zero."""
-    if limit is None or not ca.substitute(limit, reactions, ca.SX.zeros(reactions.numel())).is_zero():
-        return ()
-    return tuple(k for k, row in enumerate(rows) if row.one_sided and ca.depends_on(limit, row.reaction.sx))
 
 
 @dataclass(frozen=True)

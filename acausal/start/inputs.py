@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +32,16 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> In
     a tuple is needed: the value and as many rates as parts ask for. Raises `ParameterError` where there is none.
     """
     known = functions.outputs.system.flat.inputs
-    return Inputs(tuple(_of_order(entry, known, inputs, functions.outputs.name(entry)) for entry in known))
+    owned = [_own(entry) for entry in known]
+    most: dict[Input, int] = {}
+    for own, order in owned:
+        most[own] = max(order, most.get(own, 0))
+    return Inputs(
+        tuple(
+            _of_order(order, own, most[own], inputs.get(own, own.default), functions.outputs.name(entry))
+            for entry, (own, order) in zip(known, owned, strict=True)
+        )
+    )
 
 
 def knots(inputs: Callable[[np.ndarray], np.ndarray], t0: float, t1: float) -> np.ndarray:
@@ -67,11 +76,8 @@ def check_smooth(functions: Functions, inputs: Callable[[np.ndarray], np.ndarray
                 )
 
 
-def _of_order(entry: Input, known: Sequence[Input], inputs: Mapping[Input, InputValue], name: str) -> Course:
-    """The course of an input, or of a rate of one."""
-    own, order = _own(entry)
-    value = inputs.get(own, own.default)
-    wanted = max(_own(one)[1] for one in known if _own(one)[0] is own)
+def _of_order(order: int, own: Input, wanted: int, value: InputValue, name: str) -> Course:
+    """The course of an input, or of a rate of one, of which so many are wanted."""
     if isinstance(value, tuple) and len(value) == wanted + 1 > 1:
         return _course(value[order], name)
     if order == 0:
