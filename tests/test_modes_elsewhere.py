@@ -13,7 +13,19 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Capacitor, Coulomb, Ground, IdealDiode, PointOnPlane, Resistor, RigidBody, VoltageSource, World
+from components import (
+    Capacitor,
+    Coulomb,
+    Ground,
+    IdealDiode,
+    Inertia,
+    PointOnPlane,
+    Resistor,
+    RigidBody,
+    TorqueSource,
+    VoltageSource,
+    World,
+)
 
 
 def box(restitution: float = 0.5) -> tuple[Any, dict[Any, Any]]:
@@ -82,11 +94,20 @@ def test_modes_are_the_same_in_threads_beside_others() -> None:
 
 
 def test_what_has_been_interrupted_keeps_its_transitions() -> None:
+    """By a torque that asks for it, once, when the box has struck some times."""
     scene, start = box(0.999)
-    model = ac.build(scene)
-    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+    sent: list[float] = []
+
+    def ask(t: float) -> float:
+        if t > 20 and not sent:
+            sent.append(t)
+            os.kill(os.getpid(), signal.SIGINT)
+        return 0.0
+
+    scene.shaft, scene.drive = Inertia(1.0), TorqueSource(ac.Input("N*m"))
+    scene.connect(scene.drive.flange, scene.shaft.flange_a)
     with pytest.raises(KeyboardInterrupt, match="Interrupted at t = ") as caught:
-        model.simulate(1e6, start, progress=False)
+        ac.build(scene).simulate(1e6, start, inputs={scene.drive.torque: ask}, progress=False)
     run: Any = caught.value.run  # pyright: ignore[reportAttributeAccessIssue]  # it is given there
     assert run.status.kind.name == "INTERRUPTED" and 0 < run.t[-1] < 1e6
     assert len(run.transitions) > 3

@@ -37,7 +37,7 @@ enum Law {
     STARTS  /* friction that is at its limit: in the direction that is found */
 };
 
-enum ImpactLaw { NO_IMPACT = -1, BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4 }; /* of gaps, their `kind`; none: what has no rate, and holds at once */
+enum ImpactLaw { NO_IMPACT = -1, BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4, NO_GAP = 8 }; /* of gaps, their `kind`; none: what has no rate, and holds at once; one by one and no gap: with others */
 
 /* A problem. law (gaps + frictions); along (3 each): of frictions, what acts against the slip, with the sign turned and by the limit: its direction, but of patches; floor (gaps): least reactions, null: zero; constants: whether limits
    count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 5 n. */

@@ -297,12 +297,14 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
 static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     int found = misses_ends(I, S, h, strict);
-    if (found != 1 || T->noisy) return found;
+    int leasts = 0; /* then only here: others are to be as accurate as ever */
+    for (long i = 0; i < I->nx; i++) leasts |= T->least[i] > 0;
+    if (found != 1 || (T->noisy && !leasts)) return found;
     double work = I->work;
-    sample_noise(I, S);
+    sample_noise(I, S, leasts);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     found = misses_ends(I, S, h, strict);
-    if (found) {
+    if (found || leasts) {
         forget_noise(I);
         I->work = work; /* methods are chosen by what they take, not by what was looked at */
     }
@@ -466,7 +468,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     if (S->around && I->through == STRAIGHT) return error_around(I, S, h);
     double near = beside_branches(I, S), error = near * step_error_of(I, S, h);
     if (!noisy && error <= pow(CAREFUL / SHORTER, (double)(S->method->order + 1))) return error;
-    sample_noise(I, S);
+    sample_noise(I, S, 0);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
         forget_noise(I);
@@ -485,7 +487,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED) return 0;
-    sample_noise(I, S);
+    sample_noise(I, S, 0);
     double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;
     forget_noise(I);

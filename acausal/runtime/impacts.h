@@ -12,7 +12,9 @@
 #define PULLS 8       /* sequence of midpoint rules that are extrapolated */
 #define SLIP_ENDS 1e-14
 static int impact_law(const Decision *D, long i) { return (int)D->kind[i] & 3; }
-static int is_alone(const Decision *D, long i) { return D->kind[i] >= BY_ENERGY; }
+static int is_alone(const Decision *D, long i) { return D->kind[i] > 0 && ((int)D->kind[i] & ~NO_GAP) >= BY_ENERGY; }
+static int is_plain(const Decision *D, long i) { return D->kind[i] < 0 || ((int)D->kind[i] & ~NO_GAP) == BY_POISSON; }
+static int is_speed(const Decision *D, long i) { return D->kind[i] >= NO_GAP; } /* that must not be negative, of what has no gap */
 
 static int make_impacts(Integrator *I) {
     struct State *T = I->state;
@@ -247,7 +249,7 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
     memset(total, 0, sizeof(double) * (size_t)n);
     memcpy(rate, D->rate, sizeof(double) * (size_t)n);
     memcpy(met, D->rate, sizeof(double) * (size_t)n);
-    for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || D->kind[i] <= BY_POISSON;
+    for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || is_plain(D, i);
     for (long f = 0; f < D->frictions; f++) plain &= D->back[f] == 0;
     if (I->directions && (!plain || I->patches)) return NO_DERIVATIVES;
     for (long blows = 0; blows < (plain ? 1 : BLOWS * D->gaps); blows++) {

@@ -86,10 +86,11 @@ static int make_modes(Integrator *I) {
     T->leaves = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + 1));
     T->near_knot = reserve_doubles(I, I->one_sided + n + I->nx * n);
     T->gap_terms = reserve_doubles(I, I->one_sided);
+    T->at_rest = reserve_doubles(I, I->one_sided);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -360,6 +361,8 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
         double least = D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
         if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(D->W[i * n + i]) > least)) R.law[i] = OPENS;
         T->side[i] = R.law[i] == HOLDS;
+        double nothing = NIL * largest * unit_of(D->W[i * n + i]);
+        T->at_rest[i] = is_speed(D, i) && R.law[i] == OPENS && fabs(R.rate[i]) <= nothing ? nothing : 0;
     }
     for (long f = 0; f < D->frictions; f++) {
         long law = R.law[D->gaps + f], i = row_of(D, f);
@@ -578,7 +581,8 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
         nil = fmax(nil, NIL * was);
         int held = size > 1 && mask[2] == 1, stops = row == first && mask[0] == 0 && (size == 1 ? mask[1] != 0 : held), stuck = !before && mask[0] == 1;
         for (long k = 0; k < size; k++) stuck &= !has_jumped(I, D, D->gaps + i + k);
-        int zero = stuck || stops || slip <= nil;
+        int passed = !before && size == 1 && mask[1] * D->rate[i] < 0 && !has_jumped(I, D, D->gaps + i); /* in the same instant as the row's */
+        int zero = stuck || stops || passed || slip <= nil;
         R.touching[D->gaps + f] = zero ? 1 : 2;
         if (size == 1 || zero) e[0] = D->rate[i] > 0 ? 1 : -1, e[1] = e[2] = 0;
         else if (held && !before && slip < 2 * mask[3] && row != first + 1) memcpy(e, mask + 4, sizeof(double) * (size_t)size);

@@ -167,6 +167,7 @@ struct State {
     long *set_fired, *set_by;
     double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
+    double *at_rest;   /* of speeds that must not be negative: accelerations that are nothing, where nothing drives them; 0 elsewhere */
     double *gap_terms; /* sizes of what gaps are made of, as known last: they are rounded to those, however little states move them */
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
@@ -460,8 +461,8 @@ static unsigned drawn(long n) {
 }
 
 /* What rounding makes of the rates: how much they change when the states of stages change by a unit or two of their last place; and how much of that fast decay leaves
-   in the rates of stages that are solved for. The largest change is left out: there the rates may jump. */
-static void sample_noise(Integrator *I, const Stages *S) {
+   in the rates of stages that are solved for. The largest change is left out: there the rates may jump. `leasts`: with what rounding moves states by that are nothing else. */
+static void sample_noise(Integrator *I, const Stages *S, int leasts) {
     struct State *T = I->state;
     long samples = (S->s + COUNTED - 1) / COUNTED * COUNTED; /* the last stage again, where there are fewer */
     int forgets = T->newton_now && T->factored_h == S->h && T->factored_method == I->method;
@@ -474,7 +475,10 @@ static void sample_noise(Integrator *I, const Stages *S) {
             for (long l = 0; l < LANES; l++) {
                 long j = first + l < S->s ? first + l : S->s - 1;
                 for (long i = 0; i < I->rhs.inputs; i++) in[i][l] = S->in[j / LANES][i][j % LANES];
-                for (long i = 0; i < I->nx; i++) in[1 + i][l] *= 1 + EPS * ((double)(drawn((2 * (first + l) + k) * I->nx + i) >> 30) - 1.5);
+                for (long i = 0; i < I->nx; i++) {
+                    double part = (double)(drawn((2 * (first + l) + k) * I->nx + i) >> 30) - 1.5; /* of two units of the last place */
+                    in[1 + i][l] = in[1 + i][l] * (1 + EPS * part) + (leasts ? part * T->least[i] * S->h : 0);
+                }
             }
             rates_at(I, S->exact, in, T->rates[k]);
             if (S->around) along_branch(I, in, T->rates[k], T->rates[k]);
