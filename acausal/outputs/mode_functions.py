@@ -70,7 +70,9 @@ def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
     bounce = ca.vertcat(ca.SX(0, 1), *(row.restitution for row in m.rows if row.restitution is not None))
     response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(n)))
     gaps = list(zip(m.rows[: m.one_sided], ca.vertsplit(m.rate)[: m.one_sided], strict=True))
-    kind = ca.SX([_NO_IMPACT if row.one_way and rate.is_zero() else row.impact + (_NO_GAP if row.one_way else 0) for row, rate in gaps])
+    kind = ca.SX(
+        [_NO_IMPACT if row.one_way and rate.is_zero() else row.impact + (_NO_GAP if row.one_way else 0) for row, rate in gaps]
+    )
     back = ca.vertcat(ca.SX(0, 1), *(row.back for row in m.frictions))
     parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, kind, back, bounce]
     return ca.vertcat(*(ca.densify(part) for part in parts))

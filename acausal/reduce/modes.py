@@ -83,9 +83,12 @@ class Modes:
         found: list[tuple[int, ...]] = []
         for row in self.rows:
             limit = row.sliding
-            lives = limit is not None and ca.substitute(limit, self.reactions, none).is_zero()
-            needs = (k for k, one in enumerate(self.rows) if one.one_sided and ca.depends_on(limit, one.reaction.sx))
-            found.append(tuple(needs) if lives else ())
+            if limit is None or not ca.substitute(limit, self.reactions, none).is_zero():
+                found.append(())
+            else:
+                found.append(
+                    tuple(k for k, one in enumerate(self.rows) if one.one_sided and ca.depends_on(limit, one.reaction.sx))
+                )
         return tuple(found)
 
     @property
