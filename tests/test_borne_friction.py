@@ -232,6 +232,26 @@ def test_pendulum_in_a_plain_bearing_swings_as_its_equation_says() -> None:
     assert run.energy_error() < 1e-11
 
 
+@pytest.mark.parametrize("mu", [0.015, 0.03, 0.06])
+def test_pendulum_whose_bearing_is_hardly_loaded_for_a_moment_keeps_its_tolerance(mu: float) -> None:
+    """Thrown over its top, where its weight is what it needs to go round: friction is small there, in a narrow valley."""
+    m, L, J, mr = 1.5, 0.2, 0.03 + 1.5 * 0.04, mu * 0.04
+    scene = pendulum(mu)
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        radial, across = m * (L * y[1] ** 2 + G * np.cos(y[0])), m * G * np.sin(y[0]) * (1 - m * L * L / J)
+        b = -m * L * mr / J
+        n = (across * b + np.sqrt((across * b) ** 2 + (1 - b * b) * (radial**2 + across**2))) / (1 - b * b)
+        return [y[1], (-m * G * L * np.sin(y[0]) - mr * n) / J]
+
+    model, q0, end = ac.build(scene), np.pi - 1.0, 0.6
+    for speed in (7.2, 7.6, 8.0):
+        exact = solve_ivp(rates, (0, end), [q0, speed], "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
+        for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
+            run = model.simulate(end, {scene.hinge.q: q0, scene.hinge.v: speed}, rtol=rtol)
+            assert [run[scene.hinge.q][-1], run[scene.hinge.v][-1]] == pytest.approx(exact, rel=10 * rtol)
+
+
 def chain(order: tuple[int, ...]) -> tuple[ac.System, dict[int, Revolute], dict[int, JointFriction]]:
     """Rods on one another, in bearings that load one another; bearings declared in this order."""
     scene = ac.System()

@@ -253,7 +253,8 @@ static double step_error_of(Integrator *I, Stages *S, double h) {
 
 /* Whether the rates jump or bend before the first or after the last node, where no stage sees it: the polynomial then misses the rates
    at the ends of the step by more than the neglected terms explain. `strict`: after rejections, when a kink is near. What a jump of the rates moves a state by in a
-   step of the size that was planned counts as the state's size: so jumps from rest are found, too. */
+   step of the size that was planned counts as the state's size: so jumps from rest are found, too. Magnitudes have valleys, often narrow ones of little
+   effect: their coefficients decay by themselves, from less than a_0, and what is off at the ends tells how fast. */
 static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
@@ -290,6 +291,7 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
         for (long i = 0; i < I->nx; i++) worst = fmax(worst, fmin(fabs(off[e][i]) * (h / T->scale[i]), soonest));
     if (S->method->c[0] * worst <= 1) return 0;
     double next = tail * pow(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
+    if (I->magnitudes > 0 && !radau && worst * pow(fmin(worst / tail, 1), (double)(S->method->order - s)) > 1) return 1;
     return (strict && !radau) || worst > (strict ? 2 : 6) * next;
 }
 
