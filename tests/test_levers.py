@@ -61,3 +61,33 @@ def test_levers_of_any_ratio_move_as_those_of_one_size(n):
     ]
     for apart in decades:
         np.testing.assert_allclose(motion(10 ** apart[:n]), alike, rtol=0, atol=1e-9)
+
+
+def network(seed: int, sizes: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Four states that follow what four linear equations with changing coefficients give, in units of these sizes."""
+    g, n = np.random.default_rng(seed), 4
+    C, D, T = g.uniform(-0.4, 0.4, (n, n)) * (g.random((n, n)) < 0.7), g.uniform(0.1, 1, n), g.uniform(0.5, 2, n)
+
+    class Network(ac.Component):
+        x, y = ac.Variable(size=n), ac.Variable(size=n)
+
+        def equations(self):
+            x = [self.x[i] / sizes[i] for i in range(n)]
+            y = [self.y[i] / sizes[n + i] for i in range(n)]
+            for i in range(n):
+                others = sum((C[i, j] * y[j] for j in range(n) if C[i, j]), 0.0 * y[0])
+                yield ac.equal(rows[i] * ((1 + D[i] * x[i] * x[i]) * y[i] + others * np.cos(x[i]) - x[i]), 0.0)
+                yield ac.equal(ac.der(self.x)[i], -1.0 * sizes[i] * T[i] * y[i])
+
+    scene = ac.System()
+    scene.network = Network()
+    run = ac.build(scene).simulate(3.0, {scene.network.x: 0.3 * np.arange(1, n + 1) * sizes[:n]}, rtol=1e-11, samples=13)
+    return np.concatenate((run[scene.network.x].T / sizes[:n, None], run[scene.network.y].T / sizes[n:, None]))
+
+
+@pytest.mark.parametrize("seed", [7, 8, 15, 29, 39, 44, 48, 52, 57])
+def test_many_linear_unknowns_of_any_units_are_those_of_one_size(seed: int) -> None:
+    """Rows and unknowns over twelve powers of ten."""
+    g = np.random.default_rng(seed + 99)
+    found = network(seed, 10 ** g.uniform(-6, 6, 8), 10 ** g.uniform(-6, 6, 4))
+    np.testing.assert_allclose(found, network(seed, np.ones(8), np.ones(4)), rtol=0, atol=1e-8)

@@ -43,7 +43,7 @@ def solved_by_qr(A: ca.SX, B: ca.SX) -> ca.SX:
     """A^-1 B (n, m) by QR, which needs no pivot that is known not to vanish, with rows brought to one size.
 
     QR looks at all rows of a column at once: of rows in small units it would see nothing. Columns need no such care. Two rows by Cramer's rule, which is as
-    good there and has the same bits in other units.
+    good there and has the same bits in other units; three as CasADi does, likewise.
     """
     A, B = ca.densify(ca.SX(A)), ca.densify(ca.SX(B))
     if A.shape == (2, 2):
@@ -51,7 +51,12 @@ def solved_by_qr(A: ca.SX, B: ca.SX) -> ca.SX:
         return found / (A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0])
     columns = ca.sum1(ca.fabs(A))
     rows = ca.sum2(ca.fabs(A) / ca.repmat(columns, A.shape[0], 1))
-    return ca.solve(A / ca.repmat(rows, 1, A.shape[1]), B / ca.repmat(rows, 1, B.shape[1]))
+    A, B = A / ca.repmat(rows, 1, A.shape[1]), B / ca.repmat(rows, 1, B.shape[1])
+    if A.shape == (3, 3):
+        return ca.solve(A, B)
+    first, right = ca.qr(A)
+    Q, R = ca.qr(first)  # again, since the first one is by Gram and Schmidt and not orthogonal where columns are nearly parallel
+    return ca.solve(ca.triu(R @ right), Q.T @ B)
 
 
 def undamped(A: ca.SX, damping: ca.SX, B: ca.SX, refinements: int) -> ca.SX:

@@ -281,8 +281,7 @@ def _solve_rest(
         if null_rows and not _regular_somewhere(matrix, draw):
             raise SingularMatrixError(null_rows, null_columns)
     rest = ca.vertcat(*(b[i] for i in left))
-    known = all(entry.known for i in left for entry in rows[i].values())
-    found = rest / core if len(left) == 1 else ca.solve(core, rest) if known else solved_by_qr(core, rest)
+    found = rest / core if len(left) == 1 else solved_by_qr(core, rest)
     for j, k in place.items():
         x[j] = found[k]
 
