@@ -18,6 +18,7 @@ from acausal.arguments import expressions
 from acausal.dynamics.newton_euler import newton_euler
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Input
+from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.folding import folded_function
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.expression_names import labels
@@ -186,7 +187,7 @@ def inverse_dynamics_function(
             f"inverse_dynamics_function: {', '.join(names)} is not linear in {', '.join(actuation.names)}; use inverse_dynamics."
         )
     missing = -ca.substitute(gap, w, ca.SX.zeros(w.numel()))
-    force = ca.solve(B, missing) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, missing)
+    force = solved_by_qr(B, missing) if B.shape[0] == B.shape[1] else B.T @ ca.solve(B @ B.T, missing)
     if actuation.functions.holds is not None:
         force = ca.if_else(actuation.functions.holds(s.t, s.x, s.u, s.p) >= 0, force, np.nan)
     u = ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in inputs))
@@ -215,7 +216,7 @@ def _balance(s: ReducedSystem, values: ca.SX, a: ca.SX) -> ca.SX | None:
     J = ca.jacobian(rate, tree.v)
     if ca.depends_on(rate, s.u) or ca.sprank(J) < tree.v.numel():
         return None
-    v_dot = ca.densify(ca.solve(J, a - _change(s, rate)))
+    v_dot = solved_by_qr(J, a - _change(s, rate))
     return newton_euler(s.mechanics.kinematics, v_dot, list(s.mechanics.wrenches)).tau - s.forces_at(v_dot)
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from acausal.dynamics.formulas import solve_positive
+from acausal.numerics.elimination import solved_by_qr
 
 POLISH = 5
 _CONVERGED = 1e-8
@@ -77,5 +78,5 @@ def solve_rows(J: ca.SX, right: ca.SX) -> ca.SX:
     """Z with J Z = right for J (m, n) of rank n; least squares where m > n, which is exact where rows only repeat one another."""
     m, n = J.shape
     if m == n:
-        return ca.densify(ca.solve(J, right))
+        return solved_by_qr(J, right)
     return solve_positive(ca.densify(J.T @ J), ca.densify(J.T @ right))

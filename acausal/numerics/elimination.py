@@ -46,6 +46,8 @@ def solved_by_qr(A: ca.SX, B: ca.SX) -> ca.SX:
     good there and has the same bits in other units; three as CasADi does, likewise.
     """
     A, B = ca.densify(ca.SX(A)), ca.densify(ca.SX(B))
+    if A.shape[0] < 2:
+        return B / ca.repmat(A, 1, B.shape[1]) if A.numel() else B
     if A.shape == (2, 2):
         found = ca.vertcat(A[1, 1] * B[0, :] - A[0, 1] * B[1, :], A[0, 0] * B[1, :] - A[1, 0] * B[0, :])
         return found / (A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0])

@@ -12,6 +12,7 @@ from acausal.collocation.modes import SetFunctions
 from acausal.errors import ExpressionError, ModelError, UnknownVariableError
 from acausal.language.expression import Discrete, Expression, Input, InputRate, Parameter, Scalar, Symbol, Time, leaves, sx
 from acausal.language.when import when
+from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.folding import folded_function
 from acausal.numerics.vanishing import vanish
 from acausal.outputs.outputs import Outputs
@@ -154,7 +155,7 @@ class _Setter:
                 f"{setting.who}: {name} cannot be set: it is no state, and does not tell which states would change. Set coordinates q or velocities v of "
                 f"joints, states of scalar parts, or an ac.Discrete. This scene has: {states}."
             )
-        return list(places), own + ca.solve(J, value - column)
+        return list(places), own + solved_by_qr(J, value - column)
 
     def _settable(self) -> list[Symbol]:
         s = self.outputs.system
