@@ -2,7 +2,7 @@
 
 import _thread
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import casadi as ca
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
@@ -265,6 +266,44 @@ def test_a_least_time_that_small_errors_change_much_says_so(order: int, interval
     best = ocp.solve(intervals, order=order)
     assert abs(best.duration - np.pi) < best.cost_error < 5e-3
     assert best.defect < 1e-6 and best.violation < 1e-6
+
+
+class Bead(ac.Component):
+    """It slides down a wire whose slope is an input: three states, and no place of any body."""
+
+    x, y, v = ac.Variable("m", "along"), ac.Variable("m", "down"), ac.Variable("m/s", "speed")
+
+    def __init__(self, angle: ac.Input) -> None:
+        self.angle = angle
+
+    def equations(self) -> Iterator[ac.Equation]:
+        yield ac.equal(ac.der(self.x), self.v * np.cos(self.angle))
+        yield ac.equal(ac.der(self.y), self.v * np.sin(self.angle))
+        yield ac.equal(ac.der(self.v), 9.81 * np.sin(self.angle))
+
+
+class Slide(ac.System):
+    """A bead, and the slope of its wire."""
+
+    def __init__(self) -> None:
+        self.angle = ac.Input("rad")
+        self.bead = Bead(self.angle)
+
+
+@pytest.mark.parametrize(("along", "down"), [(3.0, 1.2), (1.0, 2.0)])
+def test_a_bead_slides_down_in_least_time_where_all_states_are_scalars(along: float, down: float) -> None:
+    """The cycloid of Johann Bernoulli: radius (angle - sin angle, 1 - cos angle), in the time angle sqrt(radius / g)."""
+    scene = Slide()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.1, 10))
+    ocp.start({scene.bead.x: 0, scene.bead.y: 0, scene.bead.v: 0})
+    ocp.end({scene.bead.x: along, scene.bead.y: down})
+    ocp.bound(scene.angle, -np.pi / 2, np.pi / 2)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve()
+    angle = cast(float, brentq(lambda a: (a - np.sin(a)) / (1 - np.cos(a)) - along / down, 0.1, 6.2))
+    exact = angle * np.sqrt(down / (1 - np.cos(angle)) / 9.81)
+    assert abs(best.duration - exact) < best.cost_error < 1e-8
+    assert best.replay_error < 1e-8
 
 
 def test_what_nothing_moves_yet_may_run_away() -> None:

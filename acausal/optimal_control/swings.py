@@ -28,7 +28,7 @@ _LONGER = (2.0, 0.5, 4.0)
 
 def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
     """So many of each: those with swings of the scene's own; those with any, where these lead nowhere; then those in more time and less, where that is free. None where
-    a motion was given; no swings where all is linear.
+    a motion was given; no swings where all is linear, or where nothing has a place.
     """
     bent, stage, first = part.bent, part.asked.stage, part.guess
     if bent is None or count == 0:
@@ -36,7 +36,7 @@ def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
     least, most = part.asked.duration
     times = [factor * first.duration for factor in _LONGER if least <= factor * first.duration <= most][:count]
     others = [[functools.partial(bent, 0.0, one) for one in times]]
-    if part.asked.linear:
+    if part.asked.linear or stage.functions.space.nq == 0:
         return [[], *others] if times else []
     own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
     swings = own, _any(stage, first, part.units, min(count, _ANY))
