@@ -299,9 +299,10 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
 static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
     int found = misses_ends(I, S, h, strict);
+    if (found != 1) return found;
     int leasts = 0; /* then only here: others are to be as accurate as ever */
     for (long i = 0; i < I->nx; i++) leasts |= T->least[i] > 0;
-    if (found != 1 || (T->noisy && !leasts)) return found;
+    if (T->noisy && !leasts) return found;
     double work = I->work;
     sample_noise(I, S, leasts);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));

@@ -347,6 +347,13 @@ static int foresee_slips(Integrator *I, Decision *D, Room R, double planned, dou
     return decision_later(I, later, D);
 }
 
+/* What rounding makes of a slip. */
+static double slip_noise(const Decision *D, long f) {
+    double noise = 0;
+    for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[row_of(D, f) + k];
+    return noise;
+}
+
 /* Masks for the laws that have been found for accelerations. */
 static void set_masks(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
@@ -372,8 +379,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
             mask[1] = law == AGAINST || law == STARTS ? e[0] : 0;
             continue;
         }
-        double slip = size_of(D, f, D->rate), noise = 0;
-        for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[i + k];
+        double slip = size_of(D, f, D->rate), noise = slip_noise(D, f);
         R.met[f] = fmax(R.met[f], slip);
         double stops = size_of(D, f, R.rate) * BRIEFEST * EPS * fabs(I->t), least = fmax((rows_of(D, f) > 2 && law != STARTS ? NEARER : 1) * NEAR_ZERO * R.met[f], fmax(4 * noise, stops));
         int held = law == STARTS || (law == AGAINST && fmin(slip, R.slow[f]) < 1.5 * least); /* from one to twice that, as it came; later it may have passed zero */
@@ -463,10 +469,9 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
    beside its terms, and beside what there is `later`. */
 static int decide_now(Integrator *I, Room R, double later, long *now) {
     struct State *T = I->state;
-    Decision D;
+    Decision D = decision_of(I, T->decided, 0); /* of some place: kinds are the same at all */
     double *noise = R.compressed, largest = 0; /* there are no impacts */
     int plain = frictions_of(I) == 0;
-    if (!decision_at(I, I->t, I->x, &D)) return 0;
     for (long i = 0; i < D.gaps; i++) {
         plain &= D.kind[i] == NO_IMPACT;
         now[i] = MAY_HOLD;
@@ -825,9 +830,7 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     for (long f = 0; f < D->frictions; f++) { /* so do those at last that have come to rest, whatever is left of their slips */
         int rests = 0;
         for (long i = 0; i < D->gaps; i++) rests |= T->rests[i] && D->slide_by[f * D->n + i] != 0;
-        double slip = size_of(D, f, D->rate), noise = 0;
-        for (long k = 0; k < rows_of(D, f); k++) noise += D->rate_noise[row_of(D, f) + k];
-        int holds = sides[mask_of(I, f)] == 1 && slip <= FORESEEN * noise; /* what stuck through all of them */
+        int holds = sides[mask_of(I, f)] == 1 && size_of(D, f, D->rate) <= FORESEEN * slip_noise(D, f); /* what stuck through all of them */
         if ((rests && T->sticks[f] >= FEWEST) || holds) R.touching[D->gaps + f] = 1;
         if (rests) T->sticks[f] = 0;
     }

@@ -307,12 +307,10 @@ def _overlap(functions: Functions, run: Trajectory) -> str:
 def _undecided(functions: Functions, message: str) -> str:
     """The message with what parts say of it; where there is no friction, it is not told of."""
     modes = functions.outputs.system.modes
-    said = (
-        {}
-        if modes is None
-        else {row.part.where: row.part.component.if_undecided for row in modes.rows if row.part.component.if_undecided}
-    )
-    if modes is None or not said:
+    if modes is None:
+        return message
+    said = {row.part.where: row.part.component.if_undecided for row in modes.rows if row.part.component.if_undecided}
+    if not said:
         return message
     if not modes.frictions:
         message = f"No mode of {compact(said, 4)} obeys their laws."
