@@ -144,3 +144,19 @@ def test_a_box_comes_down_to_rest_on_three_feet_that_share_its_load(mu: float, a
     assert found[scene.box.frame.position].ravel()[2] == pytest.approx(0.1 * size, rel=1e-9)
     assert found.dimension == 3
     assert found.residual * size < 1e-11 * G
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_the_energy_of_what_stands_still_is_not_off_by_its_rounding(size: float) -> None:
+    """Heights are counted from where it stands, so that its energy is nothing but rounding."""
+    scene = ac.System()
+    scene.world = World((0.4, 0.3, -9.81))
+    scene.box = RigidBody(2.0, np.array((0.1, 0.2, 0.15)) * size**2)
+    corners = size * np.array([(0.3, 0.2, -0.7), (0.3, -0.2, -0.7), (-0.3, 0.2, -0.7), (-0.3, -0.2, -0.7)])
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(0.3)) for _ in corners]
+    for foot, corner in zip(scene.feet, corners, strict=True):
+        scene.connect(scene.world.at((0, 0, corners[0, 2])), foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at(tuple(corner)))
+    run = ac.build(scene).simulate(3.0)
+    assert np.abs(run[scene.box.frame.position]).max() < 1e-14 * size
+    assert run.energy_error() < 1e-12

@@ -38,6 +38,9 @@ _MOST_SIDES = 10_000
 _TURNED, _MOST_LOOKS = 1.0, 64
 """What velocities together make in a step for which it is looked at within, so that no full turn is lost; how often at most."""
 
+_DOUBTFUL, _NOTHING = 1e-6, 1e-12
+"""Relative gaps of energy that may be those of what rests; energies that are rounding, beside the terms that they are the sums of."""
+
 
 @dataclass(frozen=True)
 class Steps:
@@ -276,7 +279,9 @@ class Trajectory:
         return np.interp(self.t, knots, total)
 
     def energy_error(self) -> float:
-        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way."""
+        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way; where
+        these are nothing but rounding, relative to the terms that the energies are the sums of.
+        """
         start = self._beginning
         balance = self.energy + self.energy_loss - start.energy[0]
         steps = self.steps.t  # what moves in between counts where few samples were asked for
@@ -287,6 +292,11 @@ class Trajectory:
         if scale < 1e-9 * total:  # all energy is held by scalar components, and stays there
             scale = total
         worst = float(np.max(np.abs(balance)))
+        if worst > _DOUBTFUL * scale:
+            from acausal.simulate.watch import energy_terms
+
+            terms = energy_terms(self)
+            scale = max(scale, terms if scale < _NOTHING * terms else 0.0)
         return worst / scale if scale > 0 else worst
 
     @property

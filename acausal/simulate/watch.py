@@ -148,6 +148,14 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes, *, mo
     return Rounding(functions.watched)(t, x, u, p, spread=spread)
 
 
+def energy_terms(run: Trajectory) -> float:
+    """The terms that energies are the sums of, where the most moves [J]: there also where heights are counted from what rests."""
+    functions, energies = run.functions, at_steps(run.functions, run, run.functions.watched)[:2]
+    most = int(np.argmax(np.sum(np.abs(energies - energies[:, :1]), axis=0)))
+    met = Sizes(np.max(np.abs(run.steps.x), axis=1), np.zeros(run.steps.x.shape[0]), 0.0)
+    return float(np.sum(_rounding(functions, run, most, met)[:2])) / _EPS
+
+
 def _rounding_of_turns(functions: Functions, run: Trajectory, k: int) -> np.ndarray:
     """What energies and invariants at step k change by where angles, of which 1 rad is much, are rounded."""
     t, x, p, space = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters, functions.space
