@@ -150,7 +150,7 @@ def test_a_box_comes_down_to_rest_on_three_feet_that_share_its_load(mu: float, a
 def test_the_energy_of_what_stands_still_is_not_off_by_its_rounding(size: float) -> None:
     """Heights are counted from where it stands, so that its energy is nothing but rounding."""
     scene = ac.System()
-    scene.world = World((0.4, 0.3, -9.81))
+    scene.world = World((0.4 * size, 0.3 * size, -9.81 * size))
     scene.box = RigidBody(2.0, np.array((0.1, 0.2, 0.15)) * size**2)
     corners = size * np.array([(0.3, 0.2, -0.7), (0.3, -0.2, -0.7), (-0.3, 0.2, -0.7), (-0.3, -0.2, -0.7)])
     scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(0.3)) for _ in corners]
