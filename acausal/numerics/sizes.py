@@ -45,6 +45,16 @@ class Sizes:
         kept, rounding = list(rows), self.rounding
         return replace(self, rows=self.rows[kept], rounding=None if rounding is None else lambda y: rounding(y)[kept])
 
+    def only(self, unknowns: np.ndarray, whole: Callable[[np.ndarray], np.ndarray]) -> Sizes:
+        """Only some of the unknowns, of which `whole` makes all."""
+        rounding, limit = self.rounding, self.limit
+        return replace(
+            self,
+            unknowns=self.unknowns[unknowns],
+            rounding=None if rounding is None else lambda part: rounding(whole(part)),
+            limit=None if limit is None else limit[unknowns],
+        )
+
     def scaled(self, J: np.ndarray) -> np.ndarray:
         """A Jacobian (m, n) without units."""
         return J * self.unknowns / self.rows[:, None]

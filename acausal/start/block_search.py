@@ -23,6 +23,8 @@ _STEEP, _HALVINGS = 100, 12
 _SLOW = 1e-4
 _NOTHING = 1e-3 * float(np.finfo(float).eps)
 """Part of an unknown that no row of its loops feels."""
+_SAME = 4 * float(np.finfo(float).eps)
+"""What is left of a number that was divided by a size and multiplied by it again is the same but for this part."""
 _SIZED = 8
 """Times that curved rows are measured anew where a search came to."""
 
@@ -54,7 +56,8 @@ def solve_block(
 
 def _without_noise(y: np.ndarray, begun: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Zeros where the search went elsewhere and rounding is all that is left: an integrator would follow such a number with all its digits."""
-    return np.where((begun != y) & (np.abs(y) < _NOTHING * sizes), 0.0, y)
+    went = np.abs(y - begun) > _SAME * np.abs(begun)
+    return np.where(went & (np.abs(y) < _NOTHING * sizes), 0.0, y)
 
 
 @dataclass(frozen=True)
@@ -87,24 +90,13 @@ class _Search:
 
     @property
     def _hard(self) -> Residual:
-        return self._beside(self.block.constraints.at(self.whole))
-
-    def _beside(self, residual: Residual) -> Residual:
-        """The same, which does not feel what stays as it is."""
-
-        def rows(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            r, J = residual(y)
-            J = J.copy()
-            J[:, list(self.still)] = 0.0
-            return r, J
-
-        return rows if self.still else residual
+        return self.block.constraints.at(self.whole)
 
     @functools.cached_property
     def _soft(self) -> Residual | None:
         if self.block.wishes is None:
             return None
-        wishes, weights = self._beside(self.block.wishes.at(self.whole)), self.factors / self.wanted
+        wishes, weights = self.block.wishes.at(self.whole), self.factors / self.wanted
 
         def soft(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             r, J = wishes(y)
@@ -136,10 +128,8 @@ class _Search:
 
     def descend(self, guess: np.ndarray, approach: bool = True, limit: int = 100) -> tuple[Assembled, bool]:
         """One search, and whether it closed on the side that is meant. `approach`: wishes choose the branch too."""
-        of, hard = self.sizes, self._hard
-        found = assemble(
-            hard, guess, self._soft, sizes=of, limit=limit, stride=self._stride, nearest=self._apart, approach=approach
-        )
+        of = self.sizes
+        found = self._assembled(guess, self._soft, of, limit=limit, nearest=self._apart, approach=approach)
         for _ in range(_STEEP if self._steep else _SIZED):
             there = of
             if self.block.curved:
@@ -148,11 +138,37 @@ class _Search:
                 there = self.block.sizes_at(found.y, self.data, self.first, self.factors).faster(self.slowest)
             if not (found.converged or self._steep) or not (there.rows < 0.5 * of.rows).any():
                 return found, found.converged and self.block.is_meant(found.y, self.whole)
-            on = assemble(
-                hard, found.y, None if found.converged else self._soft, sizes=there, stride=self._stride, approach=False
-            )
+            on = self._assembled(found.y, None if found.converged else self._soft, there, approach=False)
             found, of = replace(on, iterations=found.iterations + on.iterations), there
         return replace(found, converged=False), False
+
+    def _assembled(
+        self, guess: np.ndarray, soft: Residual | None, of: Sizes, *, nearest: Residual | None = None, limit: int = 100, approach: bool
+    ) -> Assembled:
+        """One search of what does not stay as it is."""
+        moving = np.setdiff1d(np.arange(guess.size), self.still)
+
+        def whole(part: np.ndarray) -> np.ndarray:
+            y = guess.copy()
+            y[moving] = part
+            return y
+
+        def only(residual: Residual | None) -> Residual | None:
+            if residual is None or not self.still:
+                return residual
+
+            def rows(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                r, J = residual(whole(part))
+                return r, J[:, moving]
+
+            return rows
+
+        hard, sizes = only(self._hard), of.only(moving, whole)
+        assert hard is not None
+        found = assemble(
+            hard, guess[moving], only(soft), sizes=sizes, limit=limit, stride=self._stride, nearest=only(nearest), approach=approach
+        )
+        return replace(found, y=whole(found.y))
 
     def begin_anew(self, best: Assembled, closer: np.ndarray) -> tuple[Assembled, bool, int, int]:
         """What closes first, or else came nearest to that, and whether it closed; the steps it took, and beginnings."""
