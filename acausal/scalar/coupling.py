@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -23,7 +23,7 @@ from acausal.scalar.diagnosis import no_rate
 from acausal.scalar.equations import EquationSet, ScalarEquation
 from acausal.scalar.reduction import Invariant, ReducedEquations, algebraic_rates, reduce_equations
 from acausal.scalar.redundancy import needed, without_efforts
-from acausal.scalar.solution import AlgebraicBlock, LinearBlock
+from acausal.scalar.solution import LinearBlock
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,19 @@ class Held:
 
 
 @dataclass(frozen=True)
+class Untorn:
+    """A nonlinear block as it was written: 0 = `rows` (n, 1) in its `unknowns` (n, 1), t, q, v, the scalar states, u and p.
+
+    `start` (n,): where a search for them begins. `torn`: places among the unknowns of those that are states, and among the scalar states.
+    """
+
+    unknowns: ca.SX
+    rows: ca.SX
+    start: tuple[float, ...]
+    torn: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
 class ScalarPart:
     """What scalar domains add to a mechanical system, in t, q, v, the scalar states, u and p.
 
@@ -82,6 +95,8 @@ class ScalarPart:
     """Joint forces by accelerations (nv, 1), where these are known and nothing has to yield; not finite where efforts follow from what yields."""
     followers: frozenset[int] = frozenset()
     """Places of the states that nonlinear equations give by the others."""
+    untorn: tuple[Untorn, ...] = ()
+    """The blocks of these equations."""
 
     @property
     def position(self) -> ca.SX:
@@ -176,10 +191,13 @@ class _Coupling:
         tau = self._joint_forces(self._at_rest(self._efforts))
         second = [(f.acceleration, _put([(self.tau, tau)], [self._second(d)])[0]) for f, d in self._pairs]
         everything = _put(
-            second, self._at_rest(self._resolved([*self.reduced.rates, *values.values(), *(b.residual for b in blocks)]))
+            second,
+            self._at_rest(
+                self._resolved([*self.reduced.rates, *values.values(), *(b.residual for b in blocks), *(b.rows for b in blocks)])
+            ),
         )
         n, m = len(self.reduced.rates), len(values)
-        rates, residuals = everything[:n], everything[n + m :]
+        rates, residuals = everything[:n], everything[n + m : n + m + len(blocks)]
         solved = dict(zip(values, everything[n : n + m], strict=True))
         held = self._held()
         states = [*self.reduced.states, *(u for b in blocks for u in b.unknowns)]
@@ -196,7 +214,19 @@ class _Coupling:
             (dq, dv, step[order]) if held or residuals else None, self.reduced.blocks, self._followers(self.redundant),
             self._followers(self.looped), self.collection.names, self._led,
             frozenset(place for place, k in enumerate(order) if k >= n_states),
+            self._untorn(everything[n + m + len(blocks) :], {keys[k]: place for place, k in enumerate(order)}),
         )  # fmt: skip
+
+    def _untorn(self, rows: Sequence[ca.SX], places: Mapping[int, int]) -> tuple[Untorn, ...]:
+        """`places`: of scalar states, by element hash."""
+        found: list[Untorn] = []
+        for block, written in zip(self.reduced.algebraic, rows, strict=True):
+            symbols = [u.symbol for u in block.whole]
+            torn = {u.symbol.element_hash() for u in block.unknowns}
+            pairs = [(k, places[s.element_hash()]) for k, s in enumerate(symbols) if s.element_hash() in torn]
+            start = tuple(0.0 if u.start is None else u.start for u in block.whole)
+            found.append(Untorn(ca.vertcat(*symbols), written, start, tuple(pairs)))
+        return tuple(found)
 
     @property
     def _pairs(self) -> list[tuple[Flange, Driven]]:
@@ -277,7 +307,7 @@ class _Coupling:
             for symbol in ca.symvar(residual):
                 if symbol.element_hash() in inputs:
                     raise no_rate(self.collection.system, symbol, block.sources[0])
-            z_dot = algebraic_rates(AlgebraicBlock(block.unknowns, residual, block.sources), symbols, known)
+            z_dot = algebraic_rates(replace(block, residual=residual), symbols, known)
             symbols += [u.symbol for u in block.unknowns]
             known += [z_dot[k] for k in range(len(block.unknowns))]
             result.append(z_dot)

@@ -24,11 +24,16 @@ _DRAWN = 32
 
 @dataclass(frozen=True)
 class AlgebraicBlock:
-    """0 = residual(t, states, unknowns): the unknowns (n, 1) are kept as states, the residual (n, 1) as invariant."""
+    """0 = residual(t, states, unknowns): the unknowns (n, 1) are kept as states, the residual (n, 1) as invariant.
+
+    `whole`: all unknowns (m, 1) of the block, of which those are the ones that the others follow from; `rows` (m, 1): its equations in all.
+    """
 
     unknowns: tuple[Unknown, ...]
     residual: ca.SX
     sources: tuple[ScalarEquation, ...]
+    whole: tuple[Unknown, ...]
+    rows: ca.SX
 
 
 @dataclass(frozen=True)
@@ -104,14 +109,14 @@ class Solution:
         known = {s.element_hash(): s for r in residuals for s in ca.symvar(r)}
         others = [s for key, s in known.items() if key not in {u.element_hash() for u in symbols}]
         structure = forms(residuals, symbols, others)
+        rows = ca.vertcat(*self.resolved(residuals))
         plan = tear([f.symbols for f in structure], [set(f.linear) for f in structure])
         for e, u in plan.steps:
             rest = ca.substitute([residuals[e]], [symbols[u]], [ca.SX(0)])
             self.values[symbols[u].element_hash()] = self.resolved(rest)[0] / -structure[e].linear[u]
         left = self.resolved([residuals[e] for e in plan.residuals])
-        self.algebraic.append(
-            AlgebraicBlock(tuple(unknowns[u] for u in plan.torn), ca.vertcat(*left), tuple(sources[e] for e in plan.residuals))
-        )
+        torn, of = tuple(unknowns[u] for u in plan.torn), tuple(sources[e] for e in plan.residuals)
+        self.algebraic.append(AlgebraicBlock(torn, ca.vertcat(*left), of, tuple(unknowns), rows))
 
     def sample(self, expressions: list[ca.SX]) -> np.ndarray:
         """Values (n, k) at the present parameters, at other ones, and at their limits; anything else random. NaN where there is none."""

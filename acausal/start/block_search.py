@@ -30,10 +30,16 @@ _SIZED = 8
 
 
 def solve_block(
-    block: Block, data: np.ndarray, first: np.ndarray, closer: np.ndarray, factors: np.ndarray, fastest: float
+    block: Block,
+    data: np.ndarray,
+    first: np.ndarray,
+    closer: np.ndarray,
+    factors: np.ndarray,
+    fastest: float,
+    informed: np.ndarray | None = None,
 ) -> Found:
-    """y of the block nearest to `first`, with `factors` of the wishes; begins anew where nothing closes from there: `closer`, where loops are
-    closed unless start values open them, and from up to 24 other places.
+    """y of the block nearest to `first`, with `factors` of the wishes; begins where it is likely to close, `informed`, if that is known, and anew
+    where nothing closes from there: `closer`, where loops are closed unless start values open them, and from up to 24 other places.
 
     `fastest`: rate of all blocks, beside which much smaller ones are rounding errors.
     """
@@ -41,6 +47,12 @@ def solve_block(
     sizes, wanted = block.sizes(whole, first, factors)
     search = _Search(block, data, first, factors, whole, sizes.faster(slowest), wanted, slowest)
     led = replace(search, still=block.leading)  # what is given by others is found beside them, where they may stay
+    if informed is not None and not np.array_equal(informed, search.begun):
+        there = replace(led, sizes=block.sizes_at(informed, data, first, factors).faster(slowest))
+        found, right = there.descend(informed)
+        if right:
+            y = _without_noise(found.y, search.begun, there.sizes.unknowns)
+            return Found(y, search.begun, found.gap, found.part, True, found.iterations)
     found, right = led.descend(led.beginning()) if block.leading else (None, False)
     if found is None or not right:
         found, right = search.descend(search.beginning())
@@ -143,7 +155,14 @@ class _Search:
         return replace(found, converged=False), False
 
     def _assembled(
-        self, guess: np.ndarray, soft: Residual | None, of: Sizes, *, nearest: Residual | None = None, limit: int = 100, approach: bool
+        self,
+        guess: np.ndarray,
+        soft: Residual | None,
+        of: Sizes,
+        *,
+        nearest: Residual | None = None,
+        limit: int = 100,
+        approach: bool,
     ) -> Assembled:
         """One search of what does not stay as it is."""
         moving = np.setdiff1d(np.arange(guess.size), self.still)
@@ -166,7 +185,14 @@ class _Search:
         hard, sizes = only(self._hard), of.only(moving, whole)
         assert hard is not None
         found = assemble(
-            hard, guess[moving], only(soft), sizes=sizes, limit=limit, stride=self._stride, nearest=only(nearest), approach=approach
+            hard,
+            guess[moving],
+            only(soft),
+            sizes=sizes,
+            limit=limit,
+            stride=self._stride,
+            nearest=only(nearest),
+            approach=approach,
         )
         return replace(found, y=whole(found.y))
 

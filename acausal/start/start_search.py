@@ -17,6 +17,7 @@ from acausal.start.apart import Apart, Moving
 from acausal.start.block import Block
 from acausal.start.block_search import solve_block
 from acausal.start.unknowns import Closing, Found, Target, Unknowns
+from acausal.start.untorn import UntornBlock, untorn_blocks
 
 _KEPT = 16
 _STAY = 1e-3
@@ -52,6 +53,8 @@ class Search:
     """Of positions: the sketch."""
     said: bool = False
     """Whether the values say it all, so that only the signs are left to look at."""
+    untorn: tuple[UntornBlock, ...] = ()
+    """Nonlinear blocks of scalar parts, of velocities."""
     known: dict[bytes, Found] = field(default_factory=dict[bytes, Found], compare=False)
     """What was found for some data before."""
 
@@ -102,13 +105,15 @@ class Search:
         if self.whole is None or (self.said and self.is_meant(first, data)):
             return Found(first, first, 0.0, 0.0, True)
         factors = self.wish_factors(weights)
-        y, closer = first.copy(), self.first(data, wished=False)
+        y, closer, informed = first.copy(), self.first(data, wished=False), first.copy()
+        for untorn in self.untorn:
+            untorn.informed(informed, data, {i for i, _ in self.plain})
         parts: list[Found] = []
         whole = np.concatenate([data, first])
         rates = [block.sizes(whole, first, factors[block.wished])[0].rate for block in self.blocks if block.rotates]
         for block in self.blocks:
             fastest = max(rates) if block.rotates else 0.0
-            found = solve_block(block, data, first, closer[block.places], factors[block.wished], fastest)
+            found = solve_block(block, data, first, closer[block.places], factors[block.wished], fastest, informed[block.places])
             y[block.places] = found.y
             parts.append(found)
         worst = max(parts, key=lambda f: (not f.converged, f.part))
@@ -271,6 +276,7 @@ def start_search(
         closing.meant,
         apart,
         settled,
+        untorn_blocks(unknowns, system) if unknowns.linear else (),
     )
 
 

@@ -1,0 +1,59 @@
+"""Nonlinear blocks of scalar parts as they were written, solved before the search for states.
+
+A block is kept with few of its unknowns as states, from which the others follow one by one. That nests what is curved in it: far from the solution
+exponentials of exponentials overflow, where each equation for itself is harmless.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from acausal.numerics.sizes import Drawn
+from acausal.reduce.reduce import ReducedSystem
+from acausal.start.block import Block
+from acausal.start.block_search import solve_block
+from acausal.start.unknowns import Unknowns
+
+
+@dataclass(frozen=True)
+class UntornBlock:
+    """Its `block` of all unknowns, where a search for them begins, and pairs of a place among them and in the y of velocities."""
+
+    block: Block
+    begin: np.ndarray
+    torn: tuple[tuple[int, int], ...]
+
+    def informed(self, first: np.ndarray, data: np.ndarray, given: set[int]) -> None:
+        """Puts what the other unknowns `first` (n,) lead to at the places of those that are states, but for those that are `given`."""
+        begin = self.begin.copy()
+        for k, place in self.torn:
+            begin[k] = first[place]
+        found = solve_block(self.block, np.concatenate([first, data]), begin, begin, np.zeros(0), 0.0)
+        if found.converged:
+            for k, place in self.torn:
+                if place not in given:
+                    first[place] = found.y[k]
+
+
+def untorn_blocks(unknowns: Unknowns, system: ReducedSystem) -> tuple[UntornBlock, ...]:
+    """Of those whose states are all among the velocities, in the order in which one follows from the other."""
+    found: list[UntornBlock] = []
+    none, nothing = ca.SX(0, 1), np.zeros(0, dtype=int)
+    for untorn in system.scalar.untorn:
+        places = [(k, system.scalar_places[state] - system.nq) for k, state in untorn.torn]
+        if any(place < 0 for _, place in places):
+            continue
+        own = ca.SX.sym("own", untorn.unknowns.numel())
+        rows = ca.substitute(untorn.rows, untorn.unknowns, own)
+        m = own.numel()
+        begun = ca.SX.sym("begun", m)
+        searched = Unknowns(own, ca.vertcat(unknowns.y, unknowns.data), np.zeros(m, dtype=bool), True)
+        all = list(range(m))
+        block = Block(
+            searched, all, all, [], ca.vertcat(unknowns.y, unknowns.data, begun), rows, none, none, nothing, Drawn.exact(m)
+        )
+        found.append(UntornBlock(block, np.array(untorn.start), tuple(places)))
+    return tuple(found)

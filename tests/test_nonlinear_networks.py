@@ -1,0 +1,81 @@
+"""Networks of nonlinear scalar equations, drawn at random, each quantity in a unit of its own."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+import acausal as ac
+
+LAWS: dict[str, Callable] = {
+    "sinh": lambda y, d: y + np.sinh(d * y),
+    "cubic": lambda y, d: y + d * y**3,
+    "root": lambda y, d: 0.5 * y + y * np.sqrt(1 + y**2),
+}
+"""Increasing functions; what is solved for one unknown after the other nests them."""
+
+
+class Drawn:
+    """x_i' = -T_i y_i and law(y_i) + sum C_ij y_j = x_i, from x_i = 0.3 (i + 1)."""
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.n = int(rng.integers(2, 8))
+        self.law = LAWS[str(rng.choice(list(LAWS)))]
+        self.C = rng.uniform(-0.4, 0.4, (self.n, self.n)) * (rng.random((self.n, self.n)) < 0.7)
+        self.D, self.T = rng.uniform(0.1, 2, self.n), 10 ** rng.uniform(-0.5, 0.5, self.n)
+        self.start = 0.3 * np.arange(1, self.n + 1)
+
+    def found(self, x: np.ndarray) -> np.ndarray:
+        """y by x."""
+        answer = root(lambda y: self.law(y, self.D) + self.C @ y - x, np.zeros(self.n), method="hybr", tol=1e-14)
+        assert np.abs(answer.fun).max() < 1e-12
+        return answer.x
+
+    def scene(self, x_unit: np.ndarray, y_unit: np.ndarray, row_unit: np.ndarray) -> ac.System:
+        n = self.n
+        own = {f"x{i}": ac.Variable("1", start=float(self.start[i] * x_unit[i])) for i in range(n)}
+        own |= {f"y{i}": ac.Variable("1") for i in range(n)}
+
+        def equations(part):
+            x = [getattr(part, f"x{i}") / x_unit[i] for i in range(n)]
+            y = [getattr(part, f"y{i}") / y_unit[i] for i in range(n)]
+            for i in range(n):
+                others = [self.C[i, j] * y[j] for j in range(n) if self.C[i, j]]
+                yield ac.equal(row_unit[i] * (self.law(y[i], self.D[i]) + sum(others) - x[i]), 0.0)
+                yield ac.equal(ac.der(getattr(part, f"x{i}")), -x_unit[i] * self.T[i] * y[i])
+
+        scene = ac.System()
+        scene.network = type("Network", (ac.Component,), {**own, "equations": equations})()
+        return scene
+
+
+@functools.cache
+def by_plain_numbers(seed: int) -> np.ndarray:
+    """x (n, 4) at 0, 1, 2, 3 s."""
+    drawn = Drawn(seed)
+    return solve_ivp(
+        lambda t, x: -drawn.T * drawn.found(x), (0, 3), drawn.start, "DOP853", [0, 1, 2, 3], rtol=1e-11, atol=1e-12
+    ).y
+
+
+@pytest.mark.parametrize("decades", [0.0, 6.0])
+@pytest.mark.parametrize("seed", range(12))
+def test_what_other_quantities_follow_from_starts_where_it_was_told_to(seed: int, decades: float):
+    """Nothing but these say what the others are at the start, however their equations are nested."""
+    drawn, units = (
+        Drawn(seed),
+        10 ** np.random.default_rng(seed + 100).uniform(-decades, decades, 3 * Drawn(seed).n).reshape(3, -1),
+    )
+    scene = drawn.scene(*units)
+    run = ac.build(scene).simulate(3.0, rtol=1e-11, samples=4)
+    x = np.array([run[getattr(scene.network, f"x{i}")] for i in range(drawn.n)]) / units[0][:, None]
+    y = np.array([run[getattr(scene.network, f"y{i}")] for i in range(drawn.n)]) / units[1][:, None]
+    assert np.abs(x[:, 0] - drawn.start).max() < 1e-15
+    assert np.abs(x - by_plain_numbers(seed)).max() < 1e-9
+    assert np.abs(y[:, 0] - drawn.found(drawn.start)).max() < 1e-9
