@@ -165,7 +165,7 @@ class _Search:
         approach: bool,
     ) -> Assembled:
         """One search of what does not stay as it is."""
-        moving = np.setdiff1d(np.arange(guess.size), self.still)
+        moving = np.array([k for k in range(guess.size) if k not in self.still], dtype=int)
 
         def whole(part: np.ndarray) -> np.ndarray:
             y = guess.copy()
