@@ -9,7 +9,20 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import ParameterError, StartValueError
-from components import AngleSource, Gear, Inertia, Prismatic, Revolute, RigidBody, RotationalGround, Torque, TorqueSource, World
+from components import (
+    AngleSource,
+    Gear,
+    Inertia,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    RotationalDamper,
+    RotationalGround,
+    RotationalSpring,
+    Torque,
+    TorqueSource,
+    World,
+)
 from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
 from examples.engine import steel_cylinder
 from examples.gyroscopic import SpinningRotor
@@ -298,3 +311,27 @@ def test_rotors_on_an_elastic_gear_swing_at_their_frequency():
 def test_nonsense_is_refused(make, said):
     with pytest.raises(ParameterError, match=said):
         make()
+
+
+@pytest.mark.parametrize("seed", [7, 19, 93, 230])
+def test_a_train_of_gears_swings_as_one_inertia_whichever_of_its_parts_that_is(seed):
+    """Ratios from 1e-6 to 1e6: of the inertias, as felt at one shaft, one may be all and another nothing. x'' + x' / 10 + x = 0."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 7))
+    ratios = rng.choice([-1, 1], n - 1) * 10 ** rng.uniform(-6, 6, n - 1)
+    inertias, turns = 10 ** rng.uniform(-3, 3, n), np.append(1.0, np.cumprod(1 / ratios))
+    felt = float(inertias @ turns**2)
+    scene = ac.System()
+    scene.ground, scene.spring, scene.damper = RotationalGround(), RotationalSpring(felt), RotationalDamper(0.1 * felt)
+    scene.shafts, scene.gears = [Inertia(float(J)) for J in inertias], [Gear(float(r)) for r in ratios]
+    for k in rng.permutation(n - 1):
+        scene.connect(scene.shafts[k].flange_b, scene.gears[k].flange_a)
+        scene.connect(scene.gears[k].flange_b, scene.shafts[k + 1].flange_a)
+    scene.connect(scene.ground.flange, scene.spring.flange_a, scene.damper.flange_a)
+    scene.connect(scene.spring.flange_b, scene.damper.flange_b, scene.shafts[0].flange_a)
+    run = ac.build(scene).simulate(5.0, {scene.shafts[0].phi: 0.3}, rtol=1e-11, samples=21)
+    w = np.sqrt(1 - 0.05**2)
+    wanted = 0.3 * np.exp(-0.05 * run.t) * (np.cos(w * run.t) + 0.05 / w * np.sin(w * run.t))
+    for shaft, turn in zip(scene.shafts, turns, strict=True):
+        assert np.abs(run[shaft.phi] / turn - wanted).max() < 1e-10
+    assert run.energy_error() < 1e-9

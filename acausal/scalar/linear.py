@@ -19,7 +19,7 @@ import numpy as np
 
 from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.thresholds import DEPENDENT
-from acausal.numerics.vanishing import equilibrated, equilibrated_rank
+from acausal.numerics.vanishing import equilibrated, equilibrated_rank, equilibration
 
 _LARGE, _SMALL = 0.5, 1e-3
 _ZERO = 1e-11
@@ -27,6 +27,10 @@ _GENERAL = 3
 """The first sample points: parameters as they are, and in general position."""
 _LARGEST = 60
 """Unknowns of a block for which limits of parameters without a solution are told apart."""
+_PART, _MAIN, _SOME = 1e-6, 0.1, float(np.finfo(float).tiny)
+"""Parts in the determinant that a pivot has at least, and for which nothing else is asked of it."""
+_EXACT = 1e-6
+"""What parts of a row or column, which are one in all, may be off by."""
 _MOST_BY_QR = 12
 """Rows that QR takes where elimination would also do with pivots that are large at the present values only."""
 
@@ -117,7 +121,7 @@ def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[lis
     for i, row in enumerate(rows):
         for j in row:
             users[j].add(i)
-    scale = _column_sizes(rows, n)
+    scale, inverse = _column_sizes(rows, n), _inverses(rows, n)
     open_rows = set(range(len(rows)))
     for points in (slice(None), slice(0, 1)):
         if len(open_rows) <= most and points.stop:
@@ -128,7 +132,7 @@ def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[lis
             size, i = heapq.heappop(heap)
             if i not in open_rows or size != len(rows[i]):
                 continue
-            j = _pivot(rows[i], users, scale, points)
+            j = _pivot(rows[i], users, scale, inverse[:, :, i], points)
             if j is None:
                 continue
             open_rows.discard(i)
@@ -214,18 +218,51 @@ def _filled(sizes: np.ndarray, entries: np.ndarray, others: np.ndarray) -> np.nd
     return np.where(np.isnan(sizes) & (new > 0) & (new < np.inf), new, sizes)
 
 
-def _pivot(row: Row, users: list[set[int]], scale: list[np.ndarray], points: slice) -> int | None:
-    """The column of an entry that is large in its row at all of these points; None where there is none."""
+def _inverses(rows: list[Row], n: int) -> np.ndarray:
+    """Inverses (k, n, n) of the matrix at the points; NaN where there is none, and for matrices that are large, not square, or not known in size.
+
+    What is left of the matrix after some pivots has parts of these as inverses. So an entry times that of the inverse which belongs to it is always the
+    part that it has in the determinant, whatever the units. E. H. Bristol, On a new measure of interaction for multivariable process control, IEEE
+    Trans. Autom. Control 11 (1966). Where it is small the others grow by this pivot, and digits are lost: an acceleration is found by the inertia
+    that is most of what is geared together, not by one that is nothing.
+    """
+    points = next((e.sample.size for row in rows for e in row.values()), 1)
+    found = np.full((points, n, len(rows)), np.nan)
+    if len(rows) != n or n > _LARGEST or not all(entry.known for row in rows for entry in row.values()):
+        return found
+    A = np.zeros((points, n, n))
+    for i, row in enumerate(rows):
+        for j, entry in row.items():
+            A[:, i, j] = entry.sample
+    for k in range(points):
+        if np.isfinite(A[k]).all():
+            of_rows, of_columns = equilibration(A[k])
+            try:
+                found[k] = np.linalg.inv(A[k] / of_rows[:, None] / of_columns) / of_columns[:, None] / of_rows
+            except np.linalg.LinAlgError:
+                continue
+            parts = A[k] * found[k].T
+            if not (np.abs(parts.sum(axis=0) - 1) < _EXACT).all() or not (np.abs(parts.sum(axis=1) - 1) < _EXACT).all():
+                found[k] = np.nan
+    return found
+
+
+def _pivot(row: Row, users: list[set[int]], scale: list[np.ndarray], inverse: np.ndarray, points: slice) -> int | None:
+    """The column of an entry that is large in its row at all of these points and has a part in the determinant; None where there is none.
+
+    `inverse` (k, n): what belongs to the row in the inverse at each point.
+    """
     if not row:
         return None
     sizes = {j: np.abs(e.sample[points]) / scale[j][points] for j, e in row.items() if e.known}
     if not sizes:
         return None
     largest = np.max(list(sizes.values()), axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         shares = {j: float(np.min(np.nan_to_num(size / largest))) for j, size in sizes.items()}
-    for threshold in (_LARGE, _SMALL):
-        able = [j for j, share in shares.items() if row[j].kind < 2 and share >= threshold]
+        parts = {j: float(np.min(np.nan_to_num(np.abs(row[j].sample * inverse[:, j])[points], nan=1.0))) for j in sizes}
+    for share, part in ((_LARGE, _PART), (_SMALL, _PART), (_SOME, _MAIN)):
+        able = [j for j in shares if row[j].kind < 2 and shares[j] >= share and parts[j] >= part]
         if able:
             return min(able, key=lambda j: (row[j].kind, len(users[j]), -shares[j], j))
     return None
@@ -245,8 +282,8 @@ def _eliminate(rows: list[Row], i: int, j: int, other: int, users: list[set[int]
         old = target.get(k)
         with np.errstate(all="ignore"):
             taken, size = ratio * e.sample, np.abs(ratio) * e.size
+            number, size = (-taken, size) if old is None else (old.sample - taken, old.size + size)
         value = -(factor * e.value) if old is None else old.value - factor * e.value
-        number, size = (-taken, size) if old is None else (old.sample - taken, old.size + size)
         kinds = 0 if value.is_constant() else max(kind, e.kind, 0 if old is None else old.kind)
         known = entry.known and pivot.known and e.known and (old is None or old.known)
         new = Entry(value, number, size, kinds, known)
