@@ -124,6 +124,7 @@ class Searches:
         if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
             w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=False)
             self._iterations += int(stats["iter_count"])
+        w = problem.unwound(w)
         self._seconds += time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
         sharper = Sharper(parts, problem, w, self._near)

@@ -22,6 +22,9 @@ from acausal.optimal_control.mesh import Mesh, hull
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.optimal_control.stage import Stage, independent_states
 
+_ANGLES = ("rad", "")
+"""Units of inputs of which only sine and cosine may count."""
+
 
 @dataclass(frozen=True, eq=False)
 class Transcribed:
@@ -55,6 +58,13 @@ class Transcribed:
     def unknowns(self, guess: Guess) -> np.ndarray:
         """Those of the program for a motion."""
         return _values(self.layout, guess, self.mesh) / self.units
+
+    @property
+    def angles(self) -> list[np.ndarray]:
+        """For each input that is an angle, the numbers (points,) of its unknowns."""
+        stage = self.asked.stage
+        first = stage.width - stage.sizes[3]
+        return [self.places[:, :, first + k].ravel() for k, entry in enumerate(stage.mode.inputs) if entry.unit in _ANGLES]
 
     def settled(self, w: np.ndarray) -> Mesh:
         """With loose nodes where they were found."""

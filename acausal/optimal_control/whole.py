@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.optimal_control.asked import Asked
@@ -14,6 +15,9 @@ from acausal.optimal_control.link import Link, linked
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.separable import Program
 from acausal.optimal_control.transcription import Transcribed, transcribe
+
+_SAME = 1e-9
+"""Of the program in units of its own, as the solver knows it: by how much rows may differ that say the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +56,22 @@ class Whole:
     def unknowns(self, w: np.ndarray, k: int) -> np.ndarray:
         """Of a phase."""
         return w[self.begins[k] : self.begins[k] + self.parts[k].program.size]
+
+    def unwound(self, w: np.ndarray) -> np.ndarray:
+        """The same, with angles among inputs that do not jump by full turns from point to point where no row, bound or cost tells these from none: between the points
+        a polynomial goes through them.
+        """
+        least, most = self.program.bounds
+        for begin, part in zip(self.begins, self.parts, strict=True):
+            for places in part.angles:
+                angles, told = w[begin + places] * part.units[places], w.copy()
+                straight = np.unwrap(angles) - 2 * np.pi * np.round(angles[0] / (2 * np.pi))
+                told[begin + places] = straight / part.units[places]
+                if np.max(np.abs(straight - angles)) < np.pi or np.any((told < least) | (told > most)):
+                    continue
+                before, after = (np.array(ca.vertcat(*self.program.values(one))) for one in (w, told))
+                w = told if np.max(np.abs(after - before)) <= _SAME else w
+        return w
 
     def gap(self, gaps: np.ndarray, k: int) -> float:
         """Of a phase, of those of the unknowns and then of the constraints."""
