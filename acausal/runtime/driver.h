@@ -366,6 +366,8 @@ static enum Code failed_at(Integrator *I, enum Code code) {
     return code;
 }
 
+#define MUCH_SOONER 0.1
+
 /* A first step: a part of the time in which the motion changes much, from the rates at the start and a little later along them.
    Roots of size over change of rate, and rates over their change, are times whatever the unit. A state near zero may pretend to
    change quickly, hence a least step; what is too long is rejected. */
@@ -385,7 +387,19 @@ static int first_step(Integrator *I) {
         }
         if (time >= 2 * soon) break;
     }
-    I->h = fmin(0.01 * span, fmax(1e-6 * span, pow(1e-4 * I->rtol, 1 / (order + 1)) * time));
+    T->sooner = pow(1e-4 * I->rtol, 1 / (order + 1)) * time;
+    I->h = fmin(0.01 * span, fmax(1e-6 * span, T->sooner));
+    return 1;
+}
+
+/* A first step that failed, though rates had said that a much shorter one should be made: that one then, once. */
+static int begins_sooner(Integrator *I, double h) {
+    struct State *T = I->state;
+    double sooner = T->sooner;
+    if (I->steps > 0 || !(sooner > 0) || sooner > MUCH_SOONER * h) return 0;
+    T->sooner = 0;
+    I->h = T->planned = T->trusted = sooner;
+    I->rejected++;
     return 1;
 }
 
@@ -524,6 +538,23 @@ static int spread_rounding(Integrator *I) {
     return 1;
 }
 
+#define SHORTENINGS 60
+
+/* The states a little later, T->before, at the rates T->increment: only so much later as clear rates of now, T->factor, are not others. Where they are no states
+   of the motion any more rounding is that of anything. `found` (nx): what rounding makes of rates. */
+static int goes_ahead(Integrator *I, double *ahead, const double *found) {
+    struct State *T = I->state;
+    for (int tries = 0;; tries++, *ahead *= 0.25) {
+        int same = 1;
+        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + *ahead * T->increment[i];
+        if (tries == SHORTENINGS) return 1;
+        if (!rate_at(I, I->t + *ahead, T->before, T->rate)) return 0;
+        for (long i = 0; i < I->nx; i++)
+            if (FEW * found[i] < SMALL * fabs(T->factor[i]) && !(fabs(T->rate[i] - T->factor[i]) < fabs(T->factor[i]))) same = 0;
+        if (same) return 1;
+    }
+}
+
 /* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
    or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
 static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, int beside) {
@@ -531,8 +562,9 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
     double *found = T->most, *rate = T->factor;
     int explains = 0;
     memcpy(T->before, I->x, sizeof(double) * (size_t)I->nx);
+    double ahead = SOON * h;
     for (int later = 0; later < 2; later++) { /* a little later states are looked at that are zero at first */
-        double t = I->t + later * SOON * h;
+        double t = I->t + later * ahead;
         if (!rate_at(I, t, T->before, rate) || !rounding_of_rates(I, disturbed, t, T->before, h, found)) return -1;
         double until = later ? 0 : SOON * pace_of(I, rate, found);
         for (long i = 0; i < I->nx; i++) {
@@ -547,8 +579,10 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
                 T->least[i] = 2 * noise;
                 explains = 1;
             }
-            T->before[i] += SOON * h * (rate[i] + (isfinite(noise) ? drawn(i) & 1 ? noise : -noise : 0)); /* what is a product of others is known as badly as these are */
+            /* what is a product of others is known as badly as these are */
+            T->increment[i] = rate[i] + (isfinite(noise) ? drawn(i) & 1 ? noise : -noise : 0);
         }
+        if (!later && !goes_ahead(I, &ahead, found)) return -1;
     }
     if (!beside && !spread_rounding(I)) return -1;
     T->doubts = 0;
@@ -657,7 +691,7 @@ static enum Code one_adaptive(Integrator *I) {
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
         if (L.row < 0 && I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
-        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3) || (refused > 0 && is_lost(I, S, h))) return failed_at(I, STEP_UNDERFLOW);
+        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-12) || (refused > 0 && is_lost(I, S, h))) return failed_at(I, STEP_UNDERFLOW);
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
         int solved = solve_stages(I, S, h, LEFT, &contraction);
@@ -666,6 +700,7 @@ static enum Code one_adaptive(Integrator *I) {
             T->jacobian_fresh = T->jacobian_time == I->t;
             L.row = -1;
             if (old) continue; /* again with a new Jacobian */
+            if (begins_sooner(I, h)) continue;
             if (!T->newton_now && leave_fixed_point(I, S, 0, 0, T->planned, I->work - spent)) {
                 if (I->steps == 0 && !first_step(I)) return INPUT_FAILED;
                 return present(&I->jvp) ? one_adaptive(I) : NEEDS_JACOBIAN; /* the step begins anew, whoever had the kernel */
@@ -684,6 +719,7 @@ static enum Code one_adaptive(Integrator *I) {
         double error = step_error(I, S, h);
         if (!(error <= 1)) {
             L.row = -1;
+            if (begins_sooner(I, h)) continue;
             double power = -1 / (double)(S->method->order + 1);
             double growth = error < INFINITY ? 0.65 * pow(error, power) : 0.1;
             I->h = h * fmin(0.9, fmax(0.15, growth));
