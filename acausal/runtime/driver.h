@@ -539,9 +539,10 @@ static int spread_rounding(Integrator *I) {
 }
 
 #define SHORTENINGS 60
+#define ELSEWHERE 10 /* times their sizes */
 
-/* The states a little later, T->before, at the rates T->increment: only so much later as clear rates of now, T->factor, are not others. Where they are no states
-   of the motion any more rounding is that of anything. `found` (nx): what rounding makes of rates. */
+/* The states a little later, T->before, at the rates T->increment: only so much later as these, T->factor, do not lead far away from where they would be then.
+   Where they are no states of the motion any more rounding is that of anything. `found` (nx): what rounding makes of rates, of which only clear ones are asked. */
 static int goes_ahead(Integrator *I, double *ahead, const double *found) {
     struct State *T = I->state;
     for (int tries = 0;; tries++, *ahead *= 0.25) {
@@ -550,7 +551,7 @@ static int goes_ahead(Integrator *I, double *ahead, const double *found) {
         if (tries == SHORTENINGS) return 1;
         if (!rate_at(I, I->t + *ahead, T->before, T->rate)) return 0;
         for (long i = 0; i < I->nx; i++)
-            if (FEW * found[i] < SMALL * fabs(T->factor[i]) && !(fabs(T->rate[i] - T->factor[i]) < fabs(T->factor[i]))) same = 0;
+            if (T->size[i] > 0 && FEW * found[i] < SMALL * fabs(T->factor[i]) && !(*ahead * fabs(T->rate[i] - T->factor[i]) < ELSEWHERE * T->size[i])) same = 0;
         if (same) return 1;
     }
 }
