@@ -37,6 +37,7 @@ from components import (
     RigidBody,
     Rope,
     Sphere,
+    Torque,
     World,
 )
 
@@ -508,6 +509,27 @@ def test_a_ball_that_slides_begins_to_roll_at_five_sevenths_of_its_speed() -> No
     far = speed * rolls - mu * G / 2 * rolls**2 + 5 / 7 * speed * (2.0 - rolls)
     assert run[frame.position][-1] == pytest.approx([far * 0.6, far * 0.8, r], abs=STATE)
     assert np.linalg.norm(run[scene.floor.slip][-1]) < STATE
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
+def test_what_was_rounding_is_followed_to_the_tolerance_when_it_is_driven(rtol: float) -> None:
+    """A ball slides and rolls without a turn about the vertical, of which there is rounding only; from 1 s on it is driven: w' = 30 (t - 1)^2."""
+    r, mass = 0.1, 0.7
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(mass, r)
+    scene.floor = Contact(Sphere(r), Plane(), Hard(friction=Coulomb(0.2, static=0.3)))
+    scene.drive = Torque((0, 0, 0.4 * mass * r**2 * ca.if_else(ac.time > 1, 30 * (ac.time - 1) ** 2, 0)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame, scene.drive.frame)
+    frame = scene.ball.frame
+    start = {
+        frame.position: (0, 0, r),
+        frame.velocity: (1.2, 1.6, 0),
+        frame.angular_velocity: (0, 0, 0),
+        frame.rotation: np.eye(3),
+    }
+    run = ac.build(scene).simulate(3.0, start, rtol=rtol)
+    assert run[frame.angular_velocity][-1, 2] == pytest.approx(80.0, rel=10 * rtol)
 
 
 @pytest.mark.parametrize("mu", [0.05, 2.0])

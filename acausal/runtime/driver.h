@@ -333,8 +333,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
             if (fabs(I->x[i] - T->factor[i]) > 0.01 * T->scale[i]) T->start_known = 0;
     }
     if (I->directions && I->ng) project_directions(I);
-    for (long i = 0; i < n; i++)
-        if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
+    for (long i = 0; i < n; i++) take_size(I, i);
     I->steps++;
     if (T->newton_now) I->newton_steps++;
     I->radau_steps += S->method->kind == RADAU;

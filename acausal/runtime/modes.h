@@ -928,7 +928,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
     project(I, I->t, I->x);
     for (long i = 0; i < I->nx; i++) {
-        if (fabs(I->x[i]) > T->size[i]) T->size[i] = fabs(I->x[i]);
+        take_size(I, i);
         lifted |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
     }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);

@@ -428,6 +428,17 @@ static double known_to(const Integrator *I, long i) {
     return I->usual && I->usual[i] > 0 ? KNOWN * whole / I->usual[i] : 0;
 }
 
+#define UNEXPLAINED 10 /* times what rounding makes of a state */
+
+/* State i has come to where it is now: the largest that it has been. Where it went on by more than rounding explains it is not rounding any more. */
+static void take_size(Integrator *I, long i) {
+    struct State *T = I->state;
+    double size = fabs(I->x[i]);
+    if (size <= T->size[i]) return;
+    if (size > T->size[i] + UNEXPLAINED * T->known[i]) T->known[i] = 0;
+    T->size[i] = size;
+}
+
 /* The scale of state i in a step of size h: atol + rtol times a magnitude. */
 static void set_scale_of(Integrator *I, long i, double h, double size) {
     struct State *T = I->state;
