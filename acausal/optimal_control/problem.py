@@ -424,6 +424,7 @@ class OptimalControl:
             found[own] *= factor if factor > 0 else 1.0
         found[nx : nx + nv] *= found[nq : nq + nv] / units[nq : nq + nv]
         more = np.append(first.duration, first.free)
+        found[nq + nv : nx] = _scalars(asked, first)
         slope = np.abs(stage.slopes_of(stage.driving, np.append(first.values[0], more), 0.0))
         inertia = np.max(slope[:, :nv] * found[nx : nx + nv], axis=1, initial=0.0)
         moving = inertia > 0
@@ -503,6 +504,24 @@ def _total(stage: Stage, cost: Cost, what: str) -> Total:
         return found
 
     return Total(added("integrals"), added("averages"), added("starts"), added("ends"), cost.duration)
+
+
+def _scalars(asked: Asked, first: Guess) -> np.ndarray:
+    """What is much for each state (n,) that neither is a place nor a speed: what it is at most in the guess and within its bounds, and what its rate there makes of it
+    in that time; 1 where all that vanishes.
+    """
+    stage = asked.stage
+    nx, begin = stage.sizes[0], stage.functions.space.nq + stage.sizes[1]
+    rates = ca.Function("rates", [stage.unknowns, stage.data], [stage.put(stage.rates[begin:, :])])
+    more = np.tile(np.append(first.duration, first.free), (first.times.size, 1))
+    changes = first.duration * np.array(rates(np.hstack([first.values, more]).T, np.vstack([first.times, 0.0 * first.times])))
+    both = np.hstack([first.values[:, begin:nx].T, changes])
+    size = np.max(np.where(np.isfinite(both), np.abs(both), 0.0), axis=1, initial=0.0)
+    for k, limits, r in asked.entries:
+        if begin <= k < nx:
+            said = [abs(v) for v in (limits.lower[r], limits.upper[r]) if np.isfinite(v)]
+            size[k - begin] = max(size[k - begin], *said, 0.0)
+    return np.where(size > 0, size, 1.0)
 
 
 def _duration(time: Any) -> free:
