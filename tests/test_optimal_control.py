@@ -312,6 +312,47 @@ def test_a_bead_slides_down_in_least_time_where_all_states_are_scalars(along: fl
     assert best.replay_error < 1e-8
 
 
+class Rocket(ac.Component):
+    """Straight up through air that thins out: three states of scalars, thousands of metres and tens of kilograms."""
+
+    h, v, m = ac.Variable("m", "height"), ac.Variable("m/s", "speed"), ac.Variable("kg", "mass")
+
+    def __init__(self, thrust: ac.Input) -> None:
+        self.thrust = thrust
+
+    def equations(self) -> Iterator[ac.Equation]:
+        drag = 0.01 * self.v**2 * np.exp(-self.h / 8000)
+        yield ac.equal(ac.der(self.h), self.v)
+        yield ac.equal(self.m * ac.der(self.v), self.thrust - drag - 9.81 * self.m)
+        yield ac.equal(ac.der(self.m), -self.thrust / 1500)
+
+
+class Launch(ac.System):
+    """A rocket and its thrust."""
+
+    def __init__(self) -> None:
+        self.thrust = ac.Input("N")
+        self.rocket = Rocket(self.thrust)
+
+
+def test_a_rocket_climbs_along_a_singular_arc() -> None:
+    """Goddard's: full thrust, then so much that drag (1 + speed / exhaust speed) = weight, then none. Bryson and Ho (1975), section 8.4."""
+    scene = Launch()
+    r = scene.rocket
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(5, 200))
+    ocp.start({r.h: 0, r.v: 0, r.m: 100})
+    ocp.end({r.m: 40, r.v: (0, 1000)})
+    ocp.bound(scene.thrust, 0, 3000)
+    ocp.bound(r.m, 40, 100)
+    ocp.minimise(-ac.at_end(r.h))
+    best = ocp.solve(30, refinements=2)
+    h, v, m = best.x
+    arc = (m > 50) & (m < 70)
+    assert np.count_nonzero(arc) > 20
+    assert np.max(np.abs(0.01 * v**2 * np.exp(-h / 8000) * (1 + v / 1500) / (9.81 * m) - 1)[arc]) < 0.01
+    assert best.replay_error < 1e-3
+
+
 def test_what_nothing_moves_yet_may_run_away() -> None:
     """At rest, nothing pushed: units of forces come from what inertia resists, and a cost without a least value is said to have none."""
     scene = Sledge()
