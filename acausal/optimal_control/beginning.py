@@ -51,14 +51,14 @@ def _begun(
     tolerance: float,
     refinements: int,
 ) -> Attempt:
-    """Where the mesh lies, others are tried on one of half its intervals' lengths."""
+    """Where the mesh lies, others are tried on one of half its intervals' lengths, or half of these."""
     first = base = searches.on(parts)
     if not others or (not first.success and bottomless(first.problem, first.cost)):
         return first
     tried, work = [first], 0
-    if first.off > COARSE and refinements:
-        mesh = parts[0].mesh
-        base = searches.on([replace(parts[0], mesh=mesh.refined(np.full(mesh.intervals, 2)))], 1, briefly=True)
+    while base.off > COARSE and base.refined < refinements:
+        mesh = base.parts[0].mesh
+        base = searches.on([replace(parts[0], mesh=mesh.refined(np.full(mesh.intervals, 2)))], base.refined + 1, briefly=True)
         tried.append(base)
     for number, row in enumerate(others):
         if number and any(one.success for one in tried):

@@ -14,6 +14,8 @@ from acausal.optimal_control.whole import Part
 
 _FAR = 0.3
 """Of how far the straight path goes: by how much another one is beside it."""
+_WIDTHS = (1.0, 0.3, 0.6, 1.5)
+"""Times that: how wide the scene's own swings are, one width after the other."""
 _STEP = 1e-5
 """Of what is much for a state: the difference by which slopes are taken."""
 _POINTS = 3
@@ -45,7 +47,7 @@ def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
 
 def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> list[np.ndarray]:
     """(times, nq) each, of positions: the fastest and the slowest swing about the start that this motion has time for and the mesh has points for, out one way and the
-    other. With its own swings a pendulum goes up at a fraction of the effort.
+    other, first of one width and then of others. With its own swings a pendulum goes up at a fraction of the effort.
     """
     nx, nq, T = stage.sizes[0], stage.functions.space.nq, first.duration
     A = _slope(stage, first, units)
@@ -65,7 +67,7 @@ def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> l
         shape = np.real(shape / shape[np.argmax(np.abs(shape))])
         found.append((np.sin(np.pi * first.times) * np.sin(turning[k] * first.times))[:, None] * shape)
     far = _FAR * _far(stage, first, units) * units[:nq]
-    return [sign * far * one for sign in (1, -1) for one in found]
+    return [width * sign * far * one for width in _WIDTHS for sign in (1, -1) for one in found]
 
 
 def _any(stage: Stage, first: Guess, units: np.ndarray, count: int) -> list[np.ndarray]:
