@@ -14,7 +14,7 @@ from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import Contact, Coulomb, Hard, Particle, Plane, Revolute, RigidBody, Sphere, World
+from components import Contact, Coulomb, Hard, Particle, Plane, PointOnPlane, Revolute, RigidBody, Sphere, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
 
 EXACT = {"rtol": 1e-12}
@@ -123,6 +123,32 @@ def test_block_turns_back_where_friction_does_not_hold_it() -> None:
     left = 2 - stop
     by_friction = -9 / 50 + left**2 / 2 - 1 * left * 3 / 25
     assert found.S[-1, 0] == pytest.approx([by_friction, 3 / 5 + left / 5], rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [3, 8, 16, 18, 24, 26, 32])
+def test_block_on_a_rough_incline_turns_back_as_its_closed_form_does_however_loosely_it_is_followed(seed: int) -> None:
+    # what is across the slip is led back to zero faster the smaller that is: a hundred million times at first, a moment later hardly
+    draw = np.random.default_rng(seed)
+    slope = draw.uniform(0.2, 1.2)
+    friction = draw.uniform(0.5, 0.97) * np.tan(slope)
+    turned = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+    turned *= np.linalg.det(turned)
+    scene = ac.System()
+    scene.friction = ac.Parameter(friction)
+    scene.world = World(tuple(turned @ [-9.81 * np.sin(slope), 0, -9.81 * np.cos(slope)]))
+    scene.block, scene.foot = Particle(2.0), PointOnPlane(unilateral=True, friction=Coulomb(scene.friction))
+    scene.connect(scene.world.at((0, 0, 0), rotation=turned), scene.foot.frame_a)
+    scene.connect(scene.foot.frame_b, scene.block.point)
+    place, press = scene.block.point, 9.81 * np.cos(slope)
+    start = {place.position: (0, 0, 0), place.velocity: 3.0 * turned[:, 0]}
+    up, down = press * (np.tan(slope) + friction), press * (np.tan(slope) - friction)
+    stop = 3.0 / up
+    # x = v0^2 / (2 up) - down (t - v0 / up)^2 / 2
+    exact = turned[:, 0] * press * (-(stop**2) / 2 + stop**2 / 2 - down * stop * stop / up)
+    model = ac.build(scene)
+    for rtol in (1e-4, 1e-5):
+        found = model.sensitivities([0.0, 2 * stop], [scene.friction], start, rtol=rtol)[place.position][-1]
+        assert np.ravel(found) == pytest.approx(exact, abs=rtol * abs(exact).max())
 
 
 def test_block_on_a_belt_sticks_and_slips_later_as_its_parameters_say() -> None:

@@ -763,6 +763,11 @@ static enum Code one_adaptive(Integrator *I) {
             }
         }
         if (I->directions && !solve_variations(I, S, h)) {
+            T->jacobian_fresh = T->jacobian_time == I->t;
+            if (old) {
+                I->h = h;
+                continue;
+            }
             I->h = 0.5 * h;
             I->rejected++;
             failed = 1;

@@ -50,7 +50,26 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     run_kernel(&I->variation, in, T->variation_c, out, T->work);
 }
 
+/* How far apart two guesses of the rates are, direction by direction, in tolerances of what they move in a step; `top`: the largest of these. */
+static void apart_by(const Integrator *I, const V *N, const V *K, const V *size, V top, long s, double h, double *apart) {
+    V sum = v_all(0.0);
+    for (long i = 0; i < I->nx; i++) {
+        if (I->state->copied[i] && !I->state->newton_now) continue;
+        V largest = v_larger(size[i], top * v_all(1e-3));
+        for (long j = 0; j < s; j++) largest = v_larger(largest, v_abs(N[j * I->nx + i]) * v_all(h));
+        for (long j = 0; j < s; j++) {
+            V d = (N[j * I->nx + i] - K[j * I->nx + i]) * v_all(h) / (largest * v_all(I->step > 0 ? 1.0 : I->rtol));
+            sum = v_fma(d, d, sum);
+        }
+    }
+    for (long l = 0; l < LANES; l++) apart[l] = sqrt(sum[l] / (double)s);
+}
 
+/* Whether what Newton's iteration says is so by what its equations are off by, which shrinks as slowly as any part of the error. */
+static int has_converged(const Judge *J, double missed, double last) {
+    if (missed <= J->tolerance || J->change <= 64 * J->floor) return 1;
+    return J->count > 1 && missed < last && J->change * missed <= J->tolerance * (last - missed);
+}
 
 /* The stage equations of one block of directions; D_rates of the block in, better ones out. Returns whether they converged. */
 static int solve_variation(Integrator *I, Stages *S, double h, long block) {
@@ -62,6 +81,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
     for (long i = 0; i < n; i++) size[i] = v_larger(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
     Judge judgements[LANES];
+    double changed[LANES], missed[LANES] = {0}, missed_last[LANES]; /* what the stage equations are off by: Newton's steps alone may be small for a Jacobian that is too large */
     Bits ready = i_all(0); /* directions that have converged, and stay as they are */
     for (long l = 0; l < LANES; l++) judgements[l] = new_judge(tolerance, (S->around || S->exact ? UNSTEADY : 4 * EPS) / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
     for (;;) {
@@ -80,11 +100,14 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 X[j * n + to] = v_fma(v_all(h), x, D[to]);
             }
         for (long j = 0; j < s; j++) variation_at(I, S, j, X + j * n, N + j * n);
-        V sum = v_all(0.0), top = v_all(1e-300);
-        for (long i = 0; i < n; i++) {
-            for (long j = 0; j < s; j++) size[i] = v_select(ready, size[i], v_larger(size[i], v_abs(N[j * n + i]) * v_all(h)));
-            top = v_larger(top, size[i]);
+        V top = v_all(1e-300);
+        for (long i = 0; i < n; i++) { /* what is guessed at first may be far too large */
+            V largest = size[i];
+            for (long j = 0; j < s; j++) largest = v_larger(largest, v_abs(N[j * n + i]) * v_all(h));
+            top = v_larger(top, largest);
         }
+        memcpy(missed_last, missed, sizeof missed);
+        if (T->newton_now) apart_by(I, N, K, size, top, s, h, missed);
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
                 if (ready[l]) continue;
@@ -94,23 +117,21 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 for (long j = 0; j < s; j++)
                     for (long i = 0, q = j * n; i < n; i++, q++) N[q][l] = K[q][l] + T->dK[j / LANES * n + i][j % LANES];
             }
-        for (long j = 0; j < s; j++)
-            for (long i = 0; i < n; i++) {
-                if (T->copied[i] && !T->newton_now) continue;
-                V scale = (v_larger(size[i], top * v_all(1e-3))) * v_all(I->step > 0 ? 1.0 : I->rtol);
-                V d = (N[j * n + i] - K[j * n + i]) * v_all(h) / scale;
-                sum = v_fma(d, d, sum);
-            }
+        apart_by(I, N, K, size, top, s, h, changed);
         for (long q = 0; q < s * n; q++) K[q] = v_select(ready, K[q], N[q]);
         int going = 0;
         for (long l = 0; l < LANES; l++) {
             if (ready[l]) continue;
-            enum Verdict v = judge(&judgements[l], sqrt(sum[l] / (double)s));
+            enum Verdict v = judge(&judgements[l], changed[l]);
+            if (v == DONE && T->newton_now && !has_converged(&judgements[l], missed[l], missed_last[l])) v = judgements[l].count < judgements[l].limit ? GO_ON : HOPELESS;
             if (v == HOPELESS) return 0;
             ready[l] = v == DONE ? -1 : 0;
             going |= v == GO_ON;
         }
-        if (!going) return 1;
+        if (going) continue;
+        for (long i = 0; i < n; i++)
+            for (long j = 0; j < s; j++) size[i] = v_larger(size[i], v_abs(K[j * n + i]) * v_all(h));
+        return 1;
     }
 }
 
