@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
 from acausal.parts.joint import AbstractJoint
 from acausal.runtime.series import Series
-from components import RigidBody
+from components import Revolute, RigidBody, World
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage
 
 SCENES: dict[str, Callable[[], Any]] = {"double_pendulum": DoublePendulum, "four_bar": FourBar, "bennett": bennett_linkage}
@@ -87,3 +88,19 @@ def test_expressions_that_are_written_alike_are_made_once(monkeypatch: pytest.Mo
     monkeypatch.undo()
     assert not np.array_equal(run[2 * scene.elbow.q + 2], before[0])
     assert not np.array_equal(run[2 * scene.shoulder.q + 1], before[0])
+
+
+@pytest.mark.parametrize("end", [44.63759275900515, 3.0, 4.8655e12, 1.3e-7])
+def test_times_that_are_off_by_their_rounding_are_of_the_motion(end: float) -> None:
+    """The last of times that are computed by logarithms is often a little later than the end that they were computed from."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod = World((0, 0, 0)), Revolute("z"), RigidBody.rod(1.0, (1, 0, 0))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    times = np.append(np.logspace(np.log10(end) - 3, np.log10(end), 6)[:-1], end * (1 + 1e-14))
+    model = ac.build(scene)
+    run = model.simulate(end, start={scene.hinge.v: 1 / end}, samples=times)
+    assert run.t[-1] == end
+    assert np.array_equal(run.at(times).t, run.t)
+    with pytest.raises(OptionError, match="`samples` are from"):
+        model.simulate(end, samples=end * np.array([0.5, 1 + 1e-9]))

@@ -26,7 +26,7 @@ from acausal.simulate.events import events_asked
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
-from acausal.simulate.trajectory import Trajectory
+from acausal.simulate.trajectory import SLACK, Trajectory
 from acausal.simulate.trouble import (
     check_inside,
     ended_inside,
@@ -84,11 +84,12 @@ class Options:
         """When the motion is read. Raises `OptionError` for times that are not between the start and the end [s]."""
         if isinstance(self.samples, int):
             return np.linspace(t0, end, self.samples)
-        if self.samples[0] < t0 or self.samples[-1] > end:
+        slack = SLACK * max(abs(t0), abs(end))
+        if self.samples[0] < t0 - slack or self.samples[-1] > end + slack:
             raise OptionError(
                 f"simulate: `samples` are from {self.samples[0]:g} s to {self.samples[-1]:g} s, the motion from {t0:g} s to {end:g} s."
             )
-        return self.samples
+        return np.clip(self.samples, t0, end)
 
     def times_until(self, t0: float, reached: float) -> np.ndarray:
         """The same of a motion that ended before."""

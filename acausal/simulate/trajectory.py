@@ -38,6 +38,8 @@ _MOST_SIDES = 10_000
 _TURNED, _MOST_LOOKS = 1.0, 64
 """What velocities together make in a step for which it is looked at within, so that no full turn is lost; how often at most."""
 
+SLACK = 1e-12
+"""Part of the longest time by which times may be outside of a motion, as what is computed by logarithms is."""
 _DOUBTFUL, _NOTHING = 1e-6, 1e-12
 """Relative gaps of energy that may be those of what rests; energies that are rounding, beside the terms that they are the sums of."""
 
@@ -181,7 +183,7 @@ class Trajectory:
         except (TypeError, ValueError, OverflowError):
             raise OptionError(f"run.at({times!r}): give a time or a list of times [s].") from None
         first, last = self.pieces[0].solution.t[0], self.solution.t[-1]
-        slack = 1e-12 * max(abs(first), abs(last))
+        slack = SLACK * max(abs(first), abs(last))
         if wanted.size == 0 or np.any(wanted < first - slack) or np.any(wanted > last + slack) or not np.all(np.isfinite(wanted)):
             raise OptionError(f"run.at({times}): the motion is known from {first:g} s to {last:g} s.")
         return replace(self, t=np.clip(wanted, first, last))
