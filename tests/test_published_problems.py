@@ -150,3 +150,29 @@ def test_an_oscillating_reaction() -> None:
     scene, y = scene_of((1, 2, 3), law)
     run = ac.build(scene).simulate(360.0, rtol=1e-12)
     assert [run[v][-1] for v in y] == pytest.approx((0.1000814870318523e1, 0.1228178521549917e4, 0.1320554942846706e3), rel=1e-9)
+
+
+def test_a_car_on_a_bumpy_road_held_by_two_conditions() -> None:
+    """Two masses of a stiff axle, held at a distance from each other and at right angles to the road: two hidden conditions behind each of them, which change with time."""
+
+    def law(y, rates):
+        xl, yl, xr, yr, ul, vl, ur, vr, left, right = y
+        m, height = 10 * 1e-2**2 / 2, 0.1 * np.sin(10 * ac.time)
+        along = np.sqrt(1 - height**2)
+        one, other = np.sqrt(xl**2 + yl**2), np.sqrt((xr - along) ** 2 + (yr - height) ** 2)
+        yield from zip(rates[:4], (ul, vl, ur, vr), strict=True)
+        yield m * rates[4], (0.5 - one) * xl / one + left * along + 2 * right * (xl - xr)
+        yield m * rates[5], (0.5 - one) * yl / one + left * height + 2 * right * (yl - yr) - m
+        yield m * rates[6], (0.5 - other) * (xr - along) / other - 2 * right * (xl - xr)
+        yield m * rates[7], (0.5 - other) * (yr - height) / other - 2 * right * (yl - yr) - m
+        yield xl * along + yl * height, 0.0
+        yield (xl - xr) ** 2 + (yl - yr) ** 2, 1.0
+
+    scene, y = scene_of((0, 0.5, 1, 0.5, -0.5, 0, -0.5, 0, 0, 0), law)
+    run = ac.build(scene).simulate(3.0, rtol=1e-10)
+    wanted = (
+        0.4934557842755629e-1, 0.4969894602303324, 0.1041742524885400e1, 0.3739110272652214, -0.7705836840321485e-1,
+        0.7446866596327776e-2, 0.1755681574942899e-1, 0.7703410437794031, -0.4736886750784630e-2, -0.1104680411345730e-2,
+    )  # fmt: skip
+    assert [run[v][-1] for v in y] == pytest.approx(wanted, abs=1e-9)
+    assert run.constraint_error() < 1e-14
