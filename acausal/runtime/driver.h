@@ -540,17 +540,18 @@ static int spread_rounding(Integrator *I) {
 #define SHORTENINGS 60
 #define ELSEWHERE 10 /* times their sizes */
 
-/* The states a little later, T->before, at the rates T->increment: only so much later as these, T->factor, do not lead far away from where they would be then.
-   Where they are no states of the motion any more rounding is that of anything. `found` (nx): what rounding makes of rates, of which only clear ones are asked. */
+/* The states a little later, T->before, at the rates T->increment. Of a first step nobody knows how long it may be: then only so much later as the rates of now,
+   T->factor, do not lead far away from where they would be then. Where they are no states of the motion any more rounding is that of anything. `found` (nx): what
+   rounding makes of rates, of which only clear ones are asked. */
 static int goes_ahead(Integrator *I, double *ahead, const double *found) {
     struct State *T = I->state;
     for (int tries = 0;; tries++, *ahead *= 0.25) {
         int same = 1;
         for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + *ahead * T->increment[i];
-        if (tries == SHORTENINGS) return 1;
+        if (I->steps > 0 || tries == SHORTENINGS) return 1;
         if (!rate_at(I, I->t + *ahead, T->before, T->rate)) return 0;
         for (long i = 0; i < I->nx; i++)
-            if (T->size[i] > 0 && FEW * found[i] < SMALL * fabs(T->factor[i]) && !(*ahead * fabs(T->rate[i] - T->factor[i]) < ELSEWHERE * T->size[i])) same = 0;
+            if (T->size[i] > 0 && FEW * found[i] < SMALL * fabs(T->factor[i]) && *ahead * fabs(T->rate[i] - T->factor[i]) > ELSEWHERE * T->size[i]) same = 0;
         if (same) return 1;
     }
 }
