@@ -17,7 +17,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import ExportError, UnknownVariableError
-from components import Force, Particle, Prismatic, Revolute, RigidBody, World
+from components import Capacitor, Diode, Force, Ground, Particle, Prismatic, Resistor, Revolute, RigidBody, World
 from tests.exported import (
     BAD_ARGUMENT,
     CONDITION,
@@ -448,3 +448,23 @@ def test_an_exported_simulator_moves_alike_in_all_units(tmp_path):
     assert all(np.array_equal(seen[0], other) for other in seen[1:])
     expected = model.simulate(1.0, {scene.a.q: 1.0, scene.a.v: 6.0}, method="gauss").at([0.0, 0.5, 1.0]).x
     assert np.max(np.abs(seen[0] - expected)) < 1e-12
+
+
+def test_scenes_without_positions_start_at_other_parameters_too(tmp_path):
+    """A diode behind a resistor that follows from a capacitor's voltage: what it is at first depends on the resistance."""
+    scene = ac.System()
+    scene.resistance = ac.Parameter(100.0, "Ohm")
+    scene.ground, scene.store, scene.wire, scene.diode = Ground(), Capacitor(1e-5), Resistor(scene.resistance), Diode()
+    scene.connect(scene.store.pin_a, scene.wire.pin_a)
+    scene.connect(scene.wire.pin_b, scene.diode.pin_a)
+    scene.connect(scene.diode.pin_b, scene.store.pin_b, scene.ground.pin)
+    model = ac.build(scene)
+    start = {scene.store.v: 2.0}
+    library = Library(model.export_simulator(tmp_path, start))
+    times = np.linspace(0, 1e-2, 9)
+    for resistance in (100.0, 10.0, 3e4):
+        report, x = library.simulate(times, p=[resistance], options=library.options(rtol=1e-9))
+        run = model.simulate(1e-2, start, parameters={scene.resistance: resistance}, rtol=1e-9, samples=times)
+        assert report.status == SUCCESS
+        assert x == pytest.approx(run.x, rel=1e-7)
+        assert run[scene.store.v][0] == 2.0

@@ -31,13 +31,13 @@ class Drawn:
         self.D, self.T = rng.uniform(0.1, 2, self.n), 10 ** rng.uniform(-0.5, 0.5, self.n)
         self.start = 0.3 * np.arange(1, self.n + 1)
 
-    def found(self, x: np.ndarray) -> np.ndarray:
-        """y by x."""
-        answer = root(lambda y: self.law(y, self.D) + self.C @ y - x, np.zeros(self.n), method="hybr", tol=1e-14)
+    def found(self, x: np.ndarray, share: float = 1.0) -> np.ndarray:
+        """y by x, with laws times `share`."""
+        answer = root(lambda y: share * self.law(y, self.D) + self.C @ y - x, np.zeros(self.n), method="hybr", tol=1e-14)
         assert np.abs(answer.fun).max() < 1e-12
         return answer.x
 
-    def scene(self, x_unit: np.ndarray, y_unit: np.ndarray, row_unit: np.ndarray) -> ac.System:
+    def scene(self, x_unit: np.ndarray, y_unit: np.ndarray, row_unit: np.ndarray, share: float | ac.Parameter = 1.0) -> ac.System:
         n = self.n
         own = {f"x{i}": ac.Variable("1", start=float(self.start[i] * x_unit[i])) for i in range(n)}
         own |= {f"y{i}": ac.Variable("1") for i in range(n)}
@@ -47,10 +47,11 @@ class Drawn:
             y = [getattr(part, f"y{i}") / y_unit[i] for i in range(n)]
             for i in range(n):
                 others = [self.C[i, j] * y[j] for j in range(n) if self.C[i, j]]
-                yield ac.equal(row_unit[i] * (self.law(y[i], self.D[i]) + sum(others) - x[i]), 0.0)
+                yield ac.equal(row_unit[i] * (share * self.law(y[i], self.D[i]) + sum(others) - x[i]), 0.0)
                 yield ac.equal(ac.der(getattr(part, f"x{i}")), -x_unit[i] * self.T[i] * y[i])
 
         scene = ac.System()
+        scene.share = share
         scene.network = type("Network", (ac.Component,), {**own, "equations": equations})()
         return scene
 
@@ -79,3 +80,20 @@ def test_what_other_quantities_follow_from_starts_where_it_was_told_to(seed: int
     assert np.abs(x[:, 0] - drawn.start).max() < 1e-15
     assert np.abs(x - by_plain_numbers(seed)).max() < 1e-9
     assert np.abs(y[:, 0] - drawn.found(drawn.start)).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_functions_find_the_start_at_other_parameters_as_a_run_does(seed: int):
+    """Each law grows thirtyfold: states that others follow from stay, in functions for other programs too."""
+    drawn, ones, share = Drawn(seed), np.ones((3, Drawn(seed).n)), ac.Parameter(1.0, "1")
+    scene = drawn.scene(*ones, share)
+    model = ac.build(scene)
+    names = [getattr(scene.network, f"{what}{i}") for what in "xy" for i in range(drawn.n)]
+    started = model.assembly_function(None, [share])
+    for value in (1.0, 3.0, 30.0):
+        x = np.array(started(value)).ravel()
+        run = model.simulate(1e-3, parameters={share: value}, samples=2)
+        assert x == pytest.approx(run.x[:, 0], rel=1e-11, abs=1e-13)
+        assert [run[name][0] for name in names] == pytest.approx(
+            np.append(drawn.start, drawn.found(drawn.start, value)), rel=1e-8
+        )

@@ -107,7 +107,9 @@ def _gaps(functions: Functions, initial: InitialState) -> ca.Function | None:
     _, t, u, p = np.split(account.data, _places(functions, initial)[1:4])
     J, K = (np.array(part) for part in slopes(t, whole, u, p))
     positions = s.closing / ca.DM(row_lengths(J.reshape(s.closing.numel(), q.numel()) * scale, account.problem.positions))
-    velocities = s.velocity_closing / ca.DM(row_lengths(K.reshape(s.velocity_closing.numel(), v.numel()) * scale_v, account.problem.velocities))
+    velocities = s.velocity_closing / ca.DM(
+        row_lengths(K.reshape(s.velocity_closing.numel(), v.numel()) * scale_v, account.problem.velocities)
+    )
     sizes = [ca.norm_2(ca.vertcat(ca.SX(0), column)) for column in (positions, velocities, v / ca.DM(scale_v))]
     result = space.put(ca.vertcat(*sizes)) if space.elimination.symbols else ca.vertcat(*sizes)
     return folded_function("gaps", space.arguments, [ca.densify(result)])

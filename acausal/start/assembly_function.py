@@ -5,6 +5,7 @@ Around a reference that was found by search, the consistent states y are the zer
     U' c(y, d) = 0        as many combinations of the constraints as are independent
     B' r(y, d) = 0        combinations of the near values that the freedom left can meet
     Z' (y - y0) = 0       what is then still free stays, so that y changes as little as it can
+    y_k = y0_k            states of scalar parts that others follow from stay in any case
 
 with the reference's left singular vectors U of dc/dy and B of dr/dy on its null space, and Z the rest. CasADi's `fast_newton` finds
 them along a straight way from the reference's data d to those asked for, in steps as short as it takes, and gives derivatives by the
@@ -78,7 +79,6 @@ def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:
     scale, scale_v = start_units(reference)
     positions = _stage(a.problem.positions, a.positions, a.data, a.weights, scale)
     moving = np.concatenate([a.data, a.positions.y])
-    velocities = _stage(a.problem.velocities, a.velocities, moving, a.weights, scale_v)
     turns = np.zeros(a.positions.y.size)
     for c in a.problem.coordinates.all:
         turns[c.place] = float(c.turns)
@@ -86,7 +86,10 @@ def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:
     if steps > 1 and positions.solve is not None:
         began = way.travelled(began, here, asked, steps)
     q, right = way.step(began, asked)
-    v, good = velocities.step(ca.MX(ca.DM(a.velocities.y)), ca.vertcat(asked, q))
+    whole = ca.vertcat(asked, q)
+    given = _untorn(reference, moving, whole, steps)
+    velocities = _stage(a.problem.velocities, a.velocities, moving, a.weights, scale_v, list(given))
+    v, good = velocities.step(ca.MX(ca.DM(a.velocities.y)), ca.vertcat(whole, *given.values()))
     return ca.if_else(
         ca.logic_and(right, good), ca.vertcat(q, v), ca.DM.nan(reference.account.positions.y.size + a.velocities.y.size)
     )
@@ -182,15 +185,20 @@ def _called(function: ca.Function, *arguments: ca.MX) -> ca.MX:
     return function.call(list(arguments))[0]
 
 
-def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> _Stage:
-    """From a search and what it found at the reference. All that is decided or solved by numbers is without unit: y in units of `scale`,
+def _stage(
+    search: Search, found: Found, data: np.ndarray, weights: np.ndarray, scale: np.ndarray, given: Sequence[int] = ()
+) -> _Stage:
+    """From a search and what it found at the reference; values of those entries of y that are `given` stand behind the data. All that is decided or solved by numbers is without unit: y in units of `scale`,
     each row divided by the length of its derivatives at the reference, with the data that are asked for: they may have other dimensions.
     """
-    y, d = ca.SX.sym("y", found.y.size), ca.SX.sym("data", data.size)
+    y, d, values = (ca.SX.sym(name, n) for name, n in (("y", found.y.size), ("data", data.size), ("given", len(given))))
     first = ca.SX(ca.DM(found.first))
     for i, k in search.plain:
         first[i] = d[k]
-    plain = ca.Function("plain", [d], [first])
+    for k, i in enumerate(given):
+        first[i] = values[k]
+    whole = ca.vertcat(d, values)
+    plain = ca.Function("plain", [whole], [first])
     if search.residual is None:
         return _Stage(plain)
     J = search.jacobian(found.y, data) * scale
@@ -198,8 +206,16 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
     rows = search.residual(y, d)
     slopes = ca.substitute(ca.jacobian(rows, y), y, ca.SX(ca.DM(found.y)))
     c = rows / _lengths(slopes, scale, size, size == np.linalg.norm(J, axis=1))
-    U, Z = range_and_null_space(J / size[:, None])
-    square = [ca.mtimes(ca.DM(U.T), c)]
+    still = search.leading if np.array_equal(found.y[search.leading], found.first[search.leading]) else []
+    still = sorted({*still, *given})
+    follow = np.delete(np.arange(found.y.size), still)
+    if given:  # what these follow from holds as it was written, which nested rows show less well
+        by = ca.DM(ca.jacobian_sparsity(rows, y), 1).full() > 0
+        met = np.flatnonzero(by[:, list(given)].any(axis=1) & ~by[:, follow].any(axis=1)).tolist()
+        J[met], c[met, :] = 0.0, 0
+    U, Z = range_and_null_space((J / size[:, None])[:, follow])
+    Z = np.eye(found.y.size)[:, follow] @ Z
+    square = [ca.mtimes(ca.DM(U.T), c), (y[still, :] - first[still, :]) / ca.DM(scale[still])]
     if search.wish is not None:
         r, factors = search.wish(y, d, first), search.wish_weights(data, found.first, weights)[:, None]
         wished = factors * search.wish_jacobian(found.y, data, found.first) * scale
@@ -208,10 +224,39 @@ def _stage(search: Search, found: Found, data: np.ndarray, weights: np.ndarray, 
         square.append(ca.mtimes(ca.DM((factors / most * B).T), r))
         Z = Z @ still
     square.append(ca.mtimes(ca.DM(Z.T), (y - ca.DM(found.y)) / ca.DM(scale)))
-    solve = _solver(ca.vertcat(*square), y, d, ca.DM(scale))
+    solve = _solver(ca.vertcat(*square), y, whole, ca.DM(scale))
     much = ca.sumsqr(y / ca.DM(scale)) if search.what == "velocity" else 1
-    gap = folded_function("open", [y, d], [ca.sumsqr(c) - _OPEN**2 * much])
+    gap = folded_function("open", [y, whole], [ca.sumsqr(c) - _OPEN**2 * much])
     return _Stage(plain, solve, gap, search.side)
+
+
+def _untorn(reference: InitialState, here: np.ndarray, asked: ca.MX, steps: int) -> dict[int, ca.MX]:
+    """Entries of the velocities that follow from others by nonlinear blocks of scalar parts, as these were written; NaN where they cannot be found.
+
+    `here`: data of velocities, and q, at the reference.
+    """
+    a = reference.account
+    search, y = a.problem.velocities, a.velocities.y
+    begun, given = ca.MX(ca.DM(y)), dict[int, ca.MX]()
+    for i, k in search.plain:
+        begun[i] = asked[k]
+    for untorn in search.untorn:
+        z = untorn.at(y, here)
+        if z is None:
+            continue
+        block, known = untorn.block, np.concatenate([y, here])
+        scale = np.maximum(np.abs(z), block.sizes(np.concatenate([known, z]), z, np.zeros(0))[0].unknowns)
+        J = block.constraints(z, np.concatenate([known, z]))[1]
+        size = np.linalg.norm(J * scale, axis=1)
+        c = block.hard / ca.DM(np.where(size > 0, size, 1.0))
+        gap = folded_function("open", [block.unknowns.y, block.unknowns.data], [ca.sumsqr(c) - _OPEN**2])
+        stage = _Stage(gap, _solver(c, block.unknowns.y, block.unknowns.data, ca.DM(scale)), gap)
+        way, there = _Way(stage, ca.DM(0, 1)), ca.vertcat(begun, asked)
+        first = way.travelled(ca.MX(ca.DM(z)), ca.MX(ca.DM(known)), there, steps) if steps > 1 else ca.MX(ca.DM(z))
+        found, right = stage.step(first, there)
+        for k, place in untorn.torn:
+            begun[place] = given[place] = ca.if_else(right, found[k], ca.DM.nan())
+    return given
 
 
 def _solver(rows: ca.SX, y: ca.SX, d: ca.SX, scale: ca.DM) -> ca.Function:

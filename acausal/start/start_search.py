@@ -69,6 +69,11 @@ class Search:
         return [i for block in self.blocks for i in block.places]
 
     @property
+    def leading(self) -> list[int]:
+        """Unknowns that are states of scalar parts by which nonlinear equations give others."""
+        return [block.places[k] for block in self.blocks for k in block.leading]
+
+    @property
     def stride(self) -> float:
         """Velocities enter linearly, so the search may go anywhere at once."""
         return np.inf if self.what == "velocity" else STRIDE
@@ -216,8 +221,7 @@ class Search:
         sizes = self.sizes(data, self.first(data))
         scaled = sizes.scaled(J)
         off = (J @ first + by_data @ change) / sizes.rows[:, None]
-        leading = [block.places[k] for block in self.blocks for k in block.leading]
-        for still in ([leading] if leading else []) + [[]]:
+        for still in ([self.leading] if self.leading else []) + [[]]:
             kept = scaled.copy()
             kept[:, still] = 0.0
             step = np.linalg.pinv(kept, rcond=sizes.dependent) @ off

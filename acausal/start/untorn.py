@@ -15,7 +15,9 @@ from acausal.numerics.sizes import Drawn
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.block import Block
 from acausal.start.block_search import solve_block
-from acausal.start.unknowns import Unknowns
+from acausal.start.unknowns import Found, Unknowns
+
+_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -28,14 +30,23 @@ class UntornBlock:
 
     def informed(self, first: np.ndarray, data: np.ndarray, given: set[int]) -> None:
         """Puts what the other unknowns `first` (n,) lead to at the places of those that are states, but for those that are `given`."""
-        begin = self.begin.copy()
-        for k, place in self.torn:
-            begin[k] = first[place]
-        found = solve_block(self.block, np.concatenate([first, data]), begin, begin, np.zeros(0), 0.0)
+        found = self._solved(first, data)
         if found.converged:
             for k, place in self.torn:
                 if place not in given:
                     first[place] = found.y[k]
+
+    def at(self, y: np.ndarray, data: np.ndarray) -> np.ndarray | None:
+        """All unknowns at velocities y (n,) that were found; None where those that are states are others."""
+        found = self._solved(y, data)
+        same = all(abs(found.y[k] - y[place]) <= _SAME * abs(y[place]) for k, place in self.torn)
+        return found.y if found.converged and same else None
+
+    def _solved(self, y: np.ndarray, data: np.ndarray) -> Found:
+        begin = self.begin.copy()
+        for k, place in self.torn:
+            begin[k] = y[place]
+        return solve_block(self.block, np.concatenate([y, data]), begin, begin, np.zeros(0), 0.0)
 
 
 def untorn_blocks(unknowns: Unknowns, system: ReducedSystem) -> tuple[UntornBlock, ...]:
