@@ -353,6 +353,30 @@ def test_a_rocket_climbs_along_a_singular_arc() -> None:
     assert best.replay_error < 1e-3
 
 
+def test_the_largest_cost_of_all_is_no_least_one() -> None:
+    """At rest the slopes of minus the squared speed vanish; elsewhere it falls for ever."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: 0})
+    ocp.minimise(-ac.integral(scene.rail.v**2))
+    with pytest.raises(OptimalControlError, match=r"no least value.*ran away"):
+        ocp.solve(5)
+
+
+def test_what_stands_in_the_way_is_named_with_when() -> None:
+    """Too weak for so far in so short a time: the force pulls one way, then the other, to stand at the end."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: 0})
+    ocp.end({scene.rail.q: 1, scene.rail.v: 0})
+    ocp.bound(scene.force, -1, 1)
+    with pytest.raises(OptimalControlError) as failed:
+        ocp.solve(8, guesses=0)
+    said = str(failed.value)
+    assert "rail.q at 1 s" in said or "rail.q is" in said
+    assert "At its limits came: force between 0" in said and "1 s." in said
+
+
 def test_what_nothing_moves_yet_may_run_away() -> None:
     """At rest, nothing pushed: units of forces come from what inertia resists, and a cost without a least value is said to have none."""
     scene = Sledge()

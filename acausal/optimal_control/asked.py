@@ -71,6 +71,8 @@ class Total:
 
 ROOM = 1e-6
 """Of what a bound and a value are: how far apart they are before they contradict each other."""
+AS_AT_START = "as at the start: "
+"""How the names of rows begin that say of a state that it returns."""
 GIVEN = "start values"
 """The name of what is given at the start and holds with what is free there."""
 

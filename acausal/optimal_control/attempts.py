@@ -25,6 +25,8 @@ COARSE = 1e-3
 _HOPELESS = 300
 """Iterations, after which another guess is given up."""
 _BRIEFLY = {"ipopt.max_iter": _HOPELESS}
+_BESIDE, _LOWER = 1e-2, 1e-6
+"""Of the unknowns, how far beside a guess that is found stationary it begins anew; of the cost, what is lower then."""
 MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -120,6 +122,13 @@ class Searches:
         w, cost, factors, gaps, stats = search(
             problem.program, self._plugin, options, warm=warm, begin=begin, solvers=None if begin is None else self._solvers
         )
+        if stats["success"] and not warm and not stats["iter_count"]:  # slopes vanish at the largest cost, too: from beside it
+            beside = (problem.program.guess if begin is None else begin) + _BESIDE * np.random.default_rng(0).uniform(
+                -1, 1, w.size
+            )
+            again = search(problem.program, self._plugin, {**_BRIEFLY, **options}, warm=False, begin=beside)
+            if again[1] < cost - _LOWER * problem.program.unit:
+                w, cost, factors, gaps, stats = again
         self._iterations += int(stats["iter_count"])
         if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
             w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=False)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from acausal.optimal_control.attempts import COARSE, Attempt, Searches, finer
-from acausal.optimal_control.failing import bottomless
+from acausal.optimal_control.failing import bottomless, unmet
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.whole import Part
 
@@ -20,6 +20,8 @@ _CHEAP = 400_000
 """Iterations times rows: what all guesses beside the first may cost before no other is tried; a few seconds."""
 _SAME, _OFTEN = 1e-4, 3
 """Of the cost: what comes out as near as this is the same motion; so many times, and it is taken for the only one."""
+_POSSIBLE = 1e-6
+"""Of the largest of the unknowns: by how much a motion is off that is one."""
 _FINER = 2
 """How often what a coarse mesh says is looked up on a finer one."""
 
@@ -68,7 +70,14 @@ def _begun(
                 break
             tried.append(searches.elsewhere(base, guess()))
             work += tried[-1].work
+            if not tried[-1].success and _fell(tried[-1]):
+                return tried[-1]
     return _best([one for one in tried if one.success], searches, tolerance, refinements) or first
+
+
+def _fell(attempt: Attempt) -> bool:
+    """Whether its motions are possible, and there is no least cost: what was found elsewhere is none then, though slopes may vanish there, as at rest."""
+    return bottomless(attempt.problem, attempt.cost) and unmet(attempt.problem, attempt.unknowns) <= _POSSIBLE
 
 
 def _agree(tried: Sequence[Attempt]) -> bool:

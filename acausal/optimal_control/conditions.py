@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from acausal.optimal_control.asked import GIVEN, Asked, Limits
+from acausal.optimal_control.asked import AS_AT_START, GIVEN, Asked, Limits
 from acausal.optimal_control.guess import closed
 from acausal.optimal_control.layout import Layout, Rows, column_at, is_unknown
 from acausal.optimal_control.separable import Term
@@ -48,7 +48,7 @@ def conditions(asked: Asked, layout: Layout, rows: Rows, w: np.ndarray, size: np
         end = layout.node(mesh.intervals)
         for i in kept:
             if np.isfinite(asked.periodic[i]):
-                row = rows.add(asked.periodic[i], asked.periodic[i], f"as at the start: {stage.functions.state_names[i]}", 1.0)
+                row = rows.add(asked.periodic[i], asked.periodic[i], f"{AS_AT_START}{stage.functions.state_names[i]}", 1.0)
                 rows.linear += [(row, int(end[i]), 1.0), (row, i, -1.0)]
     return terms
 

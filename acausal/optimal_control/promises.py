@@ -77,15 +77,25 @@ def far_away(transcribed: Transcribed, w: np.ndarray) -> list[str]:
     return [words for _, words in sorted(found, reverse=True)]
 
 
-def pressed(transcribed: Transcribed, w: np.ndarray) -> list[str]:
-    """What came to its limits, of those that leave room, by names."""
+def pressed(transcribed: Transcribed, w: np.ndarray) -> dict[str, tuple[float, float]]:
+    """What came to its limits, of those that leave room, by names: from when to when, parts of the duration."""
     program, places = transcribed.program, transcribed.places
     g = np.array(program.values(w)[1]).ravel()
     (lower, upper), (least, most) = program.limits, program.bounds
     rows = (lower < upper) & ((g <= lower + ROOM) | (g >= upper - ROOM))
     unknowns = (least < most) & ((w <= least + ROOM) | (w >= most - ROOM))
-    found = [limits.entry(r) for k, limits, r in transcribed.asked.entries if k >= 0 and unknowns[places[:, :, k]].any()]
-    return list(dict.fromkeys([*found, *(transcribed.labels[r][0] for r in np.flatnonzero(rows).tolist())]))
+    points = transcribed.settled(w).points
+    said = [
+        (limits.entry(r), float(at))
+        for k, limits, r in transcribed.asked.entries
+        if k >= 0
+        for at in points[unknowns[places[:, :, k]]]
+    ]
+    found: dict[str, tuple[float, float]] = {}
+    for name, at in (*said, *(transcribed.labels[r] for r in np.flatnonzero(rows).tolist())):
+        first, last = found.get(name, (at, at))
+        found[name] = min(first, at), max(last, at)
+    return found
 
 
 def kinks(asked: Asked) -> list[str]:
