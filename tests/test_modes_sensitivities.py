@@ -144,7 +144,7 @@ def test_block_on_a_rough_incline_turns_back_as_its_closed_form_does_however_loo
     up, down = press * (np.tan(slope) + friction), press * (np.tan(slope) - friction)
     stop = 3.0 / up
     # x = v0^2 / (2 up) - down (t - v0 / up)^2 / 2
-    exact = turned[:, 0] * press * (-(stop**2) / 2 + stop**2 / 2 - down * stop * stop / up)
+    exact = -turned[:, 0] * press * down * stop**2 / up
     model = ac.build(scene)
     for rtol in (1e-4, 1e-5):
         found = model.sensitivities([0.0, 2 * stop], [scene.friction], start, rtol=rtol)[place.position][-1]
@@ -329,6 +329,34 @@ def test_impacts_without_end_are_refused() -> None:
     scene = Ball(0.3)
     with pytest.raises(ac.errors.SimulationError, match=r"floor .* comes to rest here by impacts without end"):
         ac.build(scene).sensitivities([0.0, 2.0], [scene.restitution], {scene.mass.s: 1.0, scene.mass.v: 0.0})
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (Hard(ac.Newton(0.8), Coulomb(0.3)), "strikes by another law than Poisson's"),
+        (Hard(0.8, Coulomb(0.3, restitution=0.5)), r"brings slips back when it strikes \(restitution of Coulomb\)"),
+    ],
+)
+def test_impacts_whose_derivatives_are_not_known_say_why(law: Hard, words: str) -> None:
+    scene = ac.System()
+    scene.world, scene.ball, scene.contact = World(), RigidBody.ball(1.0, 0.1), Contact(Sphere(0.1), Plane(), law)
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    start = {frame.position: (0, 0, 0.5), frame.velocity: (1, 0, 0), frame.angular_velocity: (0, -60, 0)}
+    with pytest.raises(ac.errors.SimulationError, match="contact.* " + words):
+        ac.build(scene).sensitivities([0.0, 0.5], [frame.velocity], start)
+
+
+def test_belt_whose_speed_jumps_in_a_comparison_has_no_derivatives_and_says_so() -> None:
+    scene = ac.System()
+    scene.sliding, scene.mass = ac.Parameter(0.5, "N"), SlidingMass(1.0)
+    scene.rub = Rub(scene.sliding, 1.0, ca.if_else(ac.time > 0.5, -0.3, 0.3))
+    scene.connect(scene.mass.flange_a, scene.rub.flange)
+    start = {scene.mass.s: 0.0, scene.mass.v: 0.3}
+    with pytest.raises(ac.errors.SimulationError, match=r"rub .*meets what jumps here"):
+        ac.build(scene).sensitivities([0.0, 1.0], [scene.sliding], start)
 
 
 def test_impacts_of_bodies_that_fall_together_are_named() -> None:

@@ -250,8 +250,13 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
     memcpy(rate, D->rate, sizeof(double) * (size_t)n);
     memcpy(met, D->rate, sizeof(double) * (size_t)n);
     for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || is_plain(D, i);
-    for (long f = 0; f < D->frictions; f++) plain &= D->back[f] == 0;
-    if (I->directions && (!plain || I->patches)) return NO_DERIVATIVES;
+    for (long f = 0; f < D->frictions; f++) plain &= !R.touching[D->gaps + f] || D->back[f] == 0;
+    for (long law = 0; law < D->gaps + D->frictions && I->directions; law++) {
+        if (law >= D->gaps && rows_of(D, law - D->gaps) > 2) return not_derived(I, law, OF_PATCH);
+        if (!R.touching[law]) continue;
+        if (law < D->gaps && !is_plain(D, law)) return not_derived(I, law, OTHER_LAW);
+        if (law >= D->gaps && D->back[law - D->gaps] != 0) return not_derived(I, law, BRINGS_BACK);
+    }
     for (long blows = 0; blows < (plain ? 1 : BLOWS * D->gaps); blows++) {
         long closes = plain, together = plain; /* where all strike together, what touches is asked only once */
         for (long i = 0; i < D->gaps; i++) {

@@ -61,6 +61,12 @@ static long law_of_row(const Integrator *I, long row) {
     return row < 0 ? 0 : law < gaps + frictions_of(I) ? law : gaps;
 }
 
+/* Derivatives end at a law. */
+static enum Code not_derived(Integrator *I, long law, enum Obstacle obstacle) {
+    I->worst = law, I->other = obstacle;
+    return NO_DERIVATIVES;
+}
+
 static int make_zeno(Integrator *I);
 static int make_saltation(Integrator *I);
 static int make_margin(Integrator *I);
@@ -207,6 +213,14 @@ static int has_turned(const Integrator *I, const Decision *D) {
     return 0;
 }
 
+/* The law that a reaction obeys. */
+static long law_of_reaction(const Decision *D, long j) {
+    long law = D->gaps;
+    if (j < D->gaps) return j;
+    while (law + 1 < D->gaps + D->frictions && row_of(D, law + 1 - D->gaps) <= j) law++;
+    return law;
+}
+
 /* A switch has gone over: modes are decided anew where a gap, a rate or a direction has jumped by that; `before`: whether there was something to decide anyway. REACHED_END,
    or why not: derivatives do not go through it. */
 static enum Code look_after_switch(Integrator *I, int before) {
@@ -217,8 +231,7 @@ static enum Code look_after_switch(Integrator *I, int before) {
     while (k < D.gaps + D.n && !has_jumped(I, &D, k)) k++;
     if (k == D.gaps + D.n) T->crossed = before || (D.n > 0 && !I->directions && has_turned(I, &D));
     else if (I->directions) {
-        I->worst = k % D.gaps;
-        return NO_DERIVATIVES;
+        return not_derived(I, k < D.gaps ? k : law_of_reaction(&D, k - D.gaps), JUMPS);
     }
     return REACHED_END;
 }
@@ -809,10 +822,7 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     struct State *T = I->state;
     long n = D->n, *in = T->rests + D->gaps;
     double *free = T->blow, *first = T->blow + n, h = T->rest_t - I->t;
-    if (I->directions) {
-        I->worst = row >= 0 && row < D->gaps ? row : 0;
-        return NO_DERIVATIVES;
-    }
+    if (I->directions) return not_derived(I, row >= 0 && row < D->gaps ? row : 0, WITHOUT_END);
     memcpy(free, D->free, sizeof(double) * (size_t)n);
     memcpy(first, rate, sizeof(double) * (size_t)n);
     find_island(I, D, R.touching, in);

@@ -93,8 +93,7 @@ _OF_MODES = {
     ),
     Code.NO_DERIVATIVES: (
         StatusKind.NO_DERIVATIVES,
-        "{0} comes to rest here by impacts without end, or strikes by another law than Poisson's, and derivatives through these are not known. Ask for times before, "
-        "let it not bounce at all (restitution 0), or give its restitution as a number.",
+        "{0} {1}",
     ),
     Code.TIED: (
         StatusKind.TIED,
@@ -113,6 +112,14 @@ _OF_MODES = {
     ),
 }
 
+_OBSTACLES = (
+    "comes to rest here by impacts without end, and derivatives through these are not known. Ask for times before, or let it not bounce at all (restitution 0).",
+    "strikes by another law than Poisson's, and derivatives through that are not known. Ask for times before, or give its restitution as a number.",
+    "brings slips back when it strikes (restitution of Coulomb), and derivatives through that are not known. Ask for times before, or leave that restitution out.",
+    "strikes with the friction of a patch, and derivatives through that are not known. Ask for times before, or give friction without a patch.",
+    "meets what jumps here, in a comparison or a table, and derivatives through that are not known. Ask for times before, or let it change without jumps.",
+)
+"""What derivatives do not go through: `enum Obstacle` of runtime.h."""
 
 _OF_SETS = {
     Code.SETS_NO_NUMBER: "{0} sets {1} to what is no number there. Look at its formula: a division by zero, a root of what is negative.",
@@ -539,7 +546,13 @@ class Run:
         modes = self.native.integrand.modes
         if code in _OF_MODES and modes is not None:
             kind, message = _OF_MODES[code]
-            other = modes.all_words[core.other] if code == Code.TIED else ""
+            other = (
+                modes.all_words[core.other]
+                if code == Code.TIED
+                else _OBSTACLES[core.other]
+                if code == Code.NO_DERIVATIVES
+                else ""
+            )
             return Outcome(Status(kind, core.t, message.format(modes.all_words[core.worst], other)))
         if code in _OF_SETS and modes is not None and modes.set is not None:
             words = modes.set.words[core.worst], modes.set.target_words[core.other]

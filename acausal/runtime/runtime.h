@@ -68,7 +68,7 @@ enum Code {
     OVERLAPS,        /* one-sided row `worst` is violated where the motion begins */
     NO_MODE,         /* no masks fit: row `worst` is where it shows */
     CHATTERS,        /* modes change and change again in one instant: row `worst` */
-    NO_DERIVATIVES,  /* impacts of row `worst` end that are infinitely many, or follow another law than Poisson's */
+    NO_DERIVATIVES,  /* law `worst` does what they do not go through: `other`, an `enum Obstacle` */
     SETS_NO_NUMBER,  /* guard `worst` sets target `other` to what is no number */
     SETS_TWICE,      /* it sets what target `other` is in the same instant, to something else */
     SETS_BOUND,      /* it sets target `other`, and constraints do not let it be so */
@@ -77,6 +77,9 @@ enum Code {
     SETS_APART,      /* row `worst` of locks is held, and does not meet: by `apart` */
     FALLS            /* the gap of one-sided row `worst` is negative in the middle of the motion, by `apart` */
 };
+
+/* What derivatives do not go through. */
+enum Obstacle { WITHOUT_END, OTHER_LAW, BRINGS_BACK, OF_PATCH, JUMPS };
 
 struct Programs;
 
