@@ -5,12 +5,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import root
+from scipy.optimize import brentq, root
 
 import acausal as ac
+from components import Capacitor, Diode, Ground, Resistor, VoltageSource
 
 LAWS: dict[str, Callable] = {
     "sinh": lambda y, d: y + np.sinh(d * y),
@@ -97,3 +99,32 @@ def test_functions_find_the_start_at_other_parameters_as_a_run_does(seed: int):
         assert [run[name][0] for name in names] == pytest.approx(
             np.append(drawn.start, drawn.found(drawn.start, value)), rel=1e-8
         )
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-11])
+def test_what_follows_from_others_jumps_with_a_source(rtol: float):
+    """A diode beside a capacitor behind resistors: its voltage jumps with a square wave that stands in no rate, only in what it follows from."""
+    scene = ac.System()
+    scene.ground, scene.wire, scene.diode = Ground(), Resistor(100.0), Diode(1e-9, 0.05)
+    scene.source = VoltageSource(ca.if_else(ca.sin(100 * np.pi * ac.time) >= 0, 5.0, -3.5))
+    scene.load, scene.store = Resistor(1e3), Capacitor(2e-5)
+    scene.connect(scene.source.pin_a, scene.wire.pin_a)
+    scene.connect(scene.wire.pin_b, scene.diode.pin_a, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.store.pin_a)
+    scene.connect(scene.ground.pin, scene.source.pin_b, scene.diode.pin_b, scene.store.pin_b)
+    model = ac.build(scene)
+    run = model.simulate(0.04, rtol=rtol, samples=9)
+    assert model.state_names == ("store.v", "diode.v")
+
+    def node(v: float, source: float) -> float:
+        return brentq(lambda x: (source - x) / 100 - 1e-9 * np.expm1(x / 0.05) - (x - v) / 1e3, -6, 1.2, xtol=1e-15, rtol=1e-14)
+
+    v = 0.0
+    for half in range(4):
+        source = -3.5 if half % 2 else 5.0
+        found = solve_ivp(
+            lambda t, y, s=source: [(node(y[0], s) - y[0]) / 0.02], (0, 0.01), [v], "Radau", [0.005, 0.01], rtol=1e-11, atol=1e-13
+        ).y[0]
+        assert run[scene.store.v][2 * half + 1 : 2 * half + 3] == pytest.approx(found, abs=max(100 * rtol * 1e-2, 1e-10))
+        assert run[scene.diode.v][2 * half + 1] == pytest.approx(node(found[0], source), abs=max(100 * rtol, 1e-9))
+        v = found[1]

@@ -77,6 +77,11 @@ def switching(given: Function, *others: Function) -> Switching | None:
     )
 
 
+def has_switches(function: ca.Function) -> bool:
+    """Whether an SX function switches anywhere."""
+    return any(function.instruction_id(k) in _SWITCHES for k in range(function.n_instructions()))
+
+
 def switches(expression: ca.SX, operations: Collection[int]) -> list[ca.SX]:
     """Every operation of these kinds inside an expression."""
     stack, seen, found = [expression[i] for i in range(expression.numel())], set[int](), list[ca.SX]()

@@ -22,7 +22,7 @@ from acausal.language.flatten import Part
 from acausal.language.when import when
 from acausal.numerics.folding import folded_function
 from acausal.numerics.staged import Function, Staged, operations_of, operations_of_systems, systems_of
-from acausal.numerics.switching import switching
+from acausal.numerics.switching import has_switches, switching
 from acausal.outputs.borders import Border, borders
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
@@ -327,6 +327,9 @@ class Functions:
     def _integrand(self, modes: ModeFunctions | None) -> Integrand:
         rates = self.staged_dynamics
         held = () if modes is None else (modes.guards, modes.decision)
+        if self.invariants is not None and has_switches(self.invariants):
+            t, x, u, p = (ca.SX.sym(name, rates.size1_in(k)) for k, name in enumerate("txup"))
+            held += (ca.Function("invariants", [t, x, u, p], [ca.densify(self.invariants(t, x, p))], [*"txup"], ["c"]),)
         return Integrand(
             rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, *held), modes,
         )  # fmt: skip

@@ -112,7 +112,8 @@ static int cross_knot(Integrator *I) {
     I->t = fmin(I->end, T->knot + aside(I, T->knot));
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
-    return !I->held || agree(I, I->t, I->x, 1);
+    if (I->held && !agree(I, I->t, I->x, 1)) return 0;
+    return !I->ng || present(&I->clearance) || jump_along(I, 0, NULL);
 }
 
 /* Where the next step must end: before the next knot that lies ahead, or at the end. */

@@ -73,7 +73,10 @@ _STATUS = {
     Code.REACHED_END: (StatusKind.SUCCESS, ""),
     Code.STEP_UNDERFLOW: (StatusKind.STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here."),
     Code.NON_FINITE: (StatusKind.NON_FINITE, "A rate became infinite or not a number."),
-    Code.NOT_CONVERGED: (StatusKind.NOT_CONVERGED, "The stage equations did not converge; use a smaller step."),
+    Code.NOT_CONVERGED: (
+        StatusKind.NOT_CONVERGED,
+        "The stage equations did not converge (use a smaller step), or those by which something jumps with a source or a law (let it rise in a short time).",
+    ),
     Code.TOO_MANY_STEPS: (StatusKind.MAX_STEPS, "{0} steps were not enough."),
 }
 

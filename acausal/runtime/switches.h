@@ -10,6 +10,7 @@
 #define OVERS 3       /* times that a switch goes over in one instant; from then on more and more counts as rounding */
 #define ENDLESS 9     /* times that tell that it slides */
 #define LANDINGS 8    /* tries to end a step where a switch goes over */
+#define KEPT 1e-12    /* of their sizes: corrections of states that obey their equations */
 #define BACK 1e-3     /* of a step: how far before its end a row's slope is taken from */
 #define NEAR_END 0.75   /* of a step: ends that lie before that are looked for again, since the inside of a shorter step is known better */
 #define FAR_END 0.25
@@ -223,6 +224,71 @@ static int go_over_together(Integrator *I, long row, double shift, const double 
     return 1;
 }
 
+#define BARELY 8     /* units in the last place of a time: how much later the other side is looked for first */
+#define CORRECTED 20000 /* corrections that what nonlinear equations give may need where it jumps */
+#define SHORTER_BY 50 /* halvings of one of them */
+
+/* The correction of x at time t, `by` (nx), the largest part of a size in it, and of the invariants that are left there; infinite where there is none. */
+static void correction_at(Integrator *I, double t, const double *x, double *by, double *part, double *left) {
+    struct State *T = I->state;
+    V *in = T->projection_in, *out = T->projection_out;
+    in[0] = v_all(t);
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
+    run_masked(I, OF_PROJECTION, in, T->projection_c, out);
+    *part = *left = 0;
+    for (long i = 0; i < I->nx; i++) {
+        by[i] = out[i][0] - x[i];
+        double share = fabs(by[i]) / fmax(fmax(T->size[i], fabs(x[i])), NOTHING);
+        *part = by[i] == 0 ? *part : share < INFINITY ? fmax(*part, share) : INFINITY;
+    }
+    for (long j = 0; j < I->ng; j++) *left = fabs(out[I->nx + j][0]) < INFINITY ? fmax(*left, fabs(out[I->nx + j][0])) : INFINITY;
+}
+
+/* Where sides have gone over, or inputs have jumped, what nonlinear equations give by other states jumps with them: by corrections that are shortened until less
+   is left of the equations, or at least of the correction (Deuflhard, Newton Methods for Nonlinear Problems, 3.3). `rates`: of the states, on the new side,
+   which is seen `latest` later at most; NULL where it is seen already. 0 where it is not found. */
+static int jump_along(Integrator *I, double latest, const double *rates) {
+    struct State *T = I->state;
+    double *x = T->before, *by = T->increment, *trial = T->change_left, *next = T->most_left, later = rates ? BARELY * EPS * fmax(fabs(I->t), latest) : 0, part, left;
+    memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
+    for (int same = !rates; !same; later *= 4) { /* the kernel sees for itself on which side it is */
+        for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * rates[i];
+        if (!true_sides(I, I->t + later, x)) return 0;
+        same = 1;
+        for (long k = I->masks; k < I->held; k++) same &= T->sides_out[k - I->masks][0] == T->side[k];
+        if (same) break;
+        if (later > latest) return 1;
+    }
+    give_masks(I, T->side);
+    correction_at(I, I->t + later, x, by, &part, &left);
+    if (part <= KEPT) return 1;
+    for (int k = 0; k < CORRECTED && part > 2 * EPS; k++) {
+        double length = 1, then, there;
+        int good = 0;
+        if (!(part < INFINITY)) return 0;
+        for (int n = 0; n < SHORTER_BY && !good; n++, length *= 0.5) {
+            for (long i = 0; i < I->nx; i++) trial[i] = x[i] + length * by[i];
+            correction_at(I, I->t + later, trial, next, &then, &there);
+            good = then < INFINITY && there < INFINITY && (there <= (1 - 0.25 * length) * left || then <= 0.5 * part || then <= 2 * EPS);
+        }
+        if (!good) {
+            if (part > KEPT) return 0;
+            break;
+        }
+        memcpy(x, trial, sizeof(double) * (size_t)I->nx);
+        memcpy(by, next, sizeof(double) * (size_t)I->nx);
+        part = then, left = there;
+    }
+    if (part > KEPT) return 0;
+    for (long i = 0; i < I->nx; i++) {
+        I->x[i] = rates ? x[i] - later * rates[i] : x[i];
+        T->size[i] = fmax(T->size[i], fabs(I->x[i]));
+    }
+    memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
+    memcpy(I->states + (I->steps - I->first) * I->nx, I->x, sizeof(double) * (size_t)I->nx); /* with which the next step begins */
+    return 1;
+}
+
 /* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
 static enum Code go_over(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
@@ -247,6 +313,10 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     new = T->side[k];
     for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
     if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
+    if (I->ng && !present(&I->clearance)) {
+        if (!jump_along(I, 0.1 * BACK * L->planned, after)) return NOT_CONVERGED;
+        if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
+    }
     for (long i = 0; i < I->nx; i++) jump = fmax(jump, fabs(after[i] - before[i]) * L->planned / T->scale[i]);
     T->side[k] = old; /* rows are those that are held until now */
     if (I->directions && !jump_directions(I, L->row, 0.1 * BACK * L->planned, before, after)) return INPUT_FAILED;

@@ -71,11 +71,26 @@ def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol:
     as_found = values[:, :_LOOKS]
     changes = np.abs(values[:, _LOOKS:] - as_found)
     spread = np.maximum.reduce(changes, axis=1)
+    if not np.isfinite(as_found[2:]).all() and np.isfinite(run.steps.x[:, some]).all():
+        _has_no_constraints(functions, run)
+        return
     if not math.isfinite(np.add.reduce(spread)):
         return
     doubtful = spread.size > 2 and (np.maximum.reduce(np.abs(as_found[2:]), axis=1) > _LOOSE * spread[2:]).any()
     if not (doubtful and _leaves_constraints(functions, run, sizes)) and functions.energy_told:
         _look_at_energy(functions, run, sizes, some, as_found[0], as_found[1], changes[0] + changes[1])
+
+
+def _has_no_constraints(functions: Functions, run: Trajectory) -> None:
+    """Warn that invariants are no numbers: nobody knows then whether they hold."""
+    off = ~np.isfinite(at_steps(functions, run, functions.watched)[2:])
+    row, begin = int(np.argmax(off.any(axis=1))), int(np.argmax(off.any(axis=0)))
+    warnings.warn(
+        f"From t = {run.steps.t[begin]:.6g} s on nothing says whether the motion keeps its constraints: {condition(functions, row)} is no number there. "
+        "What nonlinear equations give may have jumped with a source or a law. The motion from there on is not reliable; give jumps a short time to rise, "
+        "or look at run.constraint_error().",
+        AccuracyWarning, stacklevel=callers_level(),
+    )  # fmt: skip
 
 
 def _looks(t: np.ndarray) -> np.ndarray:
