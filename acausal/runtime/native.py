@@ -75,7 +75,7 @@ _STATUS = {
     Code.NON_FINITE: (StatusKind.NON_FINITE, "A rate became infinite or not a number."),
     Code.NOT_CONVERGED: (
         StatusKind.NOT_CONVERGED,
-        "The stage equations did not converge (use a smaller step), or those by which something jumps with a source or a law (let it rise in a short time).",
+        "The stage equations did not converge; use a smaller step.",
     ),
     Code.TOO_MANY_STEPS: (StatusKind.MAX_STEPS, "{0} steps were not enough."),
 }

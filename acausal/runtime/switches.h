@@ -246,7 +246,7 @@ static void correction_at(Integrator *I, double t, const double *x, double *by, 
 
 /* Where sides have gone over, or inputs have jumped, what nonlinear equations give by other states jumps with them: by corrections that are shortened until less
    is left of the equations, or at least of the correction (Deuflhard, Newton Methods for Nonlinear Problems, 3.3). `rates`: of the states, on the new side,
-   which is seen `latest` later at most; NULL where it is seen already. 0 where it is not found. */
+   which is seen `latest` later at most; NULL where it is seen already. Where that is not found they stay. 0 when the input function failed. */
 static int jump_along(Integrator *I, double latest, const double *rates) {
     struct State *T = I->state;
     double *x = T->before, *by = T->increment, *trial = T->change_left, *next = T->most_left, later = rates ? BARELY * EPS * fmax(fabs(I->t), latest) : 0, part, left;
@@ -265,21 +265,21 @@ static int jump_along(Integrator *I, double latest, const double *rates) {
     for (int k = 0; k < CORRECTED && part > 2 * EPS; k++) {
         double length = 1, then, there;
         int good = 0;
-        if (!(part < INFINITY)) return 0;
+        if (!(part < INFINITY)) return 1;
         for (int n = 0; n < SHORTER_BY && !good; n++, length *= 0.5) {
             for (long i = 0; i < I->nx; i++) trial[i] = x[i] + length * by[i];
             correction_at(I, I->t + later, trial, next, &then, &there);
             good = then < INFINITY && there < INFINITY && (there <= (1 - 0.25 * length) * left || then <= 0.5 * part || then <= 2 * EPS);
         }
         if (!good) {
-            if (part > KEPT) return 0;
+            if (part > KEPT) return 1;
             break;
         }
         memcpy(x, trial, sizeof(double) * (size_t)I->nx);
         memcpy(by, next, sizeof(double) * (size_t)I->nx);
         part = then, left = there;
     }
-    if (part > KEPT) return 0;
+    if (part > KEPT) return 1;
     for (long i = 0; i < I->nx; i++) {
         I->x[i] = rates ? x[i] - later * rates[i] : x[i];
         T->size[i] = fmax(T->size[i], fabs(I->x[i]));
@@ -314,7 +314,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
     if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
     if (I->ng && !present(&I->clearance)) {
-        if (!jump_along(I, 0.1 * BACK * L->planned, after)) return NOT_CONVERGED;
+        if (!jump_along(I, 0.1 * BACK * L->planned, after)) return INPUT_FAILED;
         if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
     }
     for (long i = 0; i < I->nx; i++) jump = fmax(jump, fabs(after[i] - before[i]) * L->planned / T->scale[i]);

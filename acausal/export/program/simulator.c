@@ -254,7 +254,7 @@ static const char *in_words(simulator_status status) {
     case SIMULATOR_STOPPED: return "An event ended the motion.";
     case SIMULATOR_STEP_UNDERFLOW: return "The step size fell to rounding: the motion may be singular here.";
     case SIMULATOR_NON_FINITE: return "A rate became infinite or not a number.";
-    case SIMULATOR_NOT_CONVERGED: return "The stage equations did not converge (use a smaller step), or those by which something jumps with a source or a law (let it rise in a short time).";
+    case SIMULATOR_NOT_CONVERGED: return "The stage equations did not converge; use a smaller step.";
     case SIMULATOR_FAILED_INPUT: return "The inputs could not be computed.";
     case SIMULATOR_OUT_OF_MEMORY: return "Not enough memory.";
     case SIMULATOR_OPEN_START: return "The start does not close the loops, or none can be assembled with these values.";
