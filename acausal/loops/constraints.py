@@ -119,7 +119,16 @@ class Constraints:
 
     def met(self, q: np.ndarray) -> bool:
         """Whether the loops were looked at along the motions from a configuration (nq,), as far as is known."""
-        return all(part.met(q[list(part.group.q_places)]) for part in self.examined)
+        key = q.tobytes()
+        found = key in self._met or all(part.met(q[list(part.group.q_places)]) for part in self.examined)
+        if found:
+            self._met[:] = [key]
+        return found
+
+    @functools.cached_property
+    def _met(self) -> list[bytes]:
+        """Where this was found last: what is known only grows."""
+        return []
 
     def learn(self, other: Constraints | None) -> None:
         """What was decided alike along the motions from another configuration; None where nothing can be decided."""
