@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import chain
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -48,6 +49,10 @@ class _Step(NamedTuple):
     to: tuple[int, ...] = ()
     of: tuple[int, ...] = ()
     place: int = 0
+
+
+_step: Callable[[type[_Step], tuple[Any, ...]], _Step] = tuple.__new__
+"""A step of all it has: there are tens of thousands."""
 
 
 def program(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
@@ -153,9 +158,9 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
         for a in of:
             if a not in made:
                 bring(a)
-        steps.append(_Step(code, to, of, value.place))
-        made.update(to)
+        steps.append(_step(_Step, (code, to, of, value.place)))
         for v in to:
+            made.add(v)
             if v in outputs:
                 stores(v)
     return steps
@@ -167,20 +172,20 @@ def _factors(product: Value) -> tuple[int, int]:
 
 def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -> dict[int, tuple[int, tuple[int, int]]]:
     """value -> (product that nothing else needs, (operation on both, other operand))."""
-    uses: dict[int, int] = {}
+    uses = [0] * len(values)
     for i in inside:
         for a in values[i].args:
-            uses[a] = uses.get(a, 0) + 1
-    single = {i for i in inside if values[i].code in _PRODUCTS and uses.get(i) == 1 and i not in asked}
+            uses[a] += 1
+    single = {i for i in inside if uses[i] == 1 and values[i].code in _PRODUCTS and i not in asked}
     found: dict[int, tuple[int, tuple[int, int]]] = {}
     taken: set[int] = set()
     for i in inside:
         if i in taken:
             continue
-        code, args = values[i].code, values[i].args
+        code = values[i].code
         if code not in _SUMS:
             continue
-        one, other = args
+        one, other = values[i].args
         if one in single and one not in found:
             found[i] = one, (_SUMS[code][0], other)
             taken.add(one)
@@ -193,11 +198,14 @@ def _absorbed(values: Sequence[Value], inside: Sequence[int], asked: set[int]) -
 def _placed(steps: list[_Step], lasting: dict[int, int], rooms: _Rooms) -> tuple[list[_Row], int]:
     """Statements with places in the frame; a place is used again once its value is dead, but for those of systems. Also the places that are needed."""
     last: dict[int, int] = {}
-    for k, step in enumerate(steps):
-        for v in (*step.to, *step.of):
+    for k, (_, to, of, _) in enumerate(steps):
+        for v in of:
             last[v] = k
-    place = dict(lasting)
-    stays = {*lasting, *rooms.slots}
+        for v in to:
+            last[v] = k
+    for v in (*lasting, *rooms.slots):
+        last[v] = len(steps)  # stays
+    place, slots = dict(lasting), rooms.slots
     free: list[int] = []
     size = rooms.end
     system = -1
@@ -210,32 +218,35 @@ def _placed(steps: list[_Step], lasting: dict[int, int], rooms: _Rooms) -> tuple
             continue
         if code == ANSWER:
             place[to[0]] = rooms.answer(system, where)
-            stays.add(to[0])
+            last[to[0]] = len(steps)
             continue
         operands = [place[v] for v in of]
-        for v in {*of}:
-            if last[v] == k and v not in stays:
+        for v in of:
+            if last[v] == k:
                 free.append(place[v])
+                last[v] = -1  # once, where a value is both operands
         for v in to:
-            if v in rooms.slots and v not in place:
-                place[v] = rooms.slots[v][0]
             if v not in place:
-                if not free:
-                    free.append(size)
+                if v in slots:
+                    place[v] = slots[v][0]
+                elif free:
+                    place[v] = free.pop()
+                else:
+                    place[v] = size
                     size += 1
-                place[v] = free.pop()
-        results = [place[v] for v in to]
-        free += [place[v] for v in to if last[v] == k and v not in stays]
         if code == _LOAD:
-            rows.append(_row(_LOAD, results[0], where))
+            rows.append(_row(_LOAD, place[to[0]], where))
         elif code == _STORE:
             rows.append(_row(_STORE, where, operands[0]))
         elif code == _SINCOS:
-            rows.append(_row(_SINCOS, results[0], operands[0], results[1]))
+            rows.append(_row(_SINCOS, place[to[0]], operands[0], place[to[1]]))
         else:
-            rows.append(_row(code, results[0], *operands))
+            rows.append(_row(code, place[to[0]], *operands))
         for v in to:
-            rows += [_row(_MOVE, slot, place[v]) for slot in rooms.slots.get(v, ()) if slot != place[v]]
+            if last[v] == k:
+                free.append(place[v])
+            elif v in slots:
+                rows += [_row(_MOVE, slot, place[v]) for slot in slots[v] if slot != place[v]]
     return rows, size
 
 
@@ -249,7 +260,7 @@ def _number(place: int, value: Value) -> _Row:
 
 def _scaled(rows: Sequence[_Row], lanes: int) -> np.ndarray:
     """Places in bytes."""
-    table = np.array(rows, dtype=np.int32)
+    table = np.fromiter(chain.from_iterable(rows), np.int32, _WIDTH * len(rows)).reshape(-1, _WIDTH)
     table[:, 1] *= 8 * lanes
     table[(table[:, 0] != NUMBER) & (table[:, 0] != _SYSTEM), 2:] *= 8 * lanes
-    return np.ascontiguousarray(table)
+    return table
