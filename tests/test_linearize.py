@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal.errors import OptionError, StartValueError, UnknownVariableError
@@ -445,3 +446,26 @@ def test_a_bicycle_is_stable_between_weave_and_capsize_speed(rolling_bicycle):
     capsize = brentq(lambda v: np.linalg.det(rolling_bicycle(v).A), 5.5, 6.5, xtol=1e-14, rtol=1e-14)
     assert weave == pytest.approx(WEAVE, abs=1e-11) and capsize == pytest.approx(CAPSIZE, abs=1e-11)
     assert [rolling_bicycle(v).stability for v in (4.2, 5.0, 6.1)] == ["unstable", "asymptotically stable", "unstable"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_body_on_a_ball_joint_swings_the_same_whatever_the_attitudes_of_frames(seed):
+    """Moments of weight against inertia about the point of suspension; the four numbers of an attitude have no freedom less than three."""
+    rng = np.random.default_rng(seed)
+    (principal, placed, at_body, at_world), down = Rotation.random(4, rng).as_matrix(), np.array([0, 0, -rng.uniform(0.2, 2.0)])
+    mass, weight = rng.uniform(0.1, 10.0, 2)
+    own = mass * (down @ down) * principal @ np.diag(rng.uniform(0.5, 0.7, 3)) @ principal.T
+    scene = ac.System()
+    scene.world = World((0, 0, -weight / mass))
+    scene.body = RigidBody(mass, placed.T @ own @ placed, tuple(placed.T @ down), rotation=placed)
+    scene.joint = Spherical()
+    scene.connect(scene.world.at((0, 0, 0), at_world), scene.joint.frame_a)
+    scene.connect(scene.joint.frame_b, scene.body.at((0, 0, 0), at_body))
+    about = own + mass * (down @ down * np.eye(3) - np.outer(down, down))
+    square = np.linalg.eigvals(np.linalg.solve(about, -weight * down[2] * np.diag([1.0, 1.0, 0.0]))).real
+    linear = ac.build(scene).linearize()
+    assert linear.stability == "neutral"
+    expected = np.sqrt(np.sort(square)[1:])
+    assert np.sort(np.abs(linear.eigenvalues.imag)) == pytest.approx(
+        np.repeat([0, *expected], 2), rel=1e-7, abs=1e-6 * expected[0]
+    )

@@ -88,19 +88,20 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     singular = singular_loops(functions, at.t, at.x, at.p)
     if singular:
         raise OptionError(f"{singular} Choose a point beside it.")
-    units = tuple(sorted(unit_quaternions(s.position_invariants, s.x[: s.nq, :]).values()))
+    lengths = unit_quaternions(s.position_invariants, s.x[: s.nq, :])  # which turns do not change
+    units = tuple(sorted(lengths.values()))
     coordinates = ChartCoordinates(s.x.numel(), units)
     names = coordinates.names(functions.state_names, "rotation")
-    places, speeds = held_by(s)
+    every, speeds = held_by(s)
+    places = every[[k for k in range(every.numel()) if k not in lengths], :]
     invariants = Differentiable(s, ca.vertcat(places, speeds))
     x_dot = Differentiable(s, s.x_dot)
     sizes = sizes_at(s, x_dot, at)
     G, size = invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places)
     rows, nq = places.numel(), s.nq - len(units)
+    joints = s.position_invariants.numel() - len(lengths)
     positions = independent_entries(_scaled(G[:rows, :nq], size[:nq])).free
-    scalar = [
-        k for k in range(s.position_invariants.numel(), rows) if not G[k, :nq].any()
-    ]  # gaps of scalar parts, whose positions come later
+    scalar = [k for k in range(joints, rows) if not G[k, :nq].any()]  # gaps of scalar parts, whose positions come later
     later = [*scalar, *range(rows, G.shape[0])]
     rates = independent_entries(_scaled(G[later, nq:], size[nq:]), preferred=_matching(s, coordinates, positions)).free
     free = (*positions, *(nq + i for i in rates))
