@@ -10,7 +10,9 @@ from acausal.errors import EquilibriumError, OptionError, StartValueError, Unkno
 from components import (
     AngleSource,
     Fixed,
+    ParametricCurve,
     Particle,
+    PointOnCurve,
     Prismatic,
     Revolute,
     RigidBody,
@@ -18,6 +20,7 @@ from components import (
     RollingDisk,
     Spherical,
     Spring,
+    SpringDamper,
     TorqueSource,
     World,
 )
@@ -291,3 +294,22 @@ def test_speeds_of_the_start_that_are_none_of_rest_are_named():
     said = str(model.equilibrium({scene.shoulder.q: 0.2, scene.elbow.v: 8.0}))
     assert "speeds of the start are not kept: elbow.v; for a steady motion" in said
     assert "steady=" not in str(model.equilibrium({scene.shoulder.q: 0.2}))
+
+
+def test_no_equilibrium_is_where_a_part_has_no_meaning():
+    """A spring pulls a bead along a parabola z = x^2 / 5 to the nearest place of the curve; where the curve has ended before, there is none."""
+    for anchor, rests in ((0.5, True), (3.0, False)):
+        scene = ac.System()
+        scene.world, scene.bead, scene.spring = World((0, 0, 0)), Particle(1.0), SpringDamper(10.0, 0.0, 1.0)
+        scene.guide = PointOnCurve(ParametricCurve(lambda s: (s, 0, s**2 / 5), ends=(-1.0, 1.0)))
+        scene.connect(scene.world.frame, scene.guide.frame_a)
+        scene.connect(scene.guide.frame_b, scene.bead.point)
+        scene.connect(scene.world.at((anchor, 0, 0)), scene.spring.point_a)
+        scene.connect(scene.bead.point, scene.spring.point_b)
+        model = ac.build(scene)
+        if rests:
+            x = model.equilibrium()[scene.bead.point.position][0]
+            assert x + 2 * x**3 / 25 == pytest.approx(anchor, rel=1e-12)
+        else:
+            with pytest.raises(EquilibriumError, match=r"'guide' .* has no meaning. The curve ends there"):
+                model.equilibrium()

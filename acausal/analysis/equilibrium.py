@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.one_thread import on_one_thread
+from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
@@ -180,13 +181,19 @@ def _found(
     s = functions.outputs.system
     hard, soft, x_dot = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft), Differentiable(s, s.x_dot)
     search = _search(given, hard, soft, sizes_at(s, x_dot, began), s.nq)
+
+    def beyond(found: Root) -> Border | None:
+        there = given.at(found.z)
+        return functions.beyond(there.t, there.x, there.u, there.p) if found.converged else None
+
     found = search(_moving_as_asked(s, given, wanted.motion, search) if steady else given.z)
-    if not found.converged and not steady:
+    border = beyond(found)
+    if (not found.converged or border) and not steady:
         found = search(_let_down(functions, given, search, x_dot))
-    if not found.converged:
-        found = _from_several_starts(search, given.z, s.nq, found)
-    if not found.converged:
-        raise EquilibriumError(_complaint(functions, wanted.names, found, bool(steady)))
+    if not found.converged or beyond(found):
+        found = _from_several_starts(search, given.z, s.nq, found, beyond)
+    if not found.converged or beyond(found):
+        raise EquilibriumError(_complaint(functions, wanted.names, found, beyond(found) or border, bool(steady)))
     point = given.at(_settled(found.z, search.scale, s.nq, s.x.numel()))
     balance = Differentiable(s, wanted.balance)
     residual = float(np.max(np.abs(balance.value(point)), initial=0.0))
@@ -209,7 +216,7 @@ def _found(
 def _settled(z: np.ndarray, scale: np.ndarray, first: int, last: int) -> np.ndarray:
     """Unknowns in which velocities, from `first` to before `last`, that are rounding errors are zero."""
     rates = np.arange(z.size)
-    noise = (first <= rates) & (rates < last) & (np.abs(z) < np.finfo(float).eps * scale)
+    noise = (first <= rates) & (rates < last) & (np.abs(z) < ROUNDING * np.finfo(float).eps * scale)
     return np.where(noise, 0.0, z)
 
 
@@ -266,11 +273,13 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
     return z
 
 
-def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found: Root) -> Root:
-    """From places farther and farther away; the best of failures, `found` among them."""
+def _from_several_starts(
+    search: NearestRoot, guess: np.ndarray, nq: int, found: Root, beyond: Callable[[Root], Border | None]
+) -> Root:
+    """From places farther and farther away; the best of failures, `found` among them: what is beyond a border is one."""
     rng = np.random.default_rng(0)
     for attempt in range(_STARTS):
-        if found.converged:
+        if found.converged and not beyond(found):
             break
         trial = guess.copy()
         trial[:nq] += search.scale[:nq] * rng.normal(scale=0.1 * 1.5**attempt, size=nq)
@@ -308,11 +317,14 @@ def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -
     return tuple(names[i] for i in np.argsort(-share, kind="stable") if share[i] > 1e-3)
 
 
-def _complaint(functions: Functions, names: tuple[str, ...], found: Root, steady: bool) -> str:
+def _complaint(functions: Functions, names: tuple[str, ...], found: Root, border: Border | None, steady: bool) -> str:
+    what, scene = f"{'steady motion' if steady else 'equilibrium'}", functions.outputs.system.flat.name
+    if border is not None:
+        return f"No {what} of '{scene}' was found but one where {border.who} has no meaning. {border.why} Begin nearer to one with start={{...}}."
     advice = (
         "The rates asked for may be impossible; begin nearer with start={...}, give None for a rate that is to be found, or free an input."
         if steady
         else "Something may push without an end (a body in free fall, a source that drives): hold it, give the inputs or parameters that are "
         "to balance it in free=[...], look for a motion with steady={...}, or begin nearer with start={...}."
     )
-    return f"No {'steady motion' if steady else 'equilibrium'} of '{functions.outputs.system.flat.name}' was found. What cannot vanish: {largest_gaps(names, found.residual, found.parts)}. {advice}"
+    return f"No {what} of '{scene}' was found. What cannot vanish: {largest_gaps(names, found.residual, found.parts)}. {advice}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -410,6 +411,19 @@ class Functions:
     def inside(self) -> ca.Function:
         """(t, x, u, p) -> values of all `borders`, positive inside."""
         return self.output(ca.vertcat(ca.SX(0, 1), *(border.values for border in self.borders)), name="inside")
+
+    def beyond(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Border | None:
+        """A border that a state (nx,) is on or beyond, with inputs u (nu,), or those that are no masks of modes; None inside all."""
+        if not self.borders:
+            return None
+        given = np.append(u, np.zeros(self.inside.size1_in(2) - u.size))
+        outside = ~(np.array(self.inside(t, x, given, p))[:, 0] > 0)
+        return self.border_of(int(np.argmax(outside))) if outside.any() else None
+
+    def border_of(self, row: int) -> Border:
+        """The one that a row of `inside` belongs to."""
+        ends = itertools.accumulate(border.values.numel() for border in self.borders)
+        return next(border for border, end in zip(self.borders, ends, strict=True) if row < end)
 
     @functools.cached_property
     def contacts(self) -> tuple[tuple[Part, ...], ca.Function | None]:

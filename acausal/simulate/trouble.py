@@ -22,9 +22,10 @@ from acausal.errors import (
     SingularWarning,
     StartValueError,
 )
+from acausal.numerics.rounding import Rounding
 from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
-from acausal.simulate.looks import MOST, at_steps, least_spectrum, matrices_at_steps, spread
+from acausal.simulate.looks import MOST, at_steps, inputs_at_steps, least_spectrum, matrices_at_steps, spread
 from acausal.simulate.paradox import paradox
 from acausal.simulate.trajectory import Trajectory
 from acausal.start.initial import initial_state
@@ -126,14 +127,9 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
 
 def check_inside(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
     """Raises `StartValueError` for a part that begins where it has no meaning."""
-    if functions.inside.size1_out(0) == 0:
-        return
-    given = np.zeros(functions.inside.size1_in(2))
-    given[: u.size] = u
-    values = np.array(functions.inside(t, x, given, p))[:, 0]
-    if not (values > 0).all():
-        border = _border(functions, int(np.flatnonzero(~(values > 0))[0]))
-        raise StartValueError(f"{border.who} has no meaning at the start{_at(functions, border, t, x, given, p)}. {border.why}")
+    border = functions.beyond(t, x, u, p)
+    if border is not None:
+        raise StartValueError(f"{border.who} has no meaning at the start{_at(functions, border, t, x, u, p)}. {border.why}")
 
 
 def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
@@ -147,7 +143,7 @@ def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.n
     )
     if outside.size:
         k, row = outside[0]
-        border = _border(functions, int(row))
+        border = functions.border_of(int(row))
         raise SimulationError(f"By t = {t[k]:.6g} s {border.who} has left where it has a meaning. {border.why}", None)
 
 
@@ -155,18 +151,13 @@ def ended_inside(functions: Functions, problem: Problem, solution: Solution, eve
     """A motion that a border ended, which follows so many `events` among the guards: with a status that says so."""
     if not (solution.stopped and solution.crossings[-1].guard >= events):
         return solution
-    border, t, x = _border(functions, solution.crossings[-1].guard - events), float(solution.t[-1]), solution.x[:, -1]
+    border, t, x = functions.border_of(solution.crossings[-1].guard - events), float(solution.t[-1]), solution.x[:, -1]
     u = problem.with_modes(solution.modes).inputs(solution.t[-1:])[:, 0]
     message = (
         f"{border.who} has come to where it has no meaning{_at(functions, border, t, x, u, problem.parameters)}. {border.why}"
     )
     crossings = tuple(crossing for crossing in solution.crossings if crossing.guard < events)
     return replace(solution, status=Status(StatusKind.OUTSIDE, t, message), crossings=crossings, stopped=False)
-
-
-def _border(functions: Functions, row: int) -> Border:
-    """The one that a row of all values belongs to."""
-    return next(border for border, until in zip(functions.borders, _rows(functions)[1:], strict=True) if row < until)
 
 
 def _rows(functions: Functions) -> list[int]:
@@ -176,7 +167,8 @@ def _rows(functions: Functions) -> list[int]:
 
 def _at(functions: Functions, border: Border, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
     """The place of a part in its coordinates, in words; empty without any."""
-    values = np.array(functions.output(border.coordinates, name="coordinates")(t, x, u, p))[:, 0]
+    place = functions.output(border.coordinates, name="coordinates")
+    values = np.array(place(t, x, np.append(u, np.zeros(place.size1_in(2) - u.size)), p))[:, 0]
     told = ", ".join(f"{name} = {value:.6g}" for name, value in zip(border.names, values, strict=True))
     return f", at {told}" if told else ""
 
@@ -227,6 +219,8 @@ _LOOKS = 16
 """Number of states of a run at which contacts are looked at: finding their forces costs as much as many steps."""
 _PULL = 1e-6
 """Of the largest force of the contacts, what counts as a pull."""
+_NOISE = 1e3
+"""Times what rounding makes of it, what is none."""
 
 
 def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
@@ -239,6 +233,9 @@ def warn_if_pulled(functions: Functions, run: Trajectory) -> None:
     if not np.isfinite(values).all() or not np.min(values, initial=0.0) < -_PULL * np.max(np.abs(values)):
         return
     k, i = np.unravel_index(int(np.argmin(values)), values.shape)
+    u, rounding = inputs_at_steps(run, some[[i]])[:, 0], Rounding(pushes)
+    if -values[k, i] <= _NOISE * rounding(float(t[i]), run.steps.x[:, some[i]], u, run.problem.parameters)[k]:
+        return
     warnings.warn(
         f"'{parts[k].path}' ({parts[k].component.created_at}) pulls, with {-values[k, i]:.4g} N at t = {t[i]:.6g} s: a contact can only push, so what "
         "it holds would have left it. Motions go on as if it were held; look for the time with an event on its normal_force.",
