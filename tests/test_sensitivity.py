@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ import pytest
 import acausal as ac
 from acausal.errors import OptionError, SimulationError, SingularWarning, StartValueError
 from components import Force, Particle, Prismatic, Revolute, RigidBody, Spring, SpringDamper, World
+from tests.formulations import composed, script
 from tests.hard_cases import CASES
+from tests.random_sketches import random_sketch
 
 
 class AdjustableFourBar(ac.System):
@@ -226,3 +230,18 @@ def test_derivatives_through_a_singular_position_are_told_to_lose_digits():
     speed = list(case.start)[-1]
     with pytest.warns(SingularWarning, match="lose digits"):
         case.model.sensitivities([0.0, case.end], [speed], case.start)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize(
+    ("kinds", "seed"),
+    [(["RollingTorus", "Universal", "RollingBall"], 104), (["CartesianTranslation", "RollingDisk", "Planar"], 342)],
+)
+def test_what_falls_freely_together_does_not_depend_on_its_masses(kinds, seed, rtol):
+    """All that depends on a mass cancels, and what is left of it, rounding alone, is followed by no step."""
+    source = script(random_sketch(kinds, [], 1, True, seed)).replace(
+        "scene = ac.System()", "scene = ac.System()\nscene.mass = ac.Parameter(1.0)", 1
+    )
+    scene = composed(re.sub(r"RigidBody\(([^,]+),", r"RigidBody(\1 * scene.mass,", source, count=1))
+    found = ac.build(scene).sensitivities([0.0, 0.3], [scene.mass], rtol=rtol)
+    assert np.max(np.abs(found.S)) < 1e-13

@@ -3,6 +3,7 @@
    The steps are chosen by the motion alone. Hairer, Norsett, Wanner, Solving ODEs I, section II.6. */
 
 #define UNSTEADY 1e-9 /* what rounding leaves unknown of derivatives of rates next to singular positions, in a step */
+#define NOISY 10.0    /* times rounding of rates, what counts as no change of them */
 
 static long direction_blocks(const Integrator *I) { return (I->directions + LANES - 1) / LANES; }
 
@@ -16,12 +17,13 @@ static int make_sensitivity(Integrator *I) {
     if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n + I->masks)) return 0;
     T->D = reserve_lanes(I, B * n);
     T->D_size = reserve_lanes(I, B * n);
+    T->D_noise = reserve_lanes(I, n);
     T->D_rates = reserve_lanes(I, B * most * n);
     T->D_last = reserve_lanes(I, B * most * n);
     T->D_stages = reserve_lanes(I, most * n);
     T->D_new = reserve_lanes(I, most * n);
     if (I->counted) return 1;
-    if (!T->D || !T->D_size || !T->D_rates || !T->D_last || !T->D_stages || !T->D_new) return 0;
+    if (!T->D || !T->D_size || !T->D_noise || !T->D_rates || !T->D_last || !T->D_stages || !T->D_new) return 0;
     for (long d = 0; d < B * LANES; d++)
         for (long i = 0; i < n; i++) T->D[(d / LANES) * n + i][d % LANES] = I->S[(d < I->directions ? d : 0) * n + i];
     return 1;
@@ -50,15 +52,38 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     run_kernel(&I->variation, in, T->variation_c, out, T->work);
 }
 
-/* How far apart two guesses of the rates are, direction by direction, in tolerances of what they move in a step; `top`: the largest of these. */
-static void apart_by(const Integrator *I, const V *N, const V *K, const V *size, V top, long s, double h, double *apart) {
+/* What rounding makes of the rates of directions dx (nx) in a step h, by its last stage, into `noise`: terms that cancel leave numbers without a digit that
+   is right, and an iteration on nothing else never ends. By values of the state that are next to one another; then of directions, too, as far
+   as such rates move them. */
+static void noise_of_variation(Integrator *I, Stages *S, double h, const V *dx, V *noise) {
+    struct State *T = I->state;
+    const V *stage = S->in[(S->s - 1) / LANES];
+    long l = (S->s - 1) % LANES, n = I->nx;
+    V *in = T->variation_in, *direction = in + 1 + n + I->nu + I->np;
+    variation_at(I, S, S->s - 1, dx, T->variation_out);
+    for (long i = 0; i < n; i++) noise[i] = v_all(0.0);
+    for (long sample = 1; sample <= 6; sample++) {
+        for (long i = 0; i < n; i++) {
+            double part = (double)((7 * i + 3 * sample) % 5 - 2);
+            in[1 + i] = v_all(stage[1 + i][l] * (1 + part * EPS));
+            if (sample > 3) direction[i] = dx[i] + v_all(part * h) * noise[i];
+        }
+        run_kernel(&I->variation, in, T->variation_c, T->D_new, T->work);
+        for (long i = 0; i < n; i++) noise[i] = v_larger(noise[i], v_abs(T->D_new[i] - T->variation_out[i]));
+    }
+}
+
+/* How far apart two guesses of the rates are, direction by direction, in tolerances of what they move in a step; `top`: the largest of these.
+   `least`: changes of rates that are a tolerance whatever these move. */
+static void apart_by(const Integrator *I, const V *N, const V *K, const V *size, const V *least, V top, long s, double h, double *apart) {
+    double tolerance = I->step > 0 ? 1.0 : I->rtol;
     V sum = v_all(0.0);
     for (long i = 0; i < I->nx; i++) {
         if (I->state->copied[i] && !I->state->newton_now) continue;
-        V largest = v_larger(size[i], top * v_all(1e-3));
+        V largest = v_larger(v_larger(size[i], top * v_all(1e-3)), least[i] * v_all(h / tolerance));
         for (long j = 0; j < s; j++) largest = v_larger(largest, v_abs(N[j * I->nx + i]) * v_all(h));
         for (long j = 0; j < s; j++) {
-            V d = (N[j * I->nx + i] - K[j * I->nx + i]) * v_all(h) / (largest * v_all(I->step > 0 ? 1.0 : I->rtol));
+            V d = (N[j * I->nx + i] - K[j * I->nx + i]) * v_all(h) / (largest * v_all(tolerance));
             sum = v_fma(d, d, sum);
         }
     }
@@ -76,14 +101,17 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
     struct State *T = I->state;
     long n = I->nx, s = S->s;
     const double *A = S->method->A;
-    V *D = T->D + block * n, *size = T->D_size + block * n, *K = T->D_rates + block * s * n, *X = T->D_stages, *N = T->D_new;
+    V *D = T->D + block * n, *size = T->D_size + block * n, *noise = T->D_noise, *K = T->D_rates + block * s * n, *X = T->D_stages, *N = T->D_new;
     set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
     for (long i = 0; i < n; i++) size[i] = v_larger(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
     Judge judgements[LANES];
     double changed[LANES], missed[LANES] = {0}, missed_last[LANES]; /* what the stage equations are off by: Newton's steps alone may be small for a Jacobian that is too large */
     Bits ready = i_all(0); /* directions that have converged, and stay as they are */
-    for (long l = 0; l < LANES; l++) judgements[l] = new_judge(tolerance, (S->around || S->exact ? UNSTEADY : 4 * EPS) / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
+    int looked = 0; /* whether noise is that of this step */
+    for (long i = 0; i < n; i++) noise[i] = v_all(0.0);
+    Judge fresh = new_judge(tolerance, (S->around || S->exact ? UNSTEADY : 4 * EPS) / (I->step > 0 ? 1.0 : I->rtol), T->newton_now ? 15 : 50);
+    for (long l = 0; l < LANES; l++) judgements[l] = fresh;
     for (;;) {
         for (long j = 0; j < s; j++)
             for (long i = 0; i < n; i++) {
@@ -107,7 +135,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
             top = v_larger(top, largest);
         }
         memcpy(missed_last, missed, sizeof missed);
-        if (T->newton_now) apart_by(I, N, K, size, top, s, h, missed);
+        if (T->newton_now) apart_by(I, N, K, size, noise, top, s, h, missed);
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
                 if (ready[l]) continue;
@@ -117,14 +145,21 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 for (long j = 0; j < s; j++)
                     for (long i = 0, q = j * n; i < n; i++, q++) N[q][l] = K[q][l] + T->dK[j / LANES * n + i][j % LANES];
             }
-        apart_by(I, N, K, size, top, s, h, changed);
+        apart_by(I, N, K, size, noise, top, s, h, changed);
         for (long q = 0; q < s * n; q++) K[q] = v_select(ready, K[q], N[q]);
         int going = 0;
         for (long l = 0; l < LANES; l++) {
             if (ready[l]) continue;
             enum Verdict v = judge(&judgements[l], changed[l]);
             if (v == DONE && T->newton_now && !has_converged(&judgements[l], missed[l], missed_last[l])) v = judgements[l].count < judgements[l].limit ? GO_ON : HOPELESS;
-            if (v == HOPELESS) return 0;
+            if (v == HOPELESS && looked) return 0;
+            if (v == HOPELESS) {
+                noise_of_variation(I, S, h, D, noise);
+                for (long i = 0; i < n; i++) noise[i] *= v_all(NOISY / (64 * fresh.floor));
+                looked = going = 1;
+                for (long k = 0; k < LANES; k++) judgements[k] = fresh;
+                break;
+            }
             ready[l] = v == DONE ? -1 : 0;
             going |= v == GO_ON;
         }
