@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -26,6 +28,8 @@ from components import (
 )
 from examples.bicycle import Bicycle
 from tests.analysis_scenes import Arm, Motor, Top
+from tests.formulations import composed, script
+from tests.random_sketches import random_sketch
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 
 G = 9.81
@@ -313,3 +317,22 @@ def test_no_equilibrium_is_where_a_part_has_no_meaning():
         else:
             with pytest.raises(EquilibriumError, match=r"'guide' .* has no meaning. The curve ends there"):
                 model.equilibrium()
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        (["RollingDisk"], ["spherical"], 1, False, 37),
+        (["RollingDisk", "Spherical"], [], 3, False, 56),
+        (["RollingBall"], ["spherical", "weld"], 2, False, 564),
+    ],
+)
+def test_an_equilibrium_is_one_of_the_scene_as_it_is_put_together(drawn):
+    """Wheels have not fallen through, hinges point the way they do: a motion may begin there; where none of these was found, there is none."""
+    model = ac.build(composed(script(random_sketch(*drawn))))
+    try:
+        found = model.equilibrium()
+    except EquilibriumError as error:
+        assert re.search("has no meaning|put together otherwise", str(error))
+    else:
+        assert model.initial_state(found.start).x == pytest.approx(found.x, rel=1e-9, abs=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,6 @@ from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.one_thread import on_one_thread
-from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
@@ -181,19 +180,19 @@ def _found(
     s = functions.outputs.system
     hard, soft, x_dot = Differentiable(s, wanted.hard), Differentiable(s, wanted.soft), Differentiable(s, s.x_dot)
     search = _search(given, hard, soft, sizes_at(s, x_dot, began), s.nq)
+    elsewhere = _Elsewhere(functions)
 
-    def beyond(found: Root) -> Border | None:
-        there = given.at(found.z)
-        return functions.beyond(there.t, there.x, there.u, there.p) if found.converged else None
+    def astray(found: Root) -> str:
+        return elsewhere.words(given.at(found.z)) if found.converged else ""
 
     found = search(_moving_as_asked(s, given, wanted.motion, search) if steady else given.z)
-    border = beyond(found)
-    if (not found.converged or border) and not steady:
+    first = astray(found)
+    if (not found.converged or first) and not steady:
         found = search(_let_down(functions, given, search, x_dot))
-    if not found.converged or beyond(found):
-        found = _from_several_starts(search, given.z, s.nq, found, beyond)
-    if not found.converged or beyond(found):
-        raise EquilibriumError(_complaint(functions, wanted.names, found, beyond(found) or border, bool(steady)))
+    if not found.converged or astray(found):
+        found = _from_several_starts(search, given.z, s.nq, found, astray)
+    if not found.converged or astray(found):
+        raise EquilibriumError(_complaint(functions, wanted.names, found, astray(found) or first, bool(steady)))
     point = given.at(_settled(found.z, search.scale, s.nq, s.x.numel()))
     balance = Differentiable(s, wanted.balance)
     residual = float(np.max(np.abs(balance.value(point)), initial=0.0))
@@ -211,6 +210,31 @@ def _found(
         lasting,
         wanted.invariants,
     )
+
+
+class _Elsewhere:
+    """Where equations hold, and the scene is not what it was built as."""
+
+    def __init__(self, functions: Functions) -> None:
+        self._functions = functions
+        self._hinges = [rows for rows in functions.outputs.system.constraints.loops if rows.sign is not None]
+
+    def words(self, at: OperatingPoint) -> str:
+        """What is wrong there; empty where nothing is."""
+        border = self._functions.beyond(at.t, at.x, at.u, at.p)
+        if border is not None:
+            return f"where {border.who} has no meaning. {border.why}"
+        for rows, sign in zip(self._hinges, self._signs([at.t, at.x, at.u, at.p]) if self._hinges else (), strict=True):
+            if not np.all(np.array(sign) > 0):
+                return (
+                    f"where the loop closed by '{rows.edge.name}' ({rows.edge.joint.created_at}) is put together otherwise, with axes of this "
+                    "joint that point against one another."
+                )
+        return ""
+
+    @functools.cached_property
+    def _signs(self) -> Callable[..., Any]:
+        return self._functions.output(*(rows.sign for rows in self._hinges if rows.sign is not None), name="signs").call
 
 
 def _settled(z: np.ndarray, scale: np.ndarray, first: int, last: int) -> np.ndarray:
@@ -273,13 +297,11 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
     return z
 
 
-def _from_several_starts(
-    search: NearestRoot, guess: np.ndarray, nq: int, found: Root, beyond: Callable[[Root], Border | None]
-) -> Root:
-    """From places farther and farther away; the best of failures, `found` among them: what is beyond a border is one."""
+def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found: Root, astray: Callable[[Root], str]) -> Root:
+    """From places farther and farther away; the best of failures, `found` among them: what is `astray` is one."""
     rng = np.random.default_rng(0)
     for attempt in range(_STARTS):
-        if found.converged and not beyond(found):
+        if found.converged and not astray(found):
             break
         trial = guess.copy()
         trial[:nq] += search.scale[:nq] * rng.normal(scale=0.1 * 1.5**attempt, size=nq)
@@ -317,10 +339,10 @@ def _free_names(functions: Functions, given: Unknowns, directions: np.ndarray) -
     return tuple(names[i] for i in np.argsort(-share, kind="stable") if share[i] > 1e-3)
 
 
-def _complaint(functions: Functions, names: tuple[str, ...], found: Root, border: Border | None, steady: bool) -> str:
+def _complaint(functions: Functions, names: tuple[str, ...], found: Root, astray: str, steady: bool) -> str:
     what, scene = f"{'steady motion' if steady else 'equilibrium'}", functions.outputs.system.flat.name
-    if border is not None:
-        return f"No {what} of '{scene}' was found but one where {border.who} has no meaning. {border.why} Begin nearer to one with start={{...}}."
+    if astray:
+        return f"No {what} of '{scene}' was found but one {astray} Begin nearer to another with start={{...}}."
     advice = (
         "The rates asked for may be impossible; begin nearer with start={...}, give None for a rate that is to be found, or free an input."
         if steady
