@@ -69,7 +69,7 @@ class Deviations:
 
 def coordinate_sizes(coordinates: ChartCoordinates, sizes: np.ndarray) -> np.ndarray:
     """Of the coordinates (nz,), where the states have these sizes (nx,)."""
-    return np.concatenate([np.ones(3) if size == 3 else sizes[[i]] for i, size in coordinates.places])
+    return np.concatenate([np.zeros(0), *(np.ones(3) if size == 3 else sizes[[i]] for i, size in coordinates.places)])
 
 
 def _scaled(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:

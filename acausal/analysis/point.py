@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.numerics.bound import dense, evaluated
 from acausal.numerics.folding import folded_function
+from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
@@ -68,6 +69,12 @@ class Differentiable:
         t = at.t * (1 + eps * shake.uniform(-2.0, 2.0, (1, _SAMPLES)))
         values = [self.value(OperatingPoint(t[0, k], x[:, k], u[:, k], p[:, k])) for k in range(_SAMPLES)]
         return np.max(np.abs(values - self.value(at)), axis=0)
+
+    def terms(self, at: OperatingPoint) -> np.ndarray:
+        """How large the terms are that the values are the sums of (size,), also where they cancel."""
+        if self._function is None:
+            return np.zeros(0)
+        return Rounding(self._function)(at.t, at.x, at.u, at.p) / np.finfo(float).eps
 
     def along(
         self,

@@ -17,6 +17,10 @@ UNCHANGED = 3e-8
 """What changes by less over a stride does not change: what is left of third order is about 1e-9."""
 _STRIDE = 1e-3
 """Change of the fastest state, in units of its size, that is a little."""
+_ROUNDED = 1e-6
+"""Of what others make of a scalar state, a value that says nothing of its size: it may be rounding."""
+_NO_DECAY = 1e-12
+"""Of the pace at which states change one another, a decay of their own that is rounding."""
 _AT_REST = 1e-11
 """A rate is none that is less than this part of what the sizes of the states make of it."""
 
@@ -45,6 +49,9 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
     """At a point, from the rates of all states and their derivatives there."""
     nq, last = s.nq, s.nq + s.tree_velocities
     f, J = _finite(x_dot.value(at)), _finite(x_dot.along(at, np.eye(at.x.size)))
+    if last < at.x.size:  # what balances is there, though nothing is left of it
+        terms = _finite(x_dot.terms(at))
+        f[last:] = np.where(f < _ROUNDED * terms, terms, f)[last:]
     size = np.zeros(at.x.size)
     size[:nq] = _coordinates(s, at, f, J)
     push = f[nq:last] + J[nq:last, :nq] @ size[:nq]
@@ -56,11 +63,9 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
     size[nq:last] = np.where(size[nq:last] > 0, size[nq:last], far * np.max(size[nq:last] / far, initial=0.0))
     size[last:] = np.abs(at.x[last:])
     size[last:] = np.maximum(size[last:], _settling(f, J, size)[last:])
-    for _ in range(at.x.size):  # a state that nothing has reached yet gets the size of what reaches it first
-        still = size == 0
-        if not np.any(still) or np.all(still):
-            break
-        more = np.where(still, _settling(f, J, size), size)
+    for _ in range(at.x.size):  # a state that nothing has reached yet, or but rounding, gets the size of what reaches it first
+        reached = _settling(f, J, size)
+        more = np.where((size == 0) | (size < _ROUNDED * reached) & (np.arange(size.size) >= last), reached, size)
         if np.array_equal(more, size):
             break
         size = more
@@ -102,7 +107,8 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
 def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:
     """How far the rates carry states in the time of their own decay, or of the whole where they have none."""
     rates = f + J @ size
-    own = np.diag(J)
+    own = np.diag(J).copy()
+    own[own <= _NO_DECAY * np.sqrt(np.max(J * J.T, axis=1, initial=0.0))] = 0.0
     fastest = float(np.max(_over(rates, size, 0.0), initial=0.0))
     return _finite(rates * _over(np.ones(own.size), own, 1 / fastest if fastest > 0 else 0.0))
 
