@@ -52,24 +52,28 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     run_kernel(&I->variation, in, T->variation_c, out, T->work);
 }
 
-/* What rounding makes of the rates of directions dx (nx) in a step h, by its last stage, into `noise`: terms that cancel leave numbers without a digit that
-   is right, and an iteration on nothing else never ends. By values of the state that are next to one another; then of directions, too, as far
-   as such rates move them. */
-static void noise_of_variation(Integrator *I, Stages *S, double h, const V *dx, V *noise) {
+/* What rounding makes of the rates of directions dx (nx) in a step h, by its last stage, into `noise`: terms that cancel leave numbers without a digit
+   that is right, and an iteration on nothing else never ends. By values of the state that are next to one another; by directions to either side, whose
+   mean has the rates of dx since these are linear in it; and by directions as far apart as such rates move them. */
+static void noise_of_variation(Integrator *I, Stages *S, double h, const V *dx, const V *size, V *noise) {
     struct State *T = I->state;
     const V *stage = S->in[(S->s - 1) / LANES];
     long l = (S->s - 1) % LANES, n = I->nx;
-    V *in = T->variation_in, *direction = in + 1 + n + I->nu + I->np;
-    variation_at(I, S, S->s - 1, dx, T->variation_out);
+    V *in = T->variation_in, *direction = in + 1 + n + I->nu + I->np, *base = T->variation_out, *mean = T->D_stages, *other = T->D_new;
+    variation_at(I, S, S->s - 1, dx, base);
     for (long i = 0; i < n; i++) noise[i] = v_all(0.0);
-    for (long sample = 1; sample <= 6; sample++) {
-        for (long i = 0; i < n; i++) {
-            double part = (double)((7 * i + 3 * sample) % 5 - 2);
-            in[1 + i] = v_all(stage[1 + i][l] * (1 + part * EPS));
-            if (sample > 3) direction[i] = dx[i] + v_all(part * h) * noise[i];
+    for (long sample = 1; sample <= 9; sample++) {
+        int states = sample <= 3, aside = sample > 3 && sample <= 6;
+        for (int side = 1; side >= (aside ? -1 : 1); side -= 2) {
+            for (long i = 0; i < n; i++) {
+                double part = (double)((7 * i + 3 * sample) % 5 - 2), moved = (double)side * part / 8;
+                in[1 + i] = v_all(stage[1 + i][l] * (states ? 1 + part * EPS : 1.0));
+                direction[i] = dx[i] + (states ? v_all(0.0) : aside ? v_all(moved) * size[i] : v_all(part * h) * noise[i]);
+            }
+            run_kernel(&I->variation, in, T->variation_c, other, T->work);
+            for (long i = 0; i < n; i++) mean[i] = side > 0 ? other[i] : v_all(0.5) * (mean[i] + other[i]);
         }
-        run_kernel(&I->variation, in, T->variation_c, T->D_new, T->work);
-        for (long i = 0; i < n; i++) noise[i] = v_larger(noise[i], v_abs(T->D_new[i] - T->variation_out[i]));
+        for (long i = 0; i < n; i++) noise[i] = v_larger(noise[i], v_abs(mean[i] - base[i]));
     }
 }
 
@@ -154,7 +158,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
             if (v == DONE && T->newton_now && !has_converged(&judgements[l], missed[l], missed_last[l])) v = judgements[l].count < judgements[l].limit ? GO_ON : HOPELESS;
             if (v == HOPELESS && looked) return 0;
             if (v == HOPELESS) {
-                noise_of_variation(I, S, h, D, noise);
+                noise_of_variation(I, S, h, D, size, noise);
                 for (long i = 0; i < n; i++) noise[i] *= v_all(NOISY / (64 * fresh.floor));
                 looked = going = 1;
                 for (long k = 0; k < LANES; k++) judgements[k] = fresh;

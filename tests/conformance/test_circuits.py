@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.optimize
 
 import acausal as ac
 from acausal.errors import AcausalError
@@ -58,7 +60,7 @@ class Circuit:
             if all(uses[n] + (n == 0) > 1 for n in range(nodes)):
                 return Circuit(kinds, pins, nodes)
 
-    def scene(self, values: np.ndarray) -> tuple[ac.System, list[ac.Parameter], list[ac.Expression]]:
+    def scene(self, values: np.ndarray, changing: bool = True) -> tuple[ac.System, list[ac.Parameter], list[ac.Expression]]:
         """The scene, its parameters, and the expressions of x."""
         scene, p = ac.System(), [ac.Parameter(float(v)) for v in values]
         groups: list[list[ac.Connector]] = [[] for _ in range(self.nodes)]
@@ -69,7 +71,7 @@ class Circuit:
                 part = TwoPort(size, kind == "G")
                 ends, own = (part.a, part.b, part.c, part.d), [part.i1, part.i2]
             else:
-                given = size * (1 + _SLOPES[kind] * ac.time) if kind in "VI" else size
+                given = size * (1 + _SLOPES[kind] * ac.time) if kind in "VI" and changing else size
                 part = {"R": Resistor, "L": Inductor, "C": Capacitor, "V": VoltageSource, "I": CurrentSource}[kind](given)
                 ends, own = (part.pin_a, part.pin_b), [part.i]
             scene.elements.append(part)
@@ -195,3 +197,41 @@ def test_short_circuits_are_named_however_little_of_the_equations_is_left():
             continue
         assert len(model.state_names) == degree(*circuit.descriptor(sizes)[:2])
     assert 2 < refused < 12
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("seed", [2, 17, 23, 163, 181])
+def test_eigenvalues_and_operating_points_are_those_of_the_nodal_equations(seed, unit):
+    """Linear systems and equilibria, of circuits that begin at nothing but rounding, with sources that do not change."""
+    rng = np.random.default_rng(seed)
+    circuit = Circuit.random(rng)
+    values = values_of(rng, circuit.kinds) * [unit if kind in "LC" else 1.0 for kind in circuit.kinds]
+    values = np.where(values == 0, 1.0, values)
+    E, A, b, _ = circuit.descriptor(values)
+    scene, _, wanted = circuit.scene(values, changing=False)
+    model = ac.build(scene)
+    above, below = scipy.linalg.eig(A, E * unit**-1, right=False, homogeneous_eigvals=True)
+    finite = np.abs(below) > 1e-11
+    expected = above[finite] / below[finite] / unit
+    found = model.linearize().eigenvalues
+    assert found.size == expected.size
+    off = np.abs(expected[:, None] - found)
+    assert off[scipy.optimize.linear_sum_assignment(off)].max(initial=0.0) <= 1e-7 * np.abs(expected).max(initial=0.0)
+    if np.linalg.cond(A) < 1e8:
+        rests = model.equilibrium()
+        at_rest = np.linalg.solve(A, -b)
+        assert [float(np.ravel(rests[x])[0]) for x in wanted] == pytest.approx(
+            at_rest, rel=1e-9, abs=1e-9 * np.abs(at_rest).max()
+        )
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
+def test_what_a_source_does_not_reach_has_no_derivative_by_it(rtol):
+    """A source of voltage with a resistor, beside a network at rest: currents by it are sums that cancel, in no more steps than the motion takes."""
+    rng = np.random.default_rng(80)
+    circuit = Circuit.random(rng)
+    values = values_of(rng, circuit.kinds) * [1e-6 if kind in "LC" else 1.0 for kind in circuit.kinds]
+    scene, parameters, _ = circuit.scene(values, changing=False)
+    source = parameters[circuit.kinds.index("V")]
+    found = ac.build(scene).sensitivities([0.0, 5e-7], [source], rtol=rtol, max_steps=100)
+    assert np.max(np.abs(found.S)) < 1e-13
