@@ -245,3 +245,36 @@ def test_what_falls_freely_together_does_not_depend_on_its_masses(kinds, seed, r
     scene = composed(re.sub(r"RigidBody\(([^,]+),", r"RigidBody(\1 * scene.mass,", source, count=1))
     found = ac.build(scene).sensitivities([0.0, 0.3], [scene.mass], rtol=rtol)
     assert np.max(np.abs(found.S)) < 1e-13
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_what_start_values_leave_open_has_the_derivatives_of_the_start_that_is_found(size):
+    """Of the two freedoms of a five-bar one is given; the other is where the sketch, over all joints, is nearest, and has the least velocities."""
+    scene = ac.System()
+    scene.world, scene.length = World((0, 0, -9.81 * size)), ac.Parameter(0.9 * size, "m")
+    scene.hinges = [Revolute("y") for _ in range(5)]
+    scene.bars = [RigidBody.rod(1.0, (x * size, 0, z * size)) for x, z in ((0.1, 0.6), (0.4, 0.5), (0.6, -0.4))]
+    scene.last = RigidBody(1.0, tuple(0.1 * size**2 * np.ones(3)), (0.2 * size, 0, 0))
+    frame = scene.world.frame
+    for hinge, bar in zip(scene.hinges, scene.bars, strict=False):
+        scene.connect(frame, hinge.frame_a)
+        scene.connect(hinge.frame_b, bar.frame)
+        frame = bar.tip
+    scene.connect(frame, scene.hinges[3].frame_a)
+    scene.connect(scene.hinges[3].frame_b, scene.last.frame)
+    scene.connect(scene.last.at((scene.length, 0, 0)), scene.hinges[4].frame_a)
+    scene.connect(scene.hinges[4].frame_b, scene.world.at((1.4 * size, 0, 0)))
+    model, first = ac.build(scene), scene.hinges[0]
+    start = {first.q: 0.2, first.v: 1.3}
+    found = model.sensitivities([0.0, 0.3], [first.q, first.v, scene.length], start, rtol=1e-10)
+
+    def states(q: float, v: float, length: float, end: float) -> np.ndarray:
+        values = {"start": {first.q: q, first.v: v}, "parameters": {scene.length: length}}
+        return model.initial_state(**values).x if not end else model.simulate(end, rtol=1e-12, samples=2, **values).x[:, -1]
+
+    point, step = np.array([0.2, 1.3, 0.9 * size]), 1e-3 * np.diag([1.0, 1.0, size])
+    for k, end in enumerate((0.0, 0.3)):
+        around = [[states(*(point + s * h), end) for s in (-2, -1, 1, 2)] for h in step]
+        expected = np.array([(a - 8 * b + 8 * c - d) / 12e-3 for a, b, c, d in around]).T
+        assert np.max(np.abs(expected)) > 0.5
+        assert found.S[k] * [1.0, 1.0, size] == pytest.approx(expected, abs=1e-6 * np.max(np.abs(expected)))

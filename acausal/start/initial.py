@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.collocation.problem import Directions
 from acausal.numerics.one_thread import on_one_thread
+from acausal.start.open_derivatives import by_search
 from acausal.start.start_problem import StartProblem, start_problem
 from acausal.start.start_search import Search
 from acausal.start.start_values import Start, near, start_numbers, start_weight
@@ -100,14 +101,18 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     problem = start_problem(outputs, start)
     weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
-        found = problem.positions.solve(data, weights)
-        if not found.converged:
+        found, moving = _searched(problem, data, weights)
+        if moving is None:
             _complain(problem.positions, found, data)
-        data_v = np.concatenate([data, found.y])
-        moving = problem.velocities.solve(data_v, weights)
         if not moving.converged:
-            _complain(problem.velocities, moving, data_v)
+            _complain(problem.velocities, moving, np.concatenate([data, found.y]))
     return finished(Account(problem, data, weights, found, moving))
+
+
+def _searched(problem: StartProblem, data: np.ndarray, weights: np.ndarray) -> tuple[Found, Found | None]:
+    """Positions, and velocities where these were found."""
+    found = problem.positions.solve(data, weights)
+    return found, problem.velocities.solve(np.concatenate([data, found.y]), weights) if found.converged else None
 
 
 def _complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:
@@ -148,7 +153,7 @@ def initial_derivatives(
     """The consistent start x (nx,), and its derivatives: a column for each entry of the three lists, which have the same length and
     name one place each: among the start values, the inputs, the parameters.
 
-    States that start values do not determine change as little as the constraints allow. Errors as for `initial_state`.
+    What start values do not determine changes as the start that is found does, to about 1e-8. Errors as for `initial_state`.
     """
     found = initial_state(outputs, start, t0, p, u)
     problem = found.account.problem
@@ -164,6 +169,26 @@ def initial_derivatives(
             dp[j, k] = change[n + 1 + u.size + j, k] = 1.0
     nq = outputs.system.nq
     data = found.account.data
+    with_q = np.concatenate([data, found.x[:nq]])
     dq = problem.positions.derivative(found.x[:nq], data, change)
-    dv = problem.velocities.derivative(found.x[nq:], np.concatenate([data, found.x[:nq]]), np.vstack([change, dq]))
+    dv = problem.velocities.derivative(found.x[nq:], with_q, np.vstack([change, dq]))
+    open_q, sizes_q = problem.positions.left_open(found.x[:nq], data)
+    open_v, sizes_v = problem.velocities.left_open(found.x[nq:], with_q)
+
+    def again(data: np.ndarray) -> np.ndarray | None:
+        with problem.lock:
+            positions, velocities = _searched(problem, data, found.account.weights)
+        return np.concatenate([positions.y, velocities.y]) if velocities is not None and velocities.converged else None
+
+    given = [i for i, _ in problem.positions.plain] + [nq + i for i, _ in problem.velocities.plain]
+    for k in range(count if open_q.size or open_v.size else 0):
+        least = np.concatenate([dq[:, k], dv[:, k]])
+        if not np.delete(least, given).any():
+            continue  # nothing else has to move
+        searched = by_search(again, data, change[:, k], least, np.concatenate([sizes_q, sizes_v]))
+        if searched is not None:
+            dq[:, k] += open_q @ (np.linalg.pinv(open_q) @ (searched[:nq] - dq[:, k]))
+            both = np.concatenate([change[:, k], dq[:, k]])[:, None]
+            dv[:, k] = problem.velocities.derivative(found.x[nq:], with_q, both)[:, 0]
+            dv[:, k] += open_v @ (np.linalg.pinv(open_v) @ (searched[nq:] - dv[:, k]))
     return found.x, Directions(np.vstack([dq, dv]), du, dp)

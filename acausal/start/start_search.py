@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.graphs import Graph
-from acausal.numerics.assembly import Assembled, Residual, assemble
+from acausal.numerics.assembly import Assembled, Residual, assemble, freedom
 from acausal.numerics.sizes import Drawn, Sizes
 from acausal.numerics.thresholds import DEPENDENT, EDGE, STRIDE
 from acausal.reduce.reduce import ReducedSystem
@@ -205,6 +205,16 @@ class Search:
     def close(self, guess: np.ndarray, data: np.ndarray, kept: Sequence[int], sizes: Sizes) -> Assembled:
         """One search from `guess` that meets the rows `kept` of the constraints only."""
         return assemble(self.rows(data, guess, kept), guess, sizes=sizes.of(kept), stride=self.stride)
+
+    def left_open(self, y: np.ndarray, data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Directions dy (n, k) that keep the constraints and the start values that y repeats, none where nothing ties unknowns to one another; and
+        what is much for each unknown (n,).
+        """
+        if self.residual is None or self.whole is None:
+            return np.zeros((y.size, 0)), np.ones(y.size)
+        sizes, repeated = self.sizes(data, self.first(data)), np.eye(y.size)[[i for i, _ in self.plain]]
+        held = np.vstack([sizes.scaled(self.jacobian(y, data)), repeated])
+        return sizes.unknowns[:, None] * freedom(held, sizes.dependent), sizes.unknowns
 
     def derivative(self, y: np.ndarray, data: np.ndarray, change: np.ndarray) -> np.ndarray:
         """dy (n, k) when the data change by the columns of `change` (size of data, k): the start values that y repeats, and then the
