@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy.integrate
 from scipy.interpolate import make_interp_spline
 
 import acausal as ac
@@ -30,6 +32,8 @@ from components import (
 )
 from examples.robot_r3 import Arm as Arm6
 from tests.analysis_scenes import Arm, Motor
+from tests.formulations import composed, script
+from tests.random_sketches import random_sketch
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage, chain
 
 G = 9.81
@@ -302,3 +306,46 @@ def test_wrong_questions_are_answered_in_words():
         model.inverse_dynamics(T, {Pendulum().hinge.q: 0.3}, joints)
     with pytest.raises(UnknownVariableError, match="not among the unknowns"):
         model.inverse_dynamics([0.0], {scene.shoulder.q: 0.3}, joints).force(scene.elbow)
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        (["Prismatic", "Screw"], ["loop", "loop"], 3, False, 1),  # a row that nothing moves is off by rounding
+        (["Screw", "Revolute", "Screw"], ["spherical"], 2, False, 5),
+        (["Revolute"], ["planar", "spherical"], 2, False, 11),
+    ],
+)
+def test_powers_of_forces_are_what_energies_and_losses_grow_by(drawn):
+    """Random linkages, led along by as many of their joints as they have freedoms."""
+    sketch = random_sketch(*drawn)
+    scene = composed(script(sketch))
+    model = ac.build(scene)
+    single = [getattr(scene, f"j{k}") for k, j in enumerate(sketch.joints) if j.kind in ("Revolute", "Prismatic", "Screw")]
+    driven: list[Any] = []
+    for joint in single:  # those that the others do not move
+        try:
+            model.linearize(states=[v for one in (*driven, joint) for v in (one.q, one.v)])
+        except OptionError as error:
+            if "depend on one another" in str(error) or "cannot change" in str(error):
+                continue
+        driven.append(joint)
+        if len(driven) == model.degrees_of_freedom:
+            break
+    assert len(driven) == model.degrees_of_freedom
+    began = model.simulate(1e-6, samples=2)
+    times = np.linspace(0.0, 0.4, 201)
+    motions = {j.q: began[j.q][0] + 0.05 * (1 - np.cos((3 + k) * ac.time)) for k, j in enumerate(driven)}
+    found = model.inverse_dynamics(times, motions, driven)
+    power = np.sum([found.force(j) * found[j.v] for j in driven], axis=0)
+    u = np.zeros((0, times.size))
+    p = np.repeat(model.initial_state().p[:, None], times.size, axis=1)
+    functions = model.functions
+    kinetic, potential, loss = (
+        np.array(f(times[None, :], found.x, u, p)).ravel()
+        for f in (functions.kinetic_energy, functions.potential_energy, functions.output(functions.outputs.power_loss))
+    )
+    gained = kinetic + potential - kinetic[0] - potential[0]
+    assert np.max(np.abs(gained)) > 1e-3
+    put_in = scipy.integrate.cumulative_simpson(power - loss, x=times, initial=0)
+    assert put_in == pytest.approx(gained, abs=1e-6 * np.max(np.abs(gained)))

@@ -50,6 +50,7 @@ class Differentiable:
         self.size = column.numel()
         arguments = [system.t, system.x, system.u, system.p]
         self._function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
+        self._rounding = None if self._function is None else Rounding(self._function)
         self._forward = None if self._function is None else dense(self._function.forward(1))
 
     def value(self, at: OperatingPoint) -> np.ndarray:
@@ -67,14 +68,17 @@ class Differentiable:
         for part, size in ((x, np.maximum(np.abs(at.x), sizes)), (u, np.abs(at.u)), (p, np.abs(at.p))):
             part += eps * size[:, None] * shake.uniform(-2.0, 2.0, part.shape)
         t = at.t * (1 + eps * shake.uniform(-2.0, 2.0, (1, _SAMPLES)))
-        values = [self.value(OperatingPoint(t[0, k], x[:, k], u[:, k], p[:, k])) for k in range(_SAMPLES)]
-        return np.max(np.abs(values - self.value(at)), axis=0)
+        values, here = [self.value(OperatingPoint(t[0, k], x[:, k], u[:, k], p[:, k])) for k in range(_SAMPLES)], self.value(at)
+        found = np.max(np.abs(values - here), axis=0)
+        stays = (found == 0) & (here != 0)  # by arguments alone: what nothing moves may be rounding of its terms
+        return np.where(stays, np.finfo(float).eps * self.terms(at), found) if stays.any() else found
 
     def terms(self, at: OperatingPoint) -> np.ndarray:
         """How large the terms are that the values are the sums of (size,), also where they cancel."""
         if self._function is None:
             return np.zeros(0)
-        return Rounding(self._function)(at.t, at.x, at.u, at.p) / np.finfo(float).eps
+        assert self._rounding is not None
+        return self._rounding(at.t, at.x, at.u, at.p) / np.finfo(float).eps
 
     def along(
         self,
