@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -63,9 +64,13 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
     size[nq:last] = np.where(size[nq:last] > 0, size[nq:last], far * np.max(size[nq:last] / far, initial=0.0))
     size[last:] = np.abs(at.x[last:])
     size[last:] = np.maximum(size[last:], _settling(f, J, size)[last:])
-    for _ in range(at.x.size):  # a state that nothing has reached yet, or but rounding, gets the size of what reaches it first
-        reached = _settling(f, J, size)
-        more = np.where((size == 0) | (size < _ROUNDED * reached) & (np.arange(size.size) >= last), reached, size)
+    known = np.where(size < _ROUNDED * _settling(f, J, size), 0.0, size)[last:]
+    size[last:] = np.where(known > 0, known, _in_proportion(J[last:, last:], known))
+    for _ in range(at.x.size):  # a state that nothing has reached yet gets the size of what reaches it first
+        still = size == 0
+        if not np.any(still) or np.all(still):
+            break
+        more = np.where(still, _settling(f, J, size), size)
         if np.array_equal(more, size):
             break
         size = more
@@ -111,6 +116,26 @@ def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:
     own[own <= _NO_DECAY * np.sqrt(np.max(J * J.T, axis=1, initial=0.0))] = 0.0
     fastest = float(np.max(_over(rates, size, 0.0), initial=0.0))
     return _finite(rates * _over(np.ones(own.size), own, 1 / fastest if fastest > 0 else 0.0))
+
+
+def _in_proportion(J: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Sizes (nx,) of which some are `known`, and not zero: in what hangs together, so that states change one another alike. 0 where none is known.
+
+    Proportions are those of a balanced matrix (Osborne, Journal of the ACM 7, 1960), whatever the units.
+    """
+    import scipy.linalg
+    from scipy.sparse.csgraph import connected_components
+
+    if known.all() or not known.any():
+        return known
+    with np.errstate(invalid="ignore"):  # scipy makes integers of proportions, too, that nobody asks for
+        _, (scale, _) = cast(
+            tuple[np.ndarray, tuple[np.ndarray, np.ndarray]], scipy.linalg.matrix_balance(J, permute=False, separate=True)
+        )
+    count, part = connected_components(J > 0, directed=False)
+    most = np.zeros(count)
+    np.maximum.at(most, part, known / scale)
+    return scale * most[part]
 
 
 def _over(above: np.ndarray, below: np.ndarray, otherwise: float) -> np.ndarray:
