@@ -14,6 +14,10 @@ from acausal.numerics.rounding import Rounding
 from acausal.numerics.thresholds import DEPENDENT, ROUNDING
 
 _SWEEPS = 3
+_NOTHING, _SLIGHT = 1e-14, 1e-9
+"""Of all others in its row and its column, an entry that is rounding; what makes a system of equations definite whose solutions differ by constants."""
+_HALF = 0.637
+"""From where on a power is rounded up: halves are met often."""
 _POINTS, _ENOUGH, _DRAWS = 6, 3, 4
 _DECADES = 6.0
 
@@ -62,19 +66,53 @@ def vanish(rows: ca.SX, fixed: ca.SX | None = None, values: np.ndarray | None = 
 
 
 def equilibrated(A: np.ndarray) -> np.ndarray:
-    """A with rows and columns divided by their largest entries until all are about 1: units are gone (Ruiz 2001). Zero rows stay."""
+    """A with rows and columns divided so that units are gone, and the largest entries are about 1. Zero rows stay."""
     rows, columns = equilibration(A)
     return A / rows[:, None] / columns
 
 
 def equilibration(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By what rows (n,) and columns (m,) of A are divided in `equilibrated`."""
+    """By what rows (n,) and columns (m,) of A are divided in `equilibrated`.
+
+    First so that the entries are as near to 1 as they can be all together, which gives the same matrix whatever the units were; then so that the
+    largest ones are (Curtis and Reid, Journal of the Institute of Mathematics and its Applications 10, 1972; Ruiz 2001, whose result alone is
+    another for other units).
+    """
     r, c = np.ones(A.shape[0]), np.ones(A.shape[1])
-    for _ in range(_SWEEPS if A.size else 0):
+    if not A.size or not np.isfinite(A).all():
+        return r, c
+    counts = A != 0
+    for _ in range(2):
+        r, c = _middle(np.abs(A), counts)
+        B = np.abs(A) / r[:, None] / c
+        least = _NOTHING * np.minimum(B.max(axis=1)[:, None], B.max(axis=0))
+        counts = least < B  # rounding has no say
+    for _ in range(_SWEEPS):
         B = np.abs(A) / r[:, None] / c
         rows, columns = np.sqrt(B.max(axis=1)), np.sqrt(B.max(axis=0))
         r, c = r * np.where(rows > 0, rows, 1.0), c * np.where(columns > 0, columns, 1.0)
     return r, c
+
+
+def _middle(A: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Powers of two by which the logarithms of those entries that count are nearest to 0, by least squares; 1 for rows and columns without any."""
+    n, m = A.shape
+    sizes = np.where(counts, np.log2(np.where(counts, A, 1.0)), 0.0)
+    links = np.block([[np.zeros((n, n)), counts], [counts.T, np.zeros((m, m))]])
+    degree = links.sum(axis=1)
+    system = np.diag(degree + _SLIGHT) + links
+    found = np.linalg.solve(system, np.concatenate([sizes.sum(axis=1), sizes.sum(axis=0)]))
+    side, part = np.repeat([1.0, -1.0], [n, m]), np.arange(n + m)
+    while True:  # what hangs together has the number of its first row
+        least = np.minimum(part, np.where(links > 0, part, n + m).min(axis=1, initial=n + m))
+        if np.array_equal(least, part):
+            break
+        part = least
+    found -= side * np.where(
+        part < n, found[np.minimum(part, n - 1)], 0.0
+    )  # which is not divided: so units of powers of two change no bit
+    power = np.exp2(np.floor(np.where(degree > 0, found, 0.0) + _HALF))
+    return power[:n], power[n:]
 
 
 def equilibrated_rank(A: np.ndarray) -> int:
