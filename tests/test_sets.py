@@ -12,12 +12,13 @@ import scipy.linalg
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
-from acausal.errors import ModelError, OptionError
+from acausal.errors import ModelError, OptionError, SimulationError
 from acausal.language.mode_laws import ModeLaw
 from components import (
     Brake,
     EndStop,
     Gain,
+    Inertia,
     Integrator,
     Limiter,
     Particle,
@@ -25,9 +26,14 @@ from components import (
     Relay,
     Revolute,
     RigidBody,
+    RotationalGround,
+    RotationalSpring,
     SampleAndHold,
     Sum,
     Thermostat,
+    TimeFunction,
+    TorqueSource,
+    TranslationSensor,
     World,
 )
 from components.translational import ForceSource, SlidingMass, TranslationalGround
@@ -451,3 +457,107 @@ def test_what_a_motion_keeps_at_zero_sets_nothing(method: str, rtol: float, size
     )
     counted = [change.time for change in run.transitions]
     assert len(counted) == 6 and abs(run[q]).max() < 0.5 + 10 * rtol
+
+
+class Escapement(ac.Component):
+    """Lets a wheel on by one tooth whenever a balance goes through its middle."""
+
+    balance, wheel = ac.Rotational.port(), ac.Rotational.port()
+
+    def __init__(self, pitch: float) -> None:
+        self.pitch, self.push, self.count = pitch, ac.Reaction("N*m"), ac.Discrete(start=0)
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.wheel.tau, self.push)
+        yield ac.equal(self.balance.tau, 0.0)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.OneSided(self.push, self.pitch * self.count - self.wheel.phi)
+        for direction in ("rising", "falling"):
+            yield ac.when(self.balance.phi, direction, set={self.count: self.count + 1.0})
+
+
+@pytest.mark.parametrize("inertia", [3e-7, 0.7])
+def test_a_wheel_turns_on_from_where_it_stands_when_its_pallet_is_set_further(inertia: float) -> None:
+    torque, balance, pitch, swing = 2.0 * inertia, 2.1, 0.3, 0.9
+    half, falls = np.pi / np.sqrt(5.3 / balance), np.sqrt(2 * pitch * inertia / torque)
+    scene = ac.System()
+    scene.ground, scene.spring, scene.balance = RotationalGround(), RotationalSpring(5.3), Inertia(balance)
+    scene.drive, scene.wheel, scene.pallets = TorqueSource(torque), Inertia(inertia), Escapement(pitch)
+    scene.connect(scene.ground.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.balance.flange_a)
+    scene.connect(scene.balance.flange_b, scene.pallets.balance)
+    scene.connect(scene.drive.flange, scene.wheel.flange_a)
+    scene.connect(scene.wheel.flange_b, scene.pallets.wheel)
+    model, start = ac.build(scene), {scene.balance.phi: swing, scene.balance.w: 0.0, scene.wheel.phi: 0.0, scene.wheel.w: 0.0}
+    assert falls < half
+    for after, phi, speed in ((0.4, 7.16 * pitch, 0.4), (1.3, 8 * pitch, 0.0)):
+        run = model.simulate(7.5 * half + after * falls, start, rtol=1e-12)
+        assert run[scene.pallets.count][-1] == 8
+        assert run[scene.wheel.phi][-1] == pytest.approx(phi, rel=1e-12)
+        assert run[scene.wheel.w][-1] == pytest.approx(speed * falls * torque / inertia, rel=1e-11, abs=1e-11)
+
+
+class SetBelt(ac.Component):
+    """A belt that rubs, whose speed is set when a signal has risen above a level."""
+
+    flange, input = ac.Translational.port(), ac.Signal.port()
+
+    def __init__(self, limit: ac.Scalar, first: ac.Scalar, second: ac.Scalar, level: ac.Scalar) -> None:
+        self.drag, self.limit, self.second, self.level = ac.Reaction("N"), limit, second, level
+        self.speed = ac.Discrete("m/s", start=first)
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -1.0 * self.drag)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.DryFriction(self.drag, ac.der(self.flange.s) - self.speed, self.limit, self.limit)
+        yield ac.when(self.input.value - self.level, "rising", set={self.speed: self.second})
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_what_sticks_to_a_belt_slips_when_the_speed_of_that_is_set_and_derivatives_follow(size: float) -> None:
+    """It sticks until s = level, slips from the first speed to the second, and sticks again, also to what speeds become by parameters."""
+    mass, numbers, t = 2.0, np.array([1.0, 0.4, -0.3, 0.2]) * size, 3.0
+    scene = ac.System()
+    scene.limit, scene.first, scene.second, scene.level = (
+        ac.Parameter(value, unit) for value, unit in zip(numbers, ("N", "m/s", "m/s", "m"), strict=True)
+    )
+    scene.mass, scene.where = SlidingMass(mass), TranslationSensor()
+    scene.belt = SetBelt(scene.limit, scene.first, scene.second, scene.level)
+    scene.connect(scene.mass.flange_a, scene.belt.flange, scene.where.flange)
+    scene.connect(scene.where.position, scene.belt.input)
+
+    def place(limit: complex, first: complex, second: complex, level: complex) -> complex:
+        slips = (first - second) * mass / limit
+        return level + (first + second) / 2 * slips + second * (t - level / first - slips)
+
+    model = ac.build(scene)
+    start = {scene.mass.s: 0.0, scene.mass.v: numbers[1]}
+    run = model.simulate(t, start, rtol=1e-12)
+    assert run[scene.mass.s][-1] == pytest.approx(place(*numbers), rel=1e-12)
+    assert run[scene.mass.v][-1] == pytest.approx(numbers[2], rel=1e-13)
+    wrt = [scene.limit, scene.first, scene.second, scene.level]
+    found = model.sensitivities([0.0, t], wrt, start, rtol=1e-12)
+    steps = 1e-30j * np.eye(4)
+    assert found[scene.mass.s][-1] == pytest.approx([place(*(numbers + step)).imag / 1e-30 for step in steps], rel=1e-9)
+    assert found[scene.mass.v][-1] == pytest.approx([0.0, 0.0, 1.0, 0.0], abs=1e-10)
+
+
+def test_what_is_set_beyond_what_keeps_it_is_told_by_part_and_not_moved() -> None:
+    def scene(after: float) -> tuple[ac.Model, SlidingMass]:
+        scene = ac.System()
+        scene.mass, scene.push, scene.clock = SlidingMass(2.0), ForceSource(3.0), TimeFunction(lambda t: t)
+        scene.relay = Relay(-1.0, 1.0, off=0.5, on=after)
+        scene.stop = EndStop(scene.mass.flange_a, upper=scene.relay.output.value)
+        scene.connect(scene.clock.output, scene.relay.input)
+        scene.connect(scene.mass.flange_b, scene.push.flange)
+        return ac.build(scene), scene.mass
+
+    model, mass = scene(0.2)
+    with pytest.raises(SimulationError, match=r"gap of stop .* is negative at t = 1 s, where it jumps \(-0\.3 m\)"):
+        model.simulate(2.0, {mass.s: 0.5})
+    with pytest.raises(SimulationError, match=r"gap of stop .* is negative at t = 0\.5 s, where it jumps \(-0\.1 m\)"):
+        model.simulate(2.0, {mass.s: 0.5}, events=[ac.when(ac.time - 0.5, "rising", set={mass.s: 0.6})])
+    model, mass = scene(0.8)
+    assert model.simulate(1.3, {mass.s: 0.5}, rtol=1e-12)[mass.s][-1] == pytest.approx(0.5 + 0.75 * 0.09, rel=1e-12)

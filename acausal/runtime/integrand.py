@@ -167,13 +167,14 @@ class Integrand:
 
     @functools.cached_property
     def variation(self) -> tuple[Wanted, ...]:
-        """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, and
+        """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, by masks too where some are set, and
         (t, x, u, p, dt, dx, du, dp) -> those of rows of switches, of what modes are decided by, and of what is set."""
         found = [Wanted("variation", _directional_derivative(self.rates, (1, 2, 3)), (3,))]
         if self.invariants_and_projection is not None:
             project = self.invariants_and_projection[1]
             last = project.n_in() - 1
-            found.append(Wanted("projected", _directional_derivative(project, (1, last)), (last,)))
+            remembered = (2,) if self.numbers["discretes"] else ()  # what holds may be held where that says
+            found.append(Wanted("projected", _directional_derivative(project, (1, *remembered, last)), (last,)))
         if self.row_switch.size:
             found.append(Wanted("row_change", _directional_derivative(self.rows, (0, 1, 2, 3)), (3,)))
         if self.modes is not None and self.modes.laws:

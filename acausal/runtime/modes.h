@@ -859,7 +859,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
         R.touching[i] = D.gap[i] <= D.gap_noise[i] || (T->side[i] == 1 && !has_jumped(I, &D, i)) || i == row;
-        if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -fmax(D.gap_noise[i], T->begun ? 0 : I->rtol * fabs(D.terms[i]))) {
+        if ((!T->begun || has_jumped(I, &D, i)) && D.gap[i] < -fmax(D.gap_noise[i], T->begun && !T->just_set ? 0 : I->rtol * fabs(D.terms[i]))) {
             I->worst = i;
             return OVERLAPS;
         }

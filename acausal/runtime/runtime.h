@@ -93,7 +93,7 @@ typedef struct Integrator {
     Kernel projection;  /* t, x, masks, p -> x nearer to the invariants, invariants (ng) at the given x */
     Kernel guard;       /* t, x, u, p -> values whose zeros are wanted */
     Kernel variation;   /* t, x, u, p, dx, du, dp -> dx' */
-    Kernel projected;   /* t, x, p, dx, dp -> dx after projection */
+    Kernel projected;   /* t, x, masks, p, dx, masks' changes where some are set, dp -> dx after projection */
     Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
     Kernel formula;     /* t -> inputs that are formulas */
     Kernel rows;        /* t, x, u, p -> values that are positive as long as switches are at their true sides */

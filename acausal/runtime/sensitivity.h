@@ -29,13 +29,15 @@ static int make_sensitivity(Integrator *I) {
     return 1;
 }
 
+static double change_of_discrete(const Integrator *I, long direction, long k) { return I->state->discrete_change[(direction < I->directions ? direction : 0) * I->discretes + k]; }
+
 /* Directions of inputs and parameters of one block, into the arguments from `at` on. */
 static void set_directions(Integrator *I, V *in, long block, int inputs) {
     for (long l = 0; l < LANES; l++) {
         long d = block * LANES + l < I->directions ? block * LANES + l : 0;
         if (inputs)
             for (long i = 0; i < I->nu; i++) in[i][l] = I->du[d * I->nu + i];
-        for (long k = 0; k < I->discretes && inputs; k++) in[I->nu - I->held + I->masks - I->discretes + k][l] = I->state->discrete_change[d * I->discretes + k];
+        for (long k = 0; k < I->discretes && inputs; k++) in[I->nu - I->held + I->masks - I->discretes + k][l] = change_of_discrete(I, d, k);
         for (long i = 0; i < I->np; i++) in[(inputs ? I->nu : 0) + i][l] = I->dp[d * I->np + i];
     }
 }
@@ -226,8 +228,13 @@ static void project_directions(Integrator *I) {
     for (long i = 0; i < n; i++) in[1 + i] = v_all(I->x[i]);
     for (long k = 0; k < I->masks; k++) in[1 + n + k] = v_all(T->side[k]);
     for (long b = 0; b < direction_blocks(I); b++) {
-        memcpy(in + rest, T->D + b * n, sizeof(V) * (size_t)n);
-        set_directions(I, in + rest + n, b, 0);
+        V *change = in + rest;
+        memcpy(change, T->D + b * n, sizeof(V) * (size_t)n);
+        change += n;
+        for (long k = 0; k < I->masks && I->discretes; k++) *change++ = v_all(0);
+        for (long d = 0; d < LANES; d++)
+            for (long k = 1; k <= I->discretes; k++) change[-k][d] = change_of_discrete(I, b * LANES + d, I->discretes - k);
+        set_directions(I, change, b, 0);
         run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->work);
         memcpy(T->D + b * n, T->projected_out, sizeof(V) * (size_t)n);
     }

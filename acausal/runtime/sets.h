@@ -23,6 +23,27 @@ static int make_sets(Integrator *I) {
     return I->counted || (T->set_side && T->set_rows && T->set_x && T->lock_noise && T->set_fired && T->set_by && T->discrete_change);
 }
 
+/* Changes of discrete values at the start, direction by direction: of those that follow from it, and from parameters. Returns 0 when the input function failed. */
+static int begin_discrete_directions(Integrator *I) {
+    struct State *T = I->state;
+    V *in = T->set_change_in, *change = in + 1 + I->nx + I->nu + I->np, *u = in + 1 + I->nx;
+    in[0] = v_all(I->t);
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(I->x[i]);
+    if (!inputs_at(I, in[0], 1, u)) return 0;
+    for (long k = 0; k < I->nu; k++) u[k] = v_all(u[k][0]);
+    for (long again = 0; again <= I->discretes; again++) /* those that are said by others */
+        for (long b = 0; b < direction_blocks(I); b++) {
+            change[0] = v_all(0);
+            memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
+            set_directions(I, change + 1 + I->nx, b, 1);
+            run_kernel(&I->set_change, in, T->set_change_c, T->set_change_out, T->work);
+            for (long k = 0; k < I->discretes; k++)
+                for (long l = 0; l < LANES; l++)
+                    T->discrete_change[(b * LANES + l) * I->discretes + k] = I->discrete_start && isfinite(I->discrete_start[k]) ? 0 : T->set_change_out[k][l];
+        }
+    return 1;
+}
+
 /* Discrete values at the start. Returns 0 when the input function failed. */
 static int begin_discretes(Integrator *I) {
     struct State *T = I->state;
@@ -42,7 +63,7 @@ static int begin_discretes(Integrator *I) {
         }
         if (!changed) break;
     }
-    return 1;
+    return !I->directions || begin_discrete_directions(I);
 }
 
 /* Rates of all guards at (t, x) into `slope`, 0 where they are no more than rounding. Returns 0 when the input function failed. */
@@ -265,6 +286,7 @@ static enum Code set_all(Integrator *I, double planned) {
     enum Code code = find_values(I);
     if (code != REACHED_END) return code;
     if (I->directions && !set_directions_anew(I, planned)) return INPUT_FAILED;
+    if (!look_before_knot(I, I->t)) return INPUT_FAILED; /* what holds lets go where its gap or its slip is set to something else */
     memcpy(T->side + reactions, T->set_x + I->nx, sizeof(double) * (size_t)I->discretes);
     memset(T->impulse, 0, sizeof(double) * (size_t)reactions_of(I));
     for (long k = 0; k < I->set_count; k++)
@@ -276,7 +298,10 @@ static enum Code set_all(Integrator *I, double planned) {
         I->x[i] = T->set_x[i];
         T->size[i] = fmax(T->size[i], fabs(I->x[i]));
     }
-    if (!jumps) return impose_locks(I, 0);
+    if (!jumps) { /* what is held moves gaps by the rounding of others: that is no jump of theirs */
+        T->crossed = 0;
+        return impose_locks(I, 0);
+    }
     if (has_locks(I)) code = meet_locks(I);
     if (code != REACHED_END) return code;
     project(I, I->t, I->x);
