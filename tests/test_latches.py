@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 import pytest
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
 from acausal.errors import ModelError, OptionError
+from acausal.language.mode_laws import ModeLaw
 from acausal.parts.rotations import rotation_about
 from components import (
     Gripper,
+    Inertia,
     Latch,
     Particle,
     PointLatch,
@@ -18,6 +23,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    SlidingMass,
     Torque,
     TranslationalGround,
     TranslationalSpring,
@@ -357,3 +363,99 @@ def test_arm_that_is_held_where_it_hinges_stands_still() -> None:
     assert run[scene.stop.torque].reshape(-1, 3)[-1] == pytest.approx([0, 1.3 * 9.81 * 0.8 * np.sin(0.5), 0], rel=1e-9, abs=1e-9)
     assert run[scene.stop.force].reshape(-1, 3)[-1] == pytest.approx([0, 0, 0], abs=1e-9)
     assert run.energy_error() < 1e-10
+
+
+class Geneva(ac.Component):
+    """A pin on a driver turns a wheel with n slots by one of them in each turn, and between these the wheel is locked."""
+
+    driver, wheel = ac.Rotational.port(), ac.Rotational.port()
+
+    def __init__(self, slots: int) -> None:
+        self.step, self.far = 2 * np.pi / slots, 1 / np.sin(np.pi / slots)
+        self.push, self.hold = ac.Reaction("N*m"), ac.Reaction("N*m")
+        self.turn, self.within = ac.Discrete(start=0), ac.Discrete(start=0)
+
+    def led(self, angle: Any) -> Any:
+        """Where the wheel is led to by the pin, at an angle from the line of centres."""
+        return -np.arctan2(np.sin(angle), self.far - np.cos(angle))
+
+    def ratio(self, angle: Any) -> Any:
+        return -(self.far * np.cos(angle) - 1) / (1 + self.far**2 - 2 * self.far * np.cos(angle))
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.wheel.tau, -1.0 * (self.push + self.hold))
+        yield ac.equal(self.driver.tau, self.push * self.ratio(self.driver.phi))
+
+    def laws(self) -> Iterable[ModeLaw]:
+        angle, place = self.driver.phi - 2 * np.pi * self.turn, self.wheel.phi + self.step * self.turn
+        yield ac.Lock((self.push,), place - self.led(angle), self.within)
+        yield ac.Lock((self.hold,), place - self.step / 2, 1.0 - self.within)
+        yield ac.when(angle + (np.pi - self.step) / 2, "rising", set={self.within: 1.0})
+        yield ac.when(angle - (np.pi - self.step) / 2, "rising", set={self.within: 0.0, self.turn: self.turn + 1.0})
+
+
+@pytest.mark.parametrize("joints", [False, True])
+@pytest.mark.parametrize("slots", [4, 7])
+def test_a_wheel_with_slots_turns_and_rests_by_locks_between_shafts_or_hinges(slots: int, joints: bool) -> None:
+    """Energy alone says how fast: (J + K ratio^2) w^2 is the same all along."""
+    J, K, w = 0.7, 1.9, 2.3
+    scene = ac.System()
+    geneva = scene.geneva = Geneva(slots)
+    if joints:
+        scene.world, scene.axles = World(None), [Revolute("z"), Revolute("z")]
+        scene.wheels = [RigidBody(1.0, (moment,) * 3) for moment in (J, K)]
+        for axle, wheel, port in zip(scene.axles, scene.wheels, (geneva.driver, geneva.wheel), strict=True):
+            scene.connect(scene.world.frame, axle.frame_a)
+            scene.connect(axle.frame_b, wheel.frame)
+            scene.connect(axle.flange, port)
+        (phi, rate), (wheel, wheel_rate) = ((axle.q, axle.v) for axle in scene.axles)
+    else:
+        scene.driver, scene.wheel = Inertia(J), Inertia(K)
+        scene.connect(scene.driver.flange_b, geneva.driver)
+        scene.connect(geneva.wheel, scene.wheel.flange_a)
+        (phi, rate), (wheel, wheel_rate) = ((part.phi, part.w) for part in (scene.driver, scene.wheel))
+    half = (np.pi - geneva.step) / 2
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+
+    def lasts(end: float) -> float:
+        angles = -half + (end + half) * (nodes + 1) / 2
+        return float(np.sqrt(1 + K / J * geneva.ratio(angles) ** 2) @ weights * (end + half) / 2 / w)
+
+    inside = 0.3 * half
+    t = (np.pi - half) / w + 2 * (2 * np.pi - 2 * half) / w + 2 * lasts(half) + lasts(inside)
+    start = {phi: -np.pi, rate: w, wheel: geneva.step / 2, wheel_rate: 0.0}
+    run = ac.build(scene).simulate(t, start, rtol=1e-12)
+    speed = w / np.sqrt(1 + K / J * geneva.ratio(inside) ** 2)
+    assert run[phi][-1] == pytest.approx(4 * np.pi + inside, rel=1e-12)
+    assert run[wheel][-1] == pytest.approx(-2 * geneva.step + geneva.led(inside), rel=1e-12)
+    assert run[rate][-1] == pytest.approx(speed, rel=1e-11)
+    assert run[wheel_rate][-1] == pytest.approx(geneva.ratio(inside) * speed, rel=1e-11)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_slides_that_are_tied_on_their_flanges_share_their_momentum(size: float) -> None:
+    class Tie(ac.Component):
+        flange_a, flange_b = ac.Translational.port(), ac.Translational.port()
+
+        def __init__(self) -> None:
+            self.pull, self.held = ac.Reaction("N"), ac.Discrete(start=0)
+
+        def equations(self) -> Iterable[ac.Equation]:
+            yield ac.equal(self.flange_a.f, self.pull)
+            yield ac.equal(self.flange_b.f, -1.0 * self.pull)
+
+        def laws(self) -> Iterable[ModeLaw]:
+            yield ac.Lock((self.pull,), self.flange_b.s - self.flange_a.s, self.held)
+            yield ac.when(self.flange_a.s - self.flange_b.s, "rising", set={self.held: 1.0})
+            yield ac.when(ac.time - 2.0, "rising", set={self.held: 0.0})
+
+    m, M, v = 0.3, 1.1, 2.0 * size
+    scene = ac.System()
+    scene.a, scene.b, scene.tie = SlidingMass(m), SlidingMass(M), Tie()
+    scene.connect(scene.a.flange_b, scene.tie.flange_a)
+    scene.connect(scene.tie.flange_b, scene.b.flange_a)
+    run = ac.build(scene).simulate(3.0, {scene.a.s: 0.0, scene.a.v: v, scene.b.s: size, scene.b.v: 0.0}, rtol=1e-12)
+    together = m * v / (m + M)
+    assert [transition.time for transition in run.transitions] == pytest.approx([0.5, 2.0], rel=1e-14)
+    assert run.transitions[0].energy_lost == pytest.approx(m * M / (m + M) * v**2 / 2, rel=1e-12)
+    assert [run[mass.s][-1].item() for mass in (scene.a, scene.b)] == pytest.approx([size + 2.5 * together] * 2, rel=1e-13)

@@ -99,6 +99,11 @@ class LockRows:
     apart: ca.SX
     terms: ca.SX
 
+    def put(self, old: Sequence[ca.SX], new: Sequence[ca.SX]) -> LockRows:
+        """With values in place of symbols."""
+        gap, apart, terms = ca.substitute([self.gap, self.apart, self.terms], list(old), list(new))
+        return replace(self, gap=gap, apart=apart, terms=terms)
+
 
 def lock_rows(flat: FlatSystem, readings: Readings) -> tuple[LockRows, ...]:
     """Of all parts. Raises `ModelError` for what holds by something else than what is remembered, and what `Readings.resolved` raises."""

@@ -118,7 +118,10 @@ class MechanicalSystem:
         actions = tuple(tuple(Action(a.connector, *put(a.force, a.torque)) for a in own) for own in self.actions)
         wrenches = tuple((pair[0], pair[1]) for pair in (put(*wrench) for wrench in self.wrenches))
         modes = tuple(row.put(symbols, new) for row in self.modes)
-        return replace(self, actions=actions, wrenches=wrenches, laws=(self.laws[0], put(self.laws[1])[0]), modes=modes)
+        locks = tuple(row.put(symbols, new) for row in self.locks)
+        return replace(
+            self, actions=actions, wrenches=wrenches, laws=(self.laws[0], put(self.laws[1])[0]), modes=modes, locks=locks
+        )
 
 
 def mechanical_system(mechanism: Mechanism, t: ca.SX) -> MechanicalSystem:
