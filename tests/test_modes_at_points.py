@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
 import acausal as ac
 from acausal.errors import EquilibriumError, OptionError
-from components import Coulomb, PointOnPlane, RigidBody, World
+from acausal.language.mode_laws import ModeLaw
+from components import (
+    Coulomb,
+    JointFriction,
+    Particle,
+    PointOnPlane,
+    Prismatic,
+    Relay,
+    RigidBody,
+    SlidingMass,
+    TranslationalGround,
+    TranslationalSpring,
+    TranslationSensor,
+    World,
+)
 from tests.rough import bouncing, dragged, rubbing
 
 
@@ -49,6 +65,61 @@ def test_what_falls_comes_to_rest_on_the_ground(size: float) -> None:
 def test_block_rests_where_friction_holds_it_or_just_holds_it_no_more(start: float, rest: float) -> None:
     scene = rubbing(1.0, 2.0, 3.0, stiffness=4.0)  # holds up to 3 N, and 2 N where it has slid
     assert ac.build(scene).equilibrium({scene.mass.s: start}).point.x == pytest.approx([rest, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0])
+@pytest.mark.parametrize(("start", "rest"), [(0.5, 0.5), (-0.9, -0.9), (3.0, 1.0), (-1.01, -1.0)])
+def test_block_on_a_slide_rests_by_what_that_bears_though_something_is_remembered_too(
+    start: float, rest: float, size: float
+) -> None:
+    """What says in which mode it is has more behind it than that of frictions."""
+    m, k, g, mu = 0.5, 20.0, 9.81 * size, 0.3
+    scene = ac.System()
+    scene.world, scene.slide, scene.block = World((0, 0, -g)), Prismatic("x"), Particle(m)
+    scene.rub, scene.wall, scene.spring = JointFriction(scene.slide, Coulomb(mu)), TranslationalGround(), TranslationalSpring(k)
+    scene.where, scene.switch = TranslationSensor(), Relay(-size, size)
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.block.point)
+    scene.connect(scene.wall.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.slide.flange, scene.where.flange)
+    scene.connect(scene.where.position, scene.switch.input)
+    edge = mu * m * g / k
+    found = ac.build(scene).equilibrium({scene.slide.q: start * edge})
+    assert found.point.x == pytest.approx([rest * edge, 0], abs=1e-12 * size)
+
+
+class Pinched(ac.Component):
+    """Rubs by the modulus of a force that grows with its place, and turns round at s = `turns`."""
+
+    flange = ac.Translational.port()
+
+    def __init__(self, slope: float, turns: float) -> None:
+        self.drag, self.slope, self.turns = ac.Reaction("N"), slope, turns
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange.f, -1.0 * self.drag)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        limit = ac.Magnitude(self.slope * (self.flange.s - self.turns))
+        yield ac.DryFriction(self.drag, ac.der(self.flange.s), 1.0 * limit, 1.0 * limit)
+
+
+@pytest.mark.parametrize(("start", "side"), [(3.0, 1), (1.0, 1), (0.4, 1), (-2.5, -1), (-5.0, -1)])
+def test_block_rests_where_what_presses_has_turned_round(start: float, side: int) -> None:
+    """k (length - s) = side slope (turns - s)."""
+    k, length, slope, turns = 10.0, -2.0, 1.2, 0.5
+    scene = ac.System()
+    scene.mass, scene.rub, scene.wall, scene.spring = (
+        SlidingMass(1.0),
+        Pinched(slope, turns),
+        TranslationalGround(),
+        TranslationalSpring(k, length),
+    )
+    scene.connect(scene.wall.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.mass.flange_a)
+    scene.connect(scene.mass.flange_b, scene.rub.flange)
+    found = ac.build(scene).equilibrium({scene.mass.s: start})
+    assert found.point.x == pytest.approx([(k * length + side * slope * turns) / (k + side * slope), 0], abs=1e-12)
 
 
 def test_block_on_the_ground_rests_where_it_is_put() -> None:

@@ -31,8 +31,8 @@ def resting(
     First in the mode of the start; then with all contacts closed. Gaps that would become negative close, contacts that would pull open, friction that
     cannot hold gives way, and the search goes on. A steady motion keeps the mode of its start. Raises `EquilibriumError`.
     """
-    system = functions.outputs.system
-    laws = laws_of(functions.outputs)
+    system, modes, laws = functions.outputs.system, functions.outputs.system.modes, laws_of(functions.outputs)
+    assert modes is not None
     refused: EquilibriumError | None = None
     for at in _begun(functions, began, laws, steady):
         seen: set[bytes] = set()
@@ -47,11 +47,11 @@ def resting(
             if not wrong.any():
                 return at
             if steady:
-                names = compact(law.name for law, off in zip(laws, _by_law(laws, wrong), strict=True) if off.any())
+                names = compact(law.name for law, off in zip(laws, _by_law(laws, wrong)[:-1], strict=True) if off.any())
                 raise EquilibriumError(
                     f"The steady motion would ask more of {names} than it can do, in the mode of its start: {mode_words(system, found.u)}. Start in another mode."
                 )
-            at = _changed(at, laws, wrong)
+            at = _changed(at, len(modes.masks), laws, wrong)
     if refused is not None:
         raise refused
     raise EquilibriumError(
@@ -105,15 +105,21 @@ def touching(column: Differentiable, at: OperatingPoint, sizes: np.ndarray) -> n
 
 
 def _by_law(laws: Sequence[Law], wrong: np.ndarray) -> list[np.ndarray]:
-    ends = np.cumsum([1 if law.row.one_sided else 2 for law in laws])
-    return np.split(wrong, ends[:-1])
+    """Guards of each law, and then those of magnitudes."""
+    return np.split(wrong, np.cumsum([1 if law.row.one_sided else 2 for law in laws]))
 
 
-def _changed(at: OperatingPoint, laws: Sequence[Law], wrong: np.ndarray) -> OperatingPoint:
-    """In the mode that these guards lead to."""
-    first = at.u.size - max(law.masks.stop for law in laws)
-    u = at.u.copy()
-    for law, off in zip(laws, _by_law(laws, wrong), strict=True):
+def _changed(at: OperatingPoint, count: int, laws: Sequence[Law], wrong: np.ndarray) -> OperatingPoint:
+    """In the mode that these guards lead to. `count`: how many inputs, the last ones, say in which mode it is."""
+    first, u = at.u.size - count, at.u.copy()
+    *by_law, sizes = _by_law(laws, wrong)
+    behind = first + max(law.masks.stop for law in laws)
+    turned = np.flatnonzero(sizes[::2])
+    for k in turned:
+        u[behind + 3 * k : behind + 3 * k + 3] *= -1
+    if turned.size:  # what limits grow with has been another force: what they hold is not known yet
+        return OperatingPoint(at.t, at.x, u, at.p)
+    for law, off in zip(laws, by_law, strict=True):
         masks = u[first + law.masks.start : first + law.masks.stop]
         if not off.any():
             continue
