@@ -13,6 +13,7 @@ import acausal as ac
 from acausal.errors import OptionError, StartValueError, UnknownVariableError
 from components import (
     AngleSource,
+    Force,
     Free,
     Gear,
     Inertia,
@@ -221,6 +222,20 @@ def test_events_are_found_and_stop_in_whatever_chart_they_lie():
     again = pickle.loads(pickle.dumps(motion))
     assert np.array_equal(again.x, motion.x) and len(again.pieces) == len(motion.pieces)
     np.testing.assert_allclose(again.at(0.7).x, motion.at(0.7).x, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_what_bends_and_jumps_ends_steps_in_whatever_chart_it_lies(rtol):
+    """A piston that meets a constant load and a one-sided spring on its way."""
+    scene = slider_crank()
+    x = scene.slide.q
+    scene.load = Force((np.where(x > 0.9, -5.0, 0.0) - 400 * np.maximum(x - 1.1, 0), 0, 0))
+    scene.connect(scene.load.point, scene.piston.frame)
+    model, start = ac.build(scene), {scene.a.q: 0.4, scene.a.v: 8.0}
+    exact = model.simulate(2.0, start, rtol=1e-13)[x]
+    run = model.minimal(start, prefer=[x]).simulate(2.0, start, rtol=rtol)
+    assert len(run.charts) > 3 and exact.max() > 1.2 and exact.min() < 0.8
+    assert np.max(np.abs(run[x] - exact)) < 10 * rtol
 
 
 def test_an_interrupt_keeps_the_motion_through_charts():

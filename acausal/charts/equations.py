@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -14,6 +14,8 @@ from acausal.charts.chart import Choice
 from acausal.charts.implicit import Followed, Known, follow, solve_rows
 from acausal.charts.manifold import Manifold
 from acausal.numerics.folding import folded_function
+from acausal.numerics.staged import called
+from acausal.numerics.switching import Switching
 from acausal.runtime.integrand import Integrand
 from acausal.runtime.kernels import How
 from acausal.runtime.native import NativeProblem, SharedProblems, native_problem
@@ -120,15 +122,28 @@ class ChartEquations:
     @functools.cached_property
     def dynamics(self) -> ca.Function:
         """(t, y, u, (p, r, limits)) -> y'."""
-        s, k, at = self.manifold.functions.outputs.system, self._symbols, self._point
-        q = ca.SX.sym("q", s.nq)
-        q0 = self._reference(k.r)[1]
-        c = self.manifold.coordinates.coordinates(q, q0)
-        x_dot = self.manifold.functions.explicit_dynamics(k.t, ca.vertcat(at.q, at.w), k.u, k.p)
-        c_dot = ca.substitute(ca.jtimes(c, q, x_dot[: s.nq]), q, at.q) if s.nq else ca.SX(0, 1)
-        y_dot = ca.vertcat(c_dot[list(self.choice.positions), :], x_dot[s.nq :, :][list(self.choice.rates), :])
-        return folded_function(
-            "explicit_dynamics", [k.t, k.y, k.u, ca.vertcat(k.p, k.r, self._limits)], [ca.densify(y_dot)], ["t", "y", "u", "p"], ["y_dot"])  # fmt: skip
+        k = self._symbols
+        y_dot = self._along(self.manifold.functions.explicit_dynamics(k.t, self._at, k.u, k.p))
+        return folded_function("explicit_dynamics", [k.t, k.y, k.u, self._values], [y_dot], ["t", "y", "u", "p"], ["y_dot"])
+
+    @functools.cached_property
+    def switching(self) -> Switching | None:
+        """Of `dynamics`: the model's own switches, of (t, y, (u, sides), (p, r, limits))."""
+        own = self.manifold.functions.integrand.switching
+        if own is None:
+            return None
+        k, sides = self._symbols, ca.SX.sym("sides", len(own.words))
+        held = ca.vertcat(k.u, sides)
+        ((x_dot,), _), ((rows,), _) = (called(f, [k.t, self._at, held, k.p]) for f in (own.rates, own.rows))
+        (true,), _ = called(own.sides, [k.t, self._at, k.u, k.p])
+        arguments = [k.t, k.y, held, self._values]
+        return replace(
+            own,
+            rates=folded_function("rates", arguments, [self._along(x_dot)]),
+            rows=folded_function("rows", arguments, [ca.densify(rows)]),
+            sides=folded_function("sides", [k.t, k.y, k.u, self._values], [ca.densify(true)]),
+            others=(),
+        )
 
     @functools.cached_property
     def conditions(self) -> ca.Function:
@@ -148,17 +163,14 @@ class ChartEquations:
         k, at = self._symbols, self._point
         conditions = self._conditions(k.t, at.c, at.w, k.p, k.r) - self._limits[:-1]
         strain = self._limits[-1] - (at.positions.strain + at.rates.strain)
-        p = ca.vertcat(k.p, k.r, self._limits)
-        return folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(ca.vertcat(conditions, strain))])
+        return folded_function("guards", [k.t, k.y, k.u, self._values], [ca.densify(ca.vertcat(conditions, strain))])
 
     def with_guards(self, function: ca.Function) -> ca.Function:
         """The `guards`, followed by a function (t, x, u, p) of the model's states, once for each."""
         if function not in self._watched:
             k = self._symbols
-            p = ca.vertcat(k.p, k.r, self._limits)
-            values = function(k.t, ca.vertcat(self._point.q, self._point.w), k.u, k.p)
-            rows = ca.vertcat(self.guards(k.t, k.y, k.u, p), values)
-            self._watched[function] = folded_function("guards", [k.t, k.y, k.u, p], [ca.densify(rows)])
+            rows = ca.vertcat(self.guards(k.t, k.y, k.u, self._values), function(k.t, self._at, k.u, k.p))
+            self._watched[function] = folded_function("guards", [k.t, k.y, k.u, self._values], [ca.densify(rows)])
         return self._watched[function]
 
     @functools.cached_property
@@ -166,8 +178,8 @@ class ChartEquations:
         return {}
 
     def native(self, how: How) -> NativeProblem | None:
-        """The dynamics as kernels; None without a runtime."""
-        return self._native.of(how, lambda: native_problem(Integrand(self.dynamics), how))
+        """The dynamics as kernels, whose switches end steps; None without a runtime."""
+        return self._native.of(how, lambda: native_problem(Integrand(self.dynamics, switching=self.switching), how))
 
     @functools.cached_property
     def _native(self) -> SharedProblems:
@@ -176,6 +188,23 @@ class ChartEquations:
     @functools.cached_property
     def _limits(self) -> ca.SX:
         return ca.SX.sym("limits", 3 + len(self.manifold.coordinates.units))
+
+    @property
+    def _values(self) -> ca.SX:
+        """What takes the place of parameters."""
+        return ca.vertcat(self._symbols.p, self._symbols.r, self._limits)
+
+    @property
+    def _at(self) -> ca.SX:
+        """x at y."""
+        return ca.vertcat(self._point.q, self._point.w)
+
+    def _along(self, x_dot: ca.SX) -> ca.SX:
+        """y' of x' at y."""
+        s, q = self.manifold.functions.outputs.system, ca.SX.sym("q", self.manifold.functions.outputs.system.nq)
+        c = self.manifold.coordinates.coordinates(q, self._reference(self._symbols.r)[1])
+        c_dot = ca.substitute(ca.jtimes(c, q, x_dot[: s.nq]), q, self._point.q) if s.nq else ca.SX(0, 1)
+        return ca.densify(ca.vertcat(c_dot[list(self.choice.positions), :], x_dot[s.nq :, :][list(self.choice.rates), :]))
 
     def _conditions(self, t: ca.SX, c_at: ca.SX, w_at: ca.SX, p: ca.SX, r: ca.SX) -> ca.SX:
         m = self.manifold
