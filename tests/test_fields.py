@@ -25,6 +25,12 @@ from components import (
 )
 
 
+def turned(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation about an axis of length one."""
+    K = np.cross(np.eye(3), axis)
+    return np.eye(3) + np.sin(angle) * K + 2 * np.sin(angle / 2) ** 2 * K @ K
+
+
 def free(body, *parts, gravity=None) -> ac.System:
     """One body held by nothing, and further parts."""
     scene = ac.System()
@@ -263,6 +269,26 @@ def test_a_mount_has_the_frequencies_of_its_stiffness():
     assert np.allclose(found, np.sort(np.sqrt([5 / 0.02, 6 / 0.03, 7 / 0.04, 50, 100, 150])), rtol=1e-12)
     run = model.simulate(2.0, {block.frame.angular_velocity: (8, 9, 7), block.frame.velocity: (1, 2, 3)}, rtol=1e-12)
     assert run.energy_error() < 1e-12
+
+
+@pytest.mark.parametrize("angle", [1e-6, 3.0, np.pi])
+def test_a_mount_turns_on_beyond_half_a_turn_as_a_pendulum(angle):
+    """Its moment about any axis is stiffness sin(angle), as far as it turns; energies of small turns are known as well as their squares."""
+    axis, k, J = np.array([2.0, -1.0, 2.0]) / 3, 5.0, 0.02
+    block = RigidBody(2.0, (J, J, J))
+    scene = free(block)
+    scene.mount = Bushing((k, k, k, 100.0, 200.0, 300.0))
+    scene.connect(scene.world.frame, scene.mount.frame_a)
+    scene.connect(scene.mount.frame_b, block.frame)
+    rate = 0.0 if angle < 1 else 20.0
+    start = {block.frame.rotation: turned(axis, angle), block.frame.angular_velocity: rate * axis}
+    run = ac.build(scene).simulate(2.0, start, rtol=1e-12, samples=21)
+    expected = solve_ivp(
+        lambda t, y: [y[1], -k / J * np.sin(y[0])], (0, 2.0), [angle, rate], "DOP853", run.t, rtol=1e-13, atol=1e-18
+    )
+    assert run.energy_error() < 1e-11
+    for R, turn in zip(run[block.frame.rotation], expected.y[0], strict=True):
+        assert np.max(np.abs(R - turned(axis, turn))) < 1e-9 * min(angle, 1)
 
 
 @pytest.mark.parametrize(

@@ -22,9 +22,10 @@ _EVEN = 1e-9
 class Bushing(AbstractPotential):
     """A rubber mount: elastic and damped in all six directions between two frames, at rest where they coincide.
 
-    Displacement p_ab in frame_a [m]; turn a = 2 sin(angle / 2) axis [rad], below half a turn. Stores (a, p) K (a, p) / 2 with
-    `stiffness` K: six numbers or a symmetric (6, 6), turns first [N*m/rad, N/m]. `damping`: the same shapes, by the angular velocity
-    and velocity of frame_b against frame_a, seen in frame_a [N*m*s/rad, N*s/m]. Moments follow by virtual work.
+    Displacement p_ab in frame_a [m]; turn a = 2 sin(angle / 2) axis [rad]. Stores (a, p) K (a, p) / 2 with `stiffness` K: six numbers or a
+    symmetric (6, 6), turns first [N*m/rad, N/m]; where it couples turns with displacements it is for turns below half a turn, where a changes sign.
+    `damping`: the same shapes, by the angular velocity and velocity of frame_b against frame_a, seen in frame_a [N*m*s/rad, N*s/m]. Moments
+    follow by virtual work.
 
         scene.mount = Bushing(stiffness=(50, 50, 20, 4e5, 4e5, 2e5), damping=(0, 0, 0, 800, 800, 400))
     """
@@ -34,9 +35,12 @@ class Bushing(AbstractPotential):
         self.damping_matrix = _matrix(damping, "damping")
 
     def potential(self, X_ab: Pose, t: ca.SX) -> ca.SX:
-        R = symbolic(X_ab.rotation)
-        moved = ca.vertcat(2 * vee(R) / ca.sqrt(1 + ca.trace(R)), symbolic(X_ab.position))
-        return 0.5 * ca.dot(moved, sx(self.stiffness) @ moved)
+        R, p, K = symbolic(X_ab.rotation), symbolic(X_ab.position), sx(self.stiffness)
+        trace, double = ca.trace(R), vee(R)  # the sine of the whole angle along the axis
+        rest = R + R.T + (1 - trace) * ca.SX.eye(3)
+        squares = double @ double.T + (3 - trace) / 4 * rest  # a a' at any angle: rest is a a' too, but rounding of 1
+        coupling = ca.dot(2 * double / ca.sqrt(1 + trace), K[:3, 3:] @ p)
+        return 0.5 * (ca.dot(squares, K[:3, :3]) + ca.dot(p, K[3:, 3:] @ p)) + coupling
 
     def damping(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
         R = symbolic(X_ab.rotation)
