@@ -29,6 +29,8 @@ _PATIENCE = 2
 _DAMPING = 10.0 ** np.arange(-14.0, 4.0, 0.5)
 _SAID = 1e-9
 """What may be left of residuals of rows that follow from others."""
+_MET = 1e-12
+"""Wishes that are met."""
 _COARSE = 1e-3
 """Residuals, as parts of their sizes, that no rounding explains."""
 _LIMITED = 0.25
@@ -67,8 +69,8 @@ def assemble(
     """A y near `guess` with `constraints(y)` = 0, and with the sum of squares of `wishes(y)` as small as then possible nearby.
 
     `sizes`: of unknowns and rows, ones unless given. `stride`: largest change of an unknown in one iteration, as part of its size.
-    Converges quadratically near a solution. `nearest`: without wishes, go on to where the squares of this residual are least nearby, to
-    about 1e-6.
+    Converges quadratically near a solution. `nearest`: go on to where the squares of this residual are least nearby, to
+    about 1e-6, among what meets the wishes, if all of them can be met.
     `approach`: wishes choose the branch too. Converged when every row is within `tolerance` of its size or within rounding; else y
     is a point of locally least squares. Cost of an iteration: one singular value decomposition (m, n).
     """
@@ -81,6 +83,8 @@ def assemble(
     found = _closed(rows, z, limit, stride, spent)
     if found.converged and soft is not None:
         found = _settled(rows, soft, found, _Effort(limit, stride, 1e-10, 40))
+        if nearest is not None and found.iterations:
+            found = _nearest_of_those(rows, soft, found, _in_units(nearest, unit), _Effort(20, stride, 1e-6, 8))
     elif found.converged and nearest is not None and found.iterations:
         found = _settled(rows, _in_units(nearest, unit), found, _Effort(20, stride, 1e-6, 8))
     return rows.result(found)
@@ -178,6 +182,21 @@ class _Rows:
         if not part < np.inf:
             part = gap = np.inf
         return Assembled(y, left, gap, part, found.converged, found.iterations)
+
+
+@dataclass(frozen=True)
+class _RowsAndWishes(_Rows):
+    """Constraints, followed by what is wished for and can be met."""
+
+    wishes: Residual
+
+    def __call__(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        (c, J), (r, Jw) = super().__call__(z), self.wishes(z)
+        return np.concatenate([c, r]), np.vstack([J, Jw])
+
+    def enough(self, c: np.ndarray, z: np.ndarray) -> bool:
+        met = self.wishes(z)[0]
+        return _largest(met) <= _MET and super().enough(c[: c.size - met.size], z)
 
 
 @dataclass(frozen=True)
@@ -355,6 +374,16 @@ def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> 
         if short:
             break
     return _Closed(found.z, found.c, True, spent)
+
+
+def _nearest_of_those(rows: _Rows, wishes: Residual, found: _Closed, nearest: Residual, effort: _Effort) -> _Closed:
+    """Where `nearest` is least among what meets the constraints and the wishes; as `found` where these are not met, or leave nothing."""
+    both = _RowsAndWishes(rows.constraints, rows.unit, rows.sizes, rows.tolerance, wishes)
+    c, J = both(found.z)
+    if not (both.enough(c, found.z) and np.isfinite(J).all()):
+        return found
+    best = _settled(both, nearest, _Closed(found.z, c, True, found.iterations), effort)
+    return replace(best, c=best.c[: found.c.size])
 
 
 def _directions(J: np.ndarray, dependent: float, few: int) -> np.ndarray | Independent:
