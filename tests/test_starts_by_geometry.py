@@ -19,6 +19,7 @@ from components import (
     Diode,
     ParametricCurve,
     Particle,
+    Planar,
     PointOnCurve,
     Prismatic,
     Resistor,
@@ -295,3 +296,28 @@ def test_what_is_only_wished_for_never_keeps_loops_from_closing(length):
     model = ac.build(scene)
     wished = {scene.wire.q: ac.near(9.0), scene.first.q: ac.near([3.0, -2.0]), scene.second.q: ac.near([2.0, 2.5])}
     assert np.isfinite(model.initial_state().x).all() and np.isfinite(model.initial_state(wished).x).all()
+
+
+def hung_plate(size: float) -> Any:
+    """A plate in a plane, held by a rod to a body that is free; of both together little is given."""
+    scene: Any = ac.System()
+    scene.world, scene.board, scene.rod = World(), Planar("z"), Rod(2.5 * size)
+    scene.body, scene.plate = (RigidBody.box(1.0, (size, 0.5 * size, 0.2 * size)) for _ in range(2))
+    scene.connect(scene.world.at((0.3 * size, -0.2 * size, 0)), scene.board.frame_a)
+    scene.connect(scene.board.frame_b, scene.plate.frame)
+    scene.connect(scene.body.at((0, 0.1 * size, 0.1 * size)), scene.rod.frame_a)
+    scene.connect(scene.rod.frame_b, scene.plate.at((0.4 * size, 0.2 * size, 0)))
+    return scene
+
+
+@pytest.mark.parametrize("size", [1.0 + 1e-7, 3.0, 0.7e-3, 1e4])
+def test_what_start_values_leave_open_is_the_nearest_in_any_unit(size):
+    """Among all that meets what is given, the search goes on to what is least far from the sketch: its way there decides nothing."""
+    found: list[np.ndarray] = []
+    for of in (1.0, size):
+        scene = hung_plate(of)
+        run = ac.build(scene).simulate(1e-3, {scene.body.frame.position: (0.9 * of, 0.7 * of, 2.0 * of)}, samples=2)
+        assert np.max(np.abs(run[scene.body.frame.position][0] - of * np.array([0.9, 0.7, 2.0]))) < 1e-14 * of
+        R = [run[part.frame.rotation][0].ravel() for part in (scene.body, scene.plate)]
+        found.append(np.concatenate([run[scene.plate.frame.position][0] / of, *R]))
+    assert np.max(np.abs(found[0] - found[1])) < 1e-9
