@@ -24,6 +24,7 @@ from components import (
     Spring,
     SpringDamper,
     TorqueSource,
+    UniformField,
     World,
 )
 from examples.bicycle import Bicycle
@@ -317,6 +318,13 @@ def test_no_equilibrium_is_where_a_part_has_no_meaning():
         else:
             with pytest.raises(EquilibriumError, match=r"'guide' .* has no meaning. The curve ends there"):
                 model.equilibrium()
+    scene = ac.System()  # a pushed wheel that may only lie flat, where it does not roll on its rim
+    scene.world, scene.wheel, scene.body = World((0, 0, 0)), RollingDisk(0.2), RigidBody(1.2, (0.01, 0.02, 0.01))
+    scene.push = UniformField((1.0, 0, 0))
+    scene.connect(scene.world.frame, scene.wheel.frame_a)
+    scene.connect(scene.wheel.frame_b, scene.body.frame)
+    with pytest.raises(EquilibriumError, match=r"'wheel' .* has no meaning. The wheel has fallen"):
+        ac.build(scene).equilibrium()
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from components import (
     AngularAccelerationSource,
     Cable,
     CamFollower,
+    CartesianTranslation,
     CentralField,
     DCMotor,
     Drag,
@@ -44,6 +45,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    Rod,
     RotatingEarth,
     SpeedSource,
     Sphere,
@@ -494,7 +496,12 @@ def test_a_spring_on_a_line_of_action_is_a_spring_between_points():
         a, b = (scene.line.frame_a, scene.line.frame_b) if by_line else (scene.line.point_a, scene.line.point_b)
         scene.connect(scene.world.at((1, 0.2, 0)), a)
         scene.connect(scene.rod.tip, b)
-        run = ac.build(scene).simulate(1.0, {scene.ball.v: (1.0, 2.0, 3.0)}, rtol=1e-10)
+        scene.bob, scene.way, scene.tie = Particle(0.5), CartesianTranslation(), Rod(0.7)  # the only row of all loops
+        scene.connect(scene.world.frame, scene.way.frame_a)
+        scene.connect(scene.way.frame_b, scene.bob.point)
+        scene.connect(scene.world.at((3, 0, 0)), scene.tie.frame_a)
+        scene.connect(scene.tie.frame_b, scene.bob.point)
+        run = ac.build(scene).simulate(1.0, {scene.ball.v: (1.0, 2.0, 3.0), scene.way.q: (3.0, 0, -0.7)}, rtol=1e-10)
         assert run.energy_error() < 1e-9
         ends.append((run[scene.rod.tip.position], run[b.force], run[scene.ball.frame_b.force]))
     for one, two in zip(*ends, strict=True):

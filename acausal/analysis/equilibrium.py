@@ -19,6 +19,7 @@ from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.one_thread import on_one_thread
+from acausal.numerics.thresholds import EDGE
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
@@ -221,11 +222,11 @@ class _Elsewhere:
 
     def words(self, at: OperatingPoint) -> str:
         """What is wrong there; empty where nothing is."""
-        border = self._functions.beyond(at.t, at.x, at.u, at.p)
+        border = self._functions.beyond(at.t, at.x, at.u, at.p, EDGE)
         if border is not None:
             return f"where {border.who} has no meaning. {border.why}"
         for rows, sign in zip(self._hinges, self._signs([at.t, at.x, at.u, at.p]) if self._hinges else (), strict=True):
-            if not np.all(np.array(sign) > 0):
+            if not np.all(np.array(sign) > EDGE):
                 return (
                     f"where the loop closed by '{rows.edge.name}' ({rows.edge.joint.created_at}) is put together otherwise, with axes of this "
                     "joint that point against one another."

@@ -104,7 +104,7 @@ class Reactions:
         first = 0
         for rows in self.constraints.loops:
             basis = ca.horzcat(rows.wrench_basis, rows.dropped_basis)
-            on_b = basis @ multipliers[first : first + basis.shape[1]]
+            on_b = basis @ multipliers[first : first + basis.shape[1], :]
             first += basis.shape[1]
             if isinstance(rows.edge.joint, AbstractSpan):
                 on_b = on_b + rows.edge.joint.wrench_on_b(rows.pose) * self._effort(rows.edge.joint)
