@@ -349,3 +349,28 @@ def test_powers_of_forces_are_what_energies_and_losses_grow_by(drawn):
     assert np.max(np.abs(gained)) > 1e-3
     put_in = scipy.integrate.cumulative_simpson(power - loss, x=times, initial=0)
     assert put_in == pytest.approx(gained, abs=1e-6 * np.max(np.abs(gained)))
+
+
+def test_speeds_in_the_world_of_what_is_not_prescribed_are_those_given():
+    """A load hangs on a crab that is led along; its speed over ground is given, and the found force moves both alike."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.hinge = World(), Prismatic("x"), Spherical()
+    scene.crab, scene.load = RigidBody.box(2.0, (0.2, 0.2, 0.2)), RigidBody.rod(1.0, (0, 0, -0.8), radius=0.1)
+    scene.force = ac.Input("N")
+    scene.drive = ForceSource(scene.force)
+    scene.connect(scene.drive.flange, scene.rail.flange)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.crab.frame)
+    scene.connect(scene.crab.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.load.frame)
+    model, tip, spin = ac.build(scene), scene.load.tip, scene.load.frame.angular_velocity
+    given = {tip.velocity: (0.7, 0.2, 0.0), spin[2]: 1.5}
+    path = 0.3 * ac.time + 0.2 * ac.time**2
+    run = None
+    for more in ({}, {scene.rail.q: 1.0, scene.rail.v: 5.0}):  # where the rail goes is said by the motion
+        found = model.inverse_dynamics(np.linspace(0, 1, 201), {scene.rail.q: path}, [scene.force], given | more)
+        assert found[tip.velocity][0] == pytest.approx([0.7, 0.2, 0.0], abs=1e-13)
+        assert found[spin][0] == pytest.approx([0.25, -0.5, 1.5], abs=1e-13)
+        run = run or model.simulate(1.0, given | {scene.rail.q: 0.0, scene.rail.v: 0.3}, inputs=found.inputs, samples=201)
+        assert np.max(np.abs(run[scene.rail.q] - 0.3 * run.t - 0.2 * run.t**2)) < 1e-8
+        assert np.max(np.abs(run[tip.position] - found[tip.position])) < 1e-8

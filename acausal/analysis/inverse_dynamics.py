@@ -12,11 +12,12 @@ import numpy as np
 from acausal.analysis.actuation import Actuation, Unknown, actuated, named
 from acausal.analysis.demands import Demand, demands
 from acausal.analysis.point import operating_point
-from acausal.analysis.prescribed import Given, courses
+from acausal.analysis.prescribed import Course, Given, courses
 from acausal.analysis.servo import Servo, input_output_derivatives
 from acausal.arguments import expressions
 from acausal.dynamics.newton_euler import newton_euler
-from acausal.errors import OptionError, UnknownVariableError
+from acausal.errors import OptionError, StartValueError, UnknownVariableError
+from acausal.language.equation import der
 from acausal.language.expression import Expression, Input
 from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.folding import folded_function
@@ -28,7 +29,7 @@ from acausal.reduce.reduce import ReducedSystem
 from acausal.start.decided import check_decided
 from acausal.start.inputs import InputValue
 from acausal.start.situation import Situation
-from acausal.start.start_values import near, softened
+from acausal.start.start_values import Start, softened
 from acausal.start.states import start_values
 from acausal.wording import counted
 
@@ -137,14 +138,32 @@ def inverse_dynamics(
     actuation = actuated(functions, unknowns)
     functions = actuation.functions
     wanted = courses(functions, motions, t, at.p)
-    guess = softened(at.start)
-    first = np.array([c(at.t0, 0) for c in wanted])
-    sizes = np.cumsum([0, *(functions.outputs.resolve(key).numel() for key in motions)])
-    guess |= {key: near(first[i:j]) for key, i, j in zip(motions, sizes, sizes[1:], strict=False)}
-    began = operating_point(functions, replace(at, start=guess))
+    led = _led(functions, at.start, motions, wanted, at.t0)
+    try:
+        began = operating_point(functions, replace(at, start=led))
+    except StartValueError:  # what is said of others only selects a branch
+        began = operating_point(functions, replace(at, start=softened(led)))
     check_decided(functions.outputs.system, began.t, began.x, at.p)
     found = Servo(actuation, wanted, began, at.signal(functions)).run(t)
     return InverseDynamics(own, actuation, t, found.x, found.u, at.p, found.free, demands(functions, t, found.x, found.u, at.p))
+
+
+def _led(
+    functions: Functions, start: Start, motions: Mapping[Expression, Given], wanted: Sequence[Course], t0: float
+) -> dict[Expression, Any]:
+    """Start values with those of the motions, and with the rates of motions of places, in their stead."""
+    s, guess, first = functions.outputs.system, dict(start), 0
+    speeds = ca.vertcat(s.x[s.nq :], s.u)
+    for key in motions:
+        value = ca.densify(ca.vec(functions.outputs.resolve(key)))
+        courses, first = wanted[first : first + value.numel()], first + value.numel()
+        guess[key] = np.array([c(t0, 0) for c in courses])
+        if ca.depends_on(value, s.x[: s.nq]) and not ca.depends_on(value, speeds):
+            rate = der(key)
+            rates = functions.outputs.resolve(rate)
+            same = [k for k in guess if k.shape == rate.shape and ca.is_equal(functions.outputs.resolve(k), rates)]
+            guess = {k: v for k, v in guess.items() if k not in same} | {rate: np.array([c(t0, 1) for c in courses])}
+    return guess
 
 
 def times_of(value: Any) -> np.ndarray:
