@@ -344,3 +344,26 @@ def test_an_equilibrium_is_one_of_the_scene_as_it_is_put_together(drawn):
         assert re.search("has no meaning|put together otherwise", str(error))
     else:
         assert model.initial_state(found.start).x == pytest.approx(found.x, rel=1e-9, abs=1e-9)
+
+
+def hung_ball(size: float):
+    """A ball on the floor that a spring holds by its rim; it may roll and turn about. Nothing but coordinates has a length."""
+    scene = ac.System()
+    scene.world, scene.floor, scene.ball = World((0, 0, -9.81 * size)), RollingBall(0.1 * size), RigidBody.ball(1.3, 0.1 * size)
+    scene.spring = Spring(25.0, 0.4 * size)
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    scene.connect(scene.world.at((-0.9 * size, -0.7 * size, 0.6 * size)), scene.spring.point_a)
+    scene.connect(scene.ball.at((0.05 * size, -0.03 * size, 0.06 * size)), scene.spring.point_b)
+    return scene, scene.ball
+
+
+@pytest.mark.parametrize("size", [3.0, 0.3, 1e-3])
+def test_of_a_family_of_equilibria_the_same_is_found_in_any_unit(size):
+    places: list[np.ndarray] = []
+    for of in (1.0, size):
+        scene, body = hung_ball(of)
+        found = ac.build(scene).equilibrium()
+        assert found.dimension
+        places.append(np.concatenate([found[body.frame.position] / of, found[body.frame.rotation].ravel()]))
+    assert np.max(np.abs(places[0] - places[1])) < 1e-6

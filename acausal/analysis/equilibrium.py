@@ -194,6 +194,9 @@ def _found(
         found = _from_several_starts(search, given.z, s.nq, found, astray)
     if not found.converged or astray(found):
         raise EquilibriumError(_complaint(functions, wanted.names, found, astray(found) or first, bool(steady)))
+    if found.free.shape[1]:  # of a family the nearest, whatever way led to it
+        nearer = search(given.z, begin=found.z)
+        found = nearer if nearer.converged and not astray(nearer) else found
     point = given.at(_settled(found.z, search.scale, s.nq, s.x.numel()))
     balance = Differentiable(s, wanted.balance)
     residual = float(np.max(np.abs(balance.value(point)), initial=0.0))

@@ -59,8 +59,9 @@ class NearestRoot:
         change = np.abs(np.column_stack([beside - r for beside in around])) / _AROUND
         return np.median(np.where(np.isfinite(change), change, 0.0), axis=1)
 
-    def __call__(self, guess: np.ndarray, usual: np.ndarray | None = None) -> Root:
-        """From `guess` (n,); `usual` where it is known from nearby."""
+    def __call__(self, guess: np.ndarray, usual: np.ndarray | None = None, begin: np.ndarray | None = None) -> Root:
+        """The one nearest to `guess` (n,), where the search begins, unless `begin` (n,) is given; `usual` where it is known from nearby."""
+        near, guess = guess, guess if begin is None else begin
         usual = self.usual(guess) if usual is None else usual
         J, r = self.hard.jacobian(guess), self.hard.residual(guess)
         slope = np.max(np.abs(np.nan_to_num(J) * self.scale), axis=1, initial=0.0)
@@ -71,7 +72,7 @@ class NearestRoot:
             np.fmax(slope, usual) > rounding, rows, rows / _RANK
         )  # nothing moves such a row, and rounding is no slope
         sizes = Sizes(self.scale, rows, lambda z: self._zero(z) / ROUNDING, _RANK, limit=self.limit / self.scale)
-        found = self._searched(guess, sizes)
+        found = self._searched(guess, near, sizes)
         if not found.part < np.inf:
             return Root(found.y, found.left, found.left, False, np.zeros((guess.size, 0)))
         free = self.scale[:, None] * freedom(sizes.scaled(self.hard.jacobian(found.y)), _RANK)
@@ -81,14 +82,14 @@ class NearestRoot:
         """What counts as zero in each row (m,)."""
         return _ZERO * self.hard.rounding(z, self.scale)
 
-    def _searched(self, guess: np.ndarray, sizes: Sizes) -> Assembled:
-        """For the wishes first, then with these held, for the least change."""
+    def _searched(self, guess: np.ndarray, near: np.ndarray, sizes: Sizes) -> Assembled:
+        """For the wishes first, then with these held, for the least distance."""
 
         def hard(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self.hard.residual(z), self.hard.jacobian(z)
 
         def back(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return (z - guess) / self.scale, np.diag(1 / self.scale)
+            return (z - near) / self.scale, np.diag(1 / self.scale)
 
         soft, exact = self.soft, partial(assemble, tolerance=0.0, stride=np.inf, approach=False)
         if soft is None:

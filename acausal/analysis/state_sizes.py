@@ -76,8 +76,8 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
         size = more
     places = size.copy()
     places[nq:last] = far
-    size = power_of_two(size)
-    return Sizes(size, J @ size, power_of_two(places))
+    size = _known(size)
+    return Sizes(size, J @ size, _known(places))
 
 
 def before_and_after(x_dot: Differentiable, at: OperatingPoint, sizes: Sizes) -> tuple[float, list[OperatingPoint]]:
@@ -100,13 +100,13 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
         return np.zeros(0)
     q = at.x[: s.mechanics.tree.q.numel()]
     found = coordinates(s.mechanics, s.p, at.p, q, s.scalar.position)
-    length, size = reach(s.mechanics, s.p, at.p, q, found.all), np.ones(nq)
+    length, size, turning = reach(s.mechanics, s.p, at.p, q, found.all), np.ones(nq), turning_states(s)[0]
     if not 0 < length < np.inf:
-        stiffness = J[nq:last, :nq]
+        stiffness = J[nq:last, :nq][:, ~turning]
         length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
     else:
         size[: q.size] /= slopes_of_places(s.mechanics.tree, s.p, q, at.p, at.t)
-    return np.where(turning_states(s)[0], 1.0, size * (length if 0 < length < np.inf else 1.0))
+    return np.where(turning, 1.0, size * (length if 0 < length < np.inf else 1.0))
 
 
 def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:
