@@ -1039,3 +1039,29 @@ def test_a_motion_with_quaternions_is_a_guess() -> None:
     ocp.guess(run)
     part = ocp.part(Mesher(4, 5, "free", "ipopt"))
     assert part.guess.values.shape == (13, part.asked.stage.width)
+
+
+@pytest.mark.parametrize("noise", [1e-3, 1e-9])
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_an_offset_that_is_nothing_is_known_as_well_as_the_data_say(noise, unit):
+    """A constant force beside a spring, which is zero: its standard error is that of linear least squares, x = f (1 - cos wt) / k."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.box = World((0, 0, 0)), Prismatic("x"), RigidBody.box(1.0 * unit, (0.1, 0.1, 0.1))
+    scene.force, scene.k = ac.Input("N"), ac.Parameter(30.0 * unit, "N/m")
+    scene.push, scene.spring, scene.ground = ForceSource(scene.force), TranslationalSpring(scene.k), TranslationalGround()
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.box.frame)
+    scene.connect(scene.push.flange, scene.rail.flange)
+    scene.connect(scene.ground.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.rail.flange)
+    model, t, w = ac.build(scene), np.linspace(0, 2, 101), np.sqrt(30.0)
+    data = 0.1 * np.cos(w * t) + noise * np.random.default_rng(3).normal(size=t.size)
+    data[[4, 40]] = np.nan
+    found = ac.estimate(model, {scene.rail.q: (t, data, noise)}, [scene.k, scene.force], {scene.rail.q: 0.1})
+    assert found.missing == 2 and "2 values of 101 missing" in str(found) and not found.unseen.size
+    kept = np.isfinite(data)
+    slopes = np.column_stack([-0.1 * np.sin(w * t) * t / (2 * w), (1 - np.cos(w * t)) / 30.0])[kept] / noise
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    assert found.standard_error(scene.k) == pytest.approx(errors[0] * unit, rel=0.1)
+    assert found.standard_error(scene.force) == pytest.approx(errors[1] * unit, rel=0.1)
+    assert abs(found[scene.force]) < 4 * errors[1] * unit

@@ -17,12 +17,15 @@ from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.simulate.sensitivity import Sensitivities
 from acausal.start.initial import exactly, near
+from acausal.wording import counted
 
 _LOST = (SimulationError, AssemblyError, StartValueError, ParameterError)
 _FAR = 20
 """Standard deviations of chi squared, beyond which the model or the search is wrong and not the luck bad."""
 _UNSEEN = 1e-6
-"""Of the largest: singular values of the data's slopes below this say nothing beside rounding and the tolerance of the motion."""
+"""Singular values of the data's slopes, each of length one, below which these depend on one another, beside the tolerance of the motion."""
+_UNFELT = 1e-12
+"""Of what others do to the data: less is rounding."""
 
 _PAUSE = 1e5
 """Times what data usually come apart: a pause that nobody means."""
@@ -57,7 +60,7 @@ class Recording:
 class Estimate:
     """What recordings say of `unknowns`: `values` (n,), their `covariance` (n, n), and of the fit `chi2` with `freedom` (measured values less unknowns):
     about equal where noise is as said and the model is right. `residuals` (m,): model less data, in standard deviations.
-    `unseen` (k, n): changes of the unknowns, each of length 1 relative to the values, that no data sees.
+    `unseen` (k, n): changes of the unknowns, each of length 1 relative to the values, that no data sees. `missing`: values that were NaN.
     """
 
     unknowns: tuple[Expression, ...]
@@ -68,6 +71,7 @@ class Estimate:
     freedom: int
     residuals: np.ndarray
     unseen: np.ndarray
+    missing: int
     evaluations: int
 
     def __getitem__(self, unknown: Expression | str) -> float:
@@ -98,6 +102,8 @@ class Estimate:
             f"{name} = {value:.8g} +- {error:.2g}" for name, value, error in zip(self.names, self.values, errors, strict=True)
         ]
         lines.append(f"chi2 = {self.chi2:.4g} with {self.freedom} degrees of freedom")
+        if self.missing:
+            lines[-1] += f"; {counted(self.missing, 'value')} of {self.missing + self.residuals.size} missing"
         for direction in self.unseen:
             parts = [f"{share:+.2g} of {name}" for share, name in zip(direction, self.names, strict=True) if abs(share) > 1e-3]
             lines.append(f"no data sees this change: {', '.join(parts)}, each relative to its value")
@@ -285,14 +291,24 @@ class _Fit:
         )
         values = np.asarray(found.x)
         rows, slopes = self._both(values)
-        size = np.where(values == 0.0, 1.0, np.abs(values))
-        _, s, V = np.linalg.svd(np.linalg.qr(slopes * size, mode="r"))
+        size, felt = self._sizes(values, slopes)
+        _, s, V = np.linalg.svd(np.linalg.qr(np.where(felt, slopes * size, 0.0), mode="r"))
         s = np.append(s, np.zeros(values.size - s.size))
-        seen = s > _UNSEEN * np.max(s, initial=0.0)
+        seen = s > _UNSEEN
         chi2, freedom = float(rows @ rows), rows.size - int(seen.sum())
         spread = 1.0 if all(run.noise_known for run in self.runs) else chi2 / max(1, freedom)
         weights = np.where(seen, 1.0 / np.where(seen, s, 1.0) ** 2, 0.0)
         covariance = spread * (V.T * weights) @ V * size * size[:, None]
         touched = np.any(np.abs(V[~seen]) > 1e-3, axis=0)
         covariance[touched, touched] = np.inf
-        return Estimate(unknowns, names, values, covariance, chi2, freedom, rows, V[~seen], self.evaluations)
+        unseen = V[~seen] * size / np.fmax(np.abs(values), size)
+        unseen /= np.linalg.norm(unseen, axis=1, keepdims=True)
+        missing = sum(int(np.isnan(one.values).sum()) for run in self.runs for one in run.series)
+        return Estimate(unknowns, names, values, covariance, chi2, freedom, rows, unseen, missing, self.evaluations)
+
+    def _sizes(self, values: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By how much each unknown changes all data together by one standard deviation (n,), also one that is zero; and which do so at all, beside what
+        others do: the sizes of the rest are their values."""
+        effect, own = np.linalg.norm(slopes, axis=0), np.fmax(np.abs(values), np.abs(self.first))
+        felt = (effect > 0) & ((own == 0) | (effect * own > _UNFELT * np.max(effect * own, initial=0.0)))
+        return np.where(felt, 1.0 / np.where(felt, effect, 1.0), np.where(own > 0, own, 1.0)), felt
