@@ -81,12 +81,16 @@ def equilibration(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     r, c = np.ones(A.shape[0]), np.ones(A.shape[1])
     if not A.size or not np.isfinite(A).all():
         return r, c
-    counts = A != 0
+    r, c = _largest_alike(A, r, c)
     for _ in range(2):
-        r, c = _middle(np.abs(A), counts)
         B = np.abs(A) / r[:, None] / c
         least = _NOTHING * np.minimum(B.max(axis=1)[:, None], B.max(axis=0))
-        counts = least < B  # rounding has no say
+        r, c = _middle(np.abs(A), least < B)  # rounding has no say
+    return _largest_alike(A, r, c)
+
+
+def _largest_alike(A: np.ndarray, r: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From divisors r (n,) and c (m,) on, so that the largest entries of rows and columns are about 1."""
     for _ in range(_SWEEPS):
         B = np.abs(A) / r[:, None] / c
         rows, columns = np.sqrt(B.max(axis=1)), np.sqrt(B.max(axis=0))
