@@ -793,6 +793,15 @@ def test_a_compiler_that_fails_once_does_not_change_the_number_of_lanes(cache: P
     assert _value(command) == 10.0
 
 
+def test_no_mathematical_function_that_rounds_is_the_c_librarys() -> None:
+    """C libraries differ in last bits, and some compilers bring their own."""
+    texts = {name: re.sub(r"/\*.*?\*/", "", text.decode(), flags=re.S) for name, text in library.sources().items()}
+    own = set(re.findall(r"#define (\w+)", texts["scalar_math.h"]))
+    rounding = "sin cos tan asin acos atan atan2 exp exp2 expm1 log log2 log10 log1p pow cbrt hypot sinh cosh tanh fma erf tgamma"
+    called = set(re.findall(rf"(?<![\w.])({'|'.join(rounding.split())})\(", "".join(texts.values())))
+    assert {"pow", "cos"} <= called <= own
+
+
 _KEPT = (compiler.compiler, load.runtime, load._tried, load.compiled_runtime, automatic.warn_no_compiler)
 """What a process remembers of compilers."""
 

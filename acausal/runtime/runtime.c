@@ -12,6 +12,7 @@ INLINE double smaller(double a, double b) { return a <= b || b != b ? a : b; }
 #define fmin smaller
 
 #include "interpreter.h"
+#include "scalar_math.h"
 #include "memory.h"
 #include "stages.h"
 #include "inputs.h"
