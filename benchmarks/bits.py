@@ -181,8 +181,8 @@ kernels; each = in it is a way to carry the motion out: the interpreter, compile
 
 What holds, and what tests/test_export_hard_cases.py and tests/test_export_switches.py hold:
 
-- Interpreted and compiled kernels give the same bits, always: whether there is a compiler, and when it is ready, does not matter. So does an exported
-  simulator; but of loops that nearly fold (nearly_folding) its rounding is other than here.
+- Interpreted and compiled kernels give the same bits, always, and so does an exported simulator: whether there is a compiler, and when it is ready, does
+  not matter.
 - The number of lanes does not matter, where the processor has fused multiply-adds (x86 since 2013, all of ARM's 64 bits). Costs are counted, samples
   are taken and sums are ordered as for eight lanes, whatever there is. Without fused multiply-adds bits are others.
 - Compilers and C libraries do not matter: nothing that rounds is left to them.

@@ -16,6 +16,7 @@ from tests.hard_cases import CASES, HardCase
 NAMES = (
     "spring_1e4",  # a coordinate is nothing but rounding
     "four_bars_through_singularity",
+    "nearly_folding",  # twice as many digits where that is near
     "overdamped",  # Radau's from its beginning on
     "switched_force",
 )

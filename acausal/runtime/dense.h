@@ -156,15 +156,16 @@ const double *masks_at(const Integrator *I, double t) {
 int state_at(Integrator *I, double t, double *x) {
     struct State *T = I->state;
     V *in = T->projection_in, *out = T->projection_out;
-    int good = 1;
+    int good = 1, exact = 0;
     if (!T->begun) memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
     else if (dense(I, 1, &t, x) != REACHED_END) return INPUT_FAILED;
     if (!I->ng) return REACHED_END;
+    exact = has_exact(I) && !I->masks && I->through != STRAIGHT && !(present(&I->clearance) && clearance_at(I, t, x) > EXACT);
     in[0] = v_all(t);
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
     if (I->masks) give_masks(I, masks_at(I, t));
     for (int pass = 0; pass < PASSES; pass++) {
-        if (has_exact(I) && !I->masks) run_exact(I, 1, in, out);
+        if (exact) run_exact(I, 1, in, out);
         else run_kernel(&I->projection, in, T->projection_c, out, T->work);
         memcpy(in + 1, out, sizeof(V) * (size_t)I->nx);
     }
