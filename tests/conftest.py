@@ -2,8 +2,13 @@
 
 import gc
 import os
+import signal
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when numpy is first imported
+
+signal.signal(
+    signal.SIGINT, signal.default_int_handler
+)  # shells have what runs in the background ignore it; tests interrupt themselves
 
 
 def pytest_collection_finish() -> None:

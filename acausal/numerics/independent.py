@@ -33,6 +33,8 @@ _LOOKS, _MOST = 4, 60
 """Inverse iterations for a look at the smallest singular value, and most of those that find it."""
 _HELD, _LET, _REFINED, _EXACT = 1e-8, 1e-6, 6, 1e-12
 """What makes systems of wishes and rows definite, for these and those; times that their solution is refined, and to what part."""
+_DENSE = 128
+"""Rows and columns up to which a factor is dense."""
 _FEW = 16
 """Free directions that are found one by one."""
 
@@ -101,6 +103,9 @@ class Independent:
         """None where the matrix is small, or where singular values have to say which rows are independent: none are that are below `dependent`."""
         if min(J.shape) <= LARGE or not np.isfinite(J).all():
             return None
+        dense = _of_few(J, dependent) if max(J.shape) <= _DENSE else None
+        if dense is not None:
+            return dense
         rows, matrix = np.arange(J.shape[0]), Sparse.of(J)
         gram, others = _gram(matrix), np.zeros(0, dtype=int)
         solve, heights, most = _factorised(gram)
@@ -118,8 +123,7 @@ class Independent:
         sums = np.random.default_rng(10).normal(size=(_SUMS if others.size else 0, others.size)) @ J[others]
         if any(np.max(np.abs(found.free(found.free(row)))) > _FOLLOWS * dependent for row in sums):
             return None
-        sure = max(_SURE, _MARGIN * dependent) * max(1.0, most**0.5)
-        return found if found._is_above(sure) else None
+        return found if found._is_above(_sure(dependent, most)) else None
 
     @property
     def freedoms(self) -> int:
@@ -221,6 +225,27 @@ class Independent:
         return found**-0.5, vectors[:, : -count - 1 : -1].T @ known[: len(alpha)]
 
 
+def _sure(dependent: float, most: float) -> float:
+    """Above which no singular value is a matter of doubt; `most`: a bound of the square of the largest."""
+    return max(_SURE, _MARGIN * dependent) * max(1.0, most**0.5)
+
+
+def _of_few(J: np.ndarray, dependent: float) -> Independent | None:
+    """`Independent.of` where all rows are, by a dense factor of J J': looking for the entries takes longer than they do. None where that leaves doubts."""
+    gram = J @ J.T
+    try:
+        L = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return None
+    if not (np.diag(L) ** 2 > _PLAIN * np.diag(gram)).all():
+        return None
+    inverse = np.linalg.inv(L)
+    # |L^-1| >= 1 / the smallest singular value
+    if not np.linalg.norm(inverse) * _sure(dependent, _most(gram)) < 1.0:
+        return None
+    return Independent(np.arange(len(J)), Sparse.of(J), lambda c: inverse.T @ (inverse @ c))
+
+
 def rank_of(J: np.ndarray, zero: float) -> int:
     """How many singular values of a matrix are above this part of the largest, or of 1 where that is less."""
     plain = Independent.of(J, zero)
@@ -257,6 +282,14 @@ def inverse(J: np.ndarray, zero: float, rank: int | None = None) -> Callable[[np
 def damped(J: np.ndarray) -> tuple[Callable[[np.ndarray, float], np.ndarray], float]:
     """(c (m,), d) -> J' (J J' + d 1)^-1 c, for d > 0 and a matrix (m, n) with few entries; and a bound of the square of its largest singular value."""
     wide = J.shape[0] <= J.shape[1]
+    if max(J.shape) <= _DENSE:
+        square = J @ J.T if wide else J.T @ J
+
+        def dense_step(c: np.ndarray, damping: float) -> np.ndarray:
+            solution = np.linalg.solve(square + damping * np.eye(len(square)), c if wide else J.T @ c)
+            return J.T @ solution if wide else solution
+
+        return dense_step, _most(square)
     matrix = Sparse.of(J if wide else J.T)
     gram = _gram(matrix)
     one = ca.DM.eye(gram.shape[0])
@@ -286,6 +319,11 @@ def _factorised(gram: ca.DM) -> tuple[Callable[[np.ndarray], np.ndarray], np.nda
         return np.array(ca.ldl_solve(ca.DM(dense, c.tolist()), D, LT, order).nonzeros())
 
     return solve, heights, _bound(gram)
+
+
+def _most(gram: np.ndarray) -> float:
+    """A bound of the largest eigenvalue (Gershgorin)."""
+    return float(np.max(np.sum(np.abs(gram), axis=0)))
 
 
 def _bound(gram: ca.DM) -> float:
