@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import Any
 
@@ -77,6 +78,25 @@ def test_valves_conduct_one_way_and_without_voltage_in_any_order_of_parts(seed: 
         obeys(run, parts, V)
         runs.append(np.array([run[part.v] for part in parts]))
     assert runs[1] == pytest.approx(runs[0], abs=1e-7 * np.abs(runs[0]).max())
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_valves_without_resistance_obey_or_are_refused(seed: int) -> None:
+    """Sources and stores may drive current through them alone, which nothing limits."""
+    scene, parts, T, V = drawn(seed, 0.0, None)
+    try:
+        run = ac.build(scene).simulate(2 * T, rtol=RTOL, samples=60)
+    except (ac.errors.AcausalError, ac.errors.AccuracyWarning) as refused:
+        assert re.search(r"elements\[[\d.]+\]|motion may be singular", str(refused))
+        return
+    obeys(run, parts, V)
+
+
+def test_valves_that_a_motion_does_not_obey_are_told() -> None:
+    """Two in a row beside a capacitor without charge, which another circuit charges: nothing holds it where they would."""
+    scene, _, end, _ = drawn(140, 0.0, None)
+    with pytest.warns(ac.errors.AccuracyWarning, match=r"elements\[\d\] .* is taken for closed, and has .* against its law"):
+        ac.build(scene).simulate(2 * end, rtol=1e-10)
 
 
 @pytest.mark.parametrize("leak", [1e-6, 1e-4])

@@ -120,6 +120,40 @@ def test_the_less_a_valve_leaks_the_nearer_it_is_to_an_ideal_one(leakage: float,
     assert run.statistics.steps < 60
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("leak", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize(
+    ("V", "f", "R", "lag"), [(1.0, 1.0, 1.0, 0.41), (1e-3, 50.0, 600.0, 1.01), (325.0, 1e6, 0.1, 0.1), (1.0, 1.0, 1.0, 1.42)]
+)
+def test_what_a_coil_drives_flows_on_through_a_second_diode(
+    V: float, f: float, R: float, lag: float, leak: float, turned: bool
+) -> None:
+    """Where the source passes zero both have no voltage: only what follows tells that one of them takes over from the other."""
+    w, L = 2 * np.pi * f, R * math.tan(lag) / (2 * np.pi * f)
+    scene = ac.System()
+    scene.ground = Ground()
+    parts = {"mains": VoltageSource(-V * np.sin(w * ac.time)), "valve": IdealDiode(leak / R), "load": Resistor(R)}
+    parts |= {"wheel": IdealDiode(leak / R), "coil": Inductor(L)}
+    for name in sorted(parts, reverse=turned):
+        setattr(scene, name, parts[name])
+    scene.connect(scene.mains.pin_b, scene.valve.pin_a)
+    scene.connect(scene.valve.pin_b, scene.load.pin_a, scene.wheel.pin_b)
+    scene.connect(scene.load.pin_b, scene.coil.pin_a)
+    scene.connect(scene.coil.pin_b, scene.mains.pin_a, scene.ground.pin, scene.wheel.pin_a)
+    run = ac.build(scene).simulate(2.3 / f, {scene.coil.i: 0.0}, rtol=1e-10, samples=47)
+    driven, phase, now, exact = V / math.hypot(R, w * L), np.arctan(w * L / R), 0.0, np.zeros(run.t.size)
+    for half in range(5):  # each begins with the current `now`
+        since = run.t - half / (2 * f)
+        own = driven * np.sin(w * since - phase) if half % 2 == 0 else np.zeros(run.t.size)
+        decay = np.exp(-w * since / math.tan(phase))
+        begun = now + driven * math.sin(phase) * (half % 2 == 0)
+        exact = np.where(since > -1e-12 / f, own + begun * decay, exact)
+        now = begun * math.exp(-np.pi / math.tan(phase)) + driven * math.sin(phase) * (half % 2 == 0)
+    assert run[scene.coil.i] == pytest.approx(exact, abs=10 * leak * driven)
+    assert np.all(run[scene.valve.v] < 1e-9 * V)
+    assert np.all(run[scene.wheel.v] < 1e-9 * V)
+
+
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 1, 0, 2)])
 def test_bridge_of_four_diodes_gives_the_modulus(order: tuple[int, ...]) -> None:
     scene = ac.System()

@@ -19,6 +19,7 @@
 #define SOONEST 1e-13  /* not so much sooner */
 #define BEGINS 1e-6    /* of its terms, and of what it is a little later: what may have been nothing before */
 #define LATER 1e-6     /* of a step: where accelerations are looked at */
+#define FORESEES 0.25 /* part of a rate that it may change by while it is followed */
 #define TOO_LATE 1.0   /* not so much later */
 #define CHANGES 40     /* of mode in one instant, which tell that no mode lasts */
 #define UNSEEN 1e-12   /* of a state: a jump that is none */
@@ -78,8 +79,9 @@ static int make_modes(Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
     T->later_x = reserve_doubles(I, I->nx + 1);
     T->impulse = reserve_doubles(I, n + 1);
+    T->first_rate = reserve_doubles(I, I->nx + 1);
     if (I->directions && !make_saltation(I)) return 0;
-    if (!n) return I->counted || (T->later_x && T->impulse);
+    if (!n) return I->counted || (T->later_x && T->first_rate && T->impulse);
     if (!arranged(I, &I->decision, &T->decision_in, &T->decision_out, &T->decision_c, 1 + I->nx + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
@@ -96,7 +98,7 @@ static int make_modes(Integrator *I) {
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -478,22 +480,27 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     return REACHED_END;
 }
 
+/* Whether all that is to be decided are rows without rates. */
+static int holds_at_once(const Integrator *I) {
+    Decision D = decision_of(I, I->state->decided, 0); /* of some place: kinds are the same at all */
+    int all = frictions_of(I) == 0;
+    for (long i = 0; i < D.gaps; i++) all &= D.kind[i] == NO_IMPACT;
+    return all;
+}
+
 /* What is decided here and now already, into `now`: HOLDS, OPENS, or MAY_HOLD where that only begins; of rows without rates, where there are no others. Rounding is what is so
    beside its terms, and beside what there is `later`. */
 static int decide_now(Integrator *I, Room R, double later, long *now) {
     struct State *T = I->state;
-    Decision D = decision_of(I, T->decided, 0); /* of some place: kinds are the same at all */
+    Decision D;
     double *noise = R.compressed, largest = 0; /* there are no impacts */
-    int plain = frictions_of(I) == 0;
-    for (long i = 0; i < D.gaps; i++) {
-        plain &= D.kind[i] == NO_IMPACT;
-        now[i] = MAY_HOLD;
-    }
-    if (!plain) return 1;
+    for (long i = 0; i < I->one_sided; i++) now[i] = MAY_HOLD;
+    if (!holds_at_once(I)) return 1;
     if (!decision_later(I, later, &D)) return 0;
-    for (long i = 0; i < D.gaps; i++) noise[i] = BEGINS * fabs(D.free[i]);
+    memcpy(noise, D.free, sizeof(double) * (size_t)D.gaps);
     if (!decision_at(I, I->t, I->x, &D)) return 0;
     for (long i = 0; i < D.gaps; i++) {
+        noise[i] = fmax(BEGINS * fabs(noise[i]), TOUCHES * EPS * fabs(I->t) / later * fabs(noise[i] - D.free[i]));
         R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
         largest = fmax(largest, fabs(D.free[i]) / unit_of(D.W[i * (D.n + 1)]));
     }
@@ -507,7 +514,49 @@ static int decide_now(Integrator *I, Room R, double later, long *now) {
         double told = R.law[i] == HOLDS ? fmin(R.push[i] * W[i], fabs(D.free[i])) : R.law[i] == OPENS ? R.rate[i] : 0;
         if (told > fmax(noise[i], fmax(BEGINS * terms, FITS * largest * unit_of(W[i])))) now[i] = R.law[i];
     }
+    if (I->redundant && least_pivot(&D, R.law, R.work, R.place) > 0) /* how they share what they carry is not told here */
+        for (long i = 0; i < D.gaps; i++) now[i] = now[i] == HOLDS ? MAY_HOLD : now[i];
     return 1;
+}
+
+/* How much later states are still what their rates here make of them, `most` at most: a leak lets go in no time what has been held. 0 when the input function failed. */
+static double foreseen(Integrator *I, double most) {
+    struct State *T = I->state;
+    double h = most, least = SPENT * EPS * fabs(I->t), *first = T->first_rate, *x = T->later_x;
+    for (int again = 0; again < 8 && h > least; again++) {
+        double speed = 0, change = 0;
+        if (!rate_at(I, I->t + h, I->x, T->rate)) return 0;
+        memcpy(first, T->rate, sizeof(double) * (size_t)I->nx);
+        for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + h * first[i];
+        if (!rate_at(I, I->t + h, x, T->rate)) return 0;
+        for (long i = 0; i < I->nx; i++) {
+            double size = fmax(T->size[i], h * fabs(first[i]));
+            if (!(size > 0)) continue;
+            speed += first[i] / size * (first[i] / size);
+            change += (T->rate[i] - first[i]) / size * ((T->rate[i] - first[i]) / size);
+        }
+        if (change <= speed * (FORESEES * FORESEES)) return h;
+        h *= isfinite(change) ? fmax(0.5 * FORESEES * sqrt(speed / change), 1e-6) : 1e-6;
+    }
+    return fmax(h, least);
+}
+
+/* Whether rows hold that depend on one another, in the mode that has been set. */
+static int holds_shared(const Integrator *I) { return I->redundant && I->state->side[carried_of(I) - 1] > 0; }
+
+/* Rows without rates that hold together, though they depend on one another, may do so at this instant only, as two valves where the source between them passes zero: so soon rounding hides
+   it. Whether a later look opens some of those, and changes nothing else; the mode is then that, else that of so much `later`. */
+static enum Code part_shared(Integrator *I, Room R, double planned, double later, double most) {
+    double *before = I->state->lifted + I->masks, *side = I->state->side;
+    int roughly;
+    memcpy(before, side, sizeof(double) * (size_t)I->masks);
+    for (double look = 100 * later; look * planned <= most; look *= 100) {
+        enum Code code = decide_when(I, R, planned, look * planned, &roughly);
+        int opens = 0, closes = 0;
+        for (long i = 0; i < I->one_sided; i++) opens |= side[i] < before[i], closes |= side[i] > before[i];
+        if (code == INPUT_FAILED || (code == REACHED_END && opens && !closes)) return code;
+    }
+    return decide_when(I, R, planned, later * planned, &roughly);
 }
 
 /* The same, not later than it takes to tell; nor so late that something else has changed, if it can be told. */
@@ -518,15 +567,22 @@ static enum Code decide_in_time(Integrator *I, Room R, double planned) {
     enum Code code = REACHED_END;
     int roughly = 1;
     memcpy(before, T->side, sizeof(double) * (size_t)I->masks);
+    double most = 0;
+    if (holds_at_once(I)) {
+        most = foreseen(I, 0.01 * TOO_LATE * planned);
+        if (!(most > 0)) return INPUT_FAILED;
+        planned = fmax(fmin(planned, most / LATER), SPENT * EPS / LATER * fabs(I->t)); /* what changes with time does not sooner */
+    }
     if (!decide_now(I, R, LATER * planned, now)) return INPUT_FAILED;
     for (double later = LATER; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
     for (double later = LATER; later > SOONEST; later *= 0.01) {
         int sooner = 0;
         for (long i = 0; i < I->one_sided; i++) sooner |= now[i] != MAY_HOLD && (code != REACHED_END || (now[i] == HOLDS) != (T->side[i] == 1));
-        if (!sooner) break;
+        if (!sooner || (holds_at_once(I) && later * planned <= SPENT * EPS * fabs(I->t))) break;
         memcpy(T->side, before, sizeof(double) * (size_t)I->masks);
         code = decide_when(I, R, planned, (0.01 * later > SOONEST ? 0.01 * later : LATER) * planned, &roughly);
     }
+    if (code == REACHED_END && holds_at_once(I) && holds_shared(I)) code = part_shared(I, R, planned, LATER, most);
     return code;
 }
 

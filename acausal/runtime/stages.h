@@ -158,7 +158,7 @@ struct State {
     V *rows_in, *rows_out, *rows_c, *sides_in, *sides_out, *sides_c, *row_change_in, *row_change_out, *row_change_c;
     V *decision_in, *decision_out, *decision_c;
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
-    double *lemke, *impulse, *push, *later_x; /* work of decisions, see modes.h */
+    double *lemke, *impulse, *push, *later_x, *first_rate; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
     double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
     V *set_in, *set_out, *set_c, *set_change_in, *set_change_out, *set_change_c;

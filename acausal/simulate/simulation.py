@@ -23,6 +23,7 @@ from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.events import events_asked
+from acausal.simulate.one_way import warn_if_passed_back
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
@@ -157,6 +158,8 @@ def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bo
     lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run), warn_of_unseen_inputs(functions, run)]
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
+    if run.status.kind is StatusKind.SUCCESS:
+        lost.append(warn_if_passed_back(functions, run))
     if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
         warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
 
