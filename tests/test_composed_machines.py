@@ -210,8 +210,9 @@ def test_the_balance_of_energy_closes_through_bounces_without_end_while_other_th
     assert model.simulate(end, start, rtol=1e-12).energy_error() < left
 
 
+@pytest.mark.parametrize("back", [0.0, 0.5])
 @pytest.mark.parametrize("size, rtol", [(1.0, 1e-6), (1e-3, 1e-11), (1e4, 1e-8)])
-def test_a_rod_that_jams_on_its_tip_is_stopped_whatever_else_might_touch(size: float, rtol: float) -> None:
+def test_a_rod_that_jams_on_its_tip_is_stopped_whatever_else_might_touch(size: float, rtol: float, back: float) -> None:
     """Slipping forward on its tip, with 1 + 3 s (s - mu c) < 0, it has no acceleration: its tip is held at once, by the impulse that ends its slip. A foot at its other
     end, which touches nothing until it falls on it, changes nothing; with it there are more rows than freedoms."""
     mu, turned = 1.5, -0.6832591242345625
@@ -223,7 +224,7 @@ def test_a_rod_that_jams_on_its_tip_is_stopped_whatever_else_might_touch(size: f
         scene = ac.System()
         scene.world, scene.plane = World((0, 0, -G * size)), Planar("y")
         scene.rod = RigidBody(1.0, inertia=size**2 / 12 * np.eye(3))
-        scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in feet]
+        scene.feet = [PointOnPlane(unilateral=True, restitution=back, friction=Coulomb(mu)) for _ in feet]
         pairs = [(scene.world.frame, scene.plane.frame_a), (scene.plane.frame_b, scene.rod.frame)]
         for foot, z in zip(scene.feet, feet, strict=True):
             pairs += [(scene.world.frame, foot.frame_a), (foot.frame_b, scene.rod.at((0, 0, z * size)))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from typing import Any
@@ -177,6 +178,28 @@ def test_rectifiers_of_resistors_alone(T: float, rtol: float) -> None:
         times = np.unique(run.transitions.times)
         assert w * times[times > 0] == pytest.approx(np.array([x for x in angles if 0 < x < 18]), abs=1e-11)
         assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize("phases", [3, 5])
+@pytest.mark.parametrize("begins", [0.0, 0.7])
+@pytest.mark.parametrize(("leak", "resistance"), [*itertools.product([1e-3, 1e-5, 1e-6], [0.0, 1e-3, 1e-2])])
+def test_bridges_of_many_phases_follow_the_largest_voltage(phases: int, begins: float, leak: float, resistance: float) -> None:
+    """Nothing is stored. Where valves have a resistance two of them share the current for a short time, whose rate of change is large and known to few digits."""
+    scene = ac.System()
+    scene.ground, scene.load = Ground(), Resistor(2.0)
+    scene.mains = [VoltageSource(-np.sin(6 * ac.time + begins + 2 * np.pi * k / phases)) for k in range(phases)]
+    scene.up, scene.down = [[IdealDiode(leak, resistance) for _ in range(phases)] for _ in range(2)]
+    scene.connect(*(source.pin_a for source in scene.mains))
+    for source, up, down in zip(scene.mains, scene.up, scene.down, strict=True):
+        scene.connect(source.pin_b, up.pin_a, down.pin_b)
+    scene.connect(scene.load.pin_a, *(up.pin_b for up in scene.up))
+    scene.connect(scene.load.pin_b, scene.ground.pin, *(down.pin_a for down in scene.down))
+    run = ac.build(scene).simulate(3.0, rtol=RTOL, samples=121)
+    u = np.sin(6 * run.t + begins + 2 * np.pi * np.arange(phases)[:, None] / phases)
+    shared = np.ptp(u, axis=0) / (1 + resistance)
+    obeys(run, [*scene.up, *scene.down, scene.load], 1.0)
+    assert run[scene.load.v] == pytest.approx(shared, abs=0.5 * resistance + 10 * leak)
+    assert run.statistics.steps < 100
 
 
 @pytest.mark.parametrize("count", [2, 3])

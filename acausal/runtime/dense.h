@@ -55,7 +55,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     for (int again = 0; again < 2 && !done; again++) {
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
         if (again) break;
-        sample_noise(I, F, 0);
+        sample_noise(I, F, 0, 0);
         set_scale(I, h, h);
         set_factor(I, h);
         J = new_judge(J.tolerance, J.floor, J.limit);

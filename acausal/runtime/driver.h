@@ -304,7 +304,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     for (long i = 0; i < I->nx; i++) leasts |= T->least[i] > 0;
     if (T->noisy && !leasts) return found;
     double work = I->work;
-    sample_noise(I, S, leasts);
+    sample_noise(I, S, leasts, 1);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     found = misses_ends(I, S, h, strict);
     if (found || leasts) {
@@ -484,7 +484,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     if (S->around && I->through == STRAIGHT) return error_around(I, S, h);
     double near = beside_branches(I, S), error = near * step_error_of(I, S, h);
     if (!noisy && error <= pow(CAREFUL / SHORTER, (double)(S->method->order + 1))) return error;
-    sample_noise(I, S, 0);
+    sample_noise(I, S, 0, 0);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
         forget_noise(I);
@@ -503,7 +503,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED) return 0;
-    sample_noise(I, S, 0);
+    sample_noise(I, S, 0, 0);
     double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;
     forget_noise(I);

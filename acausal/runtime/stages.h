@@ -471,9 +471,9 @@ static unsigned drawn(long n) {
     return x ^ (x >> 16);
 }
 
-/* What rounding makes of the rates: how much they change when the states of stages change by a unit or two of their last place; and how much of that fast decay leaves
+/* What rounding makes of the rates: how much they change when the states of stages, and `times`, change by a unit or two of their last place; and how much of that fast decay leaves
    in the rates of stages that are solved for. The largest change is left out: there the rates may jump. `leasts`: with what rounding moves states by that are nothing else. */
-static void sample_noise(Integrator *I, const Stages *S, int leasts) {
+static void sample_noise(Integrator *I, const Stages *S, int leasts, int times) {
     struct State *T = I->state;
     long samples = (S->s + COUNTED - 1) / COUNTED * COUNTED; /* the last stage again, where there are fewer */
     int forgets = T->newton_now && T->factored_h == S->h && T->factored_method == I->method;
@@ -486,8 +486,9 @@ static void sample_noise(Integrator *I, const Stages *S, int leasts) {
             for (long l = 0; l < LANES; l++) {
                 long j = first + l < S->s ? first + l : S->s - 1;
                 for (long i = 0; i < I->rhs.inputs; i++) in[i][l] = S->in[j / LANES][i][j % LANES];
+                if (times) in[0][l] *= 1 + EPS * ((double)(drawn(-1 - 2 * (first + l) - k) >> 30) - 1.5); /* two units of the last place */
                 for (long i = 0; i < I->nx; i++) {
-                    double part = (double)(drawn((2 * (first + l) + k) * I->nx + i) >> 30) - 1.5; /* of two units of the last place */
+                    double part = (double)(drawn((2 * (first + l) + k) * I->nx + i) >> 30) - 1.5;
                     in[1 + i][l] = in[1 + i][l] * (1 + EPS * part) + (leasts ? part * T->least[i] * S->h : 0);
                 }
             }

@@ -341,7 +341,7 @@ static int leave_fixed_point(Integrator *I, Stages *S, double h, double limit, d
     if (C->regret <= 0) begin_weighing(I);
     if (C->regret < (1 + (double)C->turns) * newton) return 0;
     if (h > 0 && C->cost < GAIN * C->newton_rate * C->motion) { /* whether that is so with rounding looked at */
-        if (!I->state->noisy) sample_noise(I, S, 0);
+        if (!I->state->noisy) sample_noise(I, S, 0, 0);
         possible = free_size(I, S, h, S->s);
         forget_noise(I);
         if (C->cost < GAIN * newton * C->motion / possible) {
