@@ -587,9 +587,35 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
     }
     if (!beside && !spread_rounding(I)) return -1;
     T->doubts = 0;
+    if (explains) T->shortest = INFINITY;
     T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
     if (explains) forget_noise(I);
     return explains;
+}
+
+#define AGAIN 4 /* times a step that rounding explains, the next try */
+#define LONGER 2 /* times the shortest step since rounding was looked at: what it was beside a singular position is not what it is now */
+
+/* After a step of size h: rounding of rates is looked at again where steps become longer, and what has become less is allowed less; a state that is nothing
+   but rounding stays so. 0 when the input function failed. */
+static int listen_again(Integrator *I, double h) {
+    struct State *T = I->state;
+    if (T->shortest == 0 || h <= LONGER * T->shortest) {
+        T->shortest = fmin(T->shortest, h);
+        return 1;
+    }
+    const Kernel *disturbed = disturbed_kernel(I, 0);
+    double *found = T->most;
+    int left = 0;
+    if (!disturbed) return 1;
+    if (!rounding_of_rates(I, disturbed, I->t, I->x, h, found)) return 0;
+    for (long i = 0; i < I->nx; i++) {
+        if (T->size[i] > 0 && isfinite(found[i])) T->least[i] = fmin(T->least[i], 2 * FEW * found[i]);
+        left |= T->least[i] > 0;
+    }
+    T->shortest = left ? h : 0;
+    forget_noise(I);
+    return 1;
 }
 
 /* States at zero that are reached only through others at zero move as a high power of the step, of which no step size resolves a part. What
@@ -687,7 +713,7 @@ static enum Code one_adaptive(Integrator *I) {
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
             int follows = follows_others(I, first), rests = disturbed && follows >= 0 ? rests_on_rounding(I, disturbed, first, is_continued(I, S)) : 0;
             if (follows < 0 || rests < 0) return INPUT_FAILED;
-            if (follows || rests) I->h = first;
+            if (follows || rests) I->h = rests && !follows ? fmin(first, AGAIN * I->h) : first;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
@@ -782,6 +808,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->noisy && !failed && converging(I, h, contraction, 0) < STRAINED * wanted) T->doubts += CALM * SUSPECT; /* what does not contract may be rounding */
         enum Code accepted = accept_step(I, S, h);
         if (accepted != REACHED_END) return accepted;
+        if (!listen_again(I, h)) return INPUT_FAILED;
         choose_size(I, h, wanted, contraction, failed);
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
         if (is_steep(I, S, failed || wanted > 2 * I->h)) begin_weighing(I);

@@ -214,6 +214,7 @@ struct State {
     double unit;             /* the scale of a state of size one, without atol */
     long doubts, patience;   /* CALM times the rejections, less steps without; rejections until every operation's rounding is looked at */
     double reach;            /* size of steps that states are sized by */
+    double shortest;         /* step since every operation's rounding was looked at; 0: it was not, or there was none */
     double trusted, planned, sooner; /* size of the last step without doubts; of the last one before steps began to be rejected; of the first, as rates say */
     int missed;              /* whether tries of the last step were rejected */
     int just_set;            /* whether something has been set in this instant */
