@@ -13,7 +13,7 @@ import acausal as ac
 from acausal import errors
 from acausal.numerics.assembly import assemble
 from acausal.numerics.sizes import Sizes
-from components import Prismatic, Revolute, RigidBody, World
+from components import Force, PrescribedMotion, Prismatic, Revolute, RigidBody, World
 from examples.andrews import Andrews
 from tests.assembly_scenes import (
     arm,
@@ -675,3 +675,34 @@ def test_no_unknown_goes_farther_at_once_than_its_limit():
     )
     assert not missed.converged
     assert missed.left.tolist() == [3.0, 0.0] == [missed.gap, 0.0]
+
+
+def test_inputs_move_what_is_assembled_as_parameters_do():
+    """A slider-crank whose crank an input lifts, beside a force that another input is, which was declared before."""
+    scene, r = ac.System(), ac.Parameter(1.0, "m")
+    scene.push, scene.lift = ac.Input("N"), ac.Input("m", default=0.1)
+    scene.world, scene.base, scene.load = World(None), PrescribedMotion(position=(0, scene.lift, 0)), Force((scene.push, 0, 0))
+    scene.a, scene.b, scene.c, scene.rail = Revolute("z"), Revolute("z"), Revolute("z"), Prismatic("x")
+    scene.crank, scene.rod, scene.slider = (
+        RigidBody.rod(1.0, (r, 0, 0)),
+        RigidBody.rod(1.0, (2.5, 0, 0)),
+        RigidBody.ball(1.0, 0.1),
+    )
+    closed(
+        scene,
+        (scene.world.frame, scene.base, scene.a.frame_a),
+        (scene.crank.tip, scene.b, scene.rod.frame),
+        (scene.rod.tip, scene.c, scene.slider.frame),
+        (scene.world.frame, scene.rail, scene.slider.frame),
+    )
+    scene.connect(scene.a.frame_b, scene.crank.frame)
+    scene.connect(scene.load.point, scene.slider.frame)
+    start = {scene.a.q: 0.7, scene.rail.q: ac.near(3.0)}
+    place = ac.build(scene).assembly_function(scene.rail.q, [scene.lift, r, scene.a.q], start)
+    w, z = ca.SX.sym("w", 3), ca.MX.sym("z", 3)
+    closed_place = w[1] * ca.cos(w[2]) + ca.sqrt(2.5**2 - (w[1] * ca.sin(w[2]) + w[0]) ** 2)
+    wanted = ca.Function("f", [w], [closed_place, *ca.hessian(closed_place, w)])
+    found = ca.Function("f", [z], [place(z), *ca.hessian(place(z), z)])
+    for at in ((0.1, 1.0, 0.7), (0.3, 0.8, 2.0), (-0.4, 1.2, -1.0)):
+        for one, other in zip(found(at), wanted(at), strict=True):
+            assert np.max(np.abs(np.array(one - other))) < 1e-12

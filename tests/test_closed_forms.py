@@ -240,3 +240,48 @@ def test_a_row_of_oscillators_plucked_at_rest_is_the_sum_of_its_modes(count, rto
     exact = (shapes[2] * length * np.cos(run.t[:, None] * rates)) @ shapes
     found = np.stack([run[mass.s] for mass in scene.masses], axis=1)
     assert np.max(np.abs(found - exact)) < max(rtol, 1e-13) * length
+
+
+def ball_points() -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) and weights (n,) of a cubature of the unit ball that is exact for squares."""
+    r, w = np.polynomial.legendre.leggauss(4)
+    radii, directions = (r + 1) / 2, np.concatenate([np.eye(3), -np.eye(3)])
+    weights = np.repeat(w / 2 * 3 * radii**2, 6) / 6
+    return (radii[:, None, None] * directions).reshape(-1, 3), weights
+
+
+def disk_points() -> tuple[np.ndarray, np.ndarray]:
+    """The same of a cylinder of radius 1 about z from -1 to 1."""
+    r, w = np.polynomial.legendre.leggauss(4)
+    radii, turns = (r + 1) / 2, np.arange(8) * np.pi / 4
+    points = np.array([(a * np.cos(b), a * np.sin(b), c) for a in radii for b in turns for c in r])
+    weights = np.array([u * a * v / 8 / 2 for u, a in zip(w, radii, strict=True) for _ in turns for v in w])
+    return points, weights
+
+
+def box_points() -> tuple[np.ndarray, np.ndarray]:
+    """The same of a cube from -1 to 1."""
+    r, w = np.polynomial.legendre.leggauss(3)
+    points = np.array([(a, b, c) for a in r for b in r for c in r])
+    return points, np.array([a * b * c / 8 for a in w for b in w for c in w])
+
+
+@pytest.mark.parametrize(
+    ("body", "points", "sizes"),
+    [
+        (RigidBody.ellipsoid(1.5, (0.2, 0.3, 0.5)), ball_points, (0.2, 0.3, 0.5)),
+        (RigidBody.ball(1.5, 0.4), ball_points, (0.4, 0.4, 0.4)),
+        (RigidBody.box(1.5, (0.2, 0.3, 0.5)), box_points, (0.1, 0.15, 0.25)),
+        (RigidBody.cylinder(1.5, 0.2, 0.7), disk_points, (0.2, 0.2, 0.35)),
+        (RigidBody.disk(1.5, 0.2), disk_points, (0.2, 0.2, 0.0)),
+        (RigidBody.rod(1.5, (0, 0, 0.7), radius=0.2), disk_points, (0.2, 0.2, 0.35)),
+    ],
+    ids=["ellipsoid", "ball", "box", "cylinder", "disk", "rod"],
+)
+def test_shapes_have_the_moments_of_inertia_of_what_fills_them(body, points, sizes):
+    """About their centres, by cubature of all that fills them, to a few roundings."""
+    places, weights = points()
+    places = places * np.array(sizes)
+    filled = 1.5 * (np.sum(weights * np.sum(places**2, axis=1)) * np.eye(3) - places.T @ (weights[:, None] * places))
+    assert np.sum(weights) == pytest.approx(1.0, rel=1e-14)
+    np.testing.assert_allclose(body.central_inertia, filled, rtol=0, atol=1e-14)

@@ -13,7 +13,7 @@ import acausal as ac
 from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.integrators.integrate import integrate
-from components import Particle, Spring, World
+from components import Force, Particle, Spring, World
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage
 
 
@@ -264,3 +264,21 @@ def test_steps_drop_into_opti():
     found = opti.solve().value(v)
     run = model.simulate(0.5, {scene.bob.point.position: (0.8, 0, 0), scene.bob.point.velocity: found}, rtol=1e-10)
     assert np.max(np.abs(run[scene.bob.point.position][-1] - [0.0, 0.3, -0.6])) < 1e-6
+
+
+@pytest.mark.parametrize(("method", "order"), [("gauss", 4), ("radau", 3)])
+def test_step_function_has_its_order_where_time_drives(method, order):
+    """x'' = cos 3 t."""
+    scene = ac.System()
+    scene.world, scene.body = World(None), Particle(1.0)
+    scene.push = Force((np.cos(3 * ac.time), 0, 0))
+    scene.connect(scene.push.point, scene.body.point)
+    model = ac.build(scene)
+    step = model.step(method, order)
+    errors = []
+    for n in (20, 40):
+        x = model.initial_state().x
+        for k in range(n):
+            x, _ = step(k / n, x, [], [], 1 / n)
+        errors.append(abs(float(x[0]) - (1 - np.cos(3)) / 9))
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.1

@@ -20,8 +20,10 @@ from components import (
     IdealDiode,
     Inertia,
     PointOnPlane,
+    Prismatic,
     Resistor,
     RigidBody,
+    Spring,
     TorqueSource,
     VoltageSource,
     World,
@@ -112,3 +114,20 @@ def test_what_has_been_interrupted_keeps_its_transitions() -> None:
     assert run.status.kind.name == "INTERRUPTED" and 0 < run.t[-1] < 1e6
     assert len(run.transitions) > 3
     assert run.transitions.times[-1] <= run.t[-1]
+
+
+@pytest.mark.parametrize("heights", [(0.0, 0.0, 0.0), (0.1, 0.0, 0.3), (0.0, 0.2, 0.0)])
+def test_of_several_contacts_those_are_closed_in_equilibrium_that_have_to_carry(heights: tuple[float, ...]) -> None:
+    """Three masses on springs that push up the first and the last, and pull the one between down to the floor."""
+    scene, g = ac.System(), 9.81
+    scene.world, scene.slides = World((0, 0, -g)), [Prismatic("z") for _ in range(3)]
+    scene.bodies = [RigidBody.ball(1.0 + k, 0.1) for k in range(3)]
+    scene.feet = [PointOnPlane(unilateral=True) for _ in range(3)]
+    scene.springs = [Spring(1000.0, rest) for rest in (0.5, 0.1, 0.5)]
+    for slide, body, foot, spring in zip(scene.slides, scene.bodies, scene.feet, scene.springs, strict=True):
+        scene.connect(scene.world.frame, slide.frame_a, foot.frame_a)
+        scene.connect(slide.frame_b, body.frame, foot.frame_b, spring.point_b)
+        scene.connect(scene.world.at((0, 0, -0.3)), spring.point_a)
+    found = ac.build(scene).equilibrium({s.q: h for s, h in zip(scene.slides, heights, strict=True)})
+    assert [float(found[s.q]) for s in scene.slides] == pytest.approx([0.2 - g / 1000, 0.0, 0.2 - 3 * g / 1000], abs=1e-12)
+    assert [float(found[f.normal_force]) for f in scene.feet] == pytest.approx([0.0, 200.0 + 2 * g, 0.0], abs=1e-10)

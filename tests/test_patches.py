@@ -25,6 +25,7 @@ from components import (
     PointOnPlane,
     RigidBody,
     Sphere,
+    Spring,
     Torque,
     World,
 )
@@ -218,3 +219,35 @@ def test_patches_where_there_are_none_are_refused_in_words() -> None:
         Patch(0.0)
     with pytest.raises(ModelError, match="Three of them are those of a patch"):
         ac.DryFriction((ac.Reaction("N"), ac.Reaction("N"), ac.Reaction("N")), Planar().v, 1.0)
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["a on b", "b on a"])
+def test_bodies_that_rub_and_spin_on_one_another_keep_their_momentum(turned: bool) -> None:
+    """What a patch does to one body it does to the other: no angular momentum comes from anywhere, through impacts too."""
+    scene = ac.System()
+    scene.world, scene.pull = World(None), Spring(40.0, 0.1)
+    inertias, masses = (np.diag((0.2, 0.3, 0.25)), np.diag((0.05, 0.06, 0.07))), (1.3, 0.7)
+    scene.bodies = [RigidBody(m, tuple(np.diag(inertia))) for m, inertia in zip(masses, inertias, strict=True)]
+    radii = (0.15, 0.2) if turned else (0.2, 0.15)
+    scene.touch = Contact(Sphere(radii[0]), Sphere(radii[1]), Hard(0.3, Coulomb(0.4, patch=Patch(0.03))))
+    a, b = scene.bodies
+    first, second = (b, a) if turned else (a, b)
+    scene.connect(first.frame, scene.touch.frame_a)
+    scene.connect(scene.touch.frame_b, second.frame)
+    scene.connect(a.frame, scene.pull.point_a)
+    scene.connect(scene.pull.point_b, b.frame)
+    start = {
+        b.frame.position: np.array([0.02, 0.01, 0.36]),
+        b.frame.velocity: np.array([0.2, -0.1, -0.3]),
+        a.frame.angular_velocity: np.array([1.0, 2.0, 9.0]),
+        b.frame.angular_velocity: np.array([-1.0, 0.5, -7.0]),
+    }
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-11, samples=101)
+    total = np.zeros((101, 3))
+    for body, m, inertia in zip(scene.bodies, masses, inertias, strict=True):
+        R, w = run[body.frame.rotation], run[body.frame.angular_velocity]
+        total += np.einsum("tij,jk,tlk,tl->ti", R, inertia, R, w)
+        total += m * np.cross(run[body.frame.position], run[body.frame.velocity])
+    assert len(run.transitions) > 5
+    assert np.max(np.abs(run[scene.touch.pivoting])) > 1.0
+    np.testing.assert_allclose(total, np.broadcast_to(total[0], total.shape), atol=1e-10)

@@ -17,6 +17,7 @@ from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 from components import (
     AngleSource,
+    Bushing,
     Force,
     Gain,
     Inertia,
@@ -404,3 +405,17 @@ def test_functions_of_numpy_that_do_not_are_named():
         np.median(expression)
     with pytest.raises(ac.errors.ExpressionError, match=r"numpy.sum with axis="):
         np.sum(expression, axis=0)
+
+
+def test_torques_that_forces_pass_on_are_read_at_both_of_their_ends():
+    """A wheel on a rubber mount, elastic and damped; its stretch is 2 sin(a / 2)."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.wheel = World(None), Revolute("z"), RigidBody(2.0, (0.1, 0.2, 0.3))
+    scene.mount = Bushing((0, 0, 5.0, 0, 0, 0), damping=(0, 0, 0.4, 0, 0, 0))
+    scene.connect(scene.world.frame, scene.hinge.frame_a, scene.mount.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.wheel.frame, scene.mount.frame_b)
+    run = ac.build(scene).simulate(2.0, {scene.hinge.q: 0.8}, rtol=1e-12)
+    wanted = 5.0 * np.sin(run[scene.hinge.q]) + 0.4 * run[scene.hinge.v]
+    np.testing.assert_allclose(run[scene.mount.frame_b.torque], np.outer(wanted, (0, 0, 1)), atol=1e-13)
+    np.testing.assert_allclose(run[scene.mount.frame_a.torque], np.outer(-wanted, (0, 0, 1)), atol=1e-13)
+    np.testing.assert_allclose(run[ac.der(scene.hinge.v)], -wanted / 0.3, atol=1e-12)
