@@ -178,6 +178,9 @@ CLOSED = {
         "c s x", lambda c, s, x: [[-0.3 * s, 0.3 * c, -1]], lambda c, s, x: x - 0.3 * ca.atan2(s, c)
     ),
     "straight on at a constant heading": ("x o s", lambda x, o, s: [[0, 1, 0], [1, sin(o), -cos(o)]], lambda x, o, s: x - s * cos(o)),
+    "straight on at a sum that stays": (
+        "x y s w", lambda x, y, s, w: [[1, 1, 0, 0], [0, 0, -sin(x + y), 1]], lambda x, y, s, w: w - s * sin(x + y)
+    ),
 }  # fmt: skip
 
 
@@ -186,7 +189,7 @@ def test_closed_forms_of_integrals(name):
     """The wanted function and those found have dependent gradients."""
     names, forms, wanted = CLOSED[name]
     circle = (lambda c, s, x: 0.5 * (c * c + s * s - 1)) if name.startswith("a turn") else None
-    system = pfaffian(names, forms, circle, [1.0, 0.0, 0.4] if circle else [1.0, 1.2, 0.7][: len(names.split())])
+    system = pfaffian(names, forms, circle, [1.0, 0.0, 0.4] if circle else [1.0, 1.2, 0.7, 0.4][: len(names.split())])
     found = integrability(system)
     assert len(found.integrals) == found.hidden
     y = system.y

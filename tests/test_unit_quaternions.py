@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal.charts.rodrigues import ChartCoordinates
+from acausal.parts.joint_coordinates import Coordinate
 from acausal.parts.unit_quaternions import unit_quaternions
 from components import RigidBody, RollingBall, Spherical, World
 
@@ -60,3 +63,13 @@ def test_places_and_names_of_coordinates_with_quaternions_between_others():
     assert names == (
         "x.q", "ball.rotation[0]", "ball.rotation[1]", "ball.rotation[2]", "y.q", "body.rotation[0]", "body.rotation[1]", "body.rotation[2]", "body.q[4]",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_attitudes_are_as_far_apart_as_the_turn_between_them_whatever_the_signs_and_lengths(seed: int):
+    g = np.random.default_rng(seed)
+    first, second = Rotation.random(2, random_state=seed)
+    both = [np.concatenate([[5.0], g.choice([-1, 1]) * g.uniform(0.5, 2) * one.as_quat()]) for one in (first, second)]
+    coordinate = Coordinate("ball.q", slice(1, 5), "", turns=True, periodic=False)
+    assert coordinate.distance(both[0], both[1]) == pytest.approx((first.inv() * second).magnitude(), abs=1e-12)
+    assert coordinate.distance(both[0], -both[0]) == pytest.approx(0.0, abs=1e-12)
