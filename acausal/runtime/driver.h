@@ -587,7 +587,7 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
     }
     if (!beside && !spread_rounding(I)) return -1;
     T->doubts = 0;
-    if (explains) T->shortest = INFINITY;
+    if (explains && !I->row_count) T->shortest = INFINITY; /* near the end of a mode a long step is to reach beyond it */
     T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
     if (explains) forget_noise(I);
     return explains;
@@ -713,7 +713,7 @@ static enum Code one_adaptive(Integrator *I) {
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
             int follows = follows_others(I, first), rests = disturbed && follows >= 0 ? rests_on_rounding(I, disturbed, first, is_continued(I, S)) : 0;
             if (follows < 0 || rests < 0) return INPUT_FAILED;
-            if (follows || rests) I->h = rests && !follows ? fmin(first, AGAIN * I->h) : first;
+            if (follows || rests) I->h = rests && !follows && !I->row_count ? fmin(first, AGAIN * I->h) : first;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
