@@ -329,6 +329,16 @@ class NativeProblem:
         return run.solution(outcome.status, outcome.stopped)
 
 
+def _of(method: weakref.WeakMethod[Callable[..., int]]) -> Callable[..., int]:
+    """What the C code may call of an object that holds this in turn: both are freed as soon as nobody holds the object."""
+
+    def call(*given: Any) -> int:
+        alive = method()
+        return 0 if alive is None else alive(*given)
+
+    return call
+
+
 class Run:
     """One integration and the memory that belongs to it; t1 may be set later by `advance`."""
 
@@ -355,7 +365,7 @@ class Run:
         self._begun = problem, self.x.copy(), t0, t1, accuracy
         self._read = np.ascontiguousarray(problem.read, dtype=float)
         core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
-        self._lacking_callback = LackingFunction(self._lacking)
+        self._lacking_callback = LackingFunction(_of(weakref.WeakMethod(self._lacking)))
         core.lacking = self._lacking_callback
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, accuracy.rtol, accuracy.atol
@@ -423,7 +433,7 @@ class Run:
                 self._use(self.native.formula(inputs.formula), "formula")
         self._functions = None if inputs is None else inputs.functions
         if self._functions is None or self._functions:
-            self._callback = InputFunction(self._input)
+            self._callback = InputFunction(_of(weakref.WeakMethod(self._input)))
             core.input = self._callback
 
     def _follow(self, directions: Directions) -> None:
