@@ -511,6 +511,24 @@ def test_a_ball_that_slides_begins_to_roll_at_five_sevenths_of_its_speed() -> No
     assert np.linalg.norm(run[scene.floor.slip][-1]) < STATE
 
 
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+def test_wherever_a_slip_ends_its_instant_is_exact_and_nothing_after_it_is_worse(rtol: float) -> None:
+    """Beyond it the direction of a slip is another, and at it rounding: at 20 speeds, to 1e-12 s."""
+    r, mu = 0.1, 0.2
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(0.7, r)
+    scene.floor = Contact(Sphere(r), Plane(), Hard(friction=Coulomb(mu, static=0.3)))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.frame)
+    frame, model = scene.ball.frame, ac.build(scene)
+    for k in range(20):
+        speed = 2.0 * (1 + 0.06 * k)
+        run = model.simulate(2.0, {frame.position: (0, 0, r), frame.velocity: speed * np.array([0.6, 0.8, 0])}, rtol=rtol)
+        assert times(run)[-1] == pytest.approx(2 * speed / (7 * mu * G), abs=1e-12)
+        assert run.energy_error() < 2e-12
+        assert run.statistics.steps < 100
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-10])
 def test_what_was_rounding_is_followed_to_the_tolerance_when_it_is_driven(rtol: float) -> None:
     """A ball slides and rolls without a turn about the vertical, of which there is rounding only; from 1 s on it is driven: w' = 30 (t - 1)^2."""

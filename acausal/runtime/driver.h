@@ -519,7 +519,7 @@ static double pace_of(const Integrator *I, const double *rate, const double *noi
 }
 
 /* What such states make of others until the motion has changed, these are worth no more than, too, if it is much of them: an attitude of a spin that is rounding. */
-static int spread_rounding(Integrator *I) {
+static int spread_rounding(Integrator *I, double reach) {
     struct State *T = I->state;
     double *rate = T->factor, *moved = T->increment;
     int some = 0;
@@ -529,12 +529,39 @@ static int spread_rounding(Integrator *I) {
     }
     if (!some) return 1;
     if (!rate_at(I, I->t, I->x, rate) || !rate_at(I, I->t, T->before, moved)) return 0;
-    double until = SOON * pace_of(I, rate, T->most);
+    double until = fmin(SOON * pace_of(I, rate, T->most), reach);
     for (long i = 0; i < I->nx; i++) {
         double change = until * fabs(moved[i] - rate[i]);
         if (T->size[i] > 0 && change > SMALL * T->size[i] && change > T->known[i] && isfinite(change)) T->known[i] = change;
     }
     return 1;
+}
+
+static int rows_at(Integrator *I, double t, const double *x);
+#define UNTIL 1e-3   /* of a step: what a row does then says when it comes to zero; and of that, where it does not fall */
+#define CLEARLY 16   /* roundings of a row, which a fall is that says so */
+#define ENDINGS 3    /* times that it is looked for, and tries to end a step there */
+
+/* How long it takes until the first row comes to zero as it does now, seen from a step of size h; infinite, where none falls: beyond it rates are those of nothing
+   that will be, steps into it do not converge, and rounding there is that of anything. Negative when the input function failed. */
+static double until_a_switch(Integrator *I, double h) {
+    struct State *T = I->state;
+    double *rate = T->most, *value = T->row_values, soonest = INFINITY;
+    if (!I->row_count || I->directions) return INFINITY;
+    if (!rate_at(I, I->t, I->x, rate) || !rows_at(I, I->t, I->x)) return -1;
+    memcpy(value, T->one_row, sizeof(double) * (size_t)I->row_count);
+    for (int tries = 0; tries < ENDINGS; tries++) { /* as seen from where it is to come to zero: beyond that it does something else */
+        double found = INFINITY;
+        for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + UNTIL * h * rate[i];
+        if (!rows_at(I, I->t + UNTIL * h, T->before)) return -1;
+        for (long r = 0; r < I->row_count; r++) {
+            double fall = value[r] - T->one_row[r];
+            if (value[r] > 0 && fall > CLEARLY * T->row_noise[r]) found = fmin(found, value[r] / fall * UNTIL * h);
+        }
+        soonest = fmin(found, soonest);
+        h = found < h ? found : UNTIL * h;
+    }
+    return soonest;
 }
 
 #define SHORTENINGS 60
@@ -558,7 +585,7 @@ static int goes_ahead(Integrator *I, double *ahead, const double *found) {
 
 /* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
    or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
-static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, int beside) {
+static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, double reach, int beside) {
     struct State *T = I->state;
     double *found = T->most, *rate = T->factor;
     int explains = 0;
@@ -567,7 +594,7 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
     for (int later = 0; later < 2; later++) { /* a little later states are looked at that are zero at first */
         double t = I->t + later * ahead;
         if (!rate_at(I, t, T->before, rate) || !rounding_of_rates(I, disturbed, t, T->before, h, found)) return -1;
-        double until = later ? 0 : SOON * pace_of(I, rate, found);
+        double until = later ? 0 : fmin(SOON * pace_of(I, rate, found), reach);
         for (long i = 0; i < I->nx; i++) {
             double noise = FEW * found[i];
             /* what nothing but rounding moves is worth no more than what that makes of it until the motion is another: short steps do not show that */
@@ -585,7 +612,7 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, i
         }
         if (!later && !goes_ahead(I, &ahead, found)) return -1;
     }
-    if (!beside && !spread_rounding(I)) return -1;
+    if (!beside && !spread_rounding(I, reach)) return -1;
     T->doubts = 0;
     if (explains && !I->row_count) T->shortest = INFINITY; /* near the end of a mode a long step is to reach beyond it */
     T->patience = explains ? DOUBTS : T->patience < 1000 ? 2 * T->patience : T->patience;
@@ -695,7 +722,8 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
 
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
+    int ends = 0, failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
+    long doubts = T->doubts;
     struct Landing L = {.row = -1};
     if (I->max_step > 0) I->h = fmin(I->h, I->max_step);
     double first = fmin(I->h, I->end - I->t);
@@ -711,9 +739,12 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->doubts >= CALM * T->patience) {
             const Kernel *disturbed = disturbed_kernel(I, 0);
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            int follows = follows_others(I, first), rests = disturbed && follows >= 0 ? rests_on_rounding(I, disturbed, first, is_continued(I, S)) : 0;
+            double reach = until_a_switch(I, first);
+            int follows = reach < 0 ? -1 : follows_others(I, fmin(first, reach));
+            int rests = disturbed && follows >= 0 ? rests_on_rounding(I, disturbed, fmin(first, reach), reach, is_continued(I, S)) : 0;
             if (follows < 0 || rests < 0) return INPUT_FAILED;
             if (follows || rests) I->h = rests && !follows && !I->row_count ? fmin(first, AGAIN * I->h) : first;
+            ends = 0;
         }
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
@@ -731,6 +762,17 @@ static enum Code one_adaptive(Integrator *I) {
             if (!T->newton_now && leave_fixed_point(I, S, 0, 0, T->planned, I->work - spent)) {
                 if (I->steps == 0 && !first_step(I)) return INPUT_FAILED;
                 return present(&I->jvp) ? one_adaptive(I) : NEEDS_JACOBIAN; /* the step begins anew, whoever had the kernel */
+            }
+            double until = ends++ < ENDINGS ? until_a_switch(I, h) : h;
+            if (until < 0) return INPUT_FAILED;
+            if (until < h) {
+                I->h = (1 - 0.05 * (ends - 1)) * until;
+                T->planned = fmin(T->planned, I->h);
+                T->doubts = doubts;
+                forget_noise(I);
+                I->rejected++;
+                refused = -1;
+                continue;
             }
             if (!asked++ && stalls_on_rounding(I, S, h)) continue;
             /* where it converged well until now, something local is in the way: other nodes may miss it */
