@@ -180,6 +180,28 @@ def test_bridge_of_four_diodes_gives_the_modulus(order: tuple[int, ...]) -> None
     assert run[scene.load.v] == pytest.approx(share * np.abs(10 * np.sin(100 * t)), abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(16))
+def test_bridges_of_four_diodes_pass_zero_in_any_units(seed: int) -> None:
+    """All four change at one instant, at which their voltages are the rounding of their leaks."""
+    rng = np.random.default_rng(seed)
+    order, f, height, leak = rng.permutation(4), 10 ** rng.uniform(1, 3), 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(-6.5, -5)
+    scene = ac.System()
+    scene.diodes = [IdealDiode(leak) for _ in range(4)]
+    a, b, c, d = (scene.diodes[k] for k in order)
+    scene.mains, scene.bulk = VoltageSource(lambda t: height * np.sin(f * t)), Resistor(1.0)
+    scene.load, scene.ground, scene.beside, scene.slow = Resistor(9.0), Ground(), Capacitor(1e-3), Resistor(2.0)
+    scene.connect(scene.mains.pin_a, scene.bulk.pin_a, scene.beside.pin_a)
+    scene.connect(scene.bulk.pin_b, a.pin_a, d.pin_b)
+    scene.connect(scene.beside.pin_b, scene.slow.pin_a)
+    scene.connect(scene.slow.pin_b, scene.mains.pin_b, b.pin_a, c.pin_b)
+    scene.connect(a.pin_b, b.pin_b, scene.load.pin_a)
+    scene.connect(c.pin_a, d.pin_a, scene.load.pin_b, scene.ground.pin)
+    run = ac.build(scene).simulate(10 / f, {scene.beside.v: 0.0}, rtol=10 ** -rng.uniform(6, 12))
+    share = 1 / (1 + (1 / 9 + 2 * leak))  # the pair that blocks lies beside the load
+    assert run[scene.load.v] == pytest.approx(share * height * np.abs(np.sin(f * run.t)), abs=1e-10 * height)
+    assert [t.time * f / np.pi for t in run.transitions if t.changes] == pytest.approx([1, 2, 3], rel=1e-12)
+
+
 def test_laws_between_what_is_moved_as_given_are_refused() -> None:
     """Nothing could yield."""
     scene = ac.System()

@@ -706,7 +706,7 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
         double most = 0, unit = unit_of(D->W[i * (D->n + 1)]);
         for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(D->W[k * (D->n + 1)]), fabs(D->free[k]) / unit_of(D->W[k * (D->n + 1)])));
-        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most)) continue;
+        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -I->state->row_noise[i]) continue;
         I->worst = i;
         return NO_MODE;
     }

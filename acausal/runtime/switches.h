@@ -430,6 +430,21 @@ static double first_below_again(Path *p, const double *theta, const double *v, d
     return first_below(p, theta[most], 1, 0, 0);
 }
 
+/* So soon is now [s]. */
+static double at_once(const Integrator *I) { return 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3); }
+
+/* Where a row that is zero but for rounding, and has been decided to stay as it is, is clearly below zero: until then it says nothing. */
+static double clearly_below(const Path *p, const double *theta, const double *v, double noise) {
+    double lo = 0, hi = 1, level = fmin(v[0], 0) - noise;
+    for (int j = POINTS - 1; j > 0; j--)
+        if (v[j] < level) hi = theta[j];
+    while (hi - lo > 0.1 * hi && hi > EPS) {
+        double middle = 0.5 * (lo + hi);
+        *(one_value(p, middle) < level ? &hi : &lo) = middle;
+    }
+    return hi;
+}
+
 static int find_set_slopes(Integrator *I, double *slope);
 
 /* How far from zero the tolerance leaves a guard of something that sets. */
@@ -493,6 +508,12 @@ static double first_switch(Path *p, struct Landing *L) {
         if (here == 2 && fabs(v[POINTS - 1]) <= p->noise && T->far[r]) here = 1; /* the step ends there */
         if (here > 1 || here >= first) continue;
         if (!decided && v[0] <= p->noise && here > 0 && one_value(p, 0.5 * here) <= 2 * p->noise) here = 0;
+        if (here * p->h <= at_once(I) && T->changes > 0 && r < I->one_sided && decided) {
+            if (!rows_at(I, p->t, p->start)) return -1;
+            double begun = fmax(known, T->row_noise[r]);
+            if (fabs(v[0]) <= begun) here = clearly_below(p, theta, v, begun);
+            noise_known = 0;
+        }
         first = here;
         L->row = r;
         L->coarse = is_coarse;
@@ -547,7 +568,7 @@ static double landing(Integrator *I, const Stages *S, double h, struct Landing *
         p.guard = L->row;
         L->slope = (one_value(&p, to + BACK) - one_value(&p, to)) / (BACK * h);
         if (++L->total > MOST) return 0.5 * to;
-        if (to * h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-3)) to = 0;
+        if (to * h <= at_once(I)) to = 0;
     }
     L->over = to == 1;
     return to;
