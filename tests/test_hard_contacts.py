@@ -529,6 +529,39 @@ def test_wherever_a_slip_ends_its_instant_is_exact_and_nothing_after_it_is_worse
         assert run.statistics.steps < 100
 
 
+@pytest.mark.parametrize("rolls", [False, True])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 17, 29])
+def test_slips_on_inclines_end_when_they_must_however_large_all_is(seed: int, rolls: bool) -> None:
+    """s (limit + a cos) falls at the rate limit^2 - a^2, with a along the slope, and limit what friction makes of the slip s: 3.5 times as much of a ball's."""
+    rng = np.random.default_rng(seed)
+    mu, g, mass, r = 10 ** rng.uniform(-1.5, 0), G * 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-3, 1)
+    most = 3.5 * mu if rolls else mu
+    tilt = np.arctan(most * rng.uniform(0.05, 0.8))
+    scene = ac.System()
+    scene.world = World((g * np.sin(tilt), 0, -g * np.cos(tilt)))
+    scene.floor = (
+        Contact(Sphere(r), Plane(), Hard(friction=Coulomb(mu))) if rolls else PointOnPlane(unilateral=True, friction=Coulomb(mu))
+    )
+    scene.body = RigidBody.ball(mass, r) if rolls else Particle(mass)
+    f = scene.body.frame if rolls else scene.body.point
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, f)
+    model, a, limit = ac.build(scene), g * np.sin(tilt), most * g * np.cos(tilt)
+    for k in range(4):
+        size, angle = np.sqrt(g * r) * 10 ** rng.uniform(-1, 1), rng.uniform(0, 2 * np.pi)
+        v = size * np.array([np.cos(angle), np.sin(angle), 0])
+        start = {f.position: (0, 0, r if rolls else 0), f.velocity: v}
+        slip = v
+        if rolls and k > 1:
+            start[f.angular_velocity] = w = rng.normal(size=3) * size / r
+            slip = v + np.cross(w, (0, 0, -r))
+        s = float(np.linalg.norm(slip))
+        ends = (s * limit + a * slip[0]) / (limit**2 - a**2)
+        run = model.simulate(1.1 * ends, start, rtol=(rtol := (1e-11, 1e-9)[k % 2]))
+        assert [t.time for t in run.transitions if t.changes] == pytest.approx([ends], rel=20 * rtol)
+        assert np.linalg.norm(run[scene.floor.slip][-1]) < 1e-9 * s
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-10])
 def test_what_was_rounding_is_followed_to_the_tolerance_when_it_is_driven(rtol: float) -> None:
     """A ball slides and rolls without a turn about the vertical, of which there is rounding only; from 1 s on it is driven: w' = 30 (t - 1)^2."""

@@ -544,7 +544,7 @@ static int rows_at(Integrator *I, double t, const double *x);
 
 /* How long it takes until the first row comes to zero as it does now, seen from a step of size h; infinite, where none falls: beyond it rates are those of nothing
    that will be, steps into it do not converge, and rounding there is that of anything. Negative when the input function failed. */
-static double until_a_switch(Integrator *I, double h) {
+static double until_a_switch(Integrator *I, double h, long *row) {
     struct State *T = I->state;
     double *rate = T->most, *value = T->row_values, soonest = INFINITY;
     if (!I->row_count || I->directions) return INFINITY;
@@ -552,13 +552,15 @@ static double until_a_switch(Integrator *I, double h) {
     memcpy(value, T->one_row, sizeof(double) * (size_t)I->row_count);
     for (int tries = 0; tries < ENDINGS; tries++) { /* as seen from where it is to come to zero: beyond that it does something else */
         double found = INFINITY;
+        long falls_first = -1;
         for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + UNTIL * h * rate[i];
         if (!rows_at(I, I->t + UNTIL * h, T->before)) return -1;
         for (long r = 0; r < I->row_count; r++) {
             double fall = value[r] - T->one_row[r];
-            if (value[r] > 0 && fall > CLEARLY * T->row_noise[r]) found = fmin(found, value[r] / fall * UNTIL * h);
+            if (!(value[r] > 0 && fall > CLEARLY * T->row_noise[r])) continue;
+            if (value[r] / fall * UNTIL * h < found) found = value[r] / fall * UNTIL * h, falls_first = r;
         }
-        soonest = fmin(found, soonest);
+        if (found < INFINITY) soonest = found, *row = falls_first; /* what is nearer says more */
         h = found < h ? found : UNTIL * h;
     }
     return soonest;
@@ -696,6 +698,7 @@ struct Landing {
 };
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
 static enum Code go_over(Integrator *I, const struct Landing *L);
+static double at_once(const Integrator *I);
 static enum Code decide_modes(Integrator *I, long row, double planned);
 static int agree(Integrator *I, double t, const double *x, int all);
 
@@ -708,16 +711,20 @@ static enum Code finish_step(Integrator *I, const struct Landing *L) {
     return code != REACHED_END ? code : agree(I, I->t, I->x, 0) ? REACHED_END : INPUT_FAILED;
 }
 
-/* Which part of a step of size h is to be made, so that it ends at a switch: 1 all of it, 0 none, since the step begins there, and has gone over. */
-static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, double *part) {
-    *part = landing(I, S, h, L);
-    if (*part < 0) return *part == -2 ? FALLS : INPUT_FAILED;
-    if (*part > 0) return REACHED_END;
+/* The step begins where a switch goes over. */
+static enum Code switch_now(Integrator *I, struct Landing *L) {
     enum Code code = go_over(I, L);
     double t = I->t;
     L->row = -1;
     if (code == REACHED_END && I->state->pending >= 0) code = decide_modes(I, I->state->pending, I->state->pending_planned);
     return code == REACHED_END && I->block && I->t > t ? PAUSED : code; /* what has been bridged is read before the next step */
+}
+
+/* Which part of a step of size h is to be made, so that it ends at a switch: 1 all of it, 0 none, since the step begins there, and has gone over. */
+static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, double *part) {
+    *part = landing(I, S, h, L);
+    if (*part < 0) return *part == -2 ? FALLS : INPUT_FAILED;
+    return *part > 0 ? REACHED_END : switch_now(I, L);
 }
 
 static enum Code one_adaptive(Integrator *I) {
@@ -739,7 +746,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->doubts >= CALM * T->patience) {
             const Kernel *disturbed = disturbed_kernel(I, 0);
             first = fmin(fmax(T->trusted, I->h), I->end - I->t);
-            double reach = until_a_switch(I, first);
+            double reach = until_a_switch(I, first, &(long){-1});
             int follows = reach < 0 ? -1 : follows_others(I, fmin(first, reach));
             int rests = disturbed && follows >= 0 ? rests_on_rounding(I, disturbed, fmin(first, reach), reach, is_continued(I, S)) : 0;
             if (follows < 0 || rests < 0) return INPUT_FAILED;
@@ -763,8 +770,16 @@ static enum Code one_adaptive(Integrator *I) {
                 if (I->steps == 0 && !first_step(I)) return INPUT_FAILED;
                 return present(&I->jvp) ? one_adaptive(I) : NEEDS_JACOBIAN; /* the step begins anew, whoever had the kernel */
             }
-            double until = ends++ < ENDINGS ? until_a_switch(I, h) : h;
+            double until = ends++ < ENDINGS ? until_a_switch(I, h, &L.row) : h;
             if (until < 0) return INPUT_FAILED;
+            if (until <= at_once(I) && T->changed_at != I->t) {
+                L.planned = fmax(I->h, h);
+                enum Code code = switch_now(I, &L);
+                if (code != REACHED_END) return code;
+                refused = -1;
+                continue;
+            }
+            L.row = -1;
             if (until < h) {
                 I->h = (1 - 0.05 * (ends - 1)) * until;
                 T->planned = fmin(T->planned, I->h);
