@@ -538,27 +538,29 @@ static int spread_rounding(Integrator *I, double reach) {
 }
 
 static int rows_at(Integrator *I, double t, const double *x);
-#define UNTIL 1e-3   /* of a step: what a row does then says when it comes to zero; and of that, where it does not fall */
-#define CLEARLY 16   /* roundings of a row, which a fall is that says so */
-#define ENDINGS 3    /* times that it is looked for, and tries to end a step there */
 
-/* How long it takes until the first row comes to zero as it does now, seen from a step of size h; infinite, where none falls: beyond it rates are those of nothing
-   that will be, steps into it do not converge, and rounding there is that of anything. Negative when the input function failed. */
+#define UNTIL 1e-3    /* of a step: what a row does then says when it comes to zero; and of that, where it does not fall */
+#define CLEARLY 16    /* roundings of a row, which a fall is that says so */
+#define NEARINGS 3    /* times that it is looked for */
+#define ENDINGS 3     /* tries to end a step there */
+#define SHORT_OF 0.05 /* of the way, each of these but the first ends that much before */
+
+/* How long it takes until the first row comes to zero as it does now, seen from a step of size h, and which one, into `row`; infinite, where none falls: beyond it
+   rates are those of nothing that will be, steps into it do not converge, and rounding there is that of anything. Negative when the input function failed. */
 static double until_a_switch(Integrator *I, double h, long *row) {
     struct State *T = I->state;
     double *rate = T->most, *value = T->row_values, soonest = INFINITY;
     if (!I->row_count || I->directions) return INFINITY;
     if (!rate_at(I, I->t, I->x, rate) || !rows_at(I, I->t, I->x)) return -1;
     memcpy(value, T->one_row, sizeof(double) * (size_t)I->row_count);
-    for (int tries = 0; tries < ENDINGS; tries++) { /* as seen from where it is to come to zero: beyond that it does something else */
+    for (int tries = 0; tries < NEARINGS; tries++) { /* as seen from where it is to come to zero: beyond that it does something else */
         double found = INFINITY;
         long falls_first = -1;
         for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + UNTIL * h * rate[i];
         if (!rows_at(I, I->t + UNTIL * h, T->before)) return -1;
         for (long r = 0; r < I->row_count; r++) {
-            double fall = value[r] - T->one_row[r];
-            if (!(value[r] > 0 && fall > CLEARLY * T->row_noise[r])) continue;
-            if (value[r] / fall * UNTIL * h < found) found = value[r] / fall * UNTIL * h, falls_first = r;
+            double fall = value[r] - T->one_row[r], lasts = value[r] / fall * UNTIL * h;
+            if (value[r] > 0 && fall > CLEARLY * T->row_noise[r] && lasts < found) found = lasts, falls_first = r;
         }
         if (found < INFINITY) soonest = found, *row = falls_first; /* what is nearer says more */
         h = found < h ? found : UNTIL * h;
@@ -781,7 +783,7 @@ static enum Code one_adaptive(Integrator *I) {
             }
             L.row = -1;
             if (until < h) {
-                I->h = (1 - 0.05 * (ends - 1)) * until;
+                I->h = (1 - SHORT_OF * (ends - 1)) * until;
                 T->planned = fmin(T->planned, I->h);
                 T->doubts = doubts;
                 forget_noise(I);

@@ -329,11 +329,12 @@ class NativeProblem:
         return run.solution(outcome.status, outcome.stopped)
 
 
-def _of(method: weakref.WeakMethod[Callable[..., int]]) -> Callable[..., int]:
+def _weakly(method: Callable[..., int]) -> Callable[..., int]:
     """What the C code may call of an object that holds this in turn: both are freed as soon as nobody holds the object."""
+    held = weakref.WeakMethod(method)
 
     def call(*given: Any) -> int:
-        alive = method()
+        alive = held()
         return 0 if alive is None else alive(*given)
 
     return call
@@ -365,7 +366,7 @@ class Run:
         self._begun = problem, self.x.copy(), t0, t1, accuracy
         self._read = np.ascontiguousarray(problem.read, dtype=float)
         core.budget, core.read, core.read_count = BUDGET, _address(self._read), self._read.size
-        self._lacking_callback = LackingFunction(_of(weakref.WeakMethod(self._lacking)))
+        self._lacking_callback = LackingFunction(_weakly(self._lacking))
         core.lacking = self._lacking_callback
         core.x, core.parameters, core.u = _address(self.x), _address(self._p), _address(self._u)
         core.t, core.end, core.rtol, core.atol = t0, t1, accuracy.rtol, accuracy.atol
@@ -433,7 +434,7 @@ class Run:
                 self._use(self.native.formula(inputs.formula), "formula")
         self._functions = None if inputs is None else inputs.functions
         if self._functions is None or self._functions:
-            self._callback = InputFunction(_of(weakref.WeakMethod(self._input)))
+            self._callback = InputFunction(_weakly(self._input))
             core.input = self._callback
 
     def _follow(self, directions: Directions) -> None:
