@@ -155,6 +155,19 @@ def test_floor_that_drops_at_once_lets_fall_what_stood_on_it(course: str, size: 
     assert run[scene.up.s][-1] == pytest.approx(-0.05 * size, rel=1e-13)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_floor_that_drops_is_seen_to_drop_whenever_it_does(seed: int) -> None:
+    """Also where the step before ends right at the instant at which the comparison is not true yet, and block and floor are at zero."""
+    rng = np.random.default_rng(seed)
+    any_time, size, gravity = float(rng.uniform(0.05, 0.9)), 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-1, 2)
+    drop = size * 10 ** rng.uniform(-3, -1)
+    fall = np.sqrt(2 * drop / (gravity * size))
+    for late in (any_time, np.ceil(64 * any_time) / 64):
+        scene = stepping(np.where(ac.time > late, -drop, 0.0) + 0.0 * ac.time, size, gravity)
+        run = ac.build(scene).simulate(late + 1.3 * fall, {scene.up.s: 0.0, scene.side.s: 0.0}, rtol=1e-12)
+        assert instants(run) == pytest.approx([late, late + fall], rel=1e-12)
+
+
 @pytest.mark.parametrize("course", COURSES)
 @pytest.mark.parametrize("size", [1.0, 1e-7])
 def test_floor_that_jumps_into_what_stands_on_it_is_refused_by_part_and_line(course: str, size: float) -> None:

@@ -16,6 +16,9 @@ _NO_IMPACT = -1
 _NO_GAP = 8
 """With others: of a speed that must not be negative."""
 
+_NO_TERMS = -1
+"""Of what has no gap; those of a gap may be zero where it is."""
+
 
 def mode_functions(
     m: Modes | None, system: ReducedSystem, space: StateSpace, invariants: ca.Function | None, projection: ca.Function | None
@@ -49,7 +52,7 @@ def mode_functions(
             masked("mode_projection", step), (), discretes,
         )  # fmt: skip
     size = [row.size for row in m.frictions]
-    terms = ca.vertcat(ca.SX(0, 1), *(row.terms for row in m.rows if row.one_sided))
+    terms = ca.vertcat(ca.SX(0, 1), *(_NO_TERMS if row.one_way else row.terms for row in m.rows if row.one_sided))
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
         Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems),

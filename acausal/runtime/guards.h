@@ -101,11 +101,15 @@ static void chebyshev_cosines(double *table) {
 /* Chebyshev coefficients of the interpolant of POINTS values at Lobatto points, by the table of cosines. */
 static void chebyshev_coefficients(const double *table, const double *values, double *c) {
     const int n = POINTS - 1;
-    for (int k = 0; k <= n; k++) {
-        double sum = 0;
-        for (int j = 0; j <= n; j++) sum += (j == 0 || j == n ? 0.5 : 1.0) * values[j] * table[k * POINTS + j];
-        c[k] = sum * (k == 0 || k == n ? 1.0 : 2.0) / n * (k & 1 ? -1 : 1);
+    for (int k = 0; k < POINTS; k += LANES) {
+        V sum = v_all(0.0), cosines;
+        for (int j = 0; j <= n; j++) {
+            memcpy(&cosines, table + j * POINTS + k, sizeof cosines);
+            sum = v_fma(v_all((j == 0 || j == n ? 0.5 : 1.0) * values[j]), cosines, sum);
+        }
+        memcpy(c + k, &sum, sizeof sum);
     }
+    for (int k = 0; k <= n; k++) c[k] *= (k == 0 || k == n ? 1.0 : 2.0) / n * (k & 1 ? -1 : 1);
 }
 
 /* Whether the values keep away from what is no more than noise on the whole interval. */

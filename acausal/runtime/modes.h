@@ -167,7 +167,7 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     }
     *D = decision_of(I, T->decided, T->decided_noise);
     for (long i = 0; i < gaps; i++) {
-        T->gap_terms[i] = fabs(D->terms[i]);
+        T->gap_terms[i] = fmax(D->terms[i], 0);
         T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * T->gap_terms[i]); /* where things are put is rounded too */
     }
     double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
@@ -195,9 +195,9 @@ static int look_before_knot(Integrator *I, double t) {
     return 1;
 }
 
-/* Whether gap or rate `k` has jumped at the knot, or by the switch, that has just been crossed; gates, which have no terms, open and shut, and do not jump. */
+/* Whether gap or rate `k` has jumped at the knot, or by the switch, that has just been crossed; gates, which have no gap, open and shut, and do not jump. */
 static int has_jumped(const Integrator *I, const Decision *D, long k) {
-    return I->state->crossed && (k >= D->gaps || D->terms[k] > 0) && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
+    return I->state->crossed && (k >= D->gaps || !(D->terms[k] < 0)) && fabs(D->gap[k] - I->state->near_knot[k]) > 16 * D->gap_noise[k] + NIL * fabs(D->gap[k]);
 }
 
 /* Whether what reactions do has jumped there: their directions, which masks know. */
