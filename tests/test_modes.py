@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import casadi as ca
@@ -16,7 +16,7 @@ from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import Inertia, Particle, RigidBody, World
+from components import Clutch, Inertia, Particle, RigidBody, VelocitySource, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
 from tests.scenes import Pendulum
 
@@ -166,6 +166,53 @@ def test_floor_that_drops_is_seen_to_drop_whenever_it_does(seed: int) -> None:
         scene = stepping(np.where(ac.time > late, -drop, 0.0) + 0.0 * ac.time, size, gravity)
         run = ac.build(scene).simulate(late + 1.3 * fall, {scene.up.s: 0.0, scene.side.s: 0.0}, rtol=1e-12)
         assert instants(run) == pytest.approx([late, late + fall], rel=1e-12)
+
+
+CONDITIONS: dict[str, Callable[[float], Any]] = {
+    "after": lambda late: ac.time > late,
+    "bent": lambda late: ac.time**2 > late**2,
+    "of a choice": lambda late: np.where(ac.time < late, 0, 1) > 0.5,
+    "of a maximum": lambda late: np.maximum(ac.time - late, 0) > 0,
+    "of choices": lambda late: np.where(np.where(ac.time < late, 3, 1) > 2, 5, 7) > 6,
+}
+"""True from then on, said in other ways."""
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("seed", range(4))
+def test_floor_begins_to_rise_however_it_is_said_when(condition: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    late, size, gravity, restitution = (
+        rng.integers(4, 60) / 64,
+        10 ** rng.uniform(-3, 3),
+        10 ** rng.uniform(-1, 2),
+        rng.uniform(0, 1),
+    )
+    speed = size * rng.uniform(0.2, 3)
+    height = np.where(CONDITIONS[condition](late), speed * (ac.time - late), 0.0)
+    scene = stepping(height, size, gravity, restitution=restitution)
+    end = late + min(0.5, restitution * speed / (gravity * size))
+    run = ac.build(scene).simulate(end, {scene.up.s: 0.0, scene.side.s: 0.0}, rtol=1e-12)
+    assert instants(run) == pytest.approx([late], rel=1e-13)
+    assert run.transitions[0].energy_lost == pytest.approx(speed**2 * (1 - restitution**2), rel=1e-11)
+    assert run[scene.up.v][-1] == pytest.approx((1 + restitution) * speed - gravity * size * (end - late), abs=1e-11 * speed)
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("seed", range(4))
+def test_belt_begins_to_run_however_it_is_said_when(condition: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    late, speed, mass = rng.integers(4, 60) / 64, 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-3, 3)
+    drag = mass * speed * rng.uniform(0.1, 3)
+    scene = ac.System()
+    scene.mass, scene.belt = SlidingMass(mass), VelocitySource(np.where(CONDITIONS[condition](late), speed, 0.0) + 0.0 * ac.time)
+    scene.rub = Clutch(scene.belt.flange, scene.mass.flange_a, capacity=drag, holding=rng.uniform(1, 2) * drag)
+    sticks = late + speed * mass / drag
+    run = ac.build(scene).simulate(1.2 * sticks, {scene.mass.s: 0.0, scene.mass.v: 0.0, scene.belt.flange.s: 0.0}, rtol=1e-12)
+    assert run.solution.modes is not None
+    assert run.solution.modes.changes[-1].time == pytest.approx(sticks, rel=1e-12)
+    there = speed**2 * mass / drag / 2 + speed * 0.2 * sticks
+    assert run[scene.mass.s][-1] == pytest.approx(there, rel=1e-11)
 
 
 @pytest.mark.parametrize("course", COURSES)

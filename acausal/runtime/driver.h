@@ -701,16 +701,14 @@ struct Landing {
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
 static enum Code go_over(Integrator *I, const struct Landing *L);
 static double at_once(const Integrator *I);
-static enum Code decide_modes(Integrator *I, long row, double planned);
-static int agree(Integrator *I, double t, const double *x, int all);
+static enum Code decide_here(Integrator *I);
 
 /* After a step, at the end of which a switch may go over. */
 static enum Code finish_step(Integrator *I, const struct Landing *L) {
     struct State *T = I->state;
     if (I->held && !(T->last_h < INSTANT * L->planned)) memset(T->overs, 0, sizeof(long) * (size_t)I->held);
     if (L->row < 0 || !L->over) return REACHED_END;
-    enum Code code = go_over(I, L);
-    return code != REACHED_END ? code : agree(I, I->t, I->x, 0) ? REACHED_END : INPUT_FAILED;
+    return go_over(I, L);
 }
 
 /* The step begins where a switch goes over. */
@@ -718,7 +716,7 @@ static enum Code switch_now(Integrator *I, struct Landing *L) {
     enum Code code = go_over(I, L);
     double t = I->t;
     L->row = -1;
-    if (code == REACHED_END && I->state->pending >= 0) code = decide_modes(I, I->state->pending, I->state->pending_planned);
+    if (code == REACHED_END) code = decide_here(I);
     return code == REACHED_END && I->block && I->t > t ? PAUSED : code; /* what has been bridged is read before the next step */
 }
 

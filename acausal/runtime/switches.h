@@ -310,6 +310,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     int crossed = T->crossed;
     if (changes_modes(I) && !look_before_knot(I, I->t)) return INPUT_FAILED;
     if (!go_over_together(I, L->row, 0.1 * BACK * L->planned, before)) return INPUT_FAILED;
+    if (!agree(I, I->t, I->x, 0)) return INPUT_FAILED; /* conditions of what has jumped */
     new = T->side[k];
     for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
     if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
