@@ -16,6 +16,7 @@ from acausal.errors import ModelError, OptionError, SimulationError
 from acausal.language.mode_laws import ModeLaw
 from components import (
     Brake,
+    Clutch,
     EndStop,
     Gain,
     Inertia,
@@ -34,6 +35,7 @@ from components import (
     TimeFunction,
     TorqueSource,
     TranslationSensor,
+    VelocitySource,
     World,
 )
 from components.translational import ForceSource, SlidingMass, TranslationalGround
@@ -561,3 +563,32 @@ def test_what_is_set_beyond_what_keeps_it_is_told_by_part_and_not_moved() -> Non
         model.simulate(2.0, {mass.s: 0.5}, events=[ac.when(ac.time - 0.5, "rising", set={mass.s: 0.6})])
     model, mass = scene(0.8)
     assert model.simulate(1.3, {mass.s: 0.5}, rtol=1e-12)[mass.s][-1] == pytest.approx(0.5 + 0.75 * 0.09, rel=1e-12)
+
+
+class Setter(ac.Component):
+    """What it is given as its laws."""
+
+    def __init__(self, *laws: ModeLaw) -> None:
+        self.given = laws
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield from self.given
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_depends_on_what_is_set_by_what_is_set_is_heeded_in_the_same_instant(seed: int, turned: bool) -> None:
+    """A time sets a, that sets b, and where b is more than a half a belt runs, on which a block slides until it is as fast."""
+    rng = np.random.default_rng(seed)
+    late, speed, mass = rng.integers(4, 60) / 64, 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-2, 2)
+    drag = mass * speed * rng.uniform(0.2, 3)
+    scene = ac.System()
+    scene.a, scene.b = ac.Discrete(), ac.Discrete()
+    scene.mass, scene.belt = SlidingMass(mass), VelocitySource(np.where(scene.b > 0.5, speed, 0.0))
+    scene.rub = Clutch(scene.belt.flange, scene.mass.flange_a, capacity=drag, holding=rng.uniform(1, 2) * drag)
+    laws = ac.when(ac.time - late, set={scene.a: 1.0}), ac.when(scene.a - 0.5, set={scene.b: scene.a})
+    scene.setter = Setter(*(reversed(laws) if turned else laws))
+    sticks = late + speed * mass / drag
+    run = ac.build(scene).simulate(1.2 * sticks, {scene.mass.s: 0.0, scene.mass.v: 0.0, scene.belt.flange.s: 0.0}, rtol=1e-12)
+    assert run.transitions[-1].time == pytest.approx(sticks, rel=1e-12)
+    assert run[scene.mass.s][-1] == pytest.approx(speed**2 * mass / drag / 2 + speed * 0.2 * sticks, rel=1e-11)

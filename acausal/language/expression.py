@@ -240,6 +240,14 @@ def leaves(*values: Any) -> frozenset[Symbol]:
     return found
 
 
+def _text(given: str, what: str) -> str:
+    if not isinstance(given, str):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
+        raise ExpressionError(
+            f'{what} is {given!r} ({origin()}). Give a text, as "m/s", and numbers by their names: default=, start=.'
+        )
+    return given
+
+
 class Symbol(Expression):
     """A declared quantity with a unit. Two symbols are the same only if they are the same object."""
 
@@ -250,8 +258,8 @@ class Symbol(Expression):
         super().__init__(sx, frozenset((self,)))
         self._atom = Atom(name, sx)
         self.name = name
-        self.unit = unit
-        self.description = description
+        self.unit = _text(unit, f"The unit of a symbol ({self.kind})")
+        self.description = _text(description, f"The description of a symbol ({self.kind})")
         self._declare()
 
     def _declare(self) -> None:
@@ -423,7 +431,7 @@ class Discrete(Mode):
 
     def __init__(self, unit: str = "", description: str = "", *, start: Scalar = 0.0) -> None:
         super().__init__("discrete", description)
-        self.unit = unit
+        self.unit = _text(unit, "The unit of a Discrete")
         self.start = scalar(start, "A Discrete's start")
         self.default = 0.0 if isinstance(self.start, Expression) else self.start
 

@@ -357,6 +357,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
             if (pass == 0 && I->directions && !meet_row_by_directions(I, row, planned)) return INPUT_FAILED;
             if (count) code = set_all(I, planned);
             if (code != REACHED_END) return code;
+            if (count && I->held > I->masks && !agree(I, I->t, I->x, 1)) return INPUT_FAILED; /* conditions of what has been set */
         }
         I->state->just_set = count > 0;
         if (reactions && (pass == 0 || count)) code = decide_reactions(I, pass == 0 && !set ? row : -1, planned);
@@ -365,7 +366,6 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
         if (pass > 0 && !count) break;
     }
     if (I->directions && !leave_directions(I)) return INPUT_FAILED;
-    if (I->set_count && I->held > I->masks && !agree(I, I->t, I->x, 1)) return INPUT_FAILED;
     for (long r = 0; r < I->row_count; r++) T->far[r] = 0;
     forget_rates(I);
     I->h = planned;

@@ -261,3 +261,14 @@ def test_a_joint_with_flanges_that_nothing_tells_apart_is_refused(flanges: int, 
     scene.connect(scene.world.frame, scene.slide.frame_a)
     scene.connect(scene.slide.frame_b, scene.ball.frame)
     Wrong("flanges of a joint", lambda: ac.build(scene), errors.ModelError, ("slide (", HERE, "end_0", "one coordinate")).check()
+
+
+@pytest.mark.parametrize(
+    ("make", "given"),
+    [(ac.Discrete, (0.0,)), (ac.Input, (3.0,)), (ac.Parameter, (1.0, 2.0)), (ac.Reaction, (None,)), (ac.Input, ("m", 1.0))],
+)
+def test_a_number_in_place_of_a_unit_is_refused_where_it_is_said(make: Callable[..., object], given: tuple[Any, ...]) -> None:
+    with pytest.raises(
+        ac.errors.ExpressionError, match=r"(unit|description) of .* is .* \(.*test_own_parts.py:\d+\)\. Give a text"
+    ):
+        make(*given)
