@@ -12,24 +12,24 @@ _CLEANINGS = 3
 
 def factored(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
     """B (n, m) -> A^-1 B, by elimination in the order of the rows."""
-    A = ca.SX(A)
+    A = ca.sparsify(ca.SX(A))
     n = A.shape[0]
-    factors: list[tuple[int, int, ca.SX]] = []
-    for k in range(n):
-        for i in range(k + 1, n):
-            if A[i, k].is_zero():
-                continue
-            factor = A[i, k] / A[k, k]
-            A[i, k + 1 :] -= factor * A[k, k + 1 :]
-            factors.append((i, k, factor))
+    rows, columns, pivots = list[ca.SX](), list[ca.SX](), list[ca.SX]()
+    for _ in range(n):
+        pivots.append(A[0, 0])
+        rows.append(ca.sparsify(A[0, 1:]))
+        columns.append(ca.sparsify(A[1:, 0]) / A[0, 0])
+        A = ca.sparsify(A[1:, 1:] - columns[-1] @ rows[-1])
 
     def solved(B: ca.SX) -> ca.SX:
-        B = ca.densify(ca.SX(B))
-        for i, k, factor in factors:
-            B[i, :] -= factor * B[k, :]
-        for k in reversed(range(n)):
-            B[k, :] = (B[k, :] - A[k, k + 1 :] @ B[k + 1 :, :]) / A[k, k]
-        return ca.densify(B)
+        left, found = ca.densify(ca.SX(B)), list[ca.SX]()
+        for column in columns:
+            found.append(left[0, :])
+            left = left[1:, :] - column @ found[-1]
+        X = ca.SX(0, B.shape[1])
+        for pivot, row, right in zip(reversed(pivots), reversed(rows), reversed(found), strict=True):
+            X = ca.vertcat((right - row @ X) / pivot, X)
+        return ca.densify(X)
 
     return solved
 
