@@ -109,7 +109,7 @@ def lock_rows(flat: FlatSystem, readings: Readings) -> tuple[LockRows, ...]:
     """Of all parts. Raises `ModelError` for what holds by something else than what is remembered, and what `Readings.resolved` raises."""
     found: list[LockRows] = []
     for part in flat.parts:
-        for law in part.component.laws():
+        for law in part.laws:
             if not isinstance(law, Lock):
                 continue
             gap, held = ca.vec(readings.resolved(law.gap.sx, part)), readings.resolved(law.held.sx, part)
@@ -130,7 +130,7 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
     found: list[ModeRow] = []
     locked: list[Reaction] = []
     for part in flat.parts:
-        for law in part.component.laws():
+        for law in part.laws:
 
             def read(value: Scalar, part: Part = part) -> ca.SX:
                 return readings.resolved(sx(value), part) if isinstance(value, Expression) else ca.SX(value)
@@ -179,7 +179,7 @@ def _check_patches(flat: FlatSystem, rows: Sequence[ModeRow]) -> None:
     strikes = {
         law.reaction: part
         for part in flat.parts
-        for law in part.component.laws()
+        for law in part.laws
         if isinstance(law, OneSided) and isinstance(law.impact, Energetic)
     }
     for row in rows:

@@ -86,7 +86,7 @@ class MechanicalSystem:
             assert isinstance(part.component, AbstractForce)
             given = ReadingPlacement(self.placement, self.readings, part)
             stored = ca.SX(part.component.potential_energy(given))
-            if symbols_read(part.component) or any(True for _ in part.component.laws()):
+            if part.laws or symbols_read(part.component):
                 stored = self.readings.resolved(stored, part)
                 unsteady = ca.vertcat(self.tree.v, *(entry.sx for entry in self.flat.inputs), *self.readings.foreign(stored))
                 if unsteady.numel() and ca.depends_on(stored, unsteady):

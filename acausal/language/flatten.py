@@ -29,6 +29,7 @@ from acausal.language.expression import (
     Variable,
     leaves,
 )
+from acausal.language.mode_laws import ModeLaw
 from acausal.wording import compact, grouped, nearest, shortened
 
 _ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
@@ -45,6 +46,15 @@ class Part:
     def where(self) -> str:
         """Path and line, for messages."""
         return f"{self.path} ({self.component.created_at})" if self.component.created_at else self.path
+
+    @functools.cached_property
+    def laws(self) -> tuple[ModeLaw, ...]:
+        """Of its reactions, and what it sets when."""
+        return tuple(self.component.laws())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Laws are asked for again."""
+        return Part, (self.path, self.component)
 
 
 @dataclass(frozen=True, repr=False)

@@ -31,7 +31,7 @@ class Setting:
 def settings(outputs: Outputs, events: Iterable[when] = ()) -> tuple[Setting, ...]:
     """Of all parts, then of `events` of a run."""
     flat = outputs.system.flat
-    found = [Setting(law, part.where) for part in flat.parts for law in part.component.laws() if isinstance(law, when)]
+    found = [Setting(law, part.where) for part in flat.parts for law in part.laws if isinstance(law, when)]
     return (*found, *(Setting(event, f"ac.when ({event.line})") for event in events if event.set is not None))
 
 
