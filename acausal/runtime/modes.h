@@ -74,6 +74,17 @@ static int make_margin(Integrator *I);
 static int make_impacts(Integrator *I);
 static long carried_of(const Integrator *I);
 
+/* Of a program's statements those up to the last one of its first results, into `begin` if that is not null; how many. */
+static long beginning_of(const int *program, long results, int *begin) {
+    const int unit = (int)sizeof(V);
+    long count = 0;
+    for (const int *s = program; *s != OP_END; s += WIDTH)
+        if (*s == OP_STORE && s[1] / unit < results) count = (s - program) / WIDTH + 1;
+    for (long k = 0; k < WIDTH * count && begin; k++) begin[k] = program[k];
+    for (long k = 0; k < WIDTH && begin; k++) begin[WIDTH * count + k] = k ? 0 : OP_END;
+    return count;
+}
+
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
@@ -86,6 +97,12 @@ static int make_modes(Integrator *I) {
     if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
+    T->decided_rounds = reserve_doubles(I, I->one_sided + n);
+    T->decided_from = reserve_lanes(I, GROUP * (1 + I->nx + I->nu));
+    if (GROUP > 1 && I->decision.program && !I->decision.twofold) {
+        T->decision_begins = reserve(I, sizeof(int) * (size_t)(WIDTH * (beginning_of(I->decision.program, I->one_sided + n, 0) + 1)));
+        if (T->decision_begins) beginning_of(I->decision.program, I->one_sided + n, T->decision_begins);
+    }
     T->lemke = reserve_doubles(I, most * width + width);
     T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n + 3 * F + F);
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
@@ -98,7 +115,7 @@ static int make_modes(Integrator *I) {
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -143,28 +160,49 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     return D;
 }
 
-/* At (t, x) with the masks there are, and what rounding makes of gaps and rates. 0 when the input function failed. */
-static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
+/* The arguments of the decision's kernel at (t, x), and others that differ by roundings, into T->decided_from. -1 when the input function failed; else whether they were there already. */
+static int arguments_at(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
+    long count = 1 + I->nx + I->nu;
     V *in = T->decision_in;
-    long gaps = I->one_sided, n = reactions_of(I), first = gaps + n;
-    for (long o = 0; o < first; o++) T->decided_noise[o] = 0;
+    int known = T->is_decided;
+    T->is_decided = 0;
     for (long from = 0; from < COUNTED; from += LANES) {
         for (long l = 0; l < LANES; l++)
             for (long i = -1; i < I->nx; i++) {
                 double value = i < 0 ? t : x[i], unit = from + l > 0 ? EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i]))) : 0;
                 in[1 + i][l] = value + unit * ((double)(drawn((from + l) * (I->nx + 1) + i) >> 29) / 2 - 1.75);
             }
-        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
-        run_kernel(&I->decision, in, T->decision_c, T->decision_out, T->work);
+        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return -1;
+        V *kept = T->decided_from + from / LANES * count;
+        known = known && memcmp(kept, in, sizeof(V) * (size_t)count) == 0;
+        memcpy(kept, in, sizeof(V) * (size_t)count);
+    }
+    T->is_decided = 1;
+    return known;
+}
+
+/* At (t, x) with the masks there are, and what rounding makes of gaps and rates. 0 when the input function failed. */
+static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
+    struct State *T = I->state;
+    V *in = T->decision_in;
+    long gaps = I->one_sided, n = reactions_of(I), first = gaps + n, count = 1 + I->nx + I->nu;
+    int known = arguments_at(I, t, x);
+    if (known < 0) return 0;
+    for (long o = 0; o < first && !known; o++) T->decided_rounds[o] = 0;
+    for (long from = 0; from < COUNTED && !known; from += LANES) {
+        memcpy(in, T->decided_from + from / LANES * count, sizeof(V) * (size_t)count);
+        if (from > 0 && !I->decision.run && T->decision_begins) interpret(T->decision_begins, in, T->decision_c, T->decision_out);
+        else run_kernel(&I->decision, in, T->decision_c, T->decision_out, T->work);
         if (from == 0)
             for (long o = 0; o < I->decision.outputs; o++) T->decided[o] = T->decision_out[o][0];
         for (long o = 0; o < first; o++)
             for (long l = 0; l < LANES; l++) {
                 double change = fabs(T->decision_out[o][l] - T->decided[o]);
-                if (change < INFINITY) T->decided_noise[o] = fmax(T->decided_noise[o], TOUCHES * change);
+                if (change < INFINITY) T->decided_rounds[o] = fmax(T->decided_rounds[o], TOUCHES * change);
             }
     }
+    memcpy(T->decided_noise, T->decided_rounds, sizeof(double) * (size_t)first);
     *D = decision_of(I, T->decided, T->decided_noise);
     for (long i = 0; i < gaps; i++) {
         T->gap_terms[i] = fmax(D->terms[i], 0);

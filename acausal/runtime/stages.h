@@ -158,6 +158,9 @@ struct State {
     V *rows_in, *rows_out, *rows_c, *sides_in, *sides_out, *sides_c, *row_change_in, *row_change_out, *row_change_c;
     V *decision_in, *decision_out, *decision_c;
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
+    V *decided_from;          /* the arguments that these are of, and others that differ by roundings */
+    double *decided_rounds;   /* what that changes of gaps and rates */
+    int *decision_begins;     /* the program of gaps and rates alone; null: there is none */
     double *lemke, *impulse, *push, *later_x, *first_rate; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
     double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate; /* of directions at changes of mode, see saltation.h */
@@ -239,6 +242,7 @@ struct State {
     long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
     Transition last; /* of mode */
     double changed_at, pending_planned, pace, first_impact, rest_t, rest_error;
+    int is_decided; /* whether `decided_from` is filled */
     int crossed; /* whether a knot has been crossed since modes were decided */
     int delayed; /* whether it is known how much later the present instant is, direction by direction */
     long impacts; /* one after the other, without another change of mode */
