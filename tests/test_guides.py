@@ -387,3 +387,20 @@ def test_parameters_that_only_a_curve_knows_are_parameters_of_the_scene():
 def test_what_is_no_curve_or_surface_is_refused_with_the_line(make):
     with pytest.raises(errors.ParameterError, match=r"test_guides.py:\d+"):
         make()
+
+
+def test_tracks_and_wires_are_drawn_where_their_curves_are():
+    """Of plain numbers, and where they end or are closed; those that change with time or parameters, or have no end, are not."""
+    rail = SplineCurve([(0, 0, 1), (1, 0, 0.2), (2, 0, 0.6), (2.5, 0.5, 0)])
+    for guide, curve, whole in (
+        (PointOnCurve(Circle(0.4)), Circle(0.4), (0, 2 * np.pi)),
+        (PointOnCurve(rail, unilateral=True).joint, rail, (rail.spline.x[0], rail.spline.x[-1])),
+        (AlongCurve(rail), rail, (rail.spline.x[0], rail.spline.x[-1])),
+    ):
+        (wire,) = guide.shapes()
+        at = np.linspace(*whole, len(wire.points))
+        s = ca.SX.sym("s")
+        expected = np.array(ca.Function("place", [s], [curve.point(s)]).map(at.size)(at[None, :])).T
+        assert np.array(wire.points) == pytest.approx(expected, abs=1e-12)
+    assert not PointOnCurve(Circle(ac.Parameter(0.4, "m"))).shapes() and not PointOnCurve(Line((1, 0, 0))).shapes()
+    assert not PointOnCurve(Circle(0.4 + 0.1 * np.sin(ac.time))).shapes()

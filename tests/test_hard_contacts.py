@@ -158,6 +158,49 @@ def test_a_particle_falls_out_of_a_loop_that_is_too_slow(kind: str) -> None:
     assert found[0, :2] == pytest.approx(at, abs=STATE) and found[1, :2] == pytest.approx(where, abs=STATE)
 
 
+def ramp(size: float, friction: Coulomb | None = None) -> ac.System:
+    """A track 5 (1 - x / 10)^2 high that ends at x = 9, and a floor 3 below."""
+    scene = ac.System()
+    scene.world, scene.mass = World((0, 0, -G * size)), Particle(70.0)
+    curve = ParametricCurve(lambda s: (size * s, 0, 5 * size * (1 - s / 10) ** 2), ends=(0.0, 9.0))
+    scene.track, scene.floor = PointOnCurve(curve, unilateral=True, friction=friction), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.track.frame_a)
+    scene.connect(scene.track.frame_b, scene.mass.point)
+    scene.connect(scene.world.at((0, 0, -3 * size)), scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.mass.point)
+    return scene
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e5])
+@pytest.mark.parametrize("rtol", [1e-12, 1e-7])
+def test_a_particle_flies_off_the_end_of_a_track(size: float, rtol: float) -> None:
+    """Along the track's tangent there, with all that it fell."""
+    scene, height = ramp(size), 5 * (0.95**2 - 0.1**2)
+    speed, slope = np.sqrt(2 * G * height), -0.1
+    v = speed / np.hypot(1, slope) * np.array([1, slope])
+    lasts = (v[1] + np.sqrt(v[1] ** 2 + 2 * G * 3.05)) / G
+    run = ac.build(scene).simulate(3.0, {scene.track.q: (0.5, 0), scene.track.v: (0, 0)}, rtol=rtol)
+    off, lands = (t.time for t in run.transitions)
+    assert lands - off == pytest.approx(lasts, rel=10 * rtol)
+    assert run.at([off])[scene.mass.point.position][0] / size == pytest.approx([9, 0, 0.05], abs=10 * rtol)
+    assert run.at([lands])[scene.mass.point.position][0] / size == pytest.approx([9 + v[0] * lasts, 0, -3], abs=100 * rtol)
+    assert run.energy_error() < 10 * rtol
+    flies = run.at(np.linspace(off, lands, 9)[1:])
+    far = np.linalg.norm(flies[scene.mass.point.position] / size - [9, 0, 0.05], axis=1)
+    assert flies[scene.track.gap] / size == pytest.approx(far, rel=1e-9) and not flies[scene.track.normal_force].any()
+
+
+def test_what_comes_down_on_a_track_from_behind_its_end_is_held_by_it() -> None:
+    scene = ramp(1.0, Coulomb(0.05))
+    p = scene.mass.point
+    model = ac.build(scene)
+    run = model.simulate(3.0, {p.position: (-1, 0, 7), p.velocity: (2, 0, 0)}, rtol=1e-11)
+    strikes = brentq(lambda t: 7 - G / 2 * t * t - 5 * (1 - (2 * t - 1) / 10) ** 2, 0.5, 1.0, xtol=1e-15)
+    assert times(run)[0] == pytest.approx(strikes, rel=INSTANT) and run.energy_error() < 1e-11
+    with pytest.raises(ac.errors.SimulationError, match=r"The gap of track.force_part \(.*it jumps"):  # from below
+        model.simulate(3.0, {p.position: (10.5, 0, -2), p.velocity: (-6, 0, 3)}, rtol=1e-11)
+
+
 @pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
 def test_a_pendulum_on_a_string_goes_slack_and_taut(size: float) -> None:
     """As the loop; where the string is taut again, the velocity along it is lost."""

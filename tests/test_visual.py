@@ -39,6 +39,7 @@ ALL_SHAPES: tuple[shapes.Shape, ...] = (
     shapes.PointMass(),
     shapes.Polygon(((-0.3, -0.3, 0.0), (0.4, -0.2, 0.0), (0.0, 0.4, 0.0))),
     shapes.Plane((0.3, 0.0, 1.0), (0.5, 0.0, 0.0), 1.5),
+    shapes.Wire(((-0.3, -0.3, 0.0), (0.4, -0.2, 0.0), (0.0, 0.4, 0.2))),
 )
 
 

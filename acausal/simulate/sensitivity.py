@@ -13,7 +13,7 @@ import numpy as np
 
 from acausal.arguments import function_name
 from acausal.collocation.problem import Accuracy, Directions, Problem
-from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
+from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError, UnknownVariableError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.expression_names import expression_name
@@ -26,6 +26,8 @@ from acausal.start.start_problem import start_problem
 from acausal.wording import counted
 
 Wanted = Parameter | Input | Expression
+_ALIKE = 100
+"""Operations deep, to which an expression is compared with those of start values."""
 _NO_MOTION = (SimulationError, AssemblyError, StartValueError, ParameterError)
 """What values can do to a motion: wrong requests are told by other errors, or before."""
 
@@ -112,29 +114,36 @@ class _Column:
 def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[_Column]:
     flat = functions.outputs.system.flat
     columns: list[_Column] = []
-    offset: dict[Expression, tuple[int, int]] = {}
-    place = 0
-    for key in start:
-        size = functions.outputs.resolve(key).numel()
-        offset[key] = (place, size)
-        place += size
+    given = [(key, entry) for key in start for entry in ca.vertsplit(ca.vec(functions.outputs.resolve(key)))]
     for item in wrt:
         if isinstance(item, Parameter) and item in flat.parameters:
             columns.append(_Column(functions.outputs.name(item), parameter=flat.parameters.index(item)))
         elif isinstance(item, Input) and item in flat.inputs:
             columns.append(_Column(functions.outputs.name(item), input=flat.inputs.index(item)))
-        elif item in offset:
-            if isinstance(start[item], near):
+        elif places := _among(given, functions, item):
+            if any(isinstance(start[given[at][0]], near) for at in places):
                 raise OptionError(f"sensitivities: the start value of {item!r} is only near; give it exactly.")
-            at, size = offset[item]
             name = expression_name(functions.outputs, item)
-            columns += [_Column(name + (f"[{k}]" if size > 1 else ""), start=at + k) for k in range(size)]
+            columns += [_Column(name + (f"[{k}]" if len(places) > 1 else ""), start=at) for k, at in enumerate(places)]
         else:
             raise OptionError(
                 f"sensitivities: {item!r} is not a parameter or an input of this scene, and has no start value in `start`. "
                 "Build with ac.Parameter for what is to vary."
             )
     return columns
+
+
+def _among(given: Sequence[tuple[Expression, ca.SX]], functions: Functions, item: Wanted) -> list[int]:
+    """Places of its entries among the start values; none where these do not have all of them."""
+    whole = [at for at, (key, _) in enumerate(given) if key is item]
+    if whole:
+        return whole
+    try:
+        entries = ca.vertsplit(ca.vec(functions.outputs.resolve(item)))
+    except UnknownVariableError:
+        return []
+    found = [[at for at, (_, value) in enumerate(given) if ca.is_equal(value, entry, _ALIKE)][:1] for entry in entries]
+    return [at for places in found for at in places] if all(found) else []
 
 
 class TrajectoryFunction(ca.Callback):

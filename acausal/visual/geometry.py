@@ -4,9 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Ellipsoid, Plane, PointMass, Polygon, Rod, Shape, Sphere, Torus
+from acausal.visual.shapes import (
+    Arrow,
+    Box,
+    Cylinder,
+    Disk,
+    Ellipsoid,
+    Plane,
+    PointMass,
+    Polygon,
+    Rod,
+    Shape,
+    Sphere,
+    Torus,
+    Wire,
+)
 
 _TINY = 1e-300
+WIRE = 0.3
+"""Radius of a wire beside that of bars."""
 
 
 def rotated(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -54,6 +70,8 @@ def _support(shape: Shape, u: np.ndarray, thickness: float) -> np.ndarray:
             return (2.2 * thickness if shape.radius is None else shape.radius) * unit
         case Polygon():
             return _furthest(u, shape.points) + thickness * unit
+        case Wire():
+            return _furthest(u, shape.points) + (WIRE * thickness if shape.radius is None else shape.radius) * unit
         case Plane():
             return _furthest(u, plane_corners(shape, shape.size))
 

@@ -14,7 +14,7 @@ from acausal.errors import OptionError
 from acausal.visual.animation import Animation, MovingBody, MovingLink, Trail, check_ending
 from acausal.visual.geometry import across, arrow_points, rotated, support_points, turned_back
 from acausal.visual.pyplot import new_figure, plain, saved
-from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus
+from acausal.visual.shapes import Arrow, Box, Cylinder, Disk, Plane, PointMass, Polygon, Rod, Shape, Torus, Wire
 from acausal.visual.view import View, view_of
 
 _LINK_COLOURS = {"spring": "#3d4957", "damper": "#8a63c4", "force": "#d1495b", "string": "#8d7b68", "cone": "#e09f3e"}
@@ -158,6 +158,10 @@ def _draw_shape(
             body.positions[frame] + rotated(np.repeat(body.quaternions[frame : frame + 1], len(points), axis=0), points)
         )
 
+    if isinstance(shape, Wire):
+        line = placed(np.array(shape.position) + np.array(shape.points) @ np.array(shape.rotation).T)
+        canvas.axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=1.6, alpha=strength, zorder=height)
+        return
     angle = np.linspace(0, 2 * np.pi, 97)[:, None]
     seen = turned_back(
         np.repeat(body.quaternions[frame : frame + 1], 97, axis=0),

@@ -116,6 +116,15 @@ class Polygon(AbstractShape):
 
 
 @dataclass(frozen=True)
+class Wire(AbstractShape):
+    """Thin line through `points` [m] in turn: a track, a guide; `radius` [m], None: chosen by the drawer from the scene's size."""
+
+    kind = "Wire"
+    points: tuple[Vector, ...]
+    radius: float | None = None
+
+
+@dataclass(frozen=True)
 class Plane(AbstractShape):
     """Square of edge `size` [m] across `normal`, centred at `point` [m]: a floor or an incline, drawn with faint squares."""
 
@@ -125,4 +134,4 @@ class Plane(AbstractShape):
     size: float
 
 
-Shape = Box | Sphere | Cylinder | Disk | Torus | Ellipsoid | Rod | Arrow | PointMass | Polygon | Plane
+Shape = Box | Sphere | Cylinder | Disk | Torus | Ellipsoid | Rod | Arrow | PointMass | Polygon | Wire | Plane

@@ -44,6 +44,11 @@ function makeSolids(thin) {
     const radius = own ? shape.radius : Math.min(thin, 0.12 * a.distanceTo(b));
     return [bar(a, b, radius, look), ball(a, own ? radius : 1.5 * radius, look), ball(b, own ? radius : 1.5 * radius, look)];
   }
+  function wire(shape, look) { // as thin as in geometry.py
+    const points = shape.points.map(point), radius = shape.radius === null ? 0.3 * thin : shape.radius, made = [];
+    for (let i = 0; i + 1 < points.length; i++) made.push(bar(points[i], points[i + 1], radius, look));
+    return made;
+  }
   function plate(shape, look) {
     const points = shape.points.map(point), made = points.map((p) => ball(p, thin, look));
     for (let i = 0; i < points.length; i++) {
@@ -107,7 +112,7 @@ function makeSolids(thin) {
       return [ring];
     },
     PointMass: (shape, look) => [ball(new THREE.Vector3(), shape.radius === null ? 2.2 * thin : shape.radius, look)],
-    Ellipsoid: ellipsoid, Rod: rod, Arrow: arrow, Polygon: plate, Plane: plane,
+    Ellipsoid: ellipsoid, Rod: rod, Arrow: arrow, Polygon: plate, Wire: wire, Plane: plane,
   };
   function solid(shape, colour) {
     const group = new THREE.Group(), R = shape.rotation;

@@ -76,7 +76,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
 
     @property
     def gap(self) -> Expression:
-        return read(self.near(self.seen()).gap)
+        return read(self.near(self.seen()).distance)
 
     def touch(self) -> tuple[Expression, Expression]:
         near, (a, _) = self.near(self.seen()), self.ends()
@@ -86,7 +86,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
         near, friction = self.near(self.seen()), self.law.friction
         # where the gap is a coordinate it is known as well as the places that it was found from, not to its own last digit
         gap = ca.dot(near.normal, near.point_b) - ca.dot(near.normal, near.point_a) if self.follows else near.gap
-        yield OneSided(self.push, read(gap), self.law.restitution)
+        yield OneSided(self.push, read(near.kept(gap)), self.law.restitution)
         if friction is not None:
             slip = read(near.tangents).T @ (self.ends()[0].rotation.T @ self.slip)
             pressure = None

@@ -17,11 +17,21 @@ MANY = "It lies flat, or is like it, or is not convex there: more places than on
 
 
 @dataclass(frozen=True)
+class End:
+    """Of what a point is over: whether it is `behind` it, from there to the point (3, 1) [m], and a `size` [m] of what ends."""
+
+    behind: ca.SX
+    far: ca.SX
+    size: ca.SX
+
+
+@dataclass(frozen=True)
 class Nearness:
     """Two bodies A and B where they are nearest, in A's axes and from its origin.
 
     `pose`: X_ab; `gap` [m], negative where they overlap; `point_b` (3, 1) [m], the point of B; `normal` (3, 1) of A, towards B; `tangents`:
     two unit vectors (3, 2) across the normal and one another. They may jump where A is a ball, see `AbstractSurface.across`. `single`: see `AbstractSurface.single`.
+    `end`: of A, if it has one that B may be behind.
     """
 
     pose: Pose
@@ -30,11 +40,23 @@ class Nearness:
     normal: ca.SX
     tangents: ca.SX
     single: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    end: End | None = None
 
     @property
     def point_a(self) -> ca.SX:
         """The point of A (3, 1) [m]."""
         return self.point_b - self.gap * self.normal
+
+    @property
+    def distance(self) -> ca.SX:
+        """The gap, or behind an end how far that is [m]."""
+        return self.gap if self.end is None else ca.if_else(self.end.behind, ca.norm_2(self.end.far), self.gap)
+
+    def kept(self, gap: ca.SX) -> ca.SX:
+        """What a push keeps from being negative [m]: this gap, and behind an end what grows with it and always is positive, so that nothing pushes."""
+        if self.end is None:
+            return gap
+        return ca.if_else(self.end.behind, (gap + ca.sqrt(gap**2 + self.end.size**2)) / 2, gap)
 
     def velocity(self, w_ab_b: ca.SX, v_ab_b: ca.SX) -> ca.SX:
         """Of B's material point over A (3, 1) [m/s], by angular velocity and velocity of B's frame against A's, in B. Along the normal it is gap'."""

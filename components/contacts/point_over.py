@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import casadi as ca
 import numpy as np
@@ -12,8 +12,8 @@ from acausal.language.expression import Expression, Variable, sx, time
 from acausal.parts.contact import read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
-from components.contacts.nearness import Nearness
-from components.geometry.curves import AbstractCurve, checked_curve
+from components.contacts.nearness import End, Nearness
+from components.geometry.curves import AbstractCurve, Prolonged, checked_curve, drawn
 from components.geometry.laws import at_time, changing
 from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
 from components.orientation import Axis, axis_vector
@@ -21,7 +21,7 @@ from components.orientation import Axis, axis_vector
 
 class AbstractPointOver(AbstractJoint, ABC):
     """frame_b, which does not turn, over something of frame_a; its last coordinate is the gap [m], its last velocity the gap's rate. Must provide
-    `directions` and `axes`.
+    `directions`, `axes` and `end`.
     """
 
     directions: ClassVar[int]
@@ -31,11 +31,16 @@ class AbstractPointOver(AbstractJoint, ABC):
     def axes(self) -> ca.SX:
         """(3, directions + 1): tangents where it is nearest, and the normal, in frame_a."""
 
+    @abstractmethod
+    def end(self, place: ca.SX) -> End | None:
+        """Of what it is over, for its place (3, 1) [m] in frame_a; None where that has none, or where a motion ends there."""
+
     @final
     def nearness(self) -> Nearness:
         """Where it is nearest."""
         X, axes, q = self.pose(self.q.sx, time.sx), self.axes(), self.q.sx
-        return Nearness(X, q[q.numel() - 1], sx(X.position), axes[:, -1], axes[:, : self.directions])
+        place = sx(X.position)
+        return Nearness(X, q[q.numel() - 1], place, axes[:, -1], axes[:, : self.directions], end=self.end(place))
 
 
 @final
@@ -82,6 +87,9 @@ class PointOverSurface(AbstractPointOver):
     def turns(self) -> tuple[bool, ...]:
         return (*self.surface.turns, False)
 
+    def end(self, place: ca.SX) -> None:
+        return None
+
     def axes(self) -> ca.SX:
         place, _ = self._parts(self.q.sx)
         return ca.horzcat(self.surface.tangents(place), self.surface.normal(place))
@@ -97,13 +105,13 @@ class PointOverCurve(AbstractPointOver):
     """frame_b at the gap [m] over a `curve` of frame_a, across it and across `side`; it does not turn. Two freedoms: only sideways it is held.
 
     q: the curve's parameter where it is nearest, and the gap, along the normal x y': x along the curve, y' the direction `side` as far as it is across.
-    Only as far as the curve's centres of curvature, which `domain` says.
+    Only as far as the curve's centres of curvature, which `domain` says. A curve with ends goes on behind them, soon straight, so that a point may fly there.
 
         scene.over = PointOverCurve(Circle(0.5), side="z")
     """
 
     directions = 1
-    if_outside = "The point is at a centre of curvature of the curve, where no place is the nearest, or the curve ends there."
+    if_outside = "The point is at a centre of curvature of the curve, where no place is the nearest."
     if_singular = (
         "The curve has a cusp there, or runs along `side`: it has no normal. Give another `side`, across the curve all along."
     )
@@ -118,27 +126,38 @@ class PointOverCurve(AbstractPointOver):
         return Pose(np.eye(3), at_time(t, point + q[1] * axes[:, 1])[0])
 
     def given_motions(self) -> tuple[Expression, ...]:
-        return changing(self.curve.point(ca.SX(ca.DM(self.start_q()[:1]))))
+        return changing(self._line.point(ca.SX(ca.DM(self.start_q()[:1]))))
 
     def domain(self, q: ca.SX) -> ca.SX:
-        bend = self._over(q[0])[2]
-        return ca.vertcat(self.curve.inside(q[0]), 1 + q[1] * bend)
+        return 1 + q[1] * self._over(q[0])[2]
 
     def regular(self, q: ca.SX) -> ca.SX:
         s = ca.SX.sym("s")
-        slope = ca.substitute(ca.jacobian(self.curve.point(s), s), s, q[0])
-        return ca.vertcat(self.curve.regular(q[0]), ca.sumsqr(ca.cross(slope, sx(self.side))) / ca.sumsqr(slope))
+        slope = ca.substitute(ca.jacobian(self._line.point(s), s), s, q[0])
+        return ca.vertcat(self.curve.regular(self._line.last(q[0])), ca.sumsqr(ca.cross(slope, sx(self.side))) / ca.sumsqr(slope))
 
     def turns(self) -> tuple[bool, ...]:
         return (self.curve.unit != "m", False)
 
+    def shapes(self) -> tuple[Any, ...]:
+        return drawn(self.curve)
+
     def axes(self) -> ca.SX:
         return self._over(self.q.sx[0])[0]
+
+    def end(self, place: ca.SX) -> End | None:
+        s = self.q.sx[0]
+        end = self._line.end(s)
+        return None if end is None else End(end[0], place - at_time(time.sx, self.curve.point(self._line.last(s)))[0], end[1])
+
+    @property
+    def _line(self) -> Prolonged:
+        return Prolonged(self.curve)
 
     def _over(self, at: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Tangent and normal (3, 2), the curve's point, and its bend [1/m], positive where the normal points away from its centre."""
         s, side = ca.SX.sym("s"), sx(self.side)
-        point = self.curve.point(s)
+        point = self._line.point(s)
         slope = ca.jacobian(point, s)
         x = slope / ca.norm_2(slope)
         normal = ca.cross(x, side)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 import casadi as ca
@@ -13,6 +14,7 @@ from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, flag, scalar, sx, vector
 from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import origin
+from acausal.visual.shapes import Wire
 from components.geometry.laws import place
 
 CUSP = "The curve has a cusp there, and no direction: what slides along it would have to stop and start in no time."
@@ -24,14 +26,19 @@ class AbstractCurve(ABC):
 
     unit: ClassVar[str] = "m"
     """Of the parameter: "m" for a length, "rad" for an angle, "" for a number."""
+    ends: tuple[float, float] | None = None
+    """Of the parameter; None for a curve without ends."""
+    period: tuple[float, float] | None = None
+    """Of the parameter, once round a closed curve."""
 
     @abstractmethod
     def point(self, s: ca.SX) -> ca.SX:
         """Place (3, 1) [m] at the parameter s, with two derivatives."""
 
+    @final
     def inside(self, s: ca.SX) -> ca.SX:
         """Positive between the curve's ends, (n, 1), without unit and of size 1 well inside. Empty for a curve without ends."""
-        return ca.SX(0, 1)
+        return ca.SX(0, 1) if self.ends is None else within(s, self.ends)
 
     def regular(self, s: ca.SX) -> ca.SX:
         """Zero at a cusp, where the curve has no direction, else positive, (n, 1); of any unit. Empty where it has none."""
@@ -68,6 +75,7 @@ class Circle(AbstractCurve):
     """
 
     unit = "rad"
+    period = (0.0, 2 * np.pi)
 
     def __init__(self, radius: Scalar) -> None:
         self.radius = scalar(radius, "Circle's radius", positive=True, unit="m")
@@ -115,9 +123,6 @@ class ParametricCurve(AbstractCurve):
     def point(self, s: ca.SX) -> ca.SX:
         return ca.substitute(self.law, self._s, s)
 
-    def inside(self, s: ca.SX) -> ca.SX:
-        return ca.SX(0, 1) if self.ends is None else within(s, self.ends)
-
 
 @final
 class SplineCurve(AbstractCurve):
@@ -133,14 +138,12 @@ class SplineCurve(AbstractCurve):
         values = of_spline(self.spline, ca.SX.sym("s"))
         if not isinstance(values, list) or len(values) != 3:
             raise ParameterError(f"SplineCurve needs three columns x, y, z ({origin()}).")
-        self.ends = (float(self.spline.x[0]), float(self.spline.x[-1]))
         self.closed = self.spline.extrapolate == "periodic"
+        whole = float(self.spline.x[0]), float(self.spline.x[-1])
+        self.ends, self.period = (None, whole) if self.closed else (whole, None)
 
     def point(self, s: ca.SX) -> ca.SX:
         return ca.vertcat(*of_spline(self.spline, s))
-
-    def inside(self, s: ca.SX) -> ca.SX:
-        return ca.SX(0, 1) if self.closed else within(s, self.ends)
 
 
 def checked_curve(curve: object, part: str) -> AbstractCurve:
@@ -148,6 +151,70 @@ def checked_curve(curve: object, part: str) -> AbstractCurve:
     if not isinstance(curve, AbstractCurve):
         raise ParameterError(f"{part}'s curve is {curve!r} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5).")
     return curve
+
+
+_PIECES = 96
+"""Straight ones that a curve is drawn with."""
+
+
+def drawn(curve: AbstractCurve) -> tuple[Any, ...]:
+    """A wire along a curve of plain numbers that ends, or is closed; nothing along others."""
+    s = ca.SX.sym("s")
+    place, whole = curve.point(s), curve.ends or curve.period
+    if whole is None or any(not ca.is_equal(symbol, s) for symbol in ca.symvar(place)):
+        return ()
+    at = np.linspace(*whole, _PIECES + 1)
+    points = np.array(ca.Function("curve", [s], [ca.densify(place)]).map(at.size)(at[None, :])).T
+    return (Wire(tuple((float(x), float(y), float(z)) for x, y, z in points)),)
+
+
+_STRAIGHTENS = 0.1
+"""Of a curve's parameter: how far behind its ends it is nearly straight."""
+
+
+@dataclass(frozen=True)
+class Prolonged:
+    """A `curve` that goes on behind its ends: at first with the direction and curvature that it has there, soon straight."""
+
+    curve: AbstractCurve
+
+    def point(self, s: ca.SX) -> ca.SX:
+        """Place (3, 1) [m], with two derivatives that are continuous."""
+        if self.curve.ends is None:
+            return self.curve.point(s)
+        a, b = self.curve.ends
+        on = self.curve.point(self.last(s))
+        return ca.if_else(s < a, self._behind(a, a - s), ca.if_else(s > b, self._behind(b, s - b), on))
+
+    def last(self, s: ca.SX) -> ca.SX:
+        """The last parameter that the curve itself has on the way to s."""
+        if self.curve.ends is None:
+            return s
+        a, b = self.curve.ends
+        return ca.if_else(s < a, a, ca.if_else(s > b, b, s))
+
+    def end(self, s: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+        """Whether s is behind an end of the curve, and what that is long, about [m]; None for one without ends."""
+        if self.curve.ends is None:
+            return None
+        a, b = self.curve.ends
+        return ca.logic_or(s < a, s > b), ca.norm_2(self._derivatives(a)[1]) * (b - a)
+
+    def _behind(self, end: float, far: ca.SX) -> ca.SX:
+        """At a parameter so `far` behind an end."""
+        assert self.curve.ends is not None
+        a, b = self.curve.ends
+        point, slope, bend = self._derivatives(end)
+        most = _STRAIGHTENS * (b - a)
+        turned = most**2 * (ca.exp(-far / most) - 1 + far / most)  # far^2 / 2 at first
+        return point + (far if end == b else -far) * slope + turned * bend
+
+    def _derivatives(self, s: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+        at = ca.SX.sym("s")
+        point = self.curve.point(at)
+        slope = ca.jacobian(point, at)
+        found = ca.substitute([point, slope, ca.jacobian(slope, at)], [at], [ca.SX(s)])
+        return found[0], found[1], found[2]
 
 
 def within(s: ca.SX, ends: tuple[float, float]) -> ca.SX:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 
 from acausal.language.expression import Expression, Variable, sx
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
-from components.geometry.curves import AbstractCurve, checked_curve
+from components.geometry.curves import AbstractCurve, checked_curve, drawn
 from components.geometry.laws import at_time, changing
 from components.orientation import Axis, axis_vector
 
@@ -44,6 +44,9 @@ class AlongCurve(AbstractJoint):
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.curve.inside(q)
+
+    def shapes(self) -> tuple[Any, ...]:
+        return drawn(self.curve)
 
     def regular(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(self.curve.regular(q), ca.sumsqr(self._directions(q)[1]))

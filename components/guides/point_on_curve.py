@@ -14,7 +14,7 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
-from components.geometry.curves import CUSP, AbstractCurve, checked_curve
+from components.geometry.curves import CUSP, AbstractCurve, checked_curve, drawn
 from components.geometry.laws import at_time, changing
 from components.guides.rough_guide import RoughGuide
 from components.orientation import Axis, axis_vector
@@ -28,7 +28,8 @@ class PointOnCurve(AbstractJoint):
     on a free body, on a PrescribedMotion; by numbers that are expressions of `ac.time` it also changes its shape. It holds on both sides.
 
     `unilateral`: a track that is left and landed on, see OneSidedPoint. It holds on the side of the normal, across the curve (x) and across `side`, a direction
-    of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above. Sideways it stays. `restitution`: 0 (no bounce) ... 1 (no
+    of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above. Sideways it stays. Off its end a point flies on.
+    `restitution`: 0 (no bounce) ... 1 (no
     loss). `friction`: Coulomb(...), if any: by that push alone; where it holds on both sides by the force across, of two components, see RoughGuide.
 
         scene.wire = PointOnCurve(Helix(radius=0.2, lead=0.05))
@@ -88,6 +89,9 @@ class PointOnCurve(AbstractJoint):
 
     def domain(self, q: ca.SX) -> ca.SX:
         return self.curve.inside(q)
+
+    def shapes(self) -> tuple[Any, ...]:
+        return drawn(self.curve)
 
     def regular(self, q: ca.SX) -> ca.SX:
         return self.curve.regular(q)

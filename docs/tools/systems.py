@@ -34,7 +34,7 @@ ROWS = (
     Row("particle on a rough surface, with friction that sticks", ("rough_slope",), ()),
     Row("particle on a spinning cone", ("spinning_cone",), ("systems::a_bead_in_a_groove_of_a_spinning_cone_is_thrown_out",)),
     Row("constraint that is imposed suddenly", ("caught_rod",), ()),
-    Row("roller coaster, also off the track", ("roller_coaster",), ("guides::a_car_passes_a_looping",)),
+    Row("roller coaster, also off the track and off its end", ("roller_coaster", "ski_jump"), ("guides::a_car_passes_a_looping",)),
     Row("particle on a sphere and on surfaces of revolution", ("conical_pendulum",), ("guides::a_particle_passes_both_poles_of_a_sphere", "guides::a_particle_circles_in_a_cone")),
     Row("particle on a helix", ("helix",), ("guides::a_bead_on_a_helix_falls_at_constant_rate",)),
     Row("particle on a rotating hoop", ("rotating_hoop",), ("guides::a_bead_on_a_hoop_that_turns_stands_where_gravity_and_turning_agree",)),
