@@ -331,6 +331,16 @@ def test_interruption_keeps_the_motion_so_far():
     assert np.isfinite(run[scene.elbow.q]).all()
 
 
+@pytest.mark.parametrize("end", [1.0, 1e-6, 1e7])
+@pytest.mark.parametrize("part", [1e-9, 1e-5, 0.5])
+def test_forces_without_values_after_the_start_end_a_motion_in_words_however_early_it_is(part, end):
+    scene = Pendulum()
+    scene.push = Torque((0, ca.sqrt(part * end - ac.time.sx), 0))
+    scene.connect(scene.push.frame, scene.rod.frame)
+    with pytest.raises(ac.errors.SimulationError, match="step size fell to rounding"):
+        ac.build(scene).simulate(end, t0=part * end)
+
+
 def test_statistics_and_texts():
     scene = PointPendulum()
     model = ac.build(scene)

@@ -772,7 +772,7 @@ static enum Code one_adaptive(Integrator *I) {
             }
             double until = ends++ < ENDINGS ? until_a_switch(I, h, &L.row) : h;
             if (until < 0) return INPUT_FAILED;
-            if (until <= at_once(I) && T->changed_at != I->t) {
+            if (L.row >= 0 && until <= at_once(I) && T->changed_at != I->t) {
                 L.planned = fmax(I->h, h);
                 enum Code code = switch_now(I, &L);
                 if (code != REACHED_END) return code;
