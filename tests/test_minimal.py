@@ -25,6 +25,8 @@ from components import (
     RotationalSpring,
     Spherical,
     TorqueSource,
+    TranslationalGround,
+    TranslationalSpring,
     Universal,
     World,
 )  # fmt: skip
@@ -473,6 +475,35 @@ def test_one_hinge_that_is_driven_leaves_nothing():
     assert str(minimal).startswith("Pendulum: 0 states") and minimal.chart.dependent == ("hinge.q", "hinge.v")
     x = np.array(minimal.expand(0.7, [], [], [])).ravel()
     assert np.max(np.abs(x - [np.sin(0.7), np.cos(0.7)])) < 1e-14
+
+
+def test_a_plate_on_a_ball_between_plates_swings_as_a_heavier_one_however_the_ball_is_turned():
+    """The height of the ball is the same wherever it rolls, so its constraint changes with no coordinate, but for rounding."""
+    plate, ball, radius, stiffness = 3.0, 0.8, 0.37, (20.0, 47.0)
+    scene = ac.System()
+    scene.world, scene.lower, scene.upper = World(), RollingBall(radius), RollingBall(radius)
+    scene.ball, scene.plate = RigidBody.ball(ball, radius), RigidBody.box(plate, (0.5, 0.5, 0.02))
+    scene.x, scene.y, scene.ground = Prismatic("x"), Prismatic("y"), TranslationalGround()
+    scene.springs = [TranslationalSpring(k) for k in stiffness]
+    joined(
+        scene,
+        (scene.lower, scene.world.frame, scene.ball.frame),
+        (scene.upper, scene.plate.at((0, 0, -0.01), rotation=("x", np.pi)), scene.ball.frame),
+        (scene.x, scene.world.at((0, 0, 2 * radius + 0.01)), scene.y.frame_a),
+    )
+    scene.connect(scene.y.frame_b, scene.plate.frame)
+    for spring, slide in zip(scene.springs, (scene.x, scene.y), strict=True):
+        scene.connect(scene.ground.flange, spring.flange_a)
+        scene.connect(spring.flange_b, slide.flange)
+    model, start = ac.build(scene), {scene.lower.q[k]: value for k, value in enumerate((0.5, 0.7, -0.1, 0.5))}
+    run = model.minimal(start | {scene.x.v: 0.3, scene.y.q: 0.1}).simulate(1.0, rtol=1e-10)
+    pace = np.sqrt(np.array(stiffness) / (plate + ball / 4 * (1 + 2 / 5)))
+    assert np.allclose(np.ravel(run[scene.x.q]), 0.3 / pace[0] * np.sin(pace[0] * run.t), atol=1e-9)
+    assert np.allclose(np.ravel(run[scene.y.q]), 0.1 * np.cos(pace[1] * run.t), atol=1e-9)
+    for asked in (model.linearize(start), model.minimal(start).linearize()):
+        assert len(asked.states) == 10
+        found = np.linalg.eigvals(asked.A).imag
+        assert np.allclose(np.sort(found[found > 0.1]), pace, rtol=1e-12)
 
 
 def test_off_the_chart_everything_is_nan():

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
-from acausal.analysis.state_sizes import Sizes, sizes_at
+from acausal.analysis.state_sizes import ROUNDING, Sizes, sizes_at
 from acausal.charts.independent import independent_entries
 from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import singular_loops
@@ -34,6 +34,7 @@ class Deviations:
     In place of a unit quaternion stands the small rotation vector of frame_b, in frame_b, away from the point or the motion
     looked at: q = q0 * (1, rotation / 2), four times the Rodrigues parameters of `coordinates` to first order. It has no singular
     attitude. `sizes`: of the states at the point where the entries were chosen. `free`: which entries of the `coordinates` of x are independent.
+    `felt` (m,): which of the `invariants` some entry changes there, by more than rounding.
     """
 
     system: ReducedSystem
@@ -43,6 +44,7 @@ class Deviations:
     coordinates: ChartCoordinates
     free: tuple[int, ...]
     names: tuple[str, ...]
+    felt: np.ndarray
 
     @property
     def free_sizes(self) -> np.ndarray:
@@ -61,7 +63,7 @@ class Deviations:
         change[free, range(len(free))] = 1.0
         if dependent:
             size = coordinate_sizes(self.coordinates, self.sizes.x)
-            G = _scaled(G, size)
+            G = _scaled(G, size)[self.felt]
             follow = np.linalg.lstsq(G[:, dependent], G[:, free], rcond=None)[0]
             change[dependent] = -size[dependent, None] * follow / size[free]
         return Tangent(turn @ change, back[free], back_rate[free])
@@ -98,6 +100,12 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     x_dot = Differentiable(s, s.x_dot)
     sizes = sizes_at(s, x_dot, at)
     G, size = invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places)
+    moving = replace(at, x=np.concatenate([at.x[: s.nq], np.maximum(np.abs(at.x), sizes.places)[s.nq :]]))
+    rounding = ROUNDING * np.finfo(float).eps * invariants.terms(moving)
+    felt = ~(
+        np.max(np.abs(G * size), axis=1, initial=0.0) <= rounding
+    )  # what quaternions of length 1 make constant has slopes of rounding errors
+    G[~felt] = 0.0
     rows, nq = places.numel(), s.nq - len(units)
     joints = s.position_invariants.numel() - len(lengths)
     positions = independent_entries(_scaled(G[:rows, :nq], size[:nq])).free
@@ -105,7 +113,7 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     later = [*scalar, *range(rows, G.shape[0])]
     rates = independent_entries(_scaled(G[later, nq:], size[nq:]), preferred=_matching(s, coordinates, positions)).free
     free = (*positions, *(nq + i for i in rates))
-    return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free))
+    return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free), felt)
 
 
 def held_by(s: ReducedSystem) -> tuple[ca.SX, ca.SX]:

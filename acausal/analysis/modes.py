@@ -116,7 +116,8 @@ def _modes(A: np.ndarray, own: np.ndarray, states: tuple[str, ...], sizes: np.nd
     """Of one part, the states `own`."""
     import scipy.linalg
 
-    balanced, back = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.matrix_balance(A))
+    with np.errstate(invalid="ignore"):  # scipy makes integers of what it has not set, too
+        balanced, back = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.matrix_balance(A))
     values, left, right = cast(tuple[np.ndarray, np.ndarray, np.ndarray], scipy.linalg.eig(balanced, left=True, right=True))
     size = float(np.linalg.norm(balanced))
     overlap = np.abs(np.sum(left.conj() * right, axis=0))

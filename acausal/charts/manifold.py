@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -12,6 +12,8 @@ import numpy as np
 from acausal.charts.rodrigues import ChartCoordinates
 from acausal.charts.singular_state import scaled_rows
 from acausal.numerics.folding import folded_function
+from acausal.numerics.terms import rounded
+from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import Functions
 from acausal.parts.unit_quaternions import unit_quaternions
 
@@ -34,8 +36,8 @@ class Slopes:
 class Manifold:
     """The invariants of a model, sorted for charts: `position` (t, q, p) -> (m1, 1), `rate` (t, q, w, p) -> (m2, 1), redundant ones too.
 
-    Lengths of unit quaternions are left out: `coordinates` keep them by themselves. `twins`: pairs of an entry of c and an entry of w that
-    is its rate.
+    Lengths of unit quaternions are left out, since `coordinates` keep them by themselves, and rows that nothing changes where they are 1. `twins`: pairs
+    of an entry of c and an entry of w that is its rate.
     """
 
     functions: Functions
@@ -92,16 +94,46 @@ class Manifold:
     @functools.cached_property
     def _anywhere(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """`_slopes` at configurations, times and parameters that need not be assembled."""
-        s, rng = self.functions.outputs.system, np.random.default_rng(7)
+        s = self.functions.outputs.system
         found: list[tuple[np.ndarray, np.ndarray]] = []
+        for t, q, p in self._places:
+            position, rate = self._slopes(t, np.concatenate([q, s.rate_start]), p)
+            found.append((np.array(position), np.array(rate)))
+        return found
+
+    @functools.cached_property
+    def _places(self) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """Times, configurations (nq,) that need not be assembled, and parameters (np,)."""
+        s, rng = self.functions.outputs.system, np.random.default_rng(7)
+        found: list[tuple[float, np.ndarray, np.ndarray]] = []
         for _ in range(_POINTS):
             q = s.q_start + self.units[: s.nq] * rng.normal(size=s.nq)
             for k in self.coordinates.units:
                 q[k : k + 4] /= np.linalg.norm(q[k : k + 4])
-            x, p = np.concatenate([q, s.rate_start]), s.p_values * rng.uniform(0.8, 1.25, s.p_values.size)
-            position, rate = self._slopes(rng.normal(), x, p)
-            found.append((np.array(position), np.array(rate)))
+            p = s.p_values * rng.uniform(0.8, 1.25, s.p_values.size)
+            found.append((rng.normal(), q, p))
         return found
+
+    @property
+    def without_rounding(self) -> Manifold:
+        """The same without rows whose slopes are rounding wherever quaternions have length 1: the height of a ball between two plates."""
+        s = self.functions.outputs.system
+        q, w = s.x[: s.nq], s.x[s.nq :]
+        position, rate = self.position(s.t, q, s.p), self.rate(s.t, q, w, s.p)
+        terms = ca.Function("terms", [s.t, q, w, s.p], [ca.densify(rounded(part)) for part in (position, rate)])
+        felt = [np.zeros(position.numel(), dtype=bool), np.zeros(rate.numel(), dtype=bool)]
+        for (t, at, p), slopes in zip(self._places, self._anywhere, strict=True):
+            sizes = terms(t, at, self.units_w, p)
+            for k, (J, units) in enumerate(zip(slopes, (self.units_c, self.units_w), strict=True)):
+                felt[k] |= ~(np.linalg.norm(J * units, axis=1) <= ROUNDING * np.array(sizes[k])[:, 0])
+        if all(part.all() for part in felt):
+            return self
+        kept = [_rows(part, np.flatnonzero(own).tolist()) for part, own in zip((position, rate), felt, strict=True)]
+        return replace(
+            self,
+            position=ca.Function("position", [s.t, q, s.p], [kept[0]]),
+            rate=ca.Function("rate", [s.t, q, w, s.p], [kept[1]]),
+        )
 
     def invariant_direction(self, i: int, dependent: tuple[int, ...]) -> np.ndarray | None:
         """A constant direction (nc,) along which no row of positions changes, whatever c is, with 1 for entry `i` and something else than zero
@@ -156,7 +188,7 @@ def manifold(functions: Functions, units: np.ndarray) -> Manifold:
             twins.append((coordinates.entries(i)[0], place[rates[i].element_hash()]))
     return Manifold(
         functions, coordinates, ca.Function("position", [s.t, q, s.p], [position]), ca.Function("rate", [s.t, q, w, s.p], [rate]), tuple(twins), units
-    )  # fmt: skip
+    ).without_rounding  # fmt: skip
 
 
 def _rows(rows: ca.SX, chosen: list[int]) -> ca.SX:
