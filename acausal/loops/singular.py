@@ -24,6 +24,10 @@ _LENGTH, _WHOLE = 5.0, 20.0
 _AHEAD, _REACH, _BEYOND = 0.1, 3.0, 0.05
 """How far crossings may be ahead where they are looked for, and times as far away; how far the walk goes on behind one."""
 _MOST_STEPS = 60
+_UNCHANGED, _CHANGED, _LONGEST = 0.07, 0.15, 64.0
+"""Changes in a step below which the next one is twice as long, and above which half; and how many times as long as usual it is at most."""
+_RETURNS, _SAME = 8, 1e-3
+"""Steps along the way to where it is nearest to its start, and how near it is there if it comes back."""
 _SHARPER = 0.6
 """Of the larger of two values to either side: less between them may be a tip, at which it is 0.45 at most in the golden section."""
 _GOLDEN = 0.382
@@ -40,6 +44,8 @@ class _Place:
     along: np.ndarray
     """(nv,), the part of the motion in which the loops let go."""
     freedoms: int
+    rows: np.ndarray
+    """A / scale (m, nv)."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ class _Look:
             free = Vt[self.rank :]
             smallest, along, freedoms = float(s[self.rank - 1]), (free @ ahead) @ free, len(free)
         side = float(np.linalg.slogdet(np.vstack([A[list(self.kept)], along]))[0]) if freedoms == 1 else 0.0
-        return _Place(z, smallest, side, along, freedoms)
+        return _Place(z, smallest, side, along, freedoms, A)
 
     def crossing(self, place: _Place, reach: float, known: Sequence[Crossing]) -> Crossing | None:
         """Near a closed configuration: one that is known, or else looked for. Short strides make no place a far one."""
@@ -106,9 +112,9 @@ def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, trail: Trail) ->
 
     The walk goes on in the same direction, first `ahead` (nv,), where there are several freedoms, and with one until it is back. A step ends short of
     where the singular value, extrapolated, is zero: it shrinks by the same factor from step to step before a crossing, and levels off before one
-    that is missed. Crossings are stepped over as soon as they are known.
+    that is missed. Crossings are stepped over as soon as they are known. Steps are the longer the less the rows change in them: screws turn many times.
     """
-    here, walked, stride, before = look.at(start, ahead), 0.0, _STRIDE, np.inf
+    here, walked, stride, before, times = look.at(start, ahead), 0.0, _STRIDE, np.inf, 1.0
     last: list[_Place] = []
     for _ in range(_MOST_STEPS):
         slope = (before - here.smallest) / stride if np.isfinite(before) else 0.0
@@ -121,24 +127,44 @@ def _one_way(look: _Look, start: np.ndarray, ahead: np.ndarray, trail: Trail) ->
             found = found.and_then(_least(look, last, ahead, trail.crossings))
         trail = trail.and_then(found)
         whole = here.freedoms == 1
-        back = whole and walked > 1 and _is_back(look.walk, here.z, start)
+        back = whole and walked > 1 and _is_back(look, here, start)
         if back or walked > (_WHOLE if whole else _LENGTH) or not np.max(np.abs(here.along), initial=0.0) > 1e-6:
             return replace(trail, back=back)
-        stride = min(_STRIDE, 0.6 * left) if slope > 0 else _STRIDE
+        stride = min(times * _STRIDE, 0.6 * left) if slope > 0 else times * _STRIDE
         if near is not None and near.crosses:
             last, stride = [], min(_STRIDE, _BEYOND + 2 * float(np.max(np.abs(near.z - here.z))))
         ahead = here.along / np.max(np.abs(here.along))
         there = look.walk.closed(here.z + look.walk.at(here.z)[3] @ (stride * ahead))
         if there is None:
             break
-        before, walked = here.smallest, walked + stride
+        before, walked, rows = here.smallest, walked + stride / times, here.rows
         here = look.at(there, ahead)
+        if whole:
+            changed = _changed(rows, here.rows) * times * _STRIDE / stride
+            times = min(2 * times, _LONGEST) if changed < _UNCHANGED else max(0.5 * times, 1.0) if changed > _CHANGED else times
     return trail
 
 
-def _is_back(walk: Walk, z: np.ndarray, start: np.ndarray) -> bool:
-    """Whether a configuration is another, but for whole turns."""
-    return bool(np.max(np.abs(walk.apart(z, start))) < _STRIDE)
+def _changed(before: np.ndarray, after: np.ndarray) -> float:
+    """How much the columns of rows (m, nv) have changed, as a part of their lengths: those of hinges as much as these turn, however short their arms."""
+    lengths = np.linalg.norm(before, axis=0)
+    return float(np.max(np.linalg.norm(after - before, axis=0) / np.where(lengths > 0, lengths, np.inf), initial=0.0))
+
+
+def _is_back(look: _Look, here: _Place, start: np.ndarray) -> bool:
+    """Whether the way goes through its start again, but for whole turns, within a stride from here: a screw that has turned once is only near it."""
+    for _ in range(_RETURNS):
+        away = look.walk.apart(here.z, start)
+        if not np.max(np.abs(away)) < _STRIDE:
+            return False
+        if np.max(np.abs(away)) < _SAME:
+            return True
+        along = look.walk.at(here.z)[3] @ here.along
+        there = look.walk.closed(here.z - (away @ along) / float(along @ along) * along)
+        if there is None:
+            return False
+        here = look.at(there, here.along)
+    return False
 
 
 def _least(look: _Look, last: list[_Place], along: np.ndarray, known: Sequence[Crossing]) -> Trail:
