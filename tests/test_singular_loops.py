@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import acausal as ac
 from acausal.errors import SingularWarning, StartValueError
 from acausal.outputs.functions import operations
-from components import Prismatic, Revolute, RigidBody, Rod, RotationalDamper, RotationalGround, World
+from components import Prismatic, Revolute, RigidBody, Rod, RotationalDamper, RotationalGround, Screw, World
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
 from tests.linkages import hart, peaucellier, scissors
@@ -436,6 +436,59 @@ def test_a_slider_crank_with_equal_bars_does_not_fold_away():
     assert np.max(np.abs(run[scene.slide.q] - np.cos(run[scene.pivot.q]))) < 1e-9
     assert np.min(run[scene.slide.q]) < -0.5
     assert drift(run) < 1e-9
+
+
+class ScrewDriven(ac.System):
+    """A slider-crank with bars of one length, whose slider does not turn, but the shaft in it does: 1 kg, 2 kg, 0.5 kg, and 1e-3 kg m^2."""
+
+    def __init__(self, pitch: float, length: float = 0.3) -> None:
+        self.world, self.length, self.lead = World(None), length, pitch / (2 * np.pi)
+        self.crank, self.rod = RigidBody.rod(1.0, (length, 0, 0)), RigidBody.rod(2.0, (length, 0, 0))
+        self.block, self.shaft = RigidBody.box(0.5, (0.1, 0.1, 0.1)), RigidBody(1.0, (1e-3, 1e-3, 1e-3))
+        self.a, self.b, self.c = (Revolute("y") for _ in range(3))
+        self.nut, self.bearing = Screw("x", pitch), Revolute("x")
+        connected(
+            self,
+            [
+                (self.a, self.world.frame, self.crank.frame),
+                (self.b, self.crank.tip, self.rod.frame),
+                (self.c, self.rod.tip, self.block.frame),
+                (self.nut, self.block.frame, self.shaft.frame),
+                (self.bearing, self.world.frame, self.shaft.frame),
+            ],
+        )
+
+    def mass(self, angle: np.ndarray) -> np.ndarray:
+        """What resists the crank at an angle [kg m^2]."""
+        sine, cosine = np.sin(angle) ** 2, np.cos(angle) ** 2
+        rod = 2.0 * (1 / 12 + 2.25 * sine + 0.25 * cosine)
+        return self.length**2 * (1 / 3 + rod + 4 * (0.5 + 1e-3 / self.lead**2) * sine)
+
+
+@pytest.mark.parametrize("pitch", [0.08, -0.005])
+def test_a_screw_that_has_turned_once_is_not_back_where_it_began(pitch):
+    """After many turns of it the bars fold, and go on with their energy."""
+    scene, angle = ScrewDriven(pitch), 1.2
+    model = ac.build(scene)
+    assert model.system.constraints.singular
+    run = model.simulate(0.5, {scene.a.q: -angle, scene.a.v: -4.0, scene.b.q: 2 * angle}, rtol=1e-10)
+    turned = -run[scene.a.q]
+    assert turned[-1] > np.pi / 2 + 0.1
+    assert np.allclose(run[scene.block.frame.position][:, 0], 2 * scene.length * np.cos(turned), atol=1e-9)
+    assert np.allclose(-run[scene.a.v], 4.0 * np.sqrt(scene.mass(angle) / scene.mass(turned)), rtol=1e-7)
+
+
+@pytest.mark.parametrize("pitch", [0.003, 0.02])
+def test_a_slider_on_a_screw_starts_where_it_is_told_however_many_turns_away(pitch):
+    scene = ScrewDriven(pitch)
+    model = ac.build(scene)
+    for angle in (0.3, 1.2):
+        run = model.simulate(1e-6, {scene.a.q: -angle, scene.b.q: ac.near(2.0)}, samples=2)
+        x, q, turn = (np.ravel(run[part])[0] for part in (scene.block.frame.position[0], scene.a.q, scene.bearing.q))
+        assert q == pytest.approx(-angle, abs=1e-12)
+        assert x == pytest.approx(2 * scene.length * np.cos(angle), rel=1e-11)
+        assert np.sin(turn + x / scene.lead) == pytest.approx(0.0, abs=1e-8)
+        assert np.cos(turn + x / scene.lead) > 0.99
 
 
 @pytest.mark.parametrize("offset", [0.1, 0.05])

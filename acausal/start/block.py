@@ -46,6 +46,8 @@ class Block:
     """How far positions are from the sketch, velocities from rest; None where unknowns say that by themselves."""
     leading: tuple[int, ...] = ()
     """Those of the unknowns that are states of scalar parts by which nonlinear equations give others in the block."""
+    winding: tuple[int, ...] = ()
+    """Those of the rows that come to zero again in each full turn of a screw, which closes a loop."""
     known: dict[bytes, tuple[Sizes, np.ndarray]] = field(default_factory=dict[bytes, tuple[Sizes, np.ndarray]], compare=False)
     """Sizes of some calls before."""
 

@@ -53,7 +53,14 @@ def solve_block(
         if right:
             y = _without_noise(found.y, search.begun, there.sizes.unknowns)
             return Found(y, search.begun, found.gap, found.part, True, found.iterations)
-    found, right = led.descend(led.beginning()) if block.leading else (None, False)
+    begun = search.before_winding() if block.winding else None
+    found, right = (
+        search.descend(begun, approach=False)
+        if begun is not None
+        else led.descend(led.beginning())
+        if block.leading
+        else (None, False)
+    )
     if found is None or not right:
         found, right = search.descend(search.beginning())
     spent, restarts = found.iterations, 0
@@ -137,6 +144,18 @@ class _Search:
                 if np.isfinite(self._hard(begun)[1]).all():
                     return begun
         return guess
+
+    def before_winding(self) -> np.ndarray | None:
+        """Where everything closes but screws, which wait for the turns that are left; None where nothing does."""
+        rest = [k for k in range(len(self.block.rows)) if k not in self.block.winding]
+        hard = self._hard
+
+        def others(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            c, J = hard(y)
+            return c[rest], J[rest]
+
+        found = assemble(others, self.begun, self._soft, sizes=self.sizes.of(rest), stride=self._stride, nearest=self._apart)
+        return found.y if found.converged else None
 
     def descend(self, guess: np.ndarray, approach: bool = True, limit: int = 100) -> tuple[Assembled, bool]:
         """One search, and whether it closed on the side that is meant. `approach`: wishes choose the branch too."""

@@ -273,7 +273,8 @@ def start_search(
     n, m, k = y.numel(), hard.numel(), soft.numel()
     all = list(range(n)), list(range(m)), list(range(k))
     moving = Moving(system, y, first) if unknowns.linear and system.constraints.loops else None
-    everything = Block(unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart or moving)
+    winding = () if unknowns.linear else tuple(k for k in range(closing.residual.numel()) if hard[k].op() == ca.OP_ATAN2)
+    everything = Block(unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart or moving, winding=winding)
     side = ca.Function("side", [y, data], [ca.densify(closing.signs)]) if closing.signs.numel() else None
     return Search(
         what,
@@ -316,6 +317,7 @@ def _blocks(whole: Block) -> tuple[Block, ...]:
             Block(
                 whole.unknowns.only(places), places, hard, soft, whole.whole, whole.hard[hard, :], whole.soft[soft, :],
                 whole.signs[signs, :] if signs else ca.SX(0, 1), whole.alike[soft], whole.drawn.of(hard), whole.apart,
+                winding=tuple(i for i, k in enumerate(hard) if k in whole.winding),
             )
         )  # fmt: skip
     return tuple(found)

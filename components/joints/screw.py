@@ -42,8 +42,9 @@ class Screw(AbstractStepJoint):
 
     def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
         R, p = symbolic(X_ab.rotation), symbolic(X_ab.position)
-        turn = p[2] / self._lead()
-        return ca.vertcat(p[0], p[1], R[0, 2], R[1, 2], R[1, 0] * ca.cos(turn) - R[0, 0] * ca.sin(turn))
+        c, s = ca.cos(turn := p[2] / self._lead()), ca.sin(turn)
+        # an angle, whose slope is the same everywhere: a sine would come to zero in each half turn
+        return ca.vertcat(p[0], p[1], R[0, 2], R[1, 2], ca.atan2(R[1, 0] * c - R[0, 0] * s, R[0, 0] * c + R[1, 0] * s))
 
     def closure_sign(self, X_ab: Pose) -> ca.SX:
         R, turn = symbolic(X_ab.rotation), symbolic(X_ab.position)[2] / self._lead()
