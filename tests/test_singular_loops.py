@@ -424,6 +424,22 @@ def test_starts_at_a_singular_position(scene):
     assert drift(run) < 1e-11
 
 
+@pytest.mark.parametrize("length", [1.0, 3e-5, 7e4])
+def test_a_crank_that_is_told_to_lie_flat_lies_flat_to_all_digits(length):
+    """There the other angles are double roots, known to half of the digits from how the loop closes, and velocities of both branches are met."""
+    scene, crank, speed = four_bar(length, (0.4 * length, length, 0.4 * length)), 0.4, 5.0
+    model, rough = ac.build(scene), {scene.a.q: 0.0, scene.b.q: ac.near(0.7), scene.d.q: ac.near(-0.6)}
+    for share in (1.0, -(1 + crank) / (1 - crank)):
+        run = model.simulate(1.0, rough | {scene.a.v: speed, scene.d.v: share * speed}, rtol=1e-11, samples=21)
+        assert run.energy_error() < 1e-11
+        assert abs(run[scene.d.q][0]) < 1e-13
+        if share == 1.0:
+            assert np.allclose(run[scene.a.q], speed * run.t, atol=1e-10)
+            assert np.allclose(run[scene.d.q], speed * run.t, atol=1e-10)
+        else:
+            assert run[scene.d.q][1] < 3 * share * run[scene.a.q][1] / 4
+
+
 def test_a_slider_crank_with_equal_bars_does_not_fold_away():
     """The slider goes through the crank's pivot, where crank and rod could also turn together on the spot."""
     scene = ac.System()

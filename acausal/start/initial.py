@@ -110,9 +110,17 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
 
 
 def _searched(problem: StartProblem, data: np.ndarray, weights: np.ndarray) -> tuple[Found, Found | None]:
-    """Positions, and velocities where these were found."""
+    """Positions, and velocities where these were found: if not next to a place where branches of the motion cross, then there."""
     found = problem.positions.solve(data, weights)
-    return found, problem.velocities.solve(np.concatenate([data, found.y]), weights) if found.converged else None
+    if not found.converged:
+        return found, None
+    moving = problem.velocities.solve(np.concatenate([data, found.y]), weights)
+    there = None if moving.converged else problem.positions.at_meeting(found, data)
+    if there is not None:
+        crossing = problem.velocities.solve(np.concatenate([data, there.y]), weights)
+        if crossing.converged:
+            return there, crossing
+    return found, moving
 
 
 def _complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:

@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.graphs import Graph
 from acausal.numerics.assembly import Assembled, Residual, assemble, freedom
+from acausal.numerics.double_roots import where_solutions_meet
 from acausal.numerics.sizes import Drawn, Sizes
 from acausal.numerics.thresholds import DEPENDENT, EDGE, STRIDE
 from acausal.reduce.reduce import ReducedSystem
@@ -125,6 +126,17 @@ class Search:
         return Found(
             y, first, worst.gap, worst.part, worst.converged, sum(f.iterations for f in parts), sum(f.restarts for f in parts)
         )  # fmt: skip
+
+    def at_meeting(self, found: Found, data: np.ndarray) -> Found | None:
+        """The same, at the place where two solutions meet if it is next to one, as where loops lie flat."""
+        if self.whole is None or not found.iterations:
+            return None
+        rows, sizes = self.rows(data, found.first), self.sizes(data, found.first)
+        y = where_solutions_meet(rows, found.y, sizes)
+        if y is None or not self.is_meant(y, data):
+            return None
+        left = np.abs(rows(y)[0])
+        return replace(found, y=y, gap=float(np.max(left)), part=float(np.max(left / sizes.rows)))
 
     def sizes(self, data: np.ndarray, first: np.ndarray) -> Sizes:
         """What is much for all unknowns and constraints: for unknowns in no constraint 1."""
