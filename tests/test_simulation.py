@@ -75,6 +75,27 @@ def test_reactions_balance_every_body():
     assert np.max(np.abs(run[scene.a.frame_a.force] + run[scene.world.frame.force])) < 1e-9
 
 
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -G), (1.0, -2.0, 3.0)])
+def test_the_ground_bears_the_weight_of_what_is_fixed_to_it(gravity):
+    scene, mass, centre = ac.System(), 3.0, np.array([0.4, -0.1, 0.7])
+    scene.world, scene.hinge, scene.rod = (
+        World(gravity),
+        Revolute((0.6, 0.0, 0.8)),
+        RigidBody.rod(2.0, (0.0, 1.0, -1.0), radius=0.1),
+    )
+    scene.base = RigidBody(mass, (0.1, 0.2, 0.25), tuple(centre))
+    scene.connect(scene.world.at((0.3, 0.2, 0.1), rotation=("x", 0.4)), scene.base.frame)
+    scene.connect(scene.base.at((0.5, 0.5, 1.0)), scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    run = ac.build(scene).simulate(1.0, {scene.hinge.q: 0.7}, samples=5)
+    frame, pull = scene.base.frame, run[scene.hinge.frame_a.force]
+    weight, begin = mass * np.array(gravity), run[frame.position]
+    arm, far = run[frame.rotation] @ centre, run[scene.hinge.frame_a.position] - begin
+    assert np.allclose(run[frame.force], pull - weight, atol=1e-12)
+    wanted = run[scene.hinge.frame_a.torque] + np.cross(far, pull) - np.cross(arm, weight)
+    assert np.allclose(run[frame.torque], wanted, atol=1e-12)
+
+
 def test_hanging_rod_pulls_with_its_weight():
     scene = Pendulum(mass=2.0)
     run = ac.build(scene).simulate(1.0)
@@ -253,6 +274,19 @@ def test_component_of_ones_own_and_a_scene_without_mechanics():
     assert model.system.x.numel() == 4
     run = model.simulate(5.0, {scene.one.flange_a.phi: 1.0}, rtol=1e-11)
     assert np.max(np.abs(run[scene.one.flange_a.phi] - (1 / 3 + 2 / 3 * np.cos(np.sqrt(4.5) * run.t)))) < 1e-10
+
+
+def test_a_thin_rod_on_the_ground_may_stand_beside_shafts():
+    scene = ac.System()
+    scene.world, scene.rod, scene.bob = World(), RigidBody.rod(1.0, (0, 0, 1.0)), Particle(2.0)
+    scene.rotor, scene.spring, scene.wall = Inertia(2.0), RotationalSpring(8.0), RotationalGround()
+    scene.connect(scene.world.frame, scene.rod.frame)
+    scene.connect(scene.bob.point, scene.rod.tip)
+    scene.connect(scene.wall.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.rotor.flange_a)
+    run = ac.build(scene).simulate(1.0, {scene.rotor.flange_a.phi: 0.3}, rtol=1e-11)
+    assert np.allclose(run[scene.rotor.flange_a.phi], 0.3 * np.cos(2.0 * run.t), atol=1e-11)
+    assert np.allclose(run[scene.rod.frame.force][-1], (0, 0, 3.0 * G))
 
 
 def test_hierarchy_with_connectors_of_its_own():

@@ -109,7 +109,7 @@ class TreeInertia:
     def massless(self, values: np.ndarray) -> tuple[int, ...]:
         """Links whose motion meets no inertia at two places beside q; none of very many links."""
         tree, q = self.tree, self.q
-        if len(tree.links) > _MOST_LINKS:
+        if not 0 < len(tree.links) <= _MOST_LINKS:
             return ()
         rng, much = np.random.default_rng(6), _much(tree, self.parameters, self._near, q, values)
         places = [q + 0.3 * much * rng.uniform(-1, 1, q.size) for _ in range(2)]

@@ -264,7 +264,7 @@ class Reactions:
         for part, pose in zip(group.parts, group.part_poses, strict=True):
             if part.path in side and isinstance(part.component, AbstractRigidPart):
                 inertia = part.component.inertia().seen_from(group_pose @ pose)
-                if not inertia.is_zero and link >= 0:
+                if not inertia.is_zero:
                     moved = self._inertial(link, inertia)
                     torque, force = torque + moved[0], force + moved[1]
         for node in side:
@@ -279,9 +279,12 @@ class Reactions:
         return _seen_from(place, torque, force)
 
     def _inertial(self, link: int, inertia: Inertia) -> Wrench:
-        """What an inertia given in a link's frame needs to move with the link, gravity included."""
-        w_dot, a = self.motion.accelerations[link]
+        """What an inertia given in a link's frame needs to move with the link, or to rest on the ground (-1), gravity included."""
         second, moment = ca.densify(symbolic(inertia.second_moment)), symbolic(inertia.moment)
+        if link < 0:
+            weight = ca.SX(self.system.tree.gravity)
+            return -ca.cross(moment, weight), -ca.SX(inertia.mass) * weight
+        w_dot, a = self.motion.accelerations[link]
         torque, force = formulas.bias_wrench(second, moment, self.system.kinematics.angular_velocity(link))
         H = symbolic(skew(inertia.moment))
         return torque + second @ w_dot + H @ a, force + H.T @ w_dot + ca.SX(inertia.mass) * a
