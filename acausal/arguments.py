@@ -42,7 +42,8 @@ def dictionary(value: Any, what: str, example: str) -> Mapping[Any, Any]:
 
 def shown(value: Any, most: int = 60) -> str:
     """`value` in few characters, for messages."""
-    text = " ".join(repr(value).split())
+    plain = type(value).__repr__ is object.__repr__  # its address says nothing
+    text = f"{type(value).__name__}(...)" if plain else " ".join(repr(value).split())
     return text if len(text) <= most else text[: most - 2] + " …"
 
 

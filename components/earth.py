@@ -9,9 +9,11 @@ import casadi as ca
 import numpy as np
 
 import acausal.language.expression as language
+from acausal.errors import ParameterError
 from acausal.language.component import System
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Scalar, scalar, sx
+from acausal.language.origin import origin
 from acausal.parts.rotations import rotation_about
 from components.bodies import Fixed
 from components.fields import CentralField
@@ -74,6 +76,10 @@ class RotatingEarth(System):
             language.number(value, f"RotatingEarth.level's {name}")
             for value, name in ((latitude, "latitude"), (longitude, "longitude"))
         )
+        if not abs(lat) <= np.pi / 2:
+            raise ParameterError(
+                f"RotatingEarth.level's latitude is {lat:g} rad ({origin()}), beyond a pole: it must be from -pi / 2 to pi / 2. Degrees are np.radians(48)."
+            )
         R = rotation_about(np.array([0.0, 0.0, 1.0]), lon) @ rotation_about(np.array([0.0, 1.0, 0.0]), -lat - np.pi / 2)
         out = -R[:, 2]
         distance = self.radius + scalar(height, "RotatingEarth.level's height", unit="m")

@@ -9,6 +9,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import shown
 from acausal.errors import IncompatibleError, ParameterError
 from acausal.language.component import add_connection
 from acausal.language.connector import Frame
@@ -45,7 +46,7 @@ class AbstractBorneFriction(AbstractReactiveForce, ABC):
         if not isinstance(joint, AbstractJoint):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(f"{type(self).__name__}'s joint is {joint!r} ({origin()}). Give the joint that it is beside.")
         if not isinstance(law, Coulomb):
-            raise ParameterError(f"{type(self).__name__}'s law is {law!r} ({origin()}). Give Coulomb(0.1).")
+            raise ParameterError(f"{type(self).__name__}'s law is {shown(law)} ({origin()}). Give Coulomb(0.1).")
         if (law.patch is not None) != (directions == 3):
             what = (
                 "rubs as a patch: give Coulomb(0.1, patch=Patch(radius))"

@@ -6,6 +6,7 @@ from typing import final
 
 import casadi as ca
 
+from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame
 from acausal.language.expression import Expression, time
@@ -44,7 +45,7 @@ class ContactForce(AbstractForce, AbstractBounded):
         self.shape, self.surface = checked_surface(shape, "ContactForce", "shape"), checked_surface(surface, "ContactForce")
         if not isinstance(law, HuntCrossley | AbstractFriction):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(
-                f"ContactForce's law is {law!r} ({origin()}). Give HuntCrossley(...), Viscous(...) or Creep(...)."
+                f"ContactForce's law is {shown(law)} ({origin()}). Give HuntCrossley(...), Viscous(...) or Creep(...)."
             )
         if not (joint is None or isinstance(joint, Touching)):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(

@@ -9,6 +9,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.connector import Frame, Point
 from acausal.language.expression import Expression, Reaction, sx
@@ -42,7 +43,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
     def _react(self, law: object, directions: int = 2) -> None:
         """What the contact acts with; `directions`: of friction. Raises `ParameterError` for what is no such law."""
         if not isinstance(law, Hard):
-            raise ParameterError(f"{type(self).__name__}'s law is {law!r} ({origin()}). Give Hard(...).")
+            raise ParameterError(f"{type(self).__name__}'s law is {shown(law)} ({origin()}). Give Hard(...).")
         self.law = law
         self.push = Reaction("N", "push along the normal")
         count = 0 if law.friction is None else directions

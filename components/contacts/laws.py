@@ -9,6 +9,7 @@ from typing import ClassVar, Self, final
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Scalar, scalar, sx
 from acausal.language.impact_laws import AbstractImpactLaw, Restitution, checked_below, impact_law
@@ -291,7 +292,7 @@ def checked_law(law: object, part: str) -> Law:
     """Raises `ParameterError` for anything else."""
     if not isinstance(law, AbstractTouchingLaw | AbstractFriction | HuntCrossley | Hard):
         raise ParameterError(
-            f"{part}'s law is {law!r} ({origin()}). Give what the bodies do where they touch: Rolling(), RollingWithoutPivoting(), Sliding(), "
+            f"{part}'s law is {shown(law)} ({origin()}). Give what the bodies do where they touch: Rolling(), RollingWithoutPivoting(), Sliding(), "
             "Viscous(...), Creep(...), HuntCrossley(...), or Hard(...)."
         )
     return law
@@ -301,6 +302,6 @@ def checked_touching(law: object, part: str) -> AbstractTouchingLaw:
     """Raises `ParameterError` for anything else, laws of forces included."""
     if not isinstance(law, AbstractTouchingLaw):
         raise ParameterError(
-            f"{part}'s law is {law!r} ({origin()}). Give Rolling(), RollingWithoutPivoting(), Sliding() or Apart(); laws of forces go to Contact(...)."
+            f"{part}'s law is {shown(law)} ({origin()}). Give Rolling(), RollingWithoutPivoting(), Sliding() or Apart(); laws of forces go to Contact(...)."
         )
     return law

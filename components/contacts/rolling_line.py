@@ -7,12 +7,13 @@ from typing import final
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, Variable, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, rotation_about_z, rotation_to_axis
-from components.geometry.surfaces import Cone, Cylinder, Plane
+from components.geometry.surfaces import Cone, Cylinder, Plane, sharp
 
 _TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))
 
@@ -35,7 +36,7 @@ class RollingCylinder(AbstractJoint):
         self.radius = scalar(radius, "RollingCylinder's radius", positive=True, unit="m")
         self.surface = Plane() if surface is None else surface
         if not isinstance(self.surface, Cylinder | Plane):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ParameterError(f"RollingCylinder's surface is {surface!r} ({origin()}). Give Plane() or Cylinder(radius).")
+            raise ParameterError(f"RollingCylinder's surface is {shown(surface)} ({origin()}). Give Plane() or Cylinder(radius).")
         both = (self.radius, self.surface.radius) if isinstance(self.surface, Cylinder) and self.surface.side < 0 else ()
         if both and all(isinstance(r, float) for r in both) and both[0] >= both[1]:
             raise ParameterError(
@@ -65,10 +66,10 @@ class RollingCone(AbstractJoint):
     v = Variable("rad/s", "its rate")
 
     def __init__(self, half_angle: Scalar, surface: Cone | Plane | None = None) -> None:
-        self.half_angle = scalar(half_angle, "RollingCone's half_angle", positive=True, unit="rad")
+        self.half_angle = sharp(half_angle, "RollingCone's half_angle")
         self.surface = Plane() if surface is None else surface
         if not isinstance(self.surface, Cone | Plane):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ParameterError(f"RollingCone's surface is {surface!r} ({origin()}). Give Plane() or Cone(half_angle).")
+            raise ParameterError(f"RollingCone's surface is {shown(surface)} ({origin()}). Give Plane() or Cone(half_angle).")
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         own, cone = sx(self.half_angle), self.surface

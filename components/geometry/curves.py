@@ -10,6 +10,7 @@ from typing import Any, ClassVar, final
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import shown
 from acausal.errors import ParameterError
 from acausal.language.expression import Scalar, flag, scalar, sx, vector
 from acausal.language.interpolant import is_spline, of_spline
@@ -149,7 +150,9 @@ class SplineCurve(AbstractCurve):
 def checked_curve(curve: object, part: str) -> AbstractCurve:
     """Raises `ParameterError` for anything else."""
     if not isinstance(curve, AbstractCurve):
-        raise ParameterError(f"{part}'s curve is {curve!r} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5).")
+        raise ParameterError(
+            f"{part}'s curve is {shown(curve)} ({origin()}). Give a curve of components, e.g. Circle(radius=0.5)."
+        )
     return curve
 
 

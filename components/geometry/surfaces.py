@@ -7,9 +7,11 @@ from collections.abc import Callable
 from typing import Any, ClassVar, final
 
 import casadi as ca
+import numpy as np
 
+from acausal.arguments import shown
 from acausal.errors import ParameterError
-from acausal.language.expression import Scalar, flag, scalar, sx
+from acausal.language.expression import Expression, Scalar, checked, flag, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion, rotation_to_axis_symbolic
 from components.geometry.curves import within
@@ -133,11 +135,27 @@ def _around_and_along(n: ca.SX) -> ca.SX:
     return ca.horzcat(around, ca.cross(n, around))
 
 
+def sharp(half_angle: Scalar, what: str) -> float | Expression:
+    """A cone's half angle [rad], from its axis to its side. Raises `ParameterError` where it is none."""
+    angle = scalar(half_angle, what, positive=True, unit="rad")
+
+    def check(found: np.ndarray) -> None:
+        if not found.item() < np.pi / 2:
+            raise ParameterError(
+                f"{what} is {found.item():g} rad ({origin()}), from the axis to the side: it must be below pi / 2. Degrees are np.radians(30)."
+            )
+
+    if isinstance(angle, Expression):
+        return checked(angle, check)
+    check(np.array(angle))
+    return angle
+
+
 def checked_surface(surface: object, part: str, role: str = "surface") -> AbstractSurface:
     """Raises `ParameterError` for anything else."""
     if not isinstance(surface, AbstractSurface):
         raise ParameterError(
-            f"{part}'s {role} is {surface!r} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
+            f"{part}'s {role} is {shown(surface)} ({origin()}). Give a surface of components, e.g. Sphere(radius=0.5)."
         )
     return surface
 
@@ -331,6 +349,11 @@ class Torus(AbstractSurface):
     def __init__(self, radius: Scalar, tube: Scalar) -> None:
         self.radius = scalar(radius, "Torus's radius", positive=True, unit="m")
         self.tube = scalar(tube, "Torus's tube", positive=True, unit="m")
+        if isinstance(self.radius, float) and isinstance(self.tube, float) and self.tube >= self.radius:
+            raise ParameterError(
+                f"Torus's tube of {self.tube:g} m is as thick as its circle of radius {self.radius:g} m is wide ({origin()}): it has no hole. "
+                "Give the radius of the circle in its middle, and a smaller one of the tube around that."
+            )
 
     def point(self, q: ca.SX) -> ca.SX:
         reach = sx(self.radius) + sx(self.tube) * ca.cos(q[1])
@@ -364,7 +387,7 @@ class Cone(AbstractSurface):
     start = (1.0, 0.0)
 
     def __init__(self, half_angle: Scalar, *, outside: bool = False) -> None:
-        self.half_angle = scalar(half_angle, "Cone's half_angle", positive=True, unit="rad")
+        self.half_angle = sharp(half_angle, "Cone's half_angle")
         self.side = -1.0 if flag(outside, "Cone's outside") else 1.0
 
     def start_for(self, length: float) -> tuple[float, ...]:

@@ -10,20 +10,28 @@ import pytest
 import acausal as ac
 from acausal import errors
 from components import (
+    Cone,
     Fixed,
     Force,
+    Hard,
     Inertia,
     NonlinearSpring,
     Particle,
+    Plane,
     Revolute,
     RigidBody,
+    RollingCone,
     RollingDisk,
     RollingEllipsoid,
+    RotatingEarth,
     RotationalGround,
+    Sphere,
     Spherical,
     Spring,
     Torque,
     TorqueSource,
+    Torus,
+    Touching,
     Universal,
     World,
 )  # fmt: skip
@@ -86,6 +94,13 @@ def no_parts() -> None:
 def nothing_moves() -> None:
     scene = ac.System()
     scene.world = World()
+    ac.build(scene)
+
+
+def rod_on_the_ground() -> None:
+    scene = ac.System()
+    scene.world, scene.rod = World(), RigidBody.rod(1.0, (0, 0, 1.0))
+    scene.connect(scene.world.frame, scene.rod.frame)
     ac.build(scene)
 
 
@@ -225,6 +240,7 @@ CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] 
     ("no ground", no_ground, errors.GroundError, ("no ground", "World()")),
     ("no parts", no_parts, errors.ModelError, ("no parts",)),
     ("nothing moves", nothing_moves, errors.LockedError, ("world", "Add a joint")),
+    ("rod on the ground", rod_on_the_ground, errors.LockedError, ("rod", "Add a joint")),
     ("massless end", massless_end, errors.MasslessError, ("'extra'", HERE, "stick", "Connect a body with mass")),
     ("thin rod about itself", thin_rod_about_itself, errors.MasslessError, ("'extra'", "thin")),
     ("massless point between springs", massless_point, errors.MasslessError, ("one.point_b",)),
@@ -242,6 +258,11 @@ CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] 
     ("triangle inequality", lambda: RigidBody(1.0, (1, 1, 3)), errors.ParameterError, ("1, 1, 3", HERE, "sum of")),
     ("asymmetric inertia", lambda: RigidBody(1.0, ((1, 0.5, 0), (0, 1, 0), (0, 0, 1))), errors.ParameterError, ("symmetric",)),
     ("negative moment", lambda: RigidBody(1.0, (-1, 1, 1)), errors.ParameterError, ("-1",)),
+    ("cone wider than a plane", lambda: Cone(45), errors.ParameterError, ("45 rad", HERE, "np.radians")),
+    ("rolling cone wider than a plane", lambda: RollingCone(ac.Parameter(2.0, "rad")), errors.ParameterError, ("2 rad", HERE, "np.radians")),
+    ("torus without a hole", lambda: Torus(0.1, 0.2), errors.ParameterError, ("0.2 m", "0.1 m", HERE)),
+    ("latitude in degrees", lambda: RotatingEarth().level(48.0, 0.0), errors.ParameterError, ("48 rad", HERE, "np.radians")),
+    ("law of forces in a joint", lambda: Touching(Sphere(0.1), Plane(), Hard()), errors.ParameterError, ("law is Hard(...)", HERE)),  # pyright: ignore
     ("zero axis", lambda: Revolute((0, 0, 0)), errors.ParameterError, ("length zero", HERE)),
     ("unknown axis", lambda: Revolute("w"), errors.ParameterError, ("'w'", "'x'")),
     ("axes not perpendicular", lambda: Universal("x", (1, 1, 0)), errors.ParameterError, ("perpendicular",)),
