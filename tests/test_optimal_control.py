@@ -3,6 +3,7 @@
 import _thread
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, cast
 
 import casadi as ca
@@ -121,6 +122,24 @@ def test_lanes_give_what_casadi_gives() -> None:
     assert isinstance(lanes, Lanes)
     for _ in range(4):
         assert np.allclose(np.array(lanes(*at)), np.array(plain(*at)), rtol=1e-12, atol=1e-12)
+
+
+def test_a_point_is_differentiated_once_for_all_meshes() -> None:
+    """And its lanes are made once: those of a delta robot cost more than the search."""
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 5))
+    ocp.start({scene.rail.q: 0.0})
+    ocp.end({scene.rail.q: 1.0, scene.hinge.q: 0.0, scene.rail.v: 0.0, scene.hinge.v: 0.0})
+    ocp.bound(3 * scene.force, -30, 30)
+    ocp.minimise(ocp.duration)
+    part = ocp.part(Mesher(4, 5, "free", "ipopt"))
+
+    def point(mesh: Any) -> Any:
+        return whole([replace(part, mesh=mesh)], []).program.terms[0].smooth
+
+    loose = replace(part.mesh, loose=(2,))
+    assert point(part.mesh) is point(part.mesh.refined(np.full(4, 2)))
+    assert point(loose) is point(replace(loose, loose=(1, 3))) is not point(part.mesh)
 
 
 def rest_to_rest(model: ac.Model, scene: Sledge, time: float | ac.free) -> ac.OptimalControl:

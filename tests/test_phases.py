@@ -94,6 +94,9 @@ def test_a_hopper_hops_and_lands_as_it_began() -> None:
     hop.link(flight, stance)
     best = hop.solve(8)
     assert best.replay_error < 1e-8 and best.defect < 1e-8
+    below = best[1].unknowns.copy()
+    below[0] = -1e-30  # the foot still touches, but for rounding
+    assert best[1].again(below, best[1].cost, 0, best[1].factors).replay_error < 1e-8
     period = best.duration
     push = best.run.u[0]
     assert np.max(push) < 200 * (1 + 1e-9)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.optimal_control.smooth import Smooth
 from acausal.optimal_control.stage import Stage
 
 
@@ -95,6 +96,11 @@ class Asked:
     held: bool
     duration: np.ndarray
     geometry: np.ndarray
+
+    @functools.cached_property
+    def points(self) -> dict[tuple[int, ...], Smooth]:
+        """What was made of a point for programs, by how these take it."""
+        return {}
 
     @functools.cached_property
     def linear(self) -> bool:

@@ -127,7 +127,7 @@ class Optimum:
         stage = self.transcribed.asked.stage
         space, t0 = stage.functions.space, float(self.t[0])
         # closed to rounding: what is open by an interior point's last digits would have to strike first
-        first = closed(stage, self.x[:, :1].T, np.zeros(1), self.duration, self.motion.free, np.ones(self.x.shape[0]))[0]
+        first = closed(stage, self._nodes[:, :1].T, np.zeros(1), self.duration, self.motion.free, np.ones(self.x.shape[0]))[0]
         whole = space.expanded(t0, first, space.extended(t0, first, self._p(stage.functions)))
         start = {key: near(value) for key, value in start_values(stage.functions, whole).items()}
         return self.model.simulate(
@@ -156,8 +156,7 @@ class Optimum:
         found, accuracy = list[np.ndarray](), Accuracy.asked(_REPLAYED)
         inputs = self.run.problem.inputs
         given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
-        rounding = np.finfo(float).eps * np.max(np.abs(self.x), axis=1, keepdims=True)
-        x = np.where(np.abs(self.x) > rounding, self.x, 0.0)  # what touches is not below by rounding
+        x = self._nodes
         for k, times in enumerate(self._between):
             read = np.append(times, self.t[k + 1])
             problem = replace(self.run.problem, inputs=given, read=read)
@@ -169,6 +168,12 @@ class Optimum:
                 else np.full((len(self.x), read.size), np.inf)
             )
         return found
+
+    @functools.cached_property
+    def _nodes(self) -> np.ndarray:
+        """States at the nodes (nx, intervals + 1); what touches is not below by rounding."""
+        rounding = np.finfo(float).eps * np.max(np.abs(self.x), axis=1, keepdims=True)
+        return np.where(np.abs(self.x) > rounding, self.x, 0.0)
 
     @property
     def _between(self) -> np.ndarray:

@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.folding import folded_function
-from acausal.optimal_control.lanes import mapped, plainly
+from acausal.optimal_control.lanes import plainly
+from acausal.optimal_control.smooth import Smooth
 
 COST, NOWHERE = -1, -2
 """The row of what is minimised, and that of values which are not used."""
@@ -33,48 +33,23 @@ class Term:
     data: np.ndarray
     rows: np.ndarray
     weights: np.ndarray
+    shared: Smooth | None = None
+    """The function, where other terms use its derivatives, too."""
+
+    @functools.cached_property
+    def smooth(self) -> Smooth:
+        """The function with its derivatives."""
+        return self.shared or Smooth(self.function)
+
+    def picked(self, own: np.ndarray) -> Term:
+        """With some of the values alone."""
+        few = self.smooth.picked(own)
+        return replace(self, function=few.function, rows=self.rows[own], weights=self.weights[own], shared=few)
 
     @property
     def count(self) -> int:
         """Number of places."""
         return self.places.shape[1]
-
-    def picked(self, values: np.ndarray) -> ca.Function:
-        """Some of the values alone."""
-        z, c = self._symbols
-        return folded_function("picked", [z, c], [self.function(z, c)[values.tolist()]])
-
-    @functools.cached_property
-    def slopes(self) -> ca.Function:
-        """(z, c) -> entries of the Jacobian of the values, by columns."""
-        z, c = self._symbols
-        return folded_function("slopes", [z, c], [_entries(ca.jacobian(self.function(z, c), z))])
-
-    @functools.cached_property
-    def slope_entries(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows and columns of the entries of `slopes`."""
-        z, c = self._symbols
-        return _places(ca.jacobian(self.function(z, c), z).sparsity())
-
-    @functools.cached_property
-    def curvature(self) -> ca.Function:
-        """(z, c, factors (m,)) -> entries of the upper triangle of the Hessian of the values' sum with these factors, by columns."""
-        z, c = self._symbols
-        factors = ca.SX.sym("factors", self.rows.shape[0])
-        return folded_function("curvature", [z, c, factors], [_entries(self._hessian(factors))])
-
-    @functools.cached_property
-    def curvature_entries(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows and columns of the entries of `curvature`."""
-        return _places(self._hessian(ca.SX.sym("factors", self.rows.shape[0])).sparsity())
-
-    def _hessian(self, factors: ca.SX) -> ca.SX:
-        z, c = self._symbols
-        return ca.triu(ca.hessian(ca.dot(factors, self.function(z, c)), z)[0])
-
-    @functools.cached_property
-    def _symbols(self) -> tuple[ca.SX, ca.SX]:
-        return ca.SX.sym("z", self.places.shape[0]), ca.SX.sym("c", self.data.shape[0])
 
     def at(self, w: ca.MX) -> tuple[ca.MX, ca.DM]:
         """The arguments (z, c) at all places, a row for each."""
@@ -89,17 +64,8 @@ class Term:
         """Its values at all places: of the first value at all of them, then of the second."""
         name = function.name()
         if name not in self._at_places:
-            self._at_places[name] = mapped(function, self.count)
+            self._at_places[name] = self.smooth.mapped(function, self.count)
         return ca.vec(self._at_places[name](*arguments))
-
-
-def _entries(matrix: ca.SX) -> ca.SX:
-    return ca.vec(ca.densify(matrix.nz[:])) if matrix.nnz() else ca.SX(0, 1)  # of a row, `nz` is a row
-
-
-def _places(sparsity: ca.Sparsity) -> tuple[np.ndarray, np.ndarray]:
-    rows, columns = sparsity.get_triplet()
-    return np.array(rows, dtype=int), np.array(columns, dtype=int)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,11 +144,10 @@ class Program:
         """The cost alone, without constraints."""
         none = np.zeros(0, dtype=int)
         terms = [
-            replace(
-                term, function=term.picked(own), rows=np.where(term.rows[own] == COST, COST, NOWHERE), weights=term.weights[own]
-            )
+            replace(few, rows=np.where(few.rows == COST, COST, NOWHERE))
             for term in self.terms
             if (own := np.flatnonzero((term.rows == COST).any(axis=1))).size
+            for few in [term.picked(own)]
         ]
         return replace(self, terms=terms, linear=(none, none, np.zeros(0)), limits=np.zeros((2, 0)))
 
@@ -260,9 +225,9 @@ class Program:
         """Of each term the entries of all Jacobians, and the row, the unknown and the weight of each."""
         found: list[tuple[ca.MX, tuple[np.ndarray, np.ndarray, np.ndarray]]] = []
         for term in self.terms:
-            i, j = term.slope_entries
+            i, j = term.smooth.slope_entries
             if term.count and i.size:
-                entries = term.everywhere(term.slopes, *term.at(w))
+                entries = term.everywhere(term.smooth.slopes, *term.at(w))
                 where = term.rows[i], term.places[j], term.weights[i] * term.units[j]
                 found.append((entries, (_column(where[0]), _column(where[1]), _column(where[2]))))
         return found
@@ -274,11 +239,11 @@ class Program:
         factors = ca.vertcat(of_rows, of_cost)
         found = _Collected(self.size, self.size)
         for term in self.terms:
-            i, j = term.curvature_entries
+            i, j = term.smooth.curvature_entries
             if not (term.count and i.size):
                 continue
             own = self._adding(term).T @ factors
-            entries = term.everywhere(term.curvature, *term.at(w), ca.reshape(own, *term.rows.shape[::-1]))
+            entries = term.everywhere(term.smooth.curvature, *term.at(w), ca.reshape(own, *term.rows.shape[::-1]))
             a, b = _column(term.places[i]), _column(term.places[j])
             twice = np.where((a == b) & np.repeat(i != j, term.count), 2.0, 1.0)  # two arguments that are one unknown
             found.add(

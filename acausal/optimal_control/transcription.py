@@ -8,6 +8,7 @@ asked twice.
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -20,6 +21,7 @@ from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.layout import Layout, Rows, column_at
 from acausal.optimal_control.mesh import Mesh, hull
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
+from acausal.optimal_control.smooth import Smooth
 from acausal.optimal_control.stage import Stage, independent_states
 
 _ANGLES = ("rad", "")
@@ -75,11 +77,8 @@ class Transcribed:
         """(intervals + 1,): by how much the least cost changes with each node, where it moves alone; `factors` (rows,): multipliers of the rows."""
         term, c = self.program.terms[0], self.mesh.tableau.c
         by = np.append(factors, [0.0, 1.0])[term.rows] * term.weights  # NOWHERE, COST
-        z, data = ca.SX.sym("z", term.places.shape[0]), ca.SX.sym("data", term.data.shape[0])
-        given = ca.SX.sym("by", by.shape[0])
-        slopes = ca.gradient(ca.dot(given, term.function(z, data)), ca.vertcat(z, data))
-        own = slopes[-3:-1] if self.layout.nodes.size else slopes[-2:]
-        found = np.array(ca.Function("by_nodes", [z, data, given], [own])(w[term.places] * term.units, term.data, by))
+        slopes = np.array(term.smooth.pull(w[term.places] * term.units, term.data, by))
+        found = slopes[-3:-1] if self.layout.nodes.size else slopes[-2:]
         if not self.layout.nodes.size:  # by when it is, and by the length of its interval
             part = np.tile(c, self.mesh.intervals)
             found = np.array([(1 - part) * found[0] - found[1], part * found[0] + found[1]])
@@ -120,7 +119,7 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
 
 
 def _scaled(term: Term, size: np.ndarray) -> Term:
-    return Term(term.function, term.places, size[term.places], term.data, term.rows, term.weights)
+    return replace(term, units=size[term.places])
 
 
 def _values(layout: Layout, guess: Guess, mesh: Mesh) -> np.ndarray:
@@ -245,17 +244,10 @@ def _dynamics(
     nx, nv, loops = *stage.sizes[:2], stage.reacting
     K, s = mesh.intervals, mesh.tableau.stages
     labels = stage.functions.state_names
-    length = stage.data[1]
-    values = ca.vertcat(
-        length * stage.duration * stage.put(stage.collocated),
-        stage.put(stage.balance),
-        stage.put(stage.invariants[0]),
-        *(ca.repmat(kept.value, len(kept.weights)) for kept in path),
-        *(length * stage.put(stage.duration * total.integrals + total.averages) for total, _ in sums),
-    )
-    held = stage.invariants[0].numel()
-    number = np.full((values.numel(), K * s), NOWHERE)
-    weights = np.ones((values.numel(), K * s))
+    point = _point(asked, [total for total, _ in sums], path, loose=bool(mesh.loose))
+    held, values = stage.invariants[0].numel(), point.function.size1_out(0)
+    number = np.full((values, K * s), NOWHERE)
+    weights = np.ones((values, K * s))
     for k in range(K):
         middle, half = w[np.append(layout.places[k, s // 2], layout.extra)], float(mesh.points[k, s // 2])
         kept, used = independent_states(stage, middle, half, units, whole=True)
@@ -280,16 +272,34 @@ def _dynamics(
                 number[own, column] = np.concatenate([kept.rows[:, k] for kept in path])
                 weights[own, column] = np.concatenate([kept.weights[:, j] for kept in path])
             number[-len(sums) :, column], weights[-len(sums) :, column] = [row for _, row in sums], mesh.tableau.b[j]
-    unknowns, given, data = stage.unknowns, stage.data, np.vstack([mesh.points.ravel(), np.repeat(mesh.lengths, s)])
+    data = np.vstack([mesh.points.ravel(), np.repeat(mesh.lengths, s)])
     places = np.vstack([layout.places.reshape(-1, stage.width).T, *(np.full(K * s, e) for e in layout.extra)])
     if mesh.loose:
-        ends, part = ca.SX.sym("ends", 2), ca.SX.sym("part")
-        when = ca.vertcat(ends[0] + part * (ends[1] - ends[0]), ends[1] - ends[0])
-        values = ca.substitute(values, given, when)
-        unknowns, given, data = ca.vertcat(unknowns, ends), part, np.tile(mesh.tableau.c, K)[None, :]
+        data = np.tile(mesh.tableau.c, K)[None, :]
         places = np.vstack([places, np.repeat([layout.nodes[:-1], layout.nodes[1:]], s, axis=1)])
-    function = folded_function("point", [unknowns, given], [ca.densify(values)])
-    return Term(function, places, np.ones(places.shape), data, number, weights)
+    return Term(point.function, places, np.ones(places.shape), data, number, weights, point)
+
+
+def _point(asked: Asked, sums: Sequence[Total], path: Sequence[_Kept], *, loose: bool) -> Smooth:
+    """All values of a point, by its unknowns and its `data`; where nodes are `loose` by those of its interval, too, and by its part of this. Made once for all meshes."""
+    key = (loose, *(len(kept.weights) for kept in path))
+    if key not in asked.points:
+        stage = asked.stage
+        length = stage.data[1]
+        values = ca.vertcat(
+            length * stage.duration * stage.put(stage.collocated),
+            stage.put(stage.balance),
+            stage.put(stage.invariants[0]),
+            *(ca.repmat(kept.value, len(kept.weights)) for kept in path),
+            *(length * stage.put(stage.duration * total.integrals + total.averages) for total in sums),
+        )
+        unknowns, given = stage.unknowns, stage.data
+        if loose:
+            ends, part = ca.SX.sym("ends", 2), ca.SX.sym("part")
+            when = ca.vertcat(ends[0] + part * (ends[1] - ends[0]), ends[1] - ends[0])
+            values, unknowns, given = ca.substitute(values, given, when), ca.vertcat(unknowns, ends), part
+        asked.points[key] = Smooth(folded_function("point", [unknowns, given], [ca.densify(values)]))
+    return asked.points[key]
 
 
 def _between(asked: Asked, layout: Layout, rows: Rows, bounds: np.ndarray) -> None:
