@@ -91,6 +91,50 @@ class DrivenFourBar(FourBar):
         self.connect(self.motor.flange, self.a.flange)
 
 
+class Chain(ac.Component):
+    """A line by its slope, which is an input."""
+
+    y = ac.Variable("m", "height")
+
+    def __init__(self, slope: ac.Input) -> None:
+        self.slope = slope
+
+    def equations(self) -> Iterator[ac.Equation]:
+        yield ac.equal(ac.der(self.y), self.slope)
+
+
+@pytest.mark.parametrize(("intervals", "size", "longer"), [(20, 1e-3, 4.0), (40, 1.0, 4.0), (16, 1e3, 3.2)])
+def test_a_chain_hangs_as_a_catenary_and_points_alone_do_not_make_it_longer(intervals: int, size: float, longer: float) -> None:
+    """Bernoulli's: from a height of 1 to one of 3, a unit apart; heavy chains of a given length hang as low as they can. A peak of the slope at one point of a coarse mesh seems to
+    use up length, and does not.
+    """
+    scene = ac.System()
+    scene.slope = ac.Input("")
+    scene.chain = Chain(scene.slope)
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.chain.y: size})
+    ocp.end({scene.chain.y: 3 * size})
+    line = np.sqrt(size**2 + scene.slope**2)
+    ocp.bound(ac.integral(line), longer * size, longer * size)
+    ocp.minimise(ac.integral(scene.chain.y * line))
+    best = ocp.solve(intervals)
+    a = cast(float, brentq(lambda a: 2 * a * np.sinh(0.5 / a) - np.sqrt(longer**2 - 4), 0.05, 5))
+    middle = 0.5 - a * np.arctanh(2 / longer)
+
+    def of(x: float) -> float:  # integrals of cosh cosh
+        return a / 2 * np.sinh(2 * (x - middle) / a) / 2 + x / 2
+
+    down = 1 - a * np.cosh(-middle / a)
+    exact = size**2 * (a * (of(1.0) - of(0.0)) + down * longer)
+    assert abs(best.cost - exact) <= best.cost_error + 1e-12 * exact < 1e-5 * exact
+    assert abs(best.true_cost - exact) < 1e-5 * exact
+    assert best.violation < 1e-6 and max(best.violations.values()) < 1e-6 * longer * size
+    if longer == 4.0 and size < 1:
+        lie = ocp.solve(intervals, refinements=0)
+        assert lie.violation > 1e-3 or lie.cost_error > abs(lie.cost - exact)
+        assert lie.defect > 1e-3
+
+
 def test_derivatives_of_separable_programs_are_those_of_casadi() -> None:
     rng, z, c = np.random.default_rng(0), ca.SX.sym("z", 3), ca.SX.sym("c")
     f = ca.Function("f", [z, c], [ca.vertcat(z[0] * ca.sin(z[1]) * c + z[2] ** 3, ca.sumsqr(z) * z[0])])

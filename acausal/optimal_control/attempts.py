@@ -22,6 +22,8 @@ from acausal.optimal_control.whole import Part, Whole, whole
 
 COARSE = 1e-3
 """How far off intervals are that tell more of the mesh than of the motion: what is found on the next one is not near."""
+_FEIGNED = 5e-3
+"""Of what is integrated on the whole: by how much an interval is off that is not what it seems."""
 _HOPELESS = 300
 """Iterations, after which another guess is given up."""
 _BRIEFLY = {"ipopt.max_iter": _HOPELESS}
@@ -62,6 +64,11 @@ class Attempt:
         """The largest defect; infinite where there is no solution."""
         return max(one.defect for one in self.phases) if self.success else float("inf")
 
+    @functools.cached_property
+    def feigned(self) -> bool:
+        """Whether what is minimised or bounded is less by the points of the mesh than between them: where the search went on from there, it would go on to lie."""
+        return self.success and any(_feigned(one) for one in self.phases)
+
     @property
     def best(self) -> Optimum | tuple[Optimum, ...]:
         """As users are given it."""
@@ -92,9 +99,9 @@ class Searches:
         return self._made(parts, attempt.problem, attempt.refined, _BRIEFLY, warm=False, begin=begin)
 
     def again(self, attempt: Attempt, meshes: Sequence[Mesh], *, briefly: bool = False) -> Attempt:
-        """On other meshes, from what was found."""
+        """On other meshes, from what was found; if that was feigned, from where it began."""
         parts = [
-            replace(part, mesh=mesh, guess=one.motion)
+            replace(part, mesh=mesh, guess=part.guess if attempt.feigned else one.motion)
             for part, mesh, one in zip(attempt.parts, meshes, attempt.phases, strict=True)
         ]
         options = _BRIEFLY if briefly else {}
@@ -102,11 +109,20 @@ class Searches:
 
     def held(self, attempt: Attempt) -> Attempt:
         """The same on the same meshes, from what was found, with inputs that are held in each interval."""
-        parts = [
-            replace(part, asked=replace(part.asked, held=True), guess=one.motion)
-            for part, one in zip(attempt.parts, attempt.phases, strict=True)
-        ]
-        return self._made(parts, whole(parts, self._links), attempt.refined, {}, warm=True)
+        parts = [replace(part, guess=one.motion) for part, one in zip(attempt.parts, attempt.phases, strict=True)]
+        return self._held(parts, attempt.refined, {}, warm=True)
+
+    def through_held(self, attempt: Attempt) -> Attempt:
+        """The same from where it began, with inputs that are held in each interval; and from what is found by these: between points they cannot be what they are not there."""
+        held = self._held(attempt.parts, attempt.refined, _BRIEFLY, warm=False)
+        if not held.success:
+            return held
+        parts = [replace(part, guess=one.motion) for part, one in zip(attempt.parts, held.phases, strict=True)]
+        return self._made(parts, whole(parts, self._links), attempt.refined, _BRIEFLY, warm=True)
+
+    def _held(self, parts: Sequence[Part], refined: int, options: dict[str, Any], *, warm: bool) -> Attempt:
+        parts = [replace(part, asked=replace(part.asked, held=True)) for part in parts]
+        return self._made(parts, whole(parts, self._links), refined, options, warm=warm)
 
     def _made(
         self,
@@ -172,11 +188,16 @@ class Searches:
 def finer(phases: Sequence[Optimum], tolerance: float) -> list[Mesh]:
     """Meshes on which intervals are divided that are off by more than the tolerance; where these do not lie, bounds hold between points, too, if they did not."""
     found = [_finer(one, tolerance) for one in phases]
-    unseen = max(one.defect for one in phases) <= COARSE and max(one.violation for one in phases) > tolerance
+    unseen = max(float(np.max(one.excesses, initial=0.0)) for one in phases) > tolerance
+    unseen = unseen and max(one.defect for one in phases) <= COARSE
     return [replace(mesh, inside=True) for mesh in found] if unseen else found
 
 
 def _finer(best: Optimum, tolerance: float) -> Mesh:
     wanting = np.ceil((best.defects / (0.5 * tolerance)) ** (1 / best.mesh.tableau.order))
-    pieces = np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 1, MOST_PIECES).astype(int)
+    pieces = np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 2 if _feigned(best) else 1, MOST_PIECES).astype(int)
     return best.mesh.refined(pieces)
+
+
+def _feigned(best: Optimum) -> bool:
+    return bool(np.max(best.lapses) > _FEIGNED)

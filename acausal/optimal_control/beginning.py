@@ -54,8 +54,8 @@ def _begun(
     refinements: int,
 ) -> Attempt:
     """Where the mesh lies, others are tried on one of half its intervals' lengths, or half of these."""
-    first = base = searches.on(parts)
-    if not others or (not first.success and bottomless(first.problem, first.cost)):
+    first = base = _true(searches, searches.on(parts))
+    if (not others and not first.feigned) or (not first.success and bottomless(first.problem, first.cost)):
         return first
     tried, work = [first], 0
     while base.off > COARSE and base.refined < refinements:
@@ -73,6 +73,14 @@ def _begun(
             if not tried[-1].success and _fell(tried[-1]):
                 return tried[-1]
     return _best([one for one in tried if one.success], searches, tolerance, refinements) or first
+
+
+def _true(searches: Searches, attempt: Attempt) -> Attempt:
+    """Another one in its place that is not feigned, if there is one."""
+    if not attempt.feigned or all(part.asked.held for part in attempt.parts):
+        return attempt
+    other = searches.through_held(attempt)
+    return other if other.success and other.off < attempt.off else attempt
 
 
 def _fell(attempt: Attempt) -> bool:

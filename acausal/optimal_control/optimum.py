@@ -15,7 +15,7 @@ from acausal.collocation.problem import Accuracy, StatusKind
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.language.pieces import PiecewisePolynomial
-from acausal.optimal_control.asked import Limits
+from acausal.optimal_control.asked import Limits, Total
 from acausal.optimal_control.guess import Guess, closed, points_of
 from acausal.optimal_control.mesh import Mesh, through
 from acausal.optimal_control.sharper import Sharper
@@ -31,6 +31,8 @@ _AT_BOUND = 1e-5
 """Of its size: how near to its bound something is that is at it."""
 LEFT = 1.25
 """Times what more points change in a cost: they leave some of it in their turn."""
+_LITTLE = 1e-3
+"""Of the unit of the cost: what integrals are measured by that are less."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
@@ -144,11 +146,53 @@ class Optimum:
 
     @functools.cached_property
     def defects(self) -> np.ndarray:
-        """Of each interval (intervals,), integrated from the node where it begins."""
+        """Of each interval (intervals,), integrated from the node where it begins: of its states, and of what it adds to integrals that are minimised or bounded."""
         found = np.zeros(self.mesh.intervals)
         for k, x in enumerate(self._simulated):
             found[k] = np.max(np.abs(x[:, -1] - self.x[:, k + 1]) / self.spread)
+        return np.maximum(found, self.lapses)
+
+    @functools.cached_property
+    def lapses(self) -> np.ndarray:
+        """Of each interval (intervals,), by how much integrals of the mesh are off, relative to what they are on the whole: where an input has a peak at a point alone, they say
+        what is not so.
+        """
+        found, asked = np.zeros(self.mesh.intervals), self.transcribed.asked
+        least = _LITTLE * self.transcribed.program.unit
+        for total, little in ((asked.cost, least), *((total, 0.0) for total, *_ in asked.totals)):
+            integrand = self._integrand(total)
+            if integrand.is_zero():
+                continue
+            true, said = self._by_intervals(integrand), self._by_points(integrand)
+            size = max(float(np.sum(np.abs(said))), little)
+            off = np.abs(true - said) / size if size > 0 else np.where(true == said, 0.0, np.inf)
+            found = np.maximum(found, np.nan_to_num(off, nan=np.inf))
         return found
+
+    def _integrand(self, total: Total) -> ca.SX:
+        return total.integrals + total.averages / self.transcribed.asked.stage.duration
+
+    def _by_points(self, integrand: ca.SX) -> np.ndarray:
+        """What each interval (intervals,) adds to an integral, by the points of the mesh."""
+        inside = replace(self.motion, times=self.motion.times[1:], values=self.motion.values[1:])
+        values = self._values(integrand, inside).reshape(self.mesh.intervals, -1)
+        return values @ self.mesh.tableau.b * self.mesh.lengths * self.duration
+
+    def _by_intervals(self, integrand: ca.SX) -> np.ndarray:
+        """The same, by what `simulate` makes of each interval and by many more points."""
+        _, b = np.polynomial.legendre.leggauss(self._places)
+        return self._dense(integrand).reshape(self.mesh.intervals, -1) @ b * np.diff(self.t) / 2
+
+    def _true(self, total: Total) -> float:
+        """The value of a sum, of what `simulate` makes of each interval."""
+        stage = self.transcribed.asked.stage
+        summed = float(np.sum(self._by_intervals(self._integrand(total))))
+        ends = [self.motion.values[0], self.motion.values[-1]]
+        more = np.append(self.duration, self.motion.free)
+        for z, at, value in zip(ends, (0.0, 1.0), (total.starts, total.ends), strict=True):
+            there = ca.Function("value", [stage.unknowns, stage.data], [stage.put(value)])
+            summed += float(there(np.append(z, more), [at, 0.0]))
+        return summed + total.per_second * self.duration
 
     @functools.cached_property
     def _simulated(self) -> list[np.ndarray]:
@@ -210,16 +254,7 @@ class Optimum:
     @functools.cached_property
     def true_cost(self) -> float:
         """The cost of what `simulate` makes of each interval, its integrals by many more points than the mesh has."""
-        cost, stage = self.transcribed.asked.cost, self.transcribed.asked.stage
-        _, b = np.polynomial.legendre.leggauss(self._places)
-        weights = np.outer(np.diff(self.t), b / 2).ravel()
-        summed = float(np.sum(self._dense(cost.integrals + cost.averages / stage.duration)[0] * weights))
-        ends = [self.motion.values[0], self.motion.values[-1]]
-        more = np.append(self.duration, self.motion.free)
-        for z, at, value in zip(ends, (0.0, 1.0), (cost.starts, cost.ends), strict=True):
-            there = ca.Function("value", [stage.unknowns, stage.data], [stage.put(value)])
-            summed += float(there(np.append(z, more), [at, 0.0]))
-        return summed + cost.per_second * self.duration
+        return self._true(self.transcribed.asked.cost)
 
     @functools.cached_property
     def violations(self) -> dict[str, float]:
@@ -227,12 +262,24 @@ class Optimum:
         found: dict[str, float] = {}
         for limits, off in self._excesses:
             found[limits.name] = max(found.get(limits.name, 0.0), float(np.max(off, initial=0.0)))
+        for name, off, _ in self._beyond:
+            found[name] = max(found.get(name, 0.0), off)
         return found
 
     @functools.cached_property
     def violation(self) -> float:
-        """The largest of the `excesses`."""
-        return float(np.max(self.excesses, initial=0.0))
+        """The largest of all, relative to what is bounded."""
+        return max(float(np.max(self.excesses, initial=0.0)), *(off / size for _, off, size in self._beyond), 0.0)
+
+    @functools.cached_property
+    def _beyond(self) -> list[tuple[str, float, float]]:
+        """What is bounded for the whole motion: its name, by how much its true value leaves its bounds, and what is much for it."""
+        found = list[tuple[str, float, float]]()
+        for total, lower, upper, name in self.transcribed.asked.totals:
+            value = self._true(total)
+            sizes = [abs(v) for v in (value, lower, upper) if np.isfinite(v) and v]
+            found.append((name, max(lower - value, value - upper, 0.0), max(sizes, default=1.0)))
+        return found
 
     @functools.cached_property
     def excesses(self) -> np.ndarray:

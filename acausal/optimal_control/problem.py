@@ -12,6 +12,7 @@ import numpy as np
 from acausal.arguments import dictionary, finite, whole_number
 from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter
+from acausal.numerics.folding import folded_function
 from acausal.optimal_control.asked import GIVEN, Asked, Limits, Total
 from acausal.optimal_control.checks import check_problem
 from acausal.optimal_control.conditions import beside
@@ -429,6 +430,7 @@ class OptimalControl:
         inertia = np.max(slope[:, :nv] * found[nx : nx + nv], axis=1, initial=0.0)
         moving = inertia > 0
         acting = np.max(slope[moving, nv:] / inertia[moving, None], axis=0, initial=0.0)
+        acting[last - nx - nv :] = np.maximum(acting[last - nx - nv :], _acting_on_scalars(asked, first, found))
         size, bounded = np.max(np.abs(first.values), axis=0), {k for k, *_ in asked.entries}
         for k in [k for k in range(nx + nv, stage.width) if k < last or k not in bounded]:
             push = 1 / acting[k - nx - nv] if acting[k - nx - nv] > 0 else 0.0
@@ -522,6 +524,24 @@ def _scalars(asked: Asked, first: Guess) -> np.ndarray:
             said = [abs(v) for v in (limits.lower[r], limits.upper[r]) if np.isfinite(v)]
             size[k - begin] = max(size[k - begin], *said, 0.0)
     return np.where(size > 0, size, 1.0)
+
+
+def _acting_on_scalars(asked: Asked, first: Guess, units: np.ndarray) -> np.ndarray:
+    """(inputs,): by how much one of each changes rates of states that neither are places nor speeds, at most, relative to what is much for these: what they vary by in that time, and
+    what states of these `units` make of them. Nothing is said of angles, which count by their sines.
+    """
+    stage = asked.stage
+    nx, begin, inputs = stage.sizes[0], stage.functions.space.nq + stage.sizes[1], stage.sizes[3]
+    slopes = ca.jacobian(stage.put(stage.rates[begin:, :]), stage.unknowns)
+    function = folded_function("slopes", [stage.unknowns, stage.data], [ca.densify(slopes)])
+    more = np.append(first.duration, first.free)
+    size = np.zeros((nx - begin, stage.width))
+    for z, at in zip(first.values, first.times, strict=True):
+        there = np.abs(np.array(function(np.append(z, more), [at, 0.0]))[:, : stage.width])
+        size = np.maximum(size, np.where(np.isfinite(there), there, 0.0))
+    much = np.maximum(units[begin:nx] / first.duration, np.max(size[:, :nx] * units[:nx], axis=1, initial=0.0))
+    found = np.max(size[:, stage.width - inputs :] / much[:, None], axis=0, initial=0.0)
+    return np.where([entry.unit == "rad" for entry in stage.mode.inputs], 0.0, found)
 
 
 def _duration(time: Any) -> free:

@@ -11,7 +11,7 @@ import numpy as np
 
 from acausal.arguments import finite, whole_number
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
-from acausal.optimal_control.attempts import COARSE, MOST_PIECES, Found, Searches, finer
+from acausal.optimal_control.attempts import COARSE, MOST_PIECES, Attempt, Found, Searches, finer
 from acausal.optimal_control.beginning import best_beginning
 from acausal.optimal_control.failing import failure
 from acausal.optimal_control.guess import Guess
@@ -40,11 +40,14 @@ def best_of(
     if not finite(tolerance, "solve: the tolerance") > 0:
         raise OptionError(f"solve: the tolerance must be positive, not {tolerance:g}.")
     whole_number(refinements, "solve: refinements", 0)
-    searches, before = Searches(links, plugin, options), None
+    searches, before, last = Searches(links, plugin, options), None, None
     now = best_beginning(searches, parts, others, tolerance, refinements)
     while True:
         if before is not None and (now.off > COARSE or (now.refined == refinements and now.off > tolerance)):
             return searches.found(before)  # on a mesh that says itself how good it is
+        if last is not None and not now.off < np.inf:  # what was found on a coarse mesh is better than nothing
+            _warn_coarse(last, tolerance, "; on a finer one nothing was found")
+            return searches.found(last)
         if not now.success:
             raise OptimalControlError(failure(now.problem, now.unknowns, now.cost, now.status), now.best)
         broken = [words for k, one in enumerate(now.problem.parts) for words in broken_promises(one, now.phases[k].unknowns)]
@@ -56,22 +59,27 @@ def best_of(
         meshes = finer(now.phases, tolerance) if now.off > tolerance else _loosened(now.phases, tolerance)
         before = now if now.off <= tolerance else before
         if now.refined == refinements or meshes is None:
-            if now.off > max(tolerance, COARSE) and refinements > 0:
-                warnings.warn(
-                    f"The mesh is too coarse for this motion still: intervals are off by {now.off:.1e} when they are simulated, where {tolerance:.0e} was asked for. "
-                    "Begin with more intervals, or allow more refinements; look at best.defects.",
-                    AccuracyWarning,
-                    stacklevel=3,
-                )
-            return searches.found(now)
-        now = searches.again(now, meshes)
+            found = now if last is None or now.off <= max(last.off, COARSE) else last
+            if found.off > max(tolerance, COARSE) and refinements > 0:
+                _warn_coarse(found, tolerance)
+            return searches.found(found)
+        now, last = searches.again(now, meshes), now
+
+
+def _warn_coarse(attempt: Attempt, tolerance: float, more: str = "") -> None:
+    warnings.warn(
+        f"The mesh is too coarse for this motion still: intervals are off by {attempt.off:.1e} when they are simulated, where {tolerance:.0e} was asked for{more}. "
+        "Begin with more intervals, or allow more refinements; look at best.defects.",
+        AccuracyWarning,
+        stacklevel=4,
+    )
 
 
 def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
     """Meshes whose nodes are loose where the cost would gain by that, as beside a switch, and on which bounds hold between the points; None where it is as good as
     asked for.
     """
-    unseen = max(one.violation for one in phases)
+    unseen = max(float(np.max(one.excesses, initial=0.0)) for one in phases)
     gains = [one.gains * one.switching for one in phases]
     good = sum(float(np.sum(own)) for own in gains) <= tolerance * abs(sum(one.cost for one in phases))
     if good and unseen <= tolerance:
