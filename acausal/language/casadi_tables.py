@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,25 +19,28 @@ _PLACES, _DECADES = 24, 6.0
 """Places at which an expression may have a value, and decades that they are apart from 1."""
 
 
-def has_calls(value: ca.SX) -> bool:
-    """Whether functions are called in an expression, whose formulas it does not show."""
-    function = _function(value)
-    return any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions()))
+@dataclass(frozen=True)
+class Contents:
+    """What stands in an expression: `calls` of functions, whose formulas it does not show, and a constant `nan`."""
+
+    calls: bool
+    nan: bool
+
+    @staticmethod
+    def of(value: ca.SX) -> Contents:
+        """Of an expression, whose symbols need not be known."""
+        function = ca.Function("formula", [], [value], {"allow_free": True})
+        codes = [function.instruction_id(k) for k in range(function.n_instructions())]
+        constants = (function.instruction_constant(k) for k, code in enumerate(codes) if code == ca.OP_CONST)
+        return Contents(ca.OP_CALL in codes, any(math.isnan(number) for number in constants))
 
 
 def is_no_number(value: ca.SX) -> bool:
-    """Whether a constant nan stands in an expression, and makes an entry of it nan at all of some places of either sign and of sizes far apart."""
-    function = _function(value)
-    some = (k for k in range(function.n_instructions()) if function.instruction_id(k) == ca.OP_CONST)
-    if not any(np.isnan(function.instruction_constant(k)) for k in some):
-        return False
+    """Whether an entry of an expression with a constant nan is nan at all of some places of either sign and of sizes far apart."""
+    function = ca.Function("formula", [ca.vertcat(ca.SX(0, 1), *ca.symvar(value))], [ca.densify(value)])
     rng, shape = np.random.default_rng(11), (_PLACES, function.size1_in(0))
     places = rng.choice([-1.0, 1.0], shape) * 10.0 ** rng.uniform(-_DECADES, _DECADES, shape)
     return bool(np.isnan([np.array(function(place)).ravel() for place in places]).all(axis=0).any())
-
-
-def _function(value: ca.SX) -> ca.Function:
-    return ca.Function("formula", [ca.vertcat(ca.SX(0, 1), *ca.symvar(value))], [ca.densify(value)])
 
 
 def without_calls(value: ca.SX) -> ca.SX | None:

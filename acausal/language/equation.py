@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -16,6 +17,7 @@ from acausal.language.expression import (
     Scalar,
     Symbol,
     Time,
+    binary,
     formula,
     leaves,
     sx,
@@ -41,7 +43,7 @@ def equal(left: Scalar, right: Scalar) -> Equation:
     a, b = sx(left), sx(right)
     if a.shape != b.shape and 1 not in (a.numel(), b.numel()):
         raise ExpressionError(f"equal(...): the left side has shape {a.shape} and the right side {b.shape} ({origin()}).")
-    return Equation(Expression(formula(a - b, "equal(...)"), leaves(left, right)), origin())
+    return Equation(Expression(formula(binary(operator.sub, a, b), "equal(...)"), leaves(left, right)), origin())
 
 
 def der(value: Expression | ca.SX) -> Expression:

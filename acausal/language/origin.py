@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from pathlib import Path
@@ -57,7 +58,12 @@ def is_ingredient(value: object) -> bool:
 def shortened(name: str) -> str:
     """The path relative to the working directory where that is shorter."""
     try:
-        relative = os.path.relpath(name)
+        return _relative(name, os.getcwd())
     except (ValueError, OSError):  # another drive on Windows; a working directory that is gone
         return name
+
+
+@functools.lru_cache(maxsize=64)
+def _relative(name: str, folder: str) -> str:
+    relative = os.path.relpath(name, folder)
     return name if relative.startswith("..") else relative

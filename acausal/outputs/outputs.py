@@ -223,7 +223,7 @@ class Outputs:
         """What is declared in the scene, by its entries; and the entries of x, t, u and p."""
         declared = [*self.system.flat.names, *self._joint_symbols, *self._quantities()]
         own = ca.symvar(ca.vertcat(self.system.x, self.system.t, self.system.u, self.system.p))
-        return {e.element_hash(): s for s in declared for e in ca.vertsplit(ca.vec(s.sx))}, {e.element_hash() for e in own}
+        return {e.element_hash(): s for s in declared for e in s.scalars}, {e.element_hash() for e in own}
 
     def _quantities(self) -> list[Symbol]:
         return [q for connector in self.system.flat.connector_paths for q in connector.quantities]

@@ -72,7 +72,7 @@ class _Elimination:
 
     def _find_affine(self) -> list[int]:
         """Moves general equations that are linear with numeric coefficients to `affine`; returns their numbers."""
-        symbols = {s.element_hash(): s for residual in self.general.values() for s in ca.symvar(residual)}
+        symbols = {s.element_hash(): s for s in ca.symvar(ca.veccat(ca.SX(0, 1), *self.general.values()))}
         members = [(key, s) for key, s in symbols.items() if key in self.chains.members]
         known = [s for key, s in symbols.items() if key not in self.chains.members]
         variables, keys = [s for _, s in members], [key for key, _ in members]

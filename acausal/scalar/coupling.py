@@ -258,7 +258,7 @@ class _Coupling:
 
     def _resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """With the mechanics put in, but for accelerations that stay symbols."""
-        used = {s.element_hash() for e in expressions for s in ca.symvar(e)}
+        used = {s.element_hash() for s in ca.symvar(ca.veccat(ca.SX(0, 1), *expressions))}
         opaque = any(s.element_hash() in used for f in self.collection.flanges for s in (f.bias, *ca.vertsplit(f.flexibility.T)))
         return _put(self._motion + (self._response if opaque else []), expressions)
 
@@ -318,7 +318,7 @@ class _Coupling:
         for symbol, scalars in self.collection.elements.items():
             entries = [values[s.sx.element_hash()] for s in scalars if s.sx.element_hash() in values]
             if len(entries) == len(scalars):
-                found[symbol] = ca.vertcat(*entries)
+                found[symbol] = entries[0] if len(entries) == 1 else ca.vertcat(*entries)
         return found
 
     def _held(self) -> list[tuple[Invariant, Held]]:

@@ -109,7 +109,10 @@ def check(system: EquationSet) -> None:
     for equation in system.equations:
         if equation.residual.numel() != 1:
             raise ModelError(f"Equation {equation} has {equation.residual.numel()} rows; give one scalar equation each.")
-        _all_declared(ca.symvar(equation.residual), declared, f"Equation {equation}")
+    everything = ca.symvar(ca.veccat(ca.SX(0, 1), *(equation.residual for equation in system.equations)))
+    if any(symbol.element_hash() not in declared for symbol in everything):
+        for equation in system.equations:
+            _all_declared(ca.symvar(equation.residual), declared, f"Equation {equation}")
 
 
 def _all_declared(symbols: Iterable[ca.SX], declared: dict[int, str], where: str) -> None:
