@@ -12,7 +12,13 @@ signal.signal(
 
 
 def pytest_collection_finish() -> None:
-    """Modules and tests are no garbage, and need not be looked at again and again, nor each scene while it is built: that takes a tenth of all time."""
+    """Modules and tests are no garbage, and need not be looked at again and again, nor each scene while it is built: that takes a tenth of all time.
+
+    Where workers take all processors there is none on which a compiler would work beside a run: it begins once it saves more than it takes.
+    """
+    from acausal.runtime import kernels
+
+    kernels.WORTH = 2.0
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 10, 10)

@@ -27,6 +27,8 @@ from acausal.numerics.staged import Function, plain, systems_of
 from acausal.runtime.load import Runtime, usable
 
 logger = logging.getLogger("acausal")
+WORTH = 0.5
+"""Of what a compiler takes: when kernels have cost as much, one begins beside the run."""
 EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
@@ -73,8 +75,8 @@ class How(enum.Enum):
 class Kernels:
     """Kernels of some functions, in the order in which they are wanted: `current`.
 
-    With `AUTO` they are interpreted at first, unless compiled ones are in the cache. `spent` says what they have cost: when that is half
-    of what a compiler would take, one begins in the background, and `current` changes when it is done. `version` counts such changes.
+    With `AUTO` they are interpreted at first, unless compiled ones are in the cache. `spent` says what they have cost: when that is a part of what a
+    compiler would take, one begins in the background, and `current` changes when it is done. `version` counts such changes.
     Raises `ExportError` for functions that have no C.
     """
 
@@ -114,11 +116,11 @@ class Kernels:
         return self._compilation is not None and self._compilation.busy
 
     def spent(self, seconds: float) -> None:
-        """The kernels have run for some time more."""
+        """The kernels have taken so much more of a processor: not of time that passes while it has other work."""
         if self._compilation is None or self._compilation.spoilt or self.version:
             return
         self._spent += seconds
-        if self._spent > 0.5 * self._cost:
+        if self._spent > WORTH * self._cost:
             self._compilation.begin()
         if self._compilation.succeeded and self._took_compiled():
             self.version = 1

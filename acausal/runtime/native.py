@@ -514,13 +514,13 @@ class Run:
         core, advance, reference = self.core, self.native.library.advance, ctypes.byref(self.core)
         core.end = end
         t0, shown = core.t, self.started
-        seen = time.perf_counter()
+        worked = time.thread_time()
         try:
             with interrupts_noted() as interrupts, self._programs_of_modes():
                 code = advance(reference)
             while code in _GO_ON:
-                seen, before = time.perf_counter(), seen
-                self._spent(seen - before)
+                seen, before, worked = time.perf_counter(), worked, time.thread_time()
+                self._spent(worked - before)
                 self._raise_from_kernels()
                 if interrupts:
                     raise KeyboardInterrupt
@@ -531,7 +531,7 @@ class Run:
                     progress((core.t - t0) / (end - t0))
                 with interrupts_noted() as interrupts, self._programs_of_modes():
                     code = advance(reference)
-            self._spent(time.perf_counter() - seen)
+            self._spent(time.thread_time() - worked)
             self._raise_from_kernels()
             if interrupts:
                 raise KeyboardInterrupt
