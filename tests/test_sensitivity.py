@@ -10,7 +10,19 @@ import pytest
 
 import acausal as ac
 from acausal.errors import OptionError, SimulationError, SingularWarning, StartValueError
-from components import Force, Particle, Planar, Prismatic, Revolute, RigidBody, Spring, SpringDamper, World
+from components import (
+    Force,
+    ForceSource,
+    Particle,
+    Planar,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    SlidingMass,
+    Spring,
+    SpringDamper,
+    World,
+)
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
 from tests.random_sketches import random_sketch
@@ -295,3 +307,21 @@ def test_entries_of_start_values_are_told_apart_from_the_whole():
         assert found[:, 0] == pytest.approx([0, t, 0], abs=1e-12)
     with pytest.raises(ac.errors.OptionError, match="no start value"):
         model.sensitivities([0, t], [v], {v[1]: 2.0})
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_derivatives_of_a_swing_are_the_same_beside_what_moves_far(rtol):
+    """A spring pulled by a force swings about force / stiffness, which a mass far away is pushed by, too, and a million times as hard, or more."""
+    found = []
+    for hard in (1e6, 1e12, 1e18):
+        scene, stretch = Oscillator(), 0.3
+        scene.pull = ac.Parameter(0.5)
+        scene.near, scene.far = ForceSource(1.0 * scene.pull), ForceSource(hard * scene.pull)
+        scene.stone = SlidingMass(1.0)
+        scene.connect(scene.near.flange, scene.rail.flange)
+        scene.connect(scene.far.flange, scene.stone.flange_a)
+        start = {scene.rail.q: stretch, scene.rail.v: 0.0, scene.stone.s: 0.0, scene.stone.v: 0.0}
+        S = ac.build(scene).sensitivities([0.0, 7.3], [scene.pull], start, inputs={scene.push: 0.0}, rtol=rtol)
+        found.append(S[scene.rail.q].ravel()[-1])
+        assert S[scene.stone.s].ravel()[-1] == pytest.approx(hard * 7.3**2 / 2, rel=1e-9)
+    assert found == pytest.approx([(1 - np.cos(2 * 7.3)) / 4] * 3, rel=10 * rtol, abs=1e-12)

@@ -79,14 +79,14 @@ static void noise_of_variation(Integrator *I, Stages *S, double h, const V *dx, 
     }
 }
 
-/* How far apart two guesses of the rates are, direction by direction, in tolerances of what they move in a step; `top`: the largest of these.
-   `least`: changes of rates that are a tolerance whatever these move. */
-static void apart_by(const Integrator *I, const V *N, const V *K, const V *size, const V *least, V top, long s, double h, double *apart) {
+/* How far apart two guesses of the rates are, direction by direction, in tolerances of what they move in a step, each state by itself: what others are moved by
+   says nothing of it. `least`: changes of rates that are a tolerance whatever these move. */
+static void apart_by(const Integrator *I, const V *N, const V *K, const V *size, const V *least, long s, double h, double *apart) {
     double tolerance = I->step > 0 ? 1.0 : I->rtol;
     V sum = v_all(0.0);
     for (long i = 0; i < I->nx; i++) {
         if (I->state->copied[i] && !I->state->newton_now) continue;
-        V largest = v_larger(v_larger(size[i], top * v_all(1e-3)), least[i] * v_all(h / tolerance));
+        V largest = v_larger(v_larger(size[i], v_all(NOTHING)), least[i] * v_all(h / tolerance));
         for (long j = 0; j < s; j++) largest = v_larger(largest, v_abs(N[j * I->nx + i]) * v_all(h));
         for (long j = 0; j < s; j++) {
             V d = (N[j * I->nx + i] - K[j * I->nx + i]) * v_all(h) / (largest * v_all(tolerance));
@@ -134,14 +134,8 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 X[j * n + to] = v_fma(v_all(h), x, D[to]);
             }
         for (long j = 0; j < s; j++) variation_at(I, S, j, X + j * n, N + j * n);
-        V top = v_all(1e-300);
-        for (long i = 0; i < n; i++) { /* what is guessed at first may be far too large */
-            V largest = size[i];
-            for (long j = 0; j < s; j++) largest = v_larger(largest, v_abs(N[j * n + i]) * v_all(h));
-            top = v_larger(top, largest);
-        }
         memcpy(missed_last, missed, sizeof missed);
-        if (T->newton_now) apart_by(I, N, K, size, noise, top, s, h, missed);
+        if (T->newton_now) apart_by(I, N, K, size, noise, s, h, missed);
         if (T->newton_now)
             for (long l = 0; l < LANES; l++) {
                 if (ready[l]) continue;
@@ -151,7 +145,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
                 for (long j = 0; j < s; j++)
                     for (long i = 0, q = j * n; i < n; i++, q++) N[q][l] = K[q][l] + T->dK[j / LANES * n + i][j % LANES];
             }
-        apart_by(I, N, K, size, noise, top, s, h, changed);
+        apart_by(I, N, K, size, noise, s, h, changed);
         for (long q = 0; q < s * n; q++) K[q] = v_select(ready, K[q], N[q]);
         int going = 0;
         for (long l = 0; l < LANES; l++) {
