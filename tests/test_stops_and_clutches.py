@@ -466,3 +466,25 @@ def test_stop_at_a_joint_in_a_loop_stops_the_loop() -> None:
     assert np.min(q) >= -0.1 - 1e-13
     assert len(jumps(run)) > 10
     assert run.energy_error() < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_bounces_with_friction_comes_to_rest_in_its_instant(seed: int) -> None:
+    """Down with (W - F) / m and up with (W + F) / m: of its speed e sqrt((W - F) / (W + F)) is left at each strike, and of the time, too."""
+    draw = np.random.default_rng(seed)
+    mass, length, weight = (10 ** draw.uniform(-3, 3) for _ in range(3))
+    part, bounce = draw.uniform(0.05, 0.9), draw.uniform(0.2, 0.8)
+    scene = ac.System()
+    scene.load, scene.pull = SlidingMass(mass), ForceSource(-weight)
+    scene.rub = Brake(scene.load.flange_a, part * weight)
+    scene.stop = EndStop(scene.load.flange_b, lower=0.0, restitution=bounce)
+    scene.connect(scene.pull.flange, scene.load.flange_a)
+    down, up = (1 - part) * weight / mass, (1 + part) * weight / mass
+    speed, left = math.sqrt(2 * down * length), bounce * math.sqrt(down / up)
+    rests = speed / down + bounce * speed * (1 / up + 1 / math.sqrt(up * down)) / (1 - left)
+    run = ac.build(scene).simulate(1.1 * rests, {scene.load.s: length, scene.load.v: 0.0}, rtol=1e-12)
+    assert list(run.transitions)[-1].time == pytest.approx(rests, rel=1e-11)
+    assert run.modes(scene.stop).words[-1] == "closed"
+    assert run[scene.load.s][-1] == pytest.approx(0.0, abs=1e-14 * length)
+    assert run[scene.load.v][-1] == 0.0
+    assert run.energy_error() < 1e-11

@@ -983,7 +983,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, R.before);
     } else {
-        T->impacts = 0;
+        note_between(I, row);
     }
     double *rate = R.compressed;
     memcpy(rate, D.rate, sizeof(double) * (size_t)n);

@@ -175,6 +175,7 @@ struct State {
     double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
     double *margin, *blow; /* work, see margin.h and impacts.h */
+    unsigned long *impact_after, between;
     long *basis, *status, *impact_row, *rests, *sticks, *leaves, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */

@@ -1,6 +1,6 @@
 /* Impacts without end: those of a ball that comes to rest are infinitely many, in a time that is finite. What all of it converges to, time, positions, velocities, is extrapolated
    from states after impacts, by the epsilon algorithm (Wynn, Mathematical Tables and Other Aids to Computation 10, 1956): from early ones, which are exact. Bounces go on until
-   nearly all of the time is over; the rest is bridged. */
+   nearly all of the time is over; the rest is bridged. What changes in between, as friction where what bounces turns round, belongs to the sequence if it changes each time. */
 
 #define REMEMBERED 32 /* impacts */
 #define SEQUENCE 7     /* of a sequence that is extrapolated, at most */
@@ -14,11 +14,12 @@ static int make_zeno(Integrator *I) {
     T->impact_t = reserve_doubles(I, REMEMBERED);
     T->impact_x = reserve_doubles(I, REMEMBERED * I->nx);
     T->impact_row = reserve(I, sizeof(long) * REMEMBERED);
+    T->impact_after = reserve(I, sizeof(unsigned long) * REMEMBERED);
     T->rest_x = reserve_doubles(I, I->nx + 1);
     T->rests = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + frictions_of(I) + 1));
     T->sticks = reserve(I, sizeof(long) * (size_t)(I->lines + I->planes + I->patches + 1));
     T->struck = reserve(I, (size_t)(REMEMBERED * I->one_sided + 1));
-    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->rest_x && T->rests && T->sticks && T->struck);
+    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->impact_after && T->rest_x && T->rests && T->sticks && T->struck);
 }
 
 /* The limit of a sequence of so many values, and by how much the last two guesses differ. */
@@ -44,17 +45,39 @@ static double limit_of_sequence(const double *s, int count, double *error) {
     return best;
 }
 
+/* A row led to another mode, and nothing struck. */
+static void note_between(Integrator *I, long row) {
+    struct State *T = I->state;
+    if (row < 0 || row >= first_set(I)) T->impacts = 0;
+    T->between = 31 * T->between + (unsigned long)(row + 1);
+}
+
+/* Whether two impacts are of the same row, after the same changes of mode. */
+static int are_alike(const struct State *T, long a, long b) {
+    return T->impact_row[a % REMEMBERED] == T->impact_row[b % REMEMBERED] && T->impact_after[a % REMEMBERED] == T->impact_after[b % REMEMBERED];
+}
+
+/* Remembers an impact of a row. Impacts begin anew where modes have changed before it as they have not before any of the last ones. */
+static void note_impact(Integrator *I, long row) {
+    struct State *T = I->state;
+    long at = T->impacts++, known = 0;
+    T->impact_t[at % REMEMBERED] = I->t;
+    T->impact_row[at % REMEMBERED] = row;
+    T->impact_after[at % REMEMBERED] = T->between;
+    memcpy(T->impact_x + at % REMEMBERED * I->nx, I->x, sizeof(double) * (size_t)I->nx);
+    for (long period = 1; period <= PERIODS && period <= at; period++) known |= T->impact_after[(at - period) % REMEMBERED] == T->between;
+    if (!known) T->rest_error = INFINITY, T->first_impact = I->t;
+    T->between = 0;
+}
+
 /* After an impact of a row: what the impacts converge to, if they do. */
 static void foresee_rest(Integrator *I, long row) {
     struct State *T = I->state;
-    long n = I->nx, at = T->impacts++;
-    if (at == 0) T->rest_error = INFINITY, T->first_impact = I->t;
-    T->impact_t[at % REMEMBERED] = I->t;
-    T->impact_row[at % REMEMBERED] = row;
-    memcpy(T->impact_x + at % REMEMBERED * n, I->x, sizeof(double) * (size_t)n);
+    long n = I->nx, at = T->impacts;
+    note_impact(I, row);
     for (long period = 1; period <= PERIODS; period++) {
         long repeated = 0;
-        while (repeated + period <= at && repeated < (SEQUENCE - 1) * period && T->impact_row[(at - repeated) % REMEMBERED] == T->impact_row[(at - repeated - period) % REMEMBERED]) repeated++;
+        while (repeated + period <= at && repeated < (SEQUENCE - 1) * period && are_alike(T, at - repeated, at - repeated - period)) repeated++;
         int count = (int)(repeated / period) + 1;
         if (count < FEWEST) continue;
         double s[SEQUENCE], error, worst = 0;
