@@ -21,6 +21,7 @@ from components import (
     Cylinder,
     Ellipsoid,
     EndStop,
+    Force,
     Hard,
     HeightField,
     ImplicitSurface,
@@ -783,3 +784,30 @@ def test_what_is_put_where_it_touches_rests_there_however_far_away(kind: str, sh
     run = ac.build(scene).simulate(0.3, {scene.slide.q: start, scene.slide.v: 0.0})
     assert run[scene.slide.q] == pytest.approx(start, abs=1e-8)
     assert len(run.transitions) == 0 or run.transitions[-1].time < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_box_that_is_pushed_harder_and_harder_slides_or_tips_and_nothing_else_is_told(seed: int) -> None:
+    """By F = k t at a height y above its middle: slides where F = static m g, tips about an edge where F (y + h) = m g b."""
+    draw = np.random.default_rng([seed, 3])
+    h, m, g = (10 ** draw.uniform(-3, 3) for _ in range(3))
+    b, y, mu, side = h * draw.uniform(0.2, 2), h * draw.uniform(-0.8, 3), draw.uniform(0.05, 2), draw.choice([-1, 1])
+    static, ramp = mu * draw.uniform(1, 1.3), m * g / np.sqrt(h / g)
+    scene = ac.System()
+    scene.world, scene.x, scene.z, scene.turn = World((0, 0, -g)), Prismatic("x"), Prismatic("z"), Revolute("y")
+    scene.box, scene.push = RigidBody(m, (m * (b**2 + h**2) / 3,) * 3), Force((side * ramp * ac.time, 0.0, 0.0))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu, static=static)) for _ in range(2)]
+    scene.connect(scene.world.frame, scene.x.frame_a)
+    scene.connect(scene.x.frame_b, scene.z.frame_a)
+    scene.connect(scene.z.frame_b, scene.turn.frame_a)
+    scene.connect(scene.turn.frame_b, scene.box.frame)
+    for foot, x in zip(scene.feet, (-b, b), strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x, 0, -h)))
+    scene.connect(scene.box.at((0, 0, y)), scene.push.point)
+    slides, tips = static * m * g / ramp, m * g * b / (y + h) / ramp
+    run = ac.build(scene).simulate(1.01 * min(slides, tips), {scene.z.q: h}, rtol=1e-12)
+    assert run.transitions[0].time == pytest.approx(min(slides, tips), rel=INSTANT)
+    assert all(transition.changes for transition in run.transitions)
+    told = {change.new for change in run.transitions[0].changes}
+    assert {word.split()[0] for word in told} == ({"slides"} if slides < tips else {"open", "off"})

@@ -359,7 +359,10 @@ def transitions_of(run: Run) -> Transitions:
         np.array([law.numbers(masks) for law in laws]).reshape(len(laws), begin.size).astype(int) for masks in (before, after)
     )
     targets, words = _targets(run, met, begin, end)
-    some = np.flatnonzero(jumped | bridged | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
+    struck = jumped & (
+        impulses.any(axis=1) | (run.outputs.system.locks is not None)
+    )  # others are put where all that holds is closed
+    some = np.flatnonzero(struck | bridged | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
     return Transitions(
         run, laws, met.begins[end][some], met.steps[end][some], jumped[some], bridged[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some],
         tuple(targets[k] for k in some), words,
