@@ -325,3 +325,21 @@ def test_derivatives_of_a_swing_are_the_same_beside_what_moves_far(rtol):
         found.append(S[scene.rail.q].ravel()[-1])
         assert S[scene.stone.s].ravel()[-1] == pytest.approx(hard * 7.3**2 / 2, rel=1e-9)
     assert found == pytest.approx([(1 - np.cos(2 * 7.3)) / 4] * 3, rel=10 * rtol, abs=1e-12)
+
+
+def test_entries_of_start_values_are_found_however_they_are_written():
+    scene = ac.System()
+    scene.world, scene.stone = World((0, 0, -9.81)), Particle(1.0)
+    place = scene.stone.point
+    scene.push = Force((0, 0, 0))
+    scene.connect(scene.push.point, place)
+    model, t = ac.build(scene), 0.7
+    whole = {place.position: (0, 0, 1), place.velocity: (1, 0, 2)}
+    parts = {place.position[k]: float(k == 2) for k in range(3)} | {place.velocity[k]: (1.0, 0.0, 2.0)[k] for k in range(3)}
+    for start in (whole, parts):
+        found = model.sensitivities([0.0, t], [place.position[2], place.velocity[2], place.velocity], start)
+        assert found[place.position][-1] == pytest.approx(
+            np.array([[0, 0, t, 0, 0], [0, 0, 0, t, 0], [1, t, 0, 0, t]]), abs=1e-12
+        )
+    with pytest.raises(OptionError, match=r"has no start value in `start`"):
+        model.sensitivities([0.0, t], [place.position[2] + place.position[1]], whole)
