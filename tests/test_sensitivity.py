@@ -292,23 +292,6 @@ def test_what_start_values_leave_open_has_the_derivatives_of_the_start_that_is_f
         assert found.S[k] * [1.0, 1.0, size] == pytest.approx(expected, abs=1e-6 * np.max(np.abs(expected)))
 
 
-def test_entries_of_start_values_are_told_apart_from_the_whole():
-    """Also where only some entries, or an expression that is written anew, were given."""
-    scene = ac.System()
-    scene.world, scene.slide, scene.disk = World(), Planar(), RigidBody(0.5, inertia=0.01 * np.eye(3))
-    scene.connect(scene.world.frame, scene.slide.frame_a)
-    scene.connect(scene.slide.frame_b, scene.disk.frame)
-    model, v, t = ac.build(scene), scene.slide.v, 0.7
-    of_whole = model.sensitivities([0, t], [v], {v: (1, 2, 3)})[scene.slide.q][-1]
-    assert of_whole == pytest.approx(t * np.eye(3), abs=1e-12)
-    for start in ({v: (1, 2, 3)}, {v[1]: 2.0}, {scene.disk.frame.velocity[1]: 2.0, v[2]: 0.0}):
-        entry = scene.disk.frame.velocity[1] if len(start) == 2 else v[1]
-        found = model.sensitivities([0, t], [entry], start)[scene.slide.q][-1]
-        assert found[:, 0] == pytest.approx([0, t, 0], abs=1e-12)
-    with pytest.raises(ac.errors.OptionError, match="no start value"):
-        model.sensitivities([0, t], [v], {v[1]: 2.0})
-
-
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 def test_derivatives_of_a_swing_are_the_same_beside_what_moves_far(rtol):
     """A spring pulled by a force swings about force / stiffness, which a mass far away is pushed by, too, and a million times as hard, or more."""
