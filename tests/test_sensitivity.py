@@ -14,7 +14,6 @@ from components import (
     Force,
     ForceSource,
     Particle,
-    Planar,
     Prismatic,
     Revolute,
     RigidBody,
