@@ -33,6 +33,7 @@ from components import (
     PointOnCurve,
     PointOnPlane,
     PointOnSurface,
+    PrescribedMotion,
     Prismatic,
     Revolute,
     RigidBody,
@@ -811,3 +812,22 @@ def test_a_box_that_is_pushed_harder_and_harder_slides_or_tips_and_nothing_else_
     assert all(transition.changes for transition in run.transitions)
     told = {change.new for change in run.transitions[0].changes}
     assert {word.split()[0] for word in told} == ({"slides"} if slides < tips else {"open", "off"})
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-4, 1e5])
+@pytest.mark.parametrize("restitution", [0.3, 0.6])
+def test_bounces_without_end_on_what_moves_have_the_work_of_its_drive(size: float, restitution: float) -> None:
+    """A table goes up and down under a particle that comes to rest on it: also while its bounces are bridged it is borne."""
+    scene = ac.System()
+    scene.world, scene.mass, scene.plate = World((0, 0, -G * size)), Particle(0.1), RigidBody(1.0, (size**2,) * 3)
+    scene.drive = PrescribedMotion(position=(0, 0, 0.01 * size * np.sin(20 * ac.time)))
+    scene.floor = PointOnPlane(unilateral=True, restitution=restitution)
+    for a, part, b in (
+        (scene.world.frame, scene.drive, scene.plate.frame),
+        (scene.plate.frame, scene.floor, scene.mass.point),
+    ):
+        scene.connect(a, part.frame_a)
+        scene.connect(part.frame_b, b)
+    p = scene.mass.point
+    run = ac.build(scene).simulate(2.0, {p.position: (0, 0, 0.1 * size), p.velocity: (0, 0, 0)}, rtol=1e-9)
+    assert "open -> closed" in str(run.transitions[-1]) and run.energy_error() < 1e-12

@@ -883,9 +883,9 @@ static void find_island(const Integrator *I, const Decision *D, const long *touc
     }
 }
 
-/* Impulses of friction over a time h in which impacts are bridged, of laws `in` one island, from these rates, and accelerations without reactions, at its beginning: those with which all
+/* Impulses of pushes and friction over a time h in which impacts are bridged, of laws `in` one island, from these rates, and accelerations without reactions, at its beginning: those with which all
    that comes to rest does so, and what slides goes on. To first order in h, as what they do is. */
-static void bridge_friction(Integrator *I, const Decision *D, Room R, const long *in, double h, const double *rate, const double *free) {
+static void bridge_impulses(Integrator *I, const Decision *D, Room R, const long *in, double h, const double *rate, const double *free) {
     struct State *T = I->state;
     long n = D->n;
     double *start = R.compressed;
@@ -908,7 +908,7 @@ static void bridge_friction(Integrator *I, const Decision *D, Room R, const long
         for (long j = D->gaps; j < n; j++) start[i] += D->W[i * n + j] * T->impulse[j];
     }
     change_choice(&p, &nothing, start, 0, T->choice_change, R.before);
-    for (long j = D->gaps; j < n; j++) T->impulse[j] = isfinite(R.before[j]) ? T->impulse[j] + R.before[j] : 0;
+    for (long j = 0; j < n; j++) T->impulse[j] = isfinite(R.before[j]) ? T->impulse[j] + R.before[j] : 0;
 }
 
 /* From the impact that has been decided, of this row, to where all that follow it are over; `rate`: after it. What has nothing to do with them keeps its `sides`. */
@@ -938,7 +938,7 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
         if ((rests && T->sticks[f] >= FEWEST) || holds) R.touching[D->gaps + f] = 1;
         if (rests) T->sticks[f] = 0;
     }
-    bridge_friction(I, D, R, in, h, first, free);
+    bridge_impulses(I, D, R, in, h, first, free);
     T->impacts = 0;
     return decide_accelerations(I, R, planned);
 }

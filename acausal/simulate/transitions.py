@@ -203,9 +203,12 @@ class Transitions(Sequence[Transition]):
         u = np.hstack([self._inputs(k, some, strikes=True) for k in range(2)])
         series = self.run.functions.series(function)
         before, after = np.split(series.glance(np.concatenate([t, t]), states, u, self.run.problem.parameters), 2, axis=1)
-        work = self.impulses[some] * ((before[:n] + after[:n]) / 2).T
-        lost[some] = -work
-        in_balance[some] = (self.impulses[some] * ((before[n:] + after[n:]) / 2).T).sum(axis=1)
+        modes = self.run.outputs.system.modes
+        pushes = np.arange(n) < (0 if modes is None else modes.one_sided)
+        over = np.outer(pushes, self.bridged[some])  # of small bounces the work on what moves is of first order, and what they lose of second
+        rates, seen = (np.where(over, late, (early + late) / 2).T for early, late in ((before[:n], after[:n]), (before[n:], after[n:])))
+        lost[some] = -self.impulses[some] * rates
+        in_balance[some] = (self.impulses[some] * seen).sum(axis=1)
         return lost, in_balance
 
     @functools.cached_property
