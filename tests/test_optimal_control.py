@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
-from acausal.optimal_control import attempts
+from acausal.optimal_control import attempts, solving
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.mesh import Mesher
@@ -166,6 +166,29 @@ def test_lanes_give_what_casadi_gives() -> None:
     assert isinstance(lanes, Lanes)
     for _ in range(4):
         assert np.allclose(np.array(lanes(*at)), np.array(plain(*at)), rtol=1e-12, atol=1e-12)
+
+
+def test_lanes_of_a_long_cost_live_as_long_as_their_program() -> None:
+    z, c, rng = ca.SX.sym("z", 2), ca.SX.sym("c"), np.random.default_rng(0)
+    waves = ca.vertcat(*(ca.sin(k * z[0] * c) * ca.cos(k * z[1]) for k in range(1, 60)))
+    f = ca.Function("f", [z, c], [ca.sum1(waves)])
+    places, none = np.arange(800).reshape(2, 400), np.zeros(0, dtype=int)
+    term = Term(f, places, np.ones((2, 400)), rng.normal(size=(1, 400)), np.full((1, 400), COST), np.ones((1, 400)))
+    program = Program([term], (none, none, np.zeros(0)), np.zeros(800), np.zeros((2, 0)), np.zeros((2, 800)), np.zeros(800))
+    w, at = ca.MX.sym("w", 800), rng.normal(size=800)
+    exact = ca.Function("exact", [w], [ca.gradient(program.values(w)[0], w)])(at)
+    for _ in range(4):
+        assert np.allclose(np.array(program.derivatives["grad_f"](at, [])[1]), np.array(exact), rtol=1e-11, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_scene_that_best_rests_is_not_divided_for_what_rounding_makes_of_its_speed(size: float) -> None:
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp.minimise(ac.integral(scene.force**2))
+    best = ocp.solve(5)
+    assert best.mesh.intervals == 5 and best.defect < 1e-6 and best.cost < 1e-12 * size**2
 
 
 def test_a_point_is_differentiated_once_for_all_meshes() -> None:
@@ -329,6 +352,31 @@ def test_a_least_time_that_small_errors_change_much_says_so(order: int, interval
     best = ocp.solve(intervals, order=order)
     assert abs(best.duration - np.pi) < best.cost_error < 5e-3
     assert best.defect < 1e-6 and best.violation < 1e-6
+
+
+def test_a_least_time_that_is_nearly_solved_says_how_far_it_is() -> None:
+    """From six times as far as the force holds the spring: three half swings, where finer meshes are solved to fewer digits."""
+    scene = Oscillator()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 30), parameters={scene.damping: 0.0})
+    ocp.start({scene.rail.q: 6.0})
+    ocp.end({scene.rail.q: 0.0, scene.rail.v: 0.0})
+    ocp.bound(scene.force, -1, 1)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve()
+    assert abs(best.duration - 3 * np.pi) < best.cost_error < 2e-2
+
+
+def test_a_search_that_would_cost_too_much_gives_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And how good that is: full force and brake, with a switch between two nodes."""
+    scene = Sledge()
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.5, 8))
+    ocp.bound(scene.force, -1, 2)
+    ocp.minimise(ocp.duration)
+    exact, whole_search = np.sqrt(3.0), ocp.solve(5)
+    monkeypatch.setattr(solving, "_DEAR", 1)
+    brief = ocp.solve(5)
+    assert brief.iterations < whole_search.iterations
+    assert abs(whole_search.duration - exact) < 1e-6 < abs(brief.duration - exact) < brief.cost_error < 0.1
 
 
 class Bead(ac.Component):

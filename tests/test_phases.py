@@ -191,6 +191,13 @@ def slide_by_hand(T: float, friction: float) -> Any:
     return lambda t: a + b * t + friction
 
 
+def standing(scene: Hopper, model: ac.Model, start: Any) -> ac.OptimalControl:
+    """On its foot, all the time."""
+    ocp = ac.OptimalControl(model, 1.0, modes={scene.ground: "closed"})
+    ocp.start({scene.leg.q: 0.5, **start})
+    return ocp
+
+
 @pytest.mark.parametrize(
     ("ask", "words"),
     [
@@ -205,6 +212,8 @@ def slide_by_hand(T: float, friction: float) -> Any:
             lambda s, m: ac.phases(ac.OptimalControl(m, 1.0), ac.OptimalControl(ac.build(Flying(1.0)), 1.0)).solve(2),
             "different models",
         ),
+        (lambda s, m: standing(s, m, {s.rail.q: 1e-4}).solve(2), r"rail.q is to be 0.0001 at the start, .* it is 0"),
+        (lambda s, m: standing(s, m, {s.rail.v: -2.0}).solve(2), r"rail.v is to be -2 at the start, .* closed .* it is 0"),
         (
             lambda s, m: ac.phases(ac.OptimalControl(m, 1.0), ac.OptimalControl(m, 1.0)).solve([1, 2, 3]),
             "3 numbers of intervals for 2 phases",

@@ -16,7 +16,7 @@ from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
-from acausal.optimal_control.search import CONVERGED, INTERRUPTED, search
+from acausal.optimal_control.search import CONVERGED, INTERRUPTED, NEARLY, search
 from acausal.optimal_control.sharper import Sharper
 from acausal.optimal_control.whole import Part, Whole, whole
 
@@ -76,11 +76,11 @@ class Attempt:
 
 
 class Searches:
-    """Searches by one solver with these options."""
+    """Searches by one solver with these options. `work`: iterations times rows of all of them."""
 
     def __init__(self, links: Sequence[Link], plugin: str, options: dict[str, Any]) -> None:
         self._links, self._plugin, self._options = links, plugin, options
-        self._iterations, self._seconds = 0, 0.0
+        self._iterations, self._seconds, self.work = 0, 0.0, 0
         self._solvers: dict[Any, ca.Function] = {}  # of what begins elsewhere
 
     def found(self, attempt: Attempt) -> Found:
@@ -172,17 +172,21 @@ class Searches:
         if stats["return_status"] == INTERRUPTED:
             raise interrupted(phases, self._iterations)
         status, work = str(stats["return_status"]), (self._iterations - before) * problem.program.rows
+        self.work += work
         return Attempt(parts, problem, refined, w, cost, phases, status, bool(stats["success"]), work)
 
-    def _near(self, problem: Whole) -> tuple[np.ndarray, bool]:
-        """Unknowns of the best motions near the guesses, and whether there are any; nobody counts that."""
+    def _near(self, problem: Whole) -> tuple[np.ndarray, float]:
+        """Unknowns of the best motions near the guesses, and about how far their cost is from the least one; infinite where there are none. Nobody counts that."""
+        w = problem.program.guess
         for warm in (True, False):
-            w, _, _, _, stats = search(problem.program, self._plugin, {**_BRIEFLY, **self._options}, warm=warm)
+            w, _, _, gaps, stats = search(problem.program, self._plugin, {**_BRIEFLY, **self._options}, warm=warm)
             if stats["return_status"] == INTERRUPTED:
                 raise KeyboardInterrupt
             if stats["return_status"] == CONVERGED:
-                return w, True
-        return w, False
+                return w, 0.0
+            if stats["success"]:
+                return w, float(np.sum(gaps)) + NEARLY * problem.program.unit
+        return w, float("inf")
 
 
 def finer(phases: Sequence[Optimum], tolerance: float) -> list[Mesh]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
 from acausal.optimal_control.asked import GIVEN, ROOM, Asked, Limits, when
-from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.guess import Guess, closed
 
 
 def check_problem(asked: Asked, first: Guess, name: Callable[[object], str]) -> None:
@@ -17,6 +17,25 @@ def check_problem(asked: Asked, first: Guess, name: Callable[[object], str]) -> 
     _check_effect(asked, name)
     _check_what_stands(asked)
     _check_bounds(asked, first)
+
+
+def check_given(asked: Asked, given: Sequence[Limits], units: np.ndarray, first: Guess) -> None:
+    """Raises `OptionError` for what is said of the start and cannot be where parts are closed or stick: there the nearest states count that can. `units` (nx,): what is much for
+    each state.
+    """
+    stage = asked.stage
+    if asked.start is None or not np.isfinite(asked.start).all():
+        return
+    x = closed(stage, asked.start[None, :], np.zeros(1), first.duration, first.free, np.ones(asked.start.size))[0]
+    z = np.concatenate([x, np.zeros(stage.width - x.size), [first.duration], first.free])
+    for limits in given:
+        value, slope = (np.array(part) for part in stage.slopes(stage.put(limits.value))(z, [0.0, 0.0]))
+        much = np.max(np.abs(slope) * units, axis=1, initial=0.0)
+        for r, one in enumerate(value.ravel().tolist()):
+            if np.isfinite(one) and limits.outside(one, r, float(much[r])):
+                raise OptionError(
+                    f"{limits.entry(r)} is to be {limits.range(r)} at the start, but with what is closed or sticks in this phase it is {one:.6g}. Start where that holds, or say other modes."
+                )
 
 
 def _check_effect(asked: Asked, name: Callable[[object], str]) -> None:

@@ -325,8 +325,9 @@ class Optimum:
         that with other nodes, the sum of `gains`; and from that of the program, its `gap`. A switch between two nodes shows here, and not in the `defect`. Infinite where
         nothing is found with more points; NaN for plans of a controller.
         """
-        sharp = float("nan") if self.sharper is None else self.sharper.costs[self.phase]
-        return LEFT * abs(self.cost - sharp) + self.unsettled
+        if self.sharper is None:
+            return float("nan")
+        return LEFT * abs(self.cost - self.sharper.costs[self.phase]) + self.sharper.off + self.unsettled
 
     @property
     def unsettled(self) -> float:
@@ -379,8 +380,9 @@ class Optimum:
 
     @functools.cached_property
     def spread(self) -> np.ndarray:
-        """(nx,): what each state varies by; where it does not, what states of its kind do."""
-        found = np.maximum(np.ptp(self.x, axis=1), _DIGITS * np.max(np.abs(self.x), axis=1))
+        """(nx,): what each state varies by; where it does not, what states of its kind do. Digits of what is much for it are rounding: a scene that rests has a speed by these."""
+        much = np.maximum(np.max(np.abs(self.x), axis=1), self.transcribed.units[: len(self.x)])
+        found = np.maximum(np.ptp(self.x, axis=1), _DIGITS * much)
         nq = self.transcribed.asked.stage.functions.space.nq
         for block in (slice(0, nq), slice(nq, None)):
             own = found[block]

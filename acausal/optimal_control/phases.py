@@ -196,7 +196,7 @@ class PhasesOptimum:
         """About how far the cost is from the least one, see `Optimum.cost_error`: of all phases together, since what one loses another may gain."""
         sharper = self.phases[0].sharper
         assert sharper is not None
-        return LEFT * abs(self.cost - sum(sharper.costs)) + sum(one.unsettled for one in self.phases)
+        return LEFT * abs(self.cost - sum(sharper.costs)) + sharper.off + sum(one.unsettled for one in self.phases)
 
     @functools.cached_property
     def _begins(self) -> np.ndarray:

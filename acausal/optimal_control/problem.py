@@ -14,7 +14,7 @@ from acausal.errors import OptionError, UnknownVariableError
 from acausal.language.expression import Expression, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.optimal_control.asked import GIVEN, Asked, Limits, Total
-from acausal.optimal_control.checks import check_problem
+from acausal.optimal_control.checks import check_given, check_problem
 from acausal.optimal_control.conditions import beside
 from acausal.optimal_control.controller import Controller
 from acausal.optimal_control.guess import Guess, path_guess, run_guess
@@ -205,7 +205,7 @@ class OptimalControl:
         """The best motion near the guess, or near the best of several.
 
         `intervals`: of the first mesh; intervals whose replay is off by more than `tolerance`, relative to what each state varies by, are divided up to
-        `refinements` times. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
+        `refinements` times, and not where that would cost much more than ten seconds for each of them. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
         CasADi's `ipopt`. `guesses`: so many other paths are tried at first, and the best is kept, where `guess` was not said, motions are not linear, and that is cheap.
         Raises `OptimalControlError` with the last iterate where none is found.
         """
@@ -221,6 +221,8 @@ class OptimalControl:
         first = self._told(asked.stage, mesh) or bent(0.0, None)
         measured = self._measured(asked, units, first)
         check_problem(asked, first, self.name)
+        if self._mode.gaps.numel() + self._mode.speeds.numel():
+            check_given(asked, self._given_at_start(asked.stage), measured[: asked.stage.sizes[0]], first)
         return Part(self.model, asked, mesh, first, measured, self._given, bent if self._guess is None else None)
 
     def controller(
@@ -337,12 +339,15 @@ class OptimalControl:
 
     def _open_start(self, stage: Stage, first: np.ndarray) -> Limits:
         """What is given; what is free, between its bounds; then all states as they are at the guess, as far as they do not follow from these."""
-        given = {k: v.value if isinstance(v, exactly) else v for k, v in (self._start or {}).items() if not isinstance(v, near)}
-        limits = [self._limits(stage, k, np.asarray(v, dtype=float)) for k, v in given.items()]
+        limits = self._given_at_start(stage)
         limits += [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
         limits.append(Limits(self._functions.space.x, first, first, GIVEN))
         value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
         return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), GIVEN)
+
+    def _given_at_start(self, stage: Stage) -> list[Limits]:
+        given = {k: v.value if isinstance(v, exactly) else v for k, v in (self._start or {}).items() if not isinstance(v, near)}
+        return [self._limits(stage, k, np.asarray(_numbers(v), dtype=float)) for k, v in given.items()]
 
     def _told(self, stage: Stage, mesh: Mesh) -> Guess | None:
         """The motion that was given as a guess."""

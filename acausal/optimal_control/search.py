@@ -14,6 +14,8 @@ CONVERGED = "Solve_Succeeded"
 """What ipopt says where all holds to its tolerance; what is nearly as good is a success, too."""
 INTERRUPTED = "NonIpopt_Exception_Thrown"
 """What ipopt says of Ctrl-C: none of our functions raises anything else."""
+NEARLY = 1e-6
+"""Of the program in units of its own: what ipopt takes for nearly as good."""
 _TOLERANCE = 1e-9
 """Of the program in units of its own."""
 _PRESSED = 1e-12

@@ -140,6 +140,11 @@ class Program:
         """Of cost and constraints, and of the Lagrangian, as `casadi.nlpsol` takes them."""
         return {"grad_f": self._gradient, "jac_g": self._jacobian, "hess_lag": self._hessian}
 
+    @functools.cached_property
+    def _cost_alone(self) -> Program:
+        """It lives as long as its lanes are called."""
+        return self.of_cost()
+
     def of_cost(self) -> Program:
         """The cost alone, without constraints."""
         none = np.zeros(0, dtype=int)
@@ -205,7 +210,7 @@ class Program:
     @functools.cached_property
     def _gradient(self) -> ca.Function:
         w, p = ca.MX.sym("w", self.size), ca.MX.sym("p", 0)
-        own, gradient = self.of_cost(), ca.MX(ca.DM(self.cost))
+        own, gradient = self._cost_alone, ca.MX(ca.DM(self.cost))
         for entries, (rows, places, weights) in own._slopes(w):
             paid = np.flatnonzero(rows == COST)
             gradient += _sparse(places[paid], paid, weights[paid], self.size, rows.size) @ entries

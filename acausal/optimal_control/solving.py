@@ -21,6 +21,8 @@ from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.promises import broken_promises
 from acausal.optimal_control.whole import Part
 
+_DEAR = 750_000
+"""Iterations times rows, for each refinement that is allowed: ten seconds or so."""
 _TELLING = 0.02
 """Of the largest gain by moving a node: what others gain that are moved, too."""
 
@@ -58,7 +60,7 @@ def best_of(
             )
         meshes = finer(now.phases, tolerance) if now.off > tolerance else _loosened(now.phases, tolerance)
         before = now if now.off <= tolerance else before
-        if now.refined == refinements or meshes is None:
+        if now.refined == refinements or meshes is None or _dear(searches, now, meshes, refinements):
             found = now if last is None or now.off <= max(last.off, COARSE) else last
             if found.off > max(tolerance, COARSE) and refinements > 0:
                 _warn_coarse(found, tolerance)
@@ -73,6 +75,12 @@ def _warn_coarse(attempt: Attempt, tolerance: float, more: str = "") -> None:
         AccuracyWarning,
         stacklevel=4,
     )
+
+
+def _dear(searches: Searches, now: Attempt, meshes: Sequence[Mesh], refinements: int) -> bool:
+    """Whether what was found says itself how good it is, and to find it on these meshes, too, would cost more than what is spent on so many."""
+    pieces = sum(one.intervals for one in meshes) / sum(one.mesh.intervals for one in now.phases)
+    return now.off <= COARSE and searches.work + pieces * now.work > refinements * _DEAR
 
 
 def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
