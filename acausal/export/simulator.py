@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import json
 import math
@@ -154,7 +155,7 @@ def _is_template(path: Path) -> bool:
 def _check_name(name: str, templates: Mapping[str, str]) -> None:
     """Raises `ExportError` for what is no identifier of C, or makes names that are in the files already."""
     name = name if isinstance(name, str) else ""  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
-    words = set(re.findall(r"[A-Za-z_]\w*(?:\.[ch]\b)?", "\n".join([*templates, *templates.values()])))
+    words = _words("\n".join([*templates, *templates.values()]))
     own = {word for word in words if re.match("simulator[_.]", word.lower())}
     made = {word.replace("simulator", name).replace("SIMULATOR", name.upper()) for word in own}
     taken = sorted(made & (words - own))
@@ -164,6 +165,12 @@ def _check_name(name: str, templates: Mapping[str, str]) -> None:
             + (f", since there is a '{taken[0]}' already" if taken else "")
             + ". Give another word of letters and digits: 'arm'."
         )
+
+
+@functools.lru_cache(maxsize=1)
+def _words(text: str) -> frozenset[str]:
+    """Of the files, which are the same for all models."""
+    return frozenset(re.findall(r"[A-Za-z_]\w*(?:\.[ch]\b)?", text))
 
 
 def _kinds(

@@ -211,7 +211,7 @@ class Functions:
         energies = space.put(ca.vertcat(self.outputs.kinetic_energy, self.outputs.potential_energy))
         rows = ca.SX(0, 1) if self.invariants is None else self.invariants(t, x, p)
         following = space.put(self.outputs.system.constraints.dropped)
-        return folded_function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
+        return ca.Function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
 
     @functools.cached_property
     def kept_invariants(self) -> int:
@@ -504,7 +504,7 @@ class Functions:
         t, x, u, p = self.space.arguments
         inputs = ca.vertcat(u, *(given,) * of_dynamics, *(borne,) * of_loops)
         angle = isinstance(wanted, Expression) and self.outputs.is_angle(wanted)
-        return Reading(Series(folded_function("series", [t, x, inputs, p], [column])), shared.shape, of_dynamics, of_loops, angle)
+        return Reading(Series(ca.Function("series", [t, x, inputs, p], [column])), shared.shape, of_dynamics, of_loops, angle)
 
     @functools.cached_property
     def _readings(self) -> dict[Any, list[tuple[Expression, Reading]]]:

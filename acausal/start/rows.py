@@ -10,7 +10,6 @@ import numpy as np
 from acausal.numerics.assembly import Residual
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.entries import entries, placed, places
-from acausal.numerics.folding import folded_function
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ class Rows:
         """Of rows (m, 1) in y (n, 1) and the data."""
         J = ca.jacobian(rows, y)
         both = ca.vertcat(ca.densify(rows), entries([J]))
-        return Rows(BoundFunction.of(folded_function("residual", [ca.vertcat(y, data)], [both])), places(J.sparsity()), J.shape)
+        return Rows(BoundFunction.of(ca.Function("residual", [ca.vertcat(y, data)], [both])), places(J.sparsity()), J.shape)
 
     def __call__(self, y: np.ndarray, data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         both, m = self.kernel.at(np.concatenate([y, data])), self.shape[0]

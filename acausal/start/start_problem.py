@@ -152,7 +152,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     got = None
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
-        got = BoundFunction.of(folded_function("got", [ca.vertcat(r.x, data)], [results]))
+        got = BoundFunction.of(ca.Function("got", [ca.vertcat(r.x, data)], [results]))
     return StartProblem(outputs, tuple(targets), positions, velocities, got, what)
 
 
