@@ -831,3 +831,71 @@ def test_bounces_without_end_on_what_moves_have_the_work_of_its_drive(size: floa
     p = scene.mass.point
     run = ac.build(scene).simulate(2.0, {p.position: (0, 0, 0.1 * size), p.velocity: (0, 0, 0)}, rtol=1e-9)
     assert "open -> closed" in str(run.transitions[-1]) and run.energy_error() < 1e-12
+
+
+TRIPOD = ((1.0, 0.0), (-0.5, 0.8), (-0.5, -0.8))
+
+
+def test_what_is_put_where_it_touches_strikes_nothing_at_the_start() -> None:
+    """Three smooth feet that glide and spin on a plane turned at random: what they go down with is rounding."""
+    draw = np.random.default_rng(8)
+    Q = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+    Q *= np.linalg.det(Q)
+    scene = ac.System()
+    scene.world, scene.stool = World(tuple(Q @ (0, 0, -G))), RigidBody(2.0, (0.1, 0.1, 0.2))
+    scene.feet = [PointOnPlane(unilateral=True) for _ in TRIPOD]
+    for foot, (x, y) in zip(scene.feet, TRIPOD, strict=True):
+        scene.connect(scene.world.at((0, 0, 0), rotation=Q), foot.frame_a)
+        scene.connect(foot.frame_b, scene.stool.at((x, y, -0.3)))
+    frame, v, w = scene.stool.frame, Q @ (0.7, -0.2, 0), Q @ (0, 0, 5.0)
+    start = {frame.position: Q @ (0, 0, 0.3), frame.rotation: Q, frame.velocity: v, frame.angular_velocity: w}
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-12)
+    assert len(run.transitions) == 0
+    assert run[frame.position][-1] == pytest.approx(v + Q @ (0, 0, 0.3), abs=STATE)
+    assert run[frame.angular_velocity][-1] == pytest.approx(w, abs=STATE)
+
+
+def test_a_light_plank_and_what_it_carries_stop_together() -> None:
+    """Feet far apart, light: as it stops rounding turns it, faster and faster, which what stands on it with small feet can hardly hold."""
+    draw = np.random.default_rng(3)
+    length, mass, load, g, mu, above = (
+        10 ** draw.uniform(*of) for of in ((-3, 3), (-2, 2), (-2, 2), (-1, 2), (-2, 0.2), (-2, 0.2))
+    )
+    Q = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+    Q *= np.linalg.det(Q)
+    first = draw.normal() * np.sqrt(g * length)
+    second = 0.65 * first
+    # the load slips on the plank until both are as fast, then they stop with mu g
+    side = np.sign(second - first)
+    by = above * load * g * side - mu * (mass + load) * g * np.sign(first)
+    together = (second - first) / (by / mass + above * g * side)
+    speed = first + by / mass * together
+    stop = abs(speed) / (mu * g)
+    path = first * together + by / mass * together**2 / 2 + speed * stop / 2
+    wide = 10 * max(abs(path), length)
+    scene = ac.System()
+    scene.world = World(tuple(Q @ (0, 0, -g)))
+    scene.plank, scene.load = RigidBody(mass, (mass * wide**2 / 4,) * 3), RigidBody(load, (load * length**2,) * 3)
+    scene.low, scene.high = ([PointOnPlane(unilateral=True, friction=Coulomb(k)) for _ in TRIPOD] for k in (mu, above))
+    for foot, (x, y) in zip(scene.low, TRIPOD, strict=True):
+        scene.connect(scene.world.at((0, 0, 0), rotation=Q), foot.frame_a)
+        scene.connect(foot.frame_b, scene.plank.at((x * wide, y * wide, 0)))
+    for foot, (x, y) in zip(scene.high, TRIPOD, strict=True):
+        scene.connect(scene.plank.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.load.at((x * length, y * length, 0)))
+    start = {}
+    for body, along in ((scene.plank, first), (scene.load, second)):
+        frame = body.frame
+        start |= {
+            frame.position: (0, 0, 0),
+            frame.rotation: Q,
+            frame.velocity: Q @ (along, 0, 0),
+            frame.angular_velocity: (0, 0, 0),
+        }
+    run = ac.build(scene).simulate(1.2 * (together + stop), start, rtol=1e-12)
+    assert np.sign(speed) == np.sign(first) and above > mu
+    assert run.transitions[0].time == pytest.approx(together, rel=INSTANT)
+    assert list(run.transitions)[-1].time == pytest.approx(together + stop, rel=1e-6)
+    assert Q.T @ run[scene.plank.frame.position][-1] == pytest.approx([path, 0, 0], abs=STATE * abs(path))
+    for body in (scene.plank, scene.load):
+        assert np.linalg.norm(run[body.frame.velocity][-1]) < 1e-12 * abs(speed)

@@ -31,6 +31,8 @@
 #define DEPENDENT 1e-9 /* pivots of rows that depend on one another, in units of their diagonal */
 #define DAMPING 1e-6   /* of these, in units of the least of the other pivots, see acausal/reduce/modes.py */
 #define NEAR_ZERO 1e-9 /* of the slips met: where their direction is held */
+#define ENDED 1e-6     /* of the slips met: what is left of slips that end all at once where no mode lasts */
+#define UNSETTLED 20   /* changes of mode in one instant, from which on they do */
 #define ATTRACTS 1e-3   /* of the largest reaction: what cannot be that of a contact that presses */
 #define ALIKE 1e-3     /* of the slip: where a patch slides as fast as its edge turns; forces bend there, and a step ends */
 #define HARDLY 1e-4    /* radians by which a direction has turned that is nearly the same */
@@ -811,6 +813,12 @@ static int end_least_slips(const Integrator *I, const Decision *D, Room R) {
     return found != 0;
 }
 
+/* Slips in planes that are all but over end at once: beside them directions turn faster than others can follow, as those of feet that hold what slides on them. */
+static void end_small_slips(const Decision *D, Room R) {
+    for (long f = D->lines; f < D->frictions; f++)
+        if (R.touching[D->gaps + f] == 2 && size_of(D, f, D->rate) <= ENDED * R.met[f]) R.touching[D->gaps + f] = 1;
+}
+
 /* Whether no other gap closes while impacts are bridged; -1 when the input function failed. */
 static int meets_nothing_else(Integrator *I, Room R) {
     struct State *T = I->state;
@@ -970,6 +978,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (row < 0) note_closed(I, &D, R.touching);
     }
     look_at_slips(I, &D, R, row, 0);
+    if (T->changes > UNSETTLED && !I->directions) end_small_slips(&D, R);
     memset(T->impulse, 0, sizeof(double) * (size_t)n);
     if (impacts) {
         I->worst = row >= 0 && row < gaps ? row : 0;

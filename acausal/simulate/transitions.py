@@ -356,15 +356,14 @@ def transitions_of(run: Run) -> Transitions:
     begin, end = np.flatnonzero(first), np.flatnonzero(last)
     impulses = np.add.reduceat(met.impulses, begin, axis=0)
     jumped, bridged = (np.logical_or.reduceat(flags, begin) for flags in (met.jumped, met.rows == _BRIDGE))
+    # others are put where all that holds is closed
+    struck = jumped & (impulses.any(axis=1) | (run.outputs.system.locks is not None))
     after = met.masks[:, end]
-    before = np.hstack([after[:, :1] if not jumped[0] else np.zeros((after.shape[0], 1)), after[:, :-1]])
+    before = np.hstack([after[:, :1] if not struck[0] else np.zeros((after.shape[0], 1)), after[:, :-1]])
     old, new = (
         np.array([law.numbers(masks) for law in laws]).reshape(len(laws), begin.size).astype(int) for masks in (before, after)
     )
     targets, words = _targets(run, met, begin, end)
-    struck = jumped & (
-        impulses.any(axis=1) | (run.outputs.system.locks is not None)
-    )  # others are put where all that holds is closed
     some = np.flatnonzero(struck | bridged | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
     return Transitions(
         run, laws, met.begins[end][some], met.steps[end][some], jumped[some], bridged[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some],
