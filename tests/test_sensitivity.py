@@ -25,6 +25,7 @@ from components import (
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
 from tests.random_sketches import random_sketch
+from tests.scenes import Pendulum
 
 
 class AdjustableFourBar(ac.System):
@@ -216,6 +217,23 @@ def test_an_optimiser_finds_the_start_speed_that_reaches_a_point():
     options = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-10}
     result = ca.nlpsol("reach", "ipopt", problem, options)(x0=[0.1, 0.2, 1.0], lbg=2.0, ubg=2.0)
     assert np.max(np.abs(np.array(result["x"]).ravel() - [0, 0, 2 + 9.81 / 2])) < 1e-6
+
+
+def test_start_values_of_expressions_are_found_however_they_are_written():
+    scene = Pendulum()
+    model, place, t = ac.build(scene), 0.3, [0.0, 0.4]
+    start = {scene.rod.tip.position[0]: place, -scene.rod.tip.velocity[2]: 0.2}
+    wrt = [scene.rod.tip.position[0], -scene.rod.tip.velocity[2]]
+    found = model.sensitivities(t, wrt, start, rtol=1e-11)[scene.hinge.q][:, :]
+    reach = model.trajectory_function(t, scene.hinge.q, wrt, start, rtol=1e-11)
+    assembled = model.assembly_function(scene.hinge.q, scene.rod.tip.position[0], start)
+    slope = 1 / np.sqrt(1 - place**2)
+    assert abs(found[0, 0]) == pytest.approx(slope, rel=1e-12)
+    assert abs(float(assembled.jacobian()(place, 0.0))) == pytest.approx(slope, rel=1e-9)
+    h = 1e-6
+    for k, change in enumerate(np.eye(2) * h):
+        one, other = (np.array(reach(np.array([place, 0.2]) + sign * change)).ravel() for sign in (1, -1))
+        assert np.allclose(found[:, k], (one - other) / (2 * h), atol=1e-8)
 
 
 def test_wrong_requests_are_explained():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import threading
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -110,6 +110,14 @@ def start_problem(outputs: Outputs, start: Start) -> StartProblem:
             known.clear()
         problem = known[asked] = known[same] = _start_problem(outputs, what)
     return problem
+
+
+def as_in_start(items: Sequence[Any], start: Start) -> list[Any]:
+    """The items, with the keys of the start values in place of what is written alike."""
+    written = [key for key in start if isinstance(key, Expression)]  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+    known = {_identity(key): key for key in written if not isinstance(key, Symbol)}
+    plain = [not isinstance(item, Expression) or isinstance(item, Symbol) or item in start for item in items]
+    return [item if same or not known else known.get(_identity(item), item) for item, same in zip(items, plain, strict=True)]
 
 
 def _identity(key: Expression) -> Hashable:
