@@ -379,6 +379,20 @@ def test_a_search_that_would_cost_too_much_gives_what_it_has(monkeypatch: pytest
     assert abs(whole_search.duration - exact) < 1e-6 < abs(brief.duration - exact) < brief.cost_error < 0.1
 
 
+def test_nodes_that_were_found_stay_found_on_finer_meshes() -> None:
+    """A pole swings up in least time on a short rail, with many switches: two meshes come to the same time, within what they say."""
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.3, 6))
+    ocp.start({scene.rail.q: 0, scene.hinge.q: 0})
+    ocp.end({scene.rail.q: 0, scene.hinge.q: np.pi, scene.rail.v: 0, scene.hinge.v: 0})
+    ocp.bound(scene.force, -15, 15)
+    ocp.bound(scene.rail.q, -0.45, 0.45)
+    ocp.minimise(ocp.duration)
+    one, other = ocp.solve(22), ocp.solve(18)
+    assert max(one.cost_error, other.cost_error) < 1e-4
+    assert abs(one.cost - other.cost) < one.cost_error + other.cost_error
+
+
 class Bead(ac.Component):
     """It slides down a wire whose slope is an input: three states, and no place of any body."""
 

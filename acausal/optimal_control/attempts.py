@@ -200,7 +200,13 @@ def finer(phases: Sequence[Optimum], tolerance: float) -> list[Mesh]:
 def _finer(best: Optimum, tolerance: float) -> Mesh:
     wanting = np.ceil((best.defects / (0.5 * tolerance)) ** (1 / best.mesh.tableau.order))
     pieces = np.clip(np.nan_to_num(wanting, nan=2.0, posinf=2.0), 2 if _feigned(best) else 1, MOST_PIECES).astype(int)
-    return best.mesh.refined(pieces)
+    return divided(best, pieces)
+
+
+def divided(best: Optimum, pieces: np.ndarray, more: Sequence[int] = ()) -> Mesh:
+    """Its mesh with so many pieces (intervals,) in place of each interval; nodes that were loose still are, and some `more` of them."""
+    loose = sorted({*best.transcribed.mesh.loose, *more})
+    return replace(best.mesh.refined(pieces), loose=tuple(np.append(0, np.cumsum(pieces))[loose].tolist()))
 
 
 def _feigned(best: Optimum) -> bool:

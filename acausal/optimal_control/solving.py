@@ -11,7 +11,7 @@ import numpy as np
 
 from acausal.arguments import finite, whole_number
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
-from acausal.optimal_control.attempts import COARSE, MOST_PIECES, Attempt, Found, Searches, finer
+from acausal.optimal_control.attempts import COARSE, MOST_PIECES, Attempt, Found, Searches, divided, finer
 from acausal.optimal_control.beginning import best_beginning
 from acausal.optimal_control.failing import failure
 from acausal.optimal_control.guess import Guess
@@ -98,10 +98,9 @@ def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
 
 def _looser(best: Optimum, tolerance: float, more: np.ndarray) -> Mesh:
     """With loose nodes where they were and some more (intervals + 1,), finer where bounds are left between points that should hold there."""
-    before = best.transcribed.mesh.loose
-    loose = sorted({*before, *np.flatnonzero(more).tolist()})
+    loose = np.flatnonzero(more).tolist()
     if not best.mesh.inside:
-        return replace(best.mesh, loose=tuple(loose), inside=True)
+        return replace(divided(best, np.ones(best.mesh.intervals, dtype=int), loose), inside=True)
     wanting = np.ceil((best.excesses / (0.5 * tolerance)) ** (1 / (best.mesh.tableau.stages + 1)))
     pieces = np.clip(wanting, 1, MOST_PIECES).astype(int)
-    return replace(best.mesh.refined(pieces), loose=tuple(np.append(0, np.cumsum(pieces))[loose].tolist()))
+    return divided(best, pieces, loose)
