@@ -16,6 +16,7 @@ import acausal as ac
 from acausal import errors
 from acausal.numerics.assembly import assemble
 from components import (
+    Contact,
     Diode,
     ParametricCurve,
     Particle,
@@ -26,6 +27,7 @@ from components import (
     Revolute,
     RigidBody,
     Rod,
+    Sphere,
     Spherical,
     Spring,
     Universal,
@@ -321,3 +323,18 @@ def test_what_start_values_leave_open_is_the_nearest_in_any_unit(size):
         R = [run[part.frame.rotation][0].ravel() for part in (scene.body, scene.plate)]
         found.append(np.concatenate([run[scene.plate.frame.position][0] / of, *R]))
     assert np.max(np.abs(found[0] - found[1])) < 1e-9
+
+
+@pytest.mark.parametrize("size", [1.0, 2e-5])
+def test_a_ball_in_a_hollow_sphere_is_above_or_below_as_is_wished(size):
+    """From where the sketch has it, above, the way down leads farther away from where it is to be exactly."""
+    scene = ac.System()
+    scene.world, scene.ball = World(None), RigidBody.ball(1.0, 0.1 * size)
+    scene.contact = Contact(Sphere(0.1 * size), Sphere(size, inside_out=True))
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    model, place = ac.build(scene), scene.ball.frame.position
+    for x, y, z in ((0.4, 0.1, -0.8), (0.4, 0.1, 0.8), (-0.2, 0.5, -0.3)):
+        height = np.sign(z) * np.sqrt(0.81 - x**2 - y**2) * size
+        run = model.simulate(0.0, {place[0]: x * size, place[1]: y * size, place[2]: ac.near(z * size)}, samples=2)
+        assert np.allclose(run[place][0], (x * size, y * size, height), rtol=1e-12)

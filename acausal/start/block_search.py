@@ -25,6 +25,8 @@ _NOTHING = 1e-3 * float(np.finfo(float).eps)
 """Part of an unknown that no row of its loops feels."""
 _SAME = 4 * float(np.finfo(float).eps)
 """What is left of a number that was divided by a size and multiplied by it again is the same but for this part."""
+_MISSED, _LESS = 1e-6, 1e-3
+"""Misses of what is wished for that are none, and by what part less another one must miss it."""
 _SIZED = 8
 """Times that curved rows are measured anew where a search came to."""
 
@@ -245,6 +247,18 @@ class _Search:
         if not np.array_equal(closer, self.begun):
             yield closer
 
+    def _wished_for(self) -> np.ndarray:
+        """Where constraints and wishes, which weigh the same, are met as well as can be on the way down from the sketch."""
+        hard, soft = self._hard, self._soft
+        assert soft is not None
+
+        def both(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            (c, J), (r, Jw) = hard(y), soft(y)
+            return np.concatenate([c, r]), np.vstack([J, Jw])
+
+        sizes = replace(self.sizes, rows=np.concatenate([self.sizes.rows, np.ones(len(self.block.wished))]), rounding=None)
+        return assemble(both, self.begun, sizes=sizes, stride=self._stride).y
+
     def nearest(self, found: Assembled, spent: int, restarts: int) -> Found:
         """The best of what was found and of its rivals."""
         unit, hard = self.sizes.unknowns, self._hard
@@ -262,6 +276,9 @@ class _Search:
 
         first = candidate(found.y)
         best = nearest_rival(first, self.begun / unit, close, slopes, self.sizes.dependent, wished=self._soft is not None)
+        if best.missed > _MISSED:
+            rival = close(self._wished_for() / unit)
+            best = rival if rival is not None and rival.missed < (1 - _LESS) * best.missed else best
         if best is first:
             return Found(found.y, self.begun, found.gap, found.part, True, spent, restarts)
         left = np.abs(hard(best.z * unit)[0])
