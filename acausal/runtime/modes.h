@@ -819,6 +819,20 @@ static void end_small_slips(const Decision *D, Room R) {
         if (R.touching[D->gaps + f] == 2 && size_of(D, f, D->rate) <= ENDED * R.met[f]) R.touching[D->gaps + f] = 1;
 }
 
+/* Slips that have been put to zero by what holds now, as that of the third foot of what stands still on two, are over, too. Whether there are such; -1 when the input function failed. */
+static int end_with_others(Integrator *I, Room R) {
+    Decision D;
+    long F = I->lines + I->planes, slides = 0, ended = 0;
+    for (long f = 0; f < F; f++) slides |= R.touching[I->one_sided + f] == 2 && R.law[I->one_sided + f] == AGAINST;
+    if (!slides || I->directions) return 0;
+    if (!decision_at(I, I->t, I->x, &D)) return -1;
+    for (long f = 0; f < F; f++) {
+        if (R.touching[D.gaps + f] != 2 || R.law[D.gaps + f] != AGAINST || size_of(&D, f, D.rate) > slip_noise(&D, f)) continue;
+        R.touching[D.gaps + f] = ended = 1;
+    }
+    return ended != 0;
+}
+
 /* Whether no other gap closes while impacts are bridged; -1 when the input function failed. */
 static int meets_nothing_else(Integrator *I, Room R) {
     struct State *T = I->state;
@@ -1038,11 +1052,17 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     }
     if (code == REACHED_END) code = has_one_answer(I, &D, R);
     if (code != REACHED_END) return code;
-    memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
-    project(I, I->t, I->x);
-    for (long i = 0; i < I->nx; i++) {
-        take_size(I, i);
-        lifted |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
+    for (int more = 1; more;) {
+        memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
+        project(I, I->t, I->x);
+        for (long i = 0; i < I->nx; i++) {
+            take_size(I, i);
+            lifted |= fabs(I->x[i] - T->later_x[i]) > UNSEEN * T->size[i];
+        }
+        more = end_with_others(I, R);
+        if (more < 0) return INPUT_FAILED;
+        code = more ? decide_accelerations(I, R, planned) : code;
+        if (code != REACHED_END) return code;
     }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
