@@ -364,13 +364,15 @@ def _settled(rows: _Rows, wishes: Residual, found: _Closed, effort: _Effort) -> 
         next_r, next_Jw = wishes(trial.z)
         next_square = float(next_r @ next_r)
         gained = (square - next_square) / promised if trial.converged and next_square < np.inf else -1.0
+        next_J = rows(trial.z)[1] if gained > 1e-4 else J
+        if not (np.isfinite(next_J).all() and np.isfinite(next_Jw).all()):
+            gained = -1.0  # nothing leads on from there
         if gained < 0.25:
             radius = 0.25 * length
         elif gained > 0.75:
             radius = min(effort.stride, max(radius, 2 * length))
         if gained > 1e-4:
-            found, r, Jw, square = trial, next_r, next_Jw, next_square
-            J = rows(found.z)[1]
+            found, r, Jw, J, square = trial, next_r, next_Jw, next_J, next_square
         if short:
             break
     return _Closed(found.z, found.c, True, spent)
