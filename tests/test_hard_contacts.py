@@ -855,8 +855,30 @@ def test_what_is_put_where_it_touches_strikes_nothing_at_the_start() -> None:
     assert run[frame.angular_velocity][-1] == pytest.approx(w, abs=STATE)
 
 
-@pytest.mark.parametrize("part", [0.6104222365598851, 0.7])
-def test_a_light_plank_and_what_it_carries_stop_together(part: float) -> None:
+def test_a_stool_that_has_stopped_stands_on_all_of_its_feet() -> None:
+    """It glides straight on, light at its feet: two of them hold it, and where it stands nothing rubs any more."""
+    draw = np.random.default_rng(2)
+    Q = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+    Q *= np.linalg.det(Q)
+    scene, mu = ac.System(), 0.2
+    scene.world, scene.stool = World(tuple(Q @ (0, 0, -G))), RigidBody(1.0, (0.02,) * 3)
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in TRIPOD]
+    for foot, (x, y) in zip(scene.feet, TRIPOD, strict=True):
+        scene.connect(scene.world.at((0, 0, 0), rotation=Q), foot.frame_a)
+        scene.connect(foot.frame_b, scene.stool.at((x, y, 0)))
+    frame, model = scene.stool.frame, ac.build(scene)
+    for _ in range(4):
+        v = draw.normal(size=2)
+        stop = np.linalg.norm(v) / (mu * G)
+        start = {frame.rotation: Q, frame.velocity: Q @ (*v, 0), frame.angular_velocity: (0, 0, 0), frame.position: (0, 0, 0)}
+        run = model.simulate(1.2 * stop, start, rtol=1e-12)
+        assert [change.time for change in run.transitions] == pytest.approx([stop] * len(run.transitions), rel=1e-8)
+        assert Q.T @ run[frame.position][-1] == pytest.approx(np.array([*v, 0]) * stop / 2, abs=STATE)
+        assert {run.modes(foot).words[-1] for foot in scene.feet} == {"closed, sticks"}
+        assert np.max(np.abs([run[foot.friction_force][-1] for foot in scene.feet])) < 1e-9
+
+
+def test_a_light_plank_and_what_it_carries_stop_together() -> None:
     """Feet far apart, light: as it stops rounding turns it, faster and faster, which what stands on it with small feet can hardly hold."""
     draw = np.random.default_rng(3)
     length, mass, load, g, mu, above = (
@@ -865,7 +887,7 @@ def test_a_light_plank_and_what_it_carries_stop_together(part: float) -> None:
     Q = np.linalg.qr(draw.normal(size=(3, 3)))[0]
     Q *= np.linalg.det(Q)
     first = draw.normal() * np.sqrt(g * length)
-    second = part * first
+    second = 0.6104222365598851 * first
     # the load slips on the plank until both are as fast, then they stop with mu g
     side = np.sign(second - first)
     by = above * load * g * side - mu * (mass + load) * g * np.sign(first)
