@@ -729,6 +729,17 @@ static double yield_of(const Decision *D, Room R, long gap) {
     return A[m * m - 1];
 }
 
+/* Whether a row holds as soon as the clock tells another time; -1 when the input function failed. */
+static int holds_soon(Integrator *I, long row) {
+    struct State *T = I->state;
+    double h = 2 * SPENT * EPS * fabs(I->t);
+    if (!rate_at(I, I->t, I->x, T->rate)) return -1;
+    for (long i = 0; i < I->nx; i++) T->later_x[i] = I->x[i] + h * T->rate[i];
+    if (!rows_at(I, I->t + h, T->later_x)) return -1;
+    int holds = T->one_row[row] >= -T->row_noise[row];
+    return rows_at(I, I->t, I->x) ? holds : -1;
+}
+
 /* Whether friction that slips has one answer in the mode that has been set; else `worst` is the law. REACHED_END, NO_MODE or INPUT_FAILED. */
 static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     for (long f = 0; f < D->frictions; f++)
@@ -747,6 +758,9 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
         double most = 0, unit = unit_of(D->W[i * (D->n + 1)]);
         for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(D->W[k * (D->n + 1)]), fabs(D->free[k]) / unit_of(D->W[k * (D->n + 1)])));
         if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -I->state->row_noise[i]) continue;
+        int soon = D->kind[i] == NO_IMPACT ? holds_soon(I, i) : 0;
+        if (soon < 0) return INPUT_FAILED;
+        if (soon) continue;
         I->worst = i;
         return NO_MODE;
     }
