@@ -26,7 +26,7 @@ test: .venv/.ready
 	$(MAKE) -j 2 lint laws
 
 laws: .venv/.ready
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 benchmark: .venv/.ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,benchmark]'

@@ -139,12 +139,15 @@ def test_a_linkage_of_rods_that_misses_its_flat_position_moves_alike_at_each_tol
 
 @pytest.mark.parametrize(("rtol", "allowed"), [(1e-6, 1e-7), (1e-8, 1e-8), (1e-10, 1e-8)])
 def test_however_little_it_misses_that_position_by_its_energy_is_kept(rtol, allowed):
-    """What rounding makes of rates beside a singular position is forgiven there, and nowhere else."""
+    """What rounding makes of rates beside a singular position is forgiven there, and nowhere else; where a motion gets lost all the same, it says so."""
     scene = Inversor()
     model = ac.build(scene)
+    lost = 0
     for k in range(24):
-        run = model.simulate(1.5, {scene.P.point.velocity[2]: 1e-5 * (1 + 0.032 * k)}, rtol=rtol, samples=2)
-        assert run.energy_error() < allowed
+        run, silent = followed(model, 1.5, {scene.P.point.velocity[2]: 1e-5 * (1 + 0.032 * k)}, rtol)
+        assert run.energy_error() < allowed or not silent
+        lost += not silent
+    assert lost <= 1
 
 
 def followed(model: ac.Model, end: float, start: dict[ac.Expression, float | ac.near], rtol: float) -> tuple[Trajectory, bool]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import StartValueError
+from acausal.errors import AccuracyWarning, StartValueError
 from components import Particle, Revolute, Rod, World
 from components.bodies import RigidBody
 from tests.scenes import rotation
@@ -52,7 +54,10 @@ def test_a_linkage_of_rods_goes_through_its_flat_position(angle: float, R: np.nd
     assert model.system.constraints.singular
     assert model.degrees_of_freedom == 5
     for rtol, energy, steps in ((1e-6, 1e-5, 100), (1e-9, 1e-9, 250), (1e-12, 2e-10, 500)):
-        run = model.simulate(3.0, rtol=rtol, samples=51)
+        with warnings.catch_warnings():
+            if rtol == 1e-6:  # by less than that it may miss the position, which is told
+                warnings.simplefilter("ignore", AccuracyWarning)
+            run = model.simulate(3.0, rtol=rtol, samples=51)
         drawn = run[scene.Q.point.position] @ R
         assert np.min(np.linalg.norm(drawn - run[scene.P.point.position] @ R, axis=1)) < 0.2
         assert np.max(np.abs(drawn[:, 0] - 0.84)) < 1e-9
