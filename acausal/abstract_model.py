@@ -21,7 +21,6 @@ from acausal.start.anew import AbstractDecided
 from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues
-from acausal.start.start_problem import as_in_start
 from acausal.start.states import finite_states
 
 if TYPE_CHECKING:
@@ -179,8 +178,9 @@ class AbstractModel(ABC):
         """
         t, accuracy = ascending(times, "sensitivities: `times`"), Accuracy.asked(rtol, atol, None, max_steps)
         by = expressions(self._named(wrt), "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
-        at = self._situation(start, float(t[0]), inputs, parameters)
-        return self._sensitivities(at, t, as_in_start(by, at.start), accuracy, truth(compiled, "sensitivities: compiled"))
+        return self._sensitivities(
+            self._situation(start, float(t[0]), inputs, parameters), t, by, accuracy, truth(compiled, "sensitivities: compiled")
+        )
 
     def _sensitivities(
         self, at: Situation, times: np.ndarray, wrt: Sequence[Wanted], accuracy: Accuracy, compiled: bool
@@ -210,13 +210,12 @@ class AbstractModel(ABC):
         """
         from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 
-        by = expressions(self._named(wrt), "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
+        by = tuple(expressions(self._named(wrt), "trajectory_function: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]"))
         t, accuracy = ascending(times, "trajectory_function: `times`"), Accuracy.asked(rtol, atol)
-        at = self._situation(start, float(t[0]), inputs, parameters)
-        by = tuple(as_in_start(by, at.start))
         run = functools.partial(
             self._sensitivities, times=t, wrt=by, accuracy=accuracy, compiled=truth(compiled, "trajectory_function: compiled")
         )
+        at = self._situation(start, float(t[0]), inputs, parameters)
         return TrajectoryFunction(name, Motion(self.functions, run, at, t, outputs, by))
 
     def linearize(

@@ -25,7 +25,6 @@ from acausal.reduce.modes import refuse_modes
 from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.start.anew import AbstractDecided, Decided
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
-from acausal.start.start_problem import as_in_start
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.fields import with_field_forces
 from acausal.wording import compact, counted
@@ -122,7 +121,6 @@ class Model(AbstractModel):
         at = self._situation(start, t0, inputs, parameters)
         single = isinstance(wrt, Expression | str)
         by = self._named([wrt] if single else listed(wrt, "assembly_function: `wrt`", "wrt=[scene.length]"))
-        by = as_in_start(by, at.start)
         if outputs is None:
             return assembly_function(self._decided.with_loops_at(at.p).functions, at, None, by, steps, name)
         return self._decided.answer(

@@ -341,5 +341,8 @@ def test_entries_of_start_values_are_found_however_they_are_written():
         assert found[place.position][-1] == pytest.approx(
             np.array([[0, 0, t, 0, 0], [0, 0, 0, t, 0], [1, t, 0, 0, t]]), abs=1e-12
         )
+        thrown = model.trajectory_function([0.0, t], place.position, [place.velocity[2]], start)
+        assert np.array(thrown(3.0))[:, 1] == pytest.approx([t, 0, 1 + 3.0 * t - 9.81 / 2 * t**2], abs=1e-12)
+        assert np.array(model.assembly_function(place.velocity, [place.velocity[2]], start)(3.0)).ravel().tolist() == [1, 0, 3]
     with pytest.raises(OptionError, match=r"has no start value in `start`"):
         model.sensitivities([0.0, t], [place.position[2] + place.position[1]], whole)

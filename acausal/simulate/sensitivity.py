@@ -13,7 +13,7 @@ import numpy as np
 
 from acausal.arguments import function_name
 from acausal.collocation.problem import Accuracy, Directions, Problem
-from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError, UnknownVariableError
+from acausal.errors import AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.integrators.sensitivity import Sensitive, integrate_sensitivities
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.outputs.expression_names import expression_name
@@ -22,12 +22,10 @@ from acausal.reduce.modes import refuse_modes
 from acausal.start.decided import check_decided
 from acausal.start.initial import Start, initial_derivatives, near
 from acausal.start.situation import Situation
-from acausal.start.start_problem import start_problem
+from acausal.start.start_problem import places_in_start, start_problem, with_numbers
 from acausal.wording import counted
 
 Wanted = Parameter | Input | Expression
-_ALIKE = 100
-"""Operations deep, to which an expression is compared with those of start values."""
 _NO_MOTION = (SimulationError, AssemblyError, StartValueError, ParameterError)
 """What values can do to a motion: wrong requests are told by other errors, or before."""
 
@@ -114,14 +112,14 @@ class _Column:
 def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[_Column]:
     flat = functions.outputs.system.flat
     columns: list[_Column] = []
-    given = [(key, entry) for key in start for entry in ca.vertsplit(ca.vec(functions.outputs.resolve(key)))]
+    keys = [key for key in start for _ in range(functions.outputs.resolve(key).numel())]
     for item in wrt:
         if isinstance(item, Parameter) and item in flat.parameters:
             columns.append(_Column(functions.outputs.name(item), parameter=flat.parameters.index(item)))
         elif isinstance(item, Input) and item in flat.inputs:
             columns.append(_Column(functions.outputs.name(item), input=flat.inputs.index(item)))
-        elif places := _among(given, functions, item):
-            if any(isinstance(start[given[at][0]], near) for at in places):
+        elif places := places_in_start(item, start):
+            if any(isinstance(start[keys[at]], near) for at in places):
                 raise OptionError(f"sensitivities: the start value of {item!r} is only near; give it exactly.")
             name = expression_name(functions.outputs, item)
             columns += [_Column(name + (f"[{k}]" if len(places) > 1 else ""), start=at) for k, at in enumerate(places)]
@@ -131,19 +129,6 @@ def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[
                 "Build with ac.Parameter for what is to vary."
             )
     return columns
-
-
-def _among(given: Sequence[tuple[Expression, ca.SX]], functions: Functions, item: Wanted) -> list[int]:
-    """Places of its entries among the start values; none where these do not have all of them."""
-    whole = [at for at, (key, _) in enumerate(given) if key is item]
-    if whole:
-        return whole
-    try:
-        entries = ca.vertsplit(ca.vec(functions.outputs.resolve(item)))
-    except UnknownVariableError:
-        return []
-    found = [[at for at, (_, value) in enumerate(given) if ca.is_equal(value, entry, _ALIKE)][:1] for entry in entries]
-    return [at for places in found for at in places] if all(found) else []
 
 
 class TrajectoryFunction(ca.Callback):
@@ -268,7 +253,7 @@ class Motion:
 
     def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         flat = self.functions.outputs.system.flat
-        start, inputs, p = dict(self.at.start), dict(self.at.inputs), self.at.p.copy()
+        start, inputs, p = self.at.start, dict(self.at.inputs), self.at.p.copy()
         at = 0
         for item in self.wrt:
             size = self._size(item)
@@ -277,7 +262,7 @@ class Motion:
             elif isinstance(item, Input):
                 inputs[item] = float(values[at])
             else:
-                start[item] = values[at : at + size]
+                start = with_numbers(self.functions.outputs, start, places_in_start(item, start), values[at : at + size])
             at += size
         rows, m = self.shape_out
         try:

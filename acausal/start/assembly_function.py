@@ -33,6 +33,7 @@ from acausal.outputs.outputs import Outputs
 from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState, Start
 from acausal.start.situation import Situation
+from acausal.start.start_problem import places_in_start
 from acausal.start.start_search import Search
 from acausal.start.unknowns import Found
 
@@ -98,20 +99,15 @@ def assembled(reference: InitialState, asked: ca.MX, steps: int = 8) -> ca.MX:
 def _places(outputs: Outputs, wrt: Sequence[Expression], start: Start) -> list[int]:
     """Where the values of `wrt` are in the data (start values, t0, u, p). Raises `OptionError` for anything else."""
     flat = outputs.system.flat
-    offset: dict[Expression, tuple[int, int]] = {}
-    n = 0
-    for key in start:
-        size = outputs.resolve(key).numel()
-        offset[key] = (n, size)
-        n += size
+    n = sum(outputs.resolve(key).numel() for key in start)
     places: list[int] = []
     for item in wrt:
         if isinstance(item, Parameter) and item in flat.parameters:
             places.append(n + 1 + len(flat.inputs) + flat.parameters.index(item))
         elif isinstance(item, Input) and item in flat.inputs:
             places.append(n + 1 + flat.inputs.index(item))
-        elif isinstance(item, Expression) and item in offset:  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names
-            places += range(offset[item][0], sum(offset[item]))
+        elif found := places_in_start(item, start):
+            places += found
         else:
             known = [*flat.parameters, *flat.inputs, *start]
             names = [outputs.name(k) if isinstance(k, Symbol) else repr(k) for k in known]

@@ -24,7 +24,7 @@ from acausal.parts.free import FreeJoint
 from acausal.parts.joint_coordinates import Coordinate
 from acausal.start.coordinates import Coordinates, coordinates, turning_states
 from acausal.start.start_search import Search, start_search
-from acausal.start.start_values import Start, check_settable, near
+from acausal.start.start_values import Start, check_settable, near, start_numbers
 from acausal.start.unknowns import Closing, Target, Unknowns
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from acausal.reduce.reduce import ReducedSystem
 
 _KEPT = 64
+_ALIKE = 100
+"""Operations deep, to which expressions are compared as they are written."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +114,32 @@ def start_problem(outputs: Outputs, start: Start) -> StartProblem:
     return problem
 
 
-def as_in_start(items: Sequence[Any], start: Start) -> list[Any]:
-    """The items, with the keys of the start values in place of what is written alike."""
-    written = [key for key in start if isinstance(key, Expression)]  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
-    known = {_identity(key): key for key in written if not isinstance(key, Symbol)}
-    plain = [not isinstance(item, Expression) or isinstance(item, Symbol) or item in start for item in items]
-    return [item if same or not known else known.get(_identity(item), item) for item, same in zip(items, plain, strict=True)]
+def places_in_start(item: object, start: Start) -> list[int]:
+    """Where the entries of an expression are among all numbers of start values, key by key and column by column: as a whole, or one by one, be they written anew. None where one
+    of them is missing.
+    """
+    if not isinstance(item, Expression):
+        return []
+    given = [(key, entry) for key in start for entry in _entries(key)]
+    whole = [k for k, (key, _) in enumerate(given) if key is item]
+    if whole:
+        return whole
+    found = [[k for k, (_, entry) in enumerate(given) if ca.is_equal(entry, own, _ALIKE)][:1] for own in _entries(item)]
+    return [k for places in found for k in places] if all(found) else []
+
+
+def with_numbers(outputs: Outputs, start: Start, places: Sequence[int], numbers: np.ndarray) -> Start:
+    """Start values with other numbers at these places, see `places_in_start`."""
+    found, changed = dict(start), dict(zip(places, numbers.tolist(), strict=True))
+    for target, (key, value) in zip(start_problem(outputs, start).targets, start.items(), strict=True):
+        at = range(target.place.start, target.place.stop)
+        if any(k in changed for k in at):
+            found[key] = np.array([changed.get(k, old) for k, old in zip(at, start_numbers(target, value), strict=True)])
+    return found
+
+
+def _entries(written: Expression) -> list[ca.SX]:
+    return ca.vertsplit(ca.vec(ca.densify(written.sx)))
 
 
 def _identity(key: Expression) -> Hashable:
