@@ -194,14 +194,14 @@ def flatten(scene: System) -> FlatSystem:
     queue: deque[tuple[str, Component]] = deque([("", scene)])
     while queue:
         path, component = queue.popleft()
-        prefix = path + "." if path else ""
-        _name_symbols(component, prefix, names)
+        prefix, part = path + "." if path else "", Part(path, component)
+        _name_symbols(part, prefix, names)
         for connector in component.connectors():
             connector_paths[connector] = prefix + connector.name
         connections += component.connections()
         asked += asked_by(component)
         if not isinstance(component, System):
-            parts.append(Part(path, component))
+            parts.append(part)
             continue
         systems.append((prefix, component))
         for name, child in component.parts():
@@ -243,8 +243,8 @@ def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> No
                     )
 
 
-def _name_symbols(component: Component, prefix: str, names: dict[Symbol, str]) -> None:
-    list(component.laws())  # what stands only there is made when it is asked for
+def _name_symbols(part: Part, prefix: str, names: dict[Symbol, str]) -> None:
+    component, _ = part.component, part.laws  # what stands only there is made when it is asked for
     for variable in component.variables():
         names.setdefault(variable, prefix + variable.name)
     for name, value in component.__dict__.items():

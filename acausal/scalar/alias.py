@@ -21,7 +21,7 @@ from acausal.scalar.affine import Affine
 from acausal.scalar.chains import Chains, Level
 from acausal.scalar.dependent import replace_dependent
 from acausal.scalar.diagnosis import named
-from acausal.scalar.equations import EquationSet, ScalarEquation
+from acausal.scalar.equations import EquationSet, ScalarEquation, symbols_in
 from acausal.scalar.naming import Names
 from acausal.scalar.structure import Form, forms
 
@@ -72,7 +72,7 @@ class _Elimination:
 
     def _find_affine(self) -> list[int]:
         """Moves general equations that are linear with numeric coefficients to `affine`; returns their numbers."""
-        symbols = {s.element_hash(): s for s in ca.symvar(ca.veccat(ca.SX(0, 1), *self.general.values()))}
+        symbols = symbols_in(self.general.values())
         members = [(key, s) for key, s in symbols.items() if key in self.chains.members]
         known = [s for key, s in symbols.items() if key not in self.chains.members]
         variables, keys = [s for _, s in members], [key for key, _ in members]

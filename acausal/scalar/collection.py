@@ -18,7 +18,7 @@ from acausal.language.equation import Equation, der, input_rates
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time, Variable, declared, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.scalar.canonical import canonical_parts
-from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
+from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, symbols_in
 
 _FAR = 1e6
 """A parameter may become so many times larger or smaller."""
@@ -175,7 +175,7 @@ class _Collector:
             return residual.sx, residual.leaves
         symbols.sort(key=lambda s: s.name)
         values = [self.readings.resolved(s.sx, part) for s in symbols]
-        found = {s.element_hash(): s for s in ca.symvar(ca.veccat(*values))}
+        found = symbols_in(values)
         given = {key: known for key, s in found.items() if isinstance(known := declared(s), Parameter | Input | Time)}
         self.read |= {key: s for key, s in found.items() if key not in given}
         changed = ca.substitute([residual.sx], [s.sx for s in symbols], values)[0]

@@ -20,7 +20,7 @@ from acausal.parts.span import AbstractSpan
 from acausal.scalar.collection import Collection as Collected
 from acausal.scalar.collection import Flange, collect, has_scalar_parts
 from acausal.scalar.diagnosis import no_rate
-from acausal.scalar.equations import EquationSet, ScalarEquation
+from acausal.scalar.equations import EquationSet, ScalarEquation, symbols_in
 from acausal.scalar.reduction import Invariant, ReducedEquations, algebraic_rates, reduce_equations
 from acausal.scalar.redundancy import needed, without_efforts
 from acausal.scalar.solution import LinearBlock
@@ -258,7 +258,7 @@ class _Coupling:
 
     def _resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """With the mechanics put in, but for accelerations that stay symbols."""
-        used = {s.element_hash() for s in ca.symvar(ca.veccat(ca.SX(0, 1), *expressions))}
+        used = symbols_in(expressions)
         opaque = any(s.element_hash() in used for f in self.collection.flanges for s in (f.bias, *ca.vertsplit(f.flexibility.T)))
         return _put(self._motion + (self._response if opaque else []), expressions)
 
@@ -332,11 +332,7 @@ class _Coupling:
     def _followers(self, equations: Sequence[ScalarEquation]) -> tuple[Held, ...]:
         """Equations that follow from others, in states."""
         residuals = [equation.residual for equation in equations]
-        values = [
-            (s, self.reduced.values[s.element_hash()])
-            for s in ca.symvar(ca.vertcat(ca.SX(0, 1), *residuals))
-            if s.element_hash() in self.reduced.values
-        ]
+        values = [(s, self.reduced.values[key]) for key, s in symbols_in(residuals).items() if key in self.reduced.values]
         found = self._at_rest(self._resolved(_put(values, residuals)))
         return tuple(Held(r, 2, -1, True, False, str(e)) for r, e in zip(found, equations, strict=True))
 

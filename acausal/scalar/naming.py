@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from acausal.scalar.chains import Chains, Level, Member
-from acausal.scalar.equations import Unknown
+from acausal.scalar.equations import Unknown, symbols_in
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Names:
 
     def rename(self, residuals: Mapping[int, ca.SX]) -> dict[int, ca.SX]:
         """Expressions in the user's symbols, in terms of the symbols of levels instead; zeros and ones fold."""
-        symbols = {s.element_hash(): s for s in ca.symvar(ca.veccat(ca.SX(0, 1), *residuals.values()))}
+        symbols = symbols_in(residuals.values())
         changed: list[tuple[ca.SX, ca.SX]] = []
         for key, symbol in symbols.items():
             member = self.chains.members.get(key)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.scalar.diagnosis import singular
-from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
+from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, symbols_in
 from acausal.scalar.linear import SingularMatrixError, solve_linear
 from acausal.scalar.structure import forms
 from acausal.scalar.tearing import tear
@@ -73,7 +73,7 @@ class Solution:
 
     def resolved(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """Expressions with known values put in. Costs what the expressions themselves cost."""
-        symbols = {s.element_hash(): s for s in ca.symvar(ca.veccat(ca.SX(0, 1), *expressions))}
+        symbols = symbols_in(expressions)
         known = [(s, self.values[key]) for key, s in symbols.items() if key in self.values]
         return ca.substitute(list(expressions), [s for s, _ in known], [v for _, v in known]) if known else list(expressions)
 
@@ -106,7 +106,7 @@ class Solution:
     ) -> None:
         """Torn unknowns stay symbols."""
         symbols = [u.symbol for u in unknowns]
-        known = {s.element_hash(): s for s in ca.symvar(ca.veccat(ca.SX(0, 1), *residuals))}
+        known = symbols_in(residuals)
         others = [s for key, s in known.items() if key not in {u.element_hash() for u in symbols}]
         structure = forms(residuals, symbols, others)
         rows = ca.vertcat(*self.resolved(residuals))

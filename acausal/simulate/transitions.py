@@ -204,7 +204,8 @@ class Transitions(Sequence[Transition]):
         series = self.run.functions.series(function)
         before, after = np.split(series.glance(np.concatenate([t, t]), states, u, self.run.problem.parameters), 2, axis=1)
         modes = self.run.outputs.system.modes
-        pushes = np.arange(n) < (0 if modes is None else modes.one_sided)
+        assert modes is not None
+        pushes = np.arange(n) < modes.one_sided
         over = np.outer(pushes, self.bridged[some])  # of small bounces the work on what moves is of first order, and what they lose of second
         rates, seen = (np.where(over, late, (early + late) / 2).T for early, late in ((before[:n], after[:n]), (before[n:], after[n:])))
         lost[some] = -self.impulses[some] * rates

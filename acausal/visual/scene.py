@@ -80,7 +80,8 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     up = (0.0, 0.0, 1.0) if size == 0 else tuple(float(-g / size) for g in gravity)
     # a scene that was written as a script has no name of its own
     name = run.outputs.system.flat.name
-    title = name if name != System.__name__ or not bodies else compact([body.name for body in bodies if not any(isinstance(shape, Wire) for shape in body.shapes)], 3)
+    moved = [body.name for body in bodies if not any(isinstance(shape, Wire) for shape in body.shapes)]
+    title = name if name != System.__name__ or not moved else compact(moved, 3)
     shown = Animation(title, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
     return replace(shown, links=(*links, *_pushes(moving, _ARROW * shown.size())))
 

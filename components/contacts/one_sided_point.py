@@ -32,8 +32,7 @@ class OneSidedPoint(System, AbstractTouch):
     0 <= gap, 0 <= normal_force [N], one of them zero; `law`: Hard(restitution, friction). Over a surface nothing else is held. Over a curve: its normal is
     across it and across `side`, x y' with x along the curve; sideways the point is held, without friction. Where the curve ends the point flies off.
     `q` and `v`: where nearest points have no closed form, the coordinates of the nearest place and the gap, and their rates; else the point's own part
-    has coordinates. By numbers that are expressions of
-    `ac.time` the surface or curve changes its shape; what it is made of then moves along its normal.
+    has coordinates. By numbers that are expressions of `ac.time` the surface or curve changes its shape; what it is made of then moves along its normal.
 
         scene.floor = PointOnPlane(unilateral=True, restitution=0.8)
     """

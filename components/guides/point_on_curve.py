@@ -29,8 +29,8 @@ class PointOnCurve(AbstractJoint):
 
     `unilateral`: a track that is left and landed on, see OneSidedPoint. It holds on the side of the normal, across the curve (x) and across `side`, a direction
     of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above. Sideways it stays. Off its end a point flies on.
-    `restitution`: 0 (no bounce) ... 1 (no
-    loss). `friction`: Coulomb(...), if any: by that push alone; where it holds on both sides by the force across, of two components, see RoughGuide.
+    `restitution`: 0 (no bounce) ... 1 (no loss). `friction`: Coulomb(...), if any: by that push alone; where it holds on both sides by the force across, of
+    two components, see RoughGuide.
 
         scene.wire = PointOnCurve(Helix(radius=0.2, lead=0.05))
     """

@@ -25,7 +25,7 @@ def flight() -> tuple[float, float]:
 
 
 def main(folder: str = "out") -> float:
-    """From the gate to the slope; returns how far the place where it lands is from the closed form [m]."""
+    """From the gate to the slope; returns how far it is from the closed form where and when it lands [m]."""
     scene = ac.System()
     scene.world, scene.skier = World(), Particle(70.0)
     in_run = ParametricCurve(lambda x: (x - LENGTH, 0.0, TABLE + HEIGHT * (ca.exp(-3 * x / LENGTH) - np.exp(-3.0))), (0.0, LENGTH), "m")
@@ -42,12 +42,13 @@ def main(folder: str = "out") -> float:
     print(run.transitions)
     off, lands = (t.time for t in run.transitions)
     x, _, z = run.at([lands])[scene.skier.point.position][0]
+    speed = np.linalg.norm(run.transitions[-1].before[scene.skier.point.velocity])
     down = x * np.cos(SLOPE) - z * np.sin(SLOPE)
     print(f"flies for {lands - off:.9f} s, and lands {down:.9f} m down the slope")
     run.picture(f"{folder}/ski_jump.png", times=tuple(np.linspace(0, run.t[-1], 41)))
     run.animate(f"{folder}/ski_jump.html")
     lasts, far = flight()
-    return max(abs(lands - off - lasts) * 10, abs(down - far))
+    return max(speed * abs(lands - off - lasts), abs(down - far))
 
 
 if __name__ == "__main__":
