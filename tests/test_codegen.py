@@ -699,6 +699,14 @@ def test_a_process_killed_while_it_compiles_does_no_harm(cache: Path, tmp_path: 
     assert set(left) < set(_files(cache))
 
 
+def test_what_compilers_write_on_the_way_goes_with_their_folder(cache: Path, tmp_path: Path) -> None:
+    """Killed, they do not remove it."""
+    command = _script(tmp_path / "compiler", f'echo "$TMPDIR" >> {tmp_path / "log"}', "$COMPILE")
+    assert _value(command) == 10.0
+    places = (tmp_path / "log").read_text().split()
+    assert places and all(Path(place).parent == cache and not Path(place).exists() for place in places)
+
+
 @pytest.mark.parametrize("place", ["file", "file/below"])
 def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     (tmp_path / "file").touch()

@@ -34,6 +34,8 @@ class ArticulatedInertias:
     U: tuple[ca.SX, ...]
     D_inverse: tuple[ca.SX, ...]
     felt: tuple[Blocks, ...]
+    owners: dict[int, int]
+    """The link that each entry of v moves."""
 
     @functools.cached_property
     def branches(self) -> tuple[tuple[int, ...], ...]:
@@ -45,11 +47,6 @@ class ArticulatedInertias:
             members.setdefault(roots[i], []).append(i)
         whole = {root: tuple(own) for root, own in members.items()}
         return tuple(whole[root] for root in roots)
-
-    @functools.cached_property
-    def owners(self) -> dict[int, int]:
-        """The link that each entry of v moves."""
-        return {k: i for i, link in enumerate(self.links) for k in range(link.v.start, link.v.stop)}
 
 
 def zero_wrenches(tree: Tree) -> list[Wrench]:
@@ -83,7 +80,7 @@ def articulated_inertias(tree: Tree, rotors: Mapping[int, float] | Mapping[int, 
             moved = _carried(link, blocks[i])
             a, b, c = blocks[link.parent]
             blocks[link.parent] = (a + moved[0], b + moved[1], c + moved[2])
-    return ArticulatedInertias(tuple(links), tuple(U), tuple(D_inverse), tuple(blocks))
+    return ArticulatedInertias(tuple(links), tuple(U), tuple(D_inverse), tuple(blocks), tree.owners)
 
 
 def forward_dynamics(

@@ -79,6 +79,11 @@ class Tree:
             rates[[int(j) for j in N.sparsity().get_triplet()[1]]] = True
         return turns, rates
 
+    @functools.cached_property
+    def owners(self) -> dict[int, int]:
+        """The link that each entry of v moves."""
+        return {k: i for i, link in enumerate(self.links) for k in range(link.v.start, link.v.stop)}
+
     def __str__(self) -> str:
         return _table(self)
 

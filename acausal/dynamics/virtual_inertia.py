@@ -276,7 +276,7 @@ def _light(tree: Tree, met: _Met, A: np.ndarray, columns: np.ndarray, loops: Loo
 
 def _of_whole_links(tree: Tree, columns: np.ndarray) -> np.ndarray:
     """All velocities of the links that some velocities move."""
-    moved = [np.arange(v.start, v.stop) for link in tree.links if np.isin(np.arange((v := link.v).start, v.stop), columns).any()]
+    moved = [np.arange(v.start, v.stop) for i in _moved(tree, columns) for v in (tree.links[i].v,)]
     return np.concatenate(moved) if moved else columns
 
 
@@ -284,10 +284,15 @@ def _owners(tree: Tree, columns: np.ndarray) -> dict[int, np.ndarray]:
     """Links that some velocities move, parents first, and the places of these among `columns`."""
     place = {int(k): n for n, k in enumerate(columns)}
     return {
-        i: np.array(own)
-        for i, link in enumerate(tree.links)
-        if (own := [place[k] for k in range(link.v.start, link.v.stop) if k in place])
+        i: np.array([place[k] for k in range(v.start, v.stop) if k in place])
+        for i in _moved(tree, columns)
+        for v in (tree.links[i].v,)
     }
+
+
+def _moved(tree: Tree, columns: np.ndarray) -> list[int]:
+    """The links that some velocities move, parents first."""
+    return sorted({tree.owners[int(k)] for k in columns})
 
 
 def _spanning(A: np.ndarray, own: Mapping[int, np.ndarray], least: Mapping[int, float], i: int) -> float:

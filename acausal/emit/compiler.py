@@ -167,12 +167,15 @@ def _knows_processor(folder: Path, command: tuple[str, ...], patience: float) ->
 
 
 def run_compiler(command: Sequence[str], patience: float = _LONGEST) -> None:
-    """Run a compiler. Raises `ExportError` with what it printed when it fails, or when it has not ended after `patience` seconds."""
+    """Run a compiler, `-o` and the file to make among its arguments: what it writes on the way lies beside that, and stays there when it is killed.
+
+    Raises `ExportError` with what it printed when it fails, or when it has not ended after `patience` seconds.
+    """
     run_compilers([command], patience)
 
 
 def run_compilers(commands: Sequence[Sequence[str]], patience: float = _LONGEST) -> None:
-    """Run compilers side by side. Raises `ExportError` with what one printed when it fails; none goes on when this is left."""
+    """Run compilers side by side (see `run_compiler`). Raises `ExportError` with what one printed when it fails; none goes on when this is left."""
     begun: list[subprocess.Popen[str]] = []
     try:
         for command in commands:
@@ -196,13 +199,22 @@ _lock = threading.Lock()
 
 def _begun(command: Sequence[str]) -> subprocess.Popen[str]:
     quiet, pipe = subprocess.DEVNULL, subprocess.PIPE
+    beside = str(Path(command[command.index("-o") + 1]).absolute().parent)
+    environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), beside)
     with _lock:
         if _ending.is_set():
             raise ExportError("The process ends: nothing is compiled any more.")
         try:
             # a group of its own: it ends with its helpers
             process = subprocess.Popen(
-                command, stdin=quiet, stdout=quiet, stderr=pipe, text=True, errors="replace", start_new_session=True
+                command,
+                stdin=quiet,
+                stdout=quiet,
+                stderr=pipe,
+                text=True,
+                errors="replace",
+                env=environment,
+                start_new_session=True,
             )
         except OSError as error:
             raise ExportError(f"The C compiler cannot be run: {' '.join(command)}\n{error}") from error

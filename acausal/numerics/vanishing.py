@@ -66,60 +66,77 @@ def vanish(rows: ca.SX, fixed: ca.SX | None = None, values: np.ndarray | None = 
 
 
 def equilibrated(A: np.ndarray) -> np.ndarray:
-    """A with rows and columns divided so that units are gone, and the largest entries are about 1. Zero rows stay."""
+    """A (..., n, m) with rows and columns divided so that units are gone, and the largest entries are about 1. Zero rows stay."""
     rows, columns = equilibration(A)
-    return A / rows[:, None] / columns
+    return A / rows[..., None] / columns[..., None, :]
 
 
 def equilibration(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By what rows (n,) and columns (m,) of A are divided in `equilibrated`.
+    """By what rows (..., n) and columns (..., m) of matrices A (..., n, m) are divided in `equilibrated`; 1 for those that are not finite.
 
     First so that the entries are as near to 1 as they can be all together, which gives the same matrix whatever the units were; then so that the
     largest ones are (Curtis and Reid, Journal of the Institute of Mathematics and its Applications 10, 1972; Ruiz 2001, whose result alone is
     another for other units).
     """
-    r, c = np.ones(A.shape[0]), np.ones(A.shape[1])
-    if not A.size or not np.isfinite(A).all():
+    sizes = np.where(np.isfinite(A).all(axis=(-2, -1), keepdims=True), np.abs(A), 0.0)
+    r, c = np.ones(A.shape[:-1]), np.ones((*A.shape[:-2], A.shape[-1]))
+    if not A.size:
         return r, c
-    r, c = _largest_alike(A, r, c)
+    r, c = _largest_alike(sizes, r, c)
     for _ in range(2):
-        B = np.abs(A) / r[:, None] / c
-        least = _NOTHING * np.minimum(B.max(axis=1)[:, None], B.max(axis=0))
-        r, c = _middle(np.abs(A), least < B)  # rounding has no say
-    return _largest_alike(A, r, c)
+        B = sizes / r[..., None] / c[..., None, :]
+        least = _NOTHING * np.minimum(B.max(axis=-1, keepdims=True), B.max(axis=-2, keepdims=True))
+        r, c = _middle(sizes, least < B)  # rounding has no say
+    return _largest_alike(sizes, r, c)
 
 
-def _largest_alike(A: np.ndarray, r: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From divisors r (n,) and c (m,) on, so that the largest entries of rows and columns are about 1."""
+def _largest_alike(sizes: np.ndarray, r: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From divisors r (..., n) and c (..., m) on, so that the largest entries of rows and columns are about 1."""
     for _ in range(_SWEEPS):
-        B = np.abs(A) / r[:, None] / c
-        rows, columns = np.sqrt(B.max(axis=1)), np.sqrt(B.max(axis=0))
+        B = sizes / r[..., None] / c[..., None, :]
+        rows, columns = np.sqrt(B.max(axis=-1)), np.sqrt(B.max(axis=-2))
         r, c = r * np.where(rows > 0, rows, 1.0), c * np.where(columns > 0, columns, 1.0)
     return r, c
 
 
-def _middle(A: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _middle(sizes: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Powers of two by which the logarithms of those entries that count are nearest to 0, by least squares; 1 for rows and columns without any."""
-    n, m = A.shape
-    sizes = np.where(counts, np.log2(np.where(counts, A, 1.0)), 0.0)
-    links = np.block([[np.zeros((n, n)), counts], [counts.T, np.zeros((m, m))]])
-    degree = links.sum(axis=1)
-    system = np.diag(degree + _SLIGHT) + links
-    found = np.linalg.solve(system, np.concatenate([sizes.sum(axis=1), sizes.sum(axis=0)]))
-    side, part = np.repeat([1.0, -1.0], [n, m]), np.arange(n + m)
-    while True:  # what hangs together has the number of its first row
-        least = np.minimum(part, np.where(links > 0, part, n + m).min(axis=1, initial=n + m))
-        if np.array_equal(least, part):
-            break
-        part = least
-    found -= side * np.where(
-        part < n, found[np.minimum(part, n - 1)], 0.0
-    )  # which is not divided: so units of powers of two change no bit
+    n, m = sizes.shape[-2:]
+    logs = np.where(counts, np.log2(np.where(counts, sizes, 1.0)), 0.0)
+    links = np.zeros((*sizes.shape[:-2], n + m, n + m))
+    links[..., :n, n:], links[..., n:, :n] = counts, np.swapaxes(counts, -2, -1)
+    degree = links.sum(axis=-1)
+    system = links + np.eye(n + m) * (degree + _SLIGHT)[..., None]
+    total = np.concatenate([logs.sum(axis=-1), logs.sum(axis=-2)], axis=-1)
+    found = np.linalg.solve(system, total[..., None])[..., 0]
+    first = _first_rows(links, n)
+    found -= np.repeat([1.0, -1.0], [n, m]) * np.where(
+        first < n, np.take_along_axis(found, np.minimum(first, n - 1), axis=-1), 0.0
+    )  # the first row of what hangs together is not divided: so units of powers of two change no bit
     power = np.exp2(np.floor(np.where(degree > 0, found, 0.0) + _HALF))
-    return power[:n], power[n:]
+    return power[..., :n], power[..., n:]
+
+
+def _first_rows(links: np.ndarray, n: int) -> np.ndarray:
+    """For n rows and other columns the first row among what they hang together with (..., n + m)."""
+    part = np.broadcast_to(np.arange(links.shape[-1]), links.shape[:-1])
+    while True:
+        beside = np.where(links > 0, part[..., None, :], links.shape[-1]).min(axis=-1)
+        least = np.minimum(part, beside)
+        if np.array_equal(least, part):
+            return part
+        part = least
 
 
 def equilibrated_rank(A: np.ndarray) -> int:
     """Rank of a matrix of numbers whose rows and columns may have any units."""
-    s = np.linalg.svd(equilibrated(A), compute_uv=False) if A.size else np.zeros(0)
-    return int(np.sum(s > DEPENDENT * s[0])) if s.size and s[0] > 0 else 0
+    return int(equilibrated_ranks(A[None])[0])
+
+
+def equilibrated_ranks(A: np.ndarray) -> np.ndarray:
+    """Ranks (k,) of matrices (k, n, m) of numbers whose rows and columns may have any units; -1 for those that are not finite."""
+    finite = np.isfinite(A).all(axis=(-2, -1))
+    if not A.size:
+        return np.where(finite, 0, -1)
+    s = np.linalg.svd(equilibrated(np.where(finite[:, None, None], A, 0.0)), compute_uv=False)
+    return np.where(finite, np.sum(s > DEPENDENT * s[:, :1], axis=-1), -1)

@@ -19,7 +19,7 @@ import numpy as np
 
 from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.thresholds import DEPENDENT
-from acausal.numerics.vanishing import equilibrated, equilibrated_rank, equilibration
+from acausal.numerics.vanishing import equilibrated, equilibrated_rank, equilibrated_ranks, equilibration
 
 _LARGE, _SMALL = 0.5, 1e-3
 _ZERO = 1e-11
@@ -163,13 +163,11 @@ def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int, columns:
     """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one; all for other matrices."""
     if samples.shape[1] == 1 or n > _LARGEST or n != columns:
         return np.arange(samples.shape[1])
-    A = np.zeros((n, n))
-    kept = [0]
-    for k in range(1, samples.shape[1]):
-        A[tuple(np.transpose(where))] = samples[:, k]
-        if np.isfinite(A).all() and equilibrated_rank(A) == n:
-            kept.append(k)
-    return np.array(kept)
+    A = np.zeros((samples.shape[1], n, n))
+    A[:, *np.transpose(where).reshape(2, -1)] = samples.T
+    regular = equilibrated_ranks(A) == n
+    regular[0] = True
+    return np.flatnonzero(regular)
 
 
 def _column_sizes(rows: list[Row], n: int) -> list[np.ndarray]:
@@ -234,16 +232,15 @@ def _inverses(rows: list[Row], n: int) -> np.ndarray:
     for i, row in enumerate(rows):
         for j, entry in row.items():
             A[:, i, j] = entry.sample
-    for k in range(points):
-        if np.isfinite(A[k]).all():
-            of_rows, of_columns = equilibration(A[k])
-            try:
-                found[k] = np.linalg.inv(A[k] / of_rows[:, None] / of_columns) / of_columns[:, None] / of_rows
-            except np.linalg.LinAlgError:
-                continue
-            parts = A[k] * found[k].T
-            if not (np.abs(parts.sum(axis=0) - 1) < _EXACT).all() or not (np.abs(parts.sum(axis=1) - 1) < _EXACT).all():
-                found[k] = np.nan
+    of_rows, of_columns = equilibration(A)
+    for k in np.flatnonzero(np.isfinite(A).all(axis=(1, 2))):
+        try:
+            found[k] = np.linalg.inv(A[k] / of_rows[k][:, None] / of_columns[k]) / of_columns[k][:, None] / of_rows[k]
+        except np.linalg.LinAlgError:
+            continue
+        parts = A[k] * found[k].T
+        if not (np.abs(parts.sum(axis=0) - 1) < _EXACT).all() or not (np.abs(parts.sum(axis=1) - 1) < _EXACT).all():
+            found[k] = np.nan
     return found
 
 

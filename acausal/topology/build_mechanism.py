@@ -72,7 +72,7 @@ def _force_key(groups: Sequence[Group], part: Part) -> tuple[str, list[tuple[int
     """Kind, where it acts, and name: sums of forces have rounding errors, too."""
     own = [c for c in part.component.connectors() if isinstance(c, Point)]
     ends = [(k, group.poses[c].position) for k, group in enumerate(groups) for c in own if c in group.poses]
-    places = sorted((k, tuple(rounded(float(x)) for x in at) if isinstance(at, np.ndarray) else ()) for k, at in ends)
+    places = sorted((k, tuple(rounded(at).tolist()) if isinstance(at, np.ndarray) else ()) for k, at in ends)
     return type(part.component).__name__, places, natural(part.path)
 
 

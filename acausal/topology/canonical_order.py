@@ -68,10 +68,10 @@ def natural(name: str) -> Name:
     return [(True, int(part)) if part.isdecimal() else (False, part) for part in re.split(r"(\d+)", name)]
 
 
-def rounded(value: float) -> float:
-    """To six digits, in a way that powers of two have no influence on."""
-    mantissa, exponent = np.frexp(value)
-    return float(np.ldexp(np.round(mantissa * _DIGITS) / _DIGITS, exponent))
+def rounded(values: np.ndarray | float) -> np.ndarray:
+    """To six digits each, in a way that powers of two have no influence on."""
+    mantissa, exponent = np.frexp(values)
+    return np.ldexp(np.round(mantissa * _DIGITS) / _DIGITS, exponent)
 
 
 def on_grid(places: np.ndarray, far: float) -> np.ndarray:
@@ -131,7 +131,7 @@ def _group_keys(groups: Sequence[Group], edges: Sequence[Joint]) -> list[tuple[f
 
 
 def _mass(group: Group) -> float:
-    return rounded(group.inertia.mass) if isinstance(group.inertia.mass, float) else 0.0
+    return float(rounded(group.inertia.mass)) if isinstance(group.inertia.mass, float) else 0.0
 
 
 def _edge_key(
@@ -155,7 +155,7 @@ def _distances(ends: Sequence[tuple[int, np.ndarray]]) -> dict[int, Key]:
     places = np.array([place for _, place in ends]).reshape(-1, 3)
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     apart[apart <= _SAME * np.max(apart, initial=0.0)] = np.inf
-    return {i: tuple(sorted(rounded(float(d)) for d in row)) for (i, _), row in zip(ends, apart, strict=True)}
+    return {i: tuple(row) for (i, _), row in zip(ends, np.sort(rounded(apart), axis=1).tolist(), strict=True)}
 
 
 def _places(groups: Sequence[Group], edges: Sequence[Joint], gravity: np.ndarray | None) -> Iterable[list[Any]]:
@@ -180,4 +180,4 @@ def _far(own: np.ndarray, all: np.ndarray) -> list[Key]:
     """Sums of distances of the ends of one edge from all ends, to the first, second and third power."""
     ends = own[~np.isnan(own[:, 0])]
     apart = [np.linalg.norm(all - end, axis=1) for end in ends]
-    return sorted(tuple(rounded(float(np.sum(d**k))) for k in (1, 2, 3)) for d in apart)
+    return sorted(tuple(rounded(np.array([np.sum(d**k) for k in (1, 2, 3)])).tolist()) for d in apart)

@@ -89,7 +89,7 @@ def _rank(part: Part) -> tuple[float, str, Name]:
     """The heaviest comes first: the group has its name and its frame."""
     assert isinstance(part.component, AbstractRigidPart)
     mass = part.component.inertia().mass
-    return -rounded(mass) if isinstance(mass, float) else 0.0, type(part.component).__name__, natural(part.path)
+    return -float(rounded(mass)) if isinstance(mass, float) else 0.0, type(part.component).__name__, natural(part.path)
 
 
 def _kind(root: str | int, members: Sequence[Part], inertia: Inertia) -> str:
