@@ -50,6 +50,13 @@ def _peers(folder: Path) -> None:
     assert "double_pendulum" in plot.table(points)
 
 
+def _driver() -> None:
+    """Of a stiff scene, where it asks for derivatives on the way."""
+    built = next(scene for scene in SCENES if scene.name == "spring_pendulum").build()
+    own = next(peer for peer in PEERS if peer.name == "acausal").prepare(built, "driver", 1e-9)
+    assert built.scene.error(own.values(own.run())) < 1e-8
+
+
 def _flags(_: Path) -> None:
     assert compiler_flags.driver_time("double_pendulum") > 0
     assert compiler_flags.compile_time(2) > 0
@@ -91,6 +98,7 @@ SHARES: dict[str, Callable[[Path], object]] = {
     "stiff": lambda _: stiff.compare("a row", stiff.row_of_masses(3, 1e3, 1.0), (1e-3,), 0.0, False),
     "reference": lambda _: reference.solution(equations("double_pendulum"), 0.1, 2),
     "peers": _peers,
+    "driver": lambda _: _driver(),
     "compiler_flags": _flags,
     "modes": _modes,
     "hard_cases": _hard_case,

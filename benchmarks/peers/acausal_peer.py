@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from acausal.collocation.problem import Accuracy, Newton, Problem
 from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.gauss import default_order
 from acausal.runtime.kernels import How
-from acausal.runtime.native import Choice, Run
+from acausal.runtime.native import Choice, Code, Run
 from benchmarks.peers.base import AbstractPeer, Prepared
 from benchmarks.scenes import Built
 
@@ -24,7 +24,7 @@ class Acausal(AbstractPeer):
     module: ClassVar[str] = "acausal"
 
     def methods(self, scene: str) -> tuple[str, ...]:
-        return ("simulate", "driver")
+        return ("driver", "simulate")  # in this order: both with compiled kernels, as the others are
 
     def refusal(self, scene: str) -> str:
         return ""
@@ -46,20 +46,21 @@ def _driver(built: Built, setting: float) -> Prepared:
     assert compiled is not None
     problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
     choice = Choice((gauss_legendre(default_order(setting) // 2),), Newton.WHERE_SLOW)
-    made = Run(compiled, problem, x0, 0.0, built.scene.end, Accuracy(setting, setting), choice)
+    first, made = (Run(compiled, problem, x0, 0.0, built.scene.end, Accuracy(setting, setting), choice) for _ in range(2))
+    first.advance(built.scene.end)
     fresh = type(made.core).from_buffer_copy(made.core)
+    fresh.end, fresh.jvp = built.scene.end, first.core.jvp
     compiled.library.finish(ctypes.byref(made.core))
     library, slice_ = compiled.library, 1e9
 
-    def run() -> Any:
+    def run() -> np.ndarray | None:
         core = made.core
         ctypes.pointer(core)[0] = fresh
         core.memory, core.state, core.slice = None, None, slice_
         made.x[:] = x0
         library.begin(ctypes.byref(core))
-        while library.advance(ctypes.byref(core)) == 3:  # told that iteration is slow: go on
-            pass
+        code = library.advance(ctypes.byref(core))
         library.finish(ctypes.byref(core))
-        return made.x.copy()
+        return made.x.copy() if code == Code.REACHED_END else None
 
     return Prepared(run, built.observe)
