@@ -343,56 +343,45 @@ class Walk:
         return None
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Of a column the entries `own`, at these `rows` and `columns` of a matrix."""
-
-    own: slice
-    rows: np.ndarray
-    columns: np.ndarray
-    shape: tuple[int, int]
-
-    def whole(self, entries: np.ndarray) -> np.ndarray:
-        """The matrix, column-major."""
-        found = np.zeros(self.shape[0] * self.shape[1])
-        found[self.rows + self.shape[0] * self.columns] = entries
-        return found.reshape(self.shape, order="F")
-
-    def scales(self, below: np.ndarray, above: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the entries, where columns are multiplied with what is `above` and rows divided by what is `below`."""
-        return above[self.columns], below[self.rows]
-
-
 class _Parts:
     """Several matrices of q and t, functions of (q, t, p), in one call that gives their `entries`; and without units once `scale` is known."""
 
     def __init__(self, function: ca.Function, patterns: list[ca.Sparsity], values: np.ndarray) -> None:
-        ends = np.cumsum([0, *(pattern.nnz() for pattern in patterns)]).tolist()
-        self._parts = [
-            _Part(slice(*own), *places(pattern), pattern.shape)
-            for own, pattern in zip(itertools.pairwise(ends), patterns, strict=True)
-        ]
-        self._scales: list[tuple[np.ndarray, np.ndarray]] = []
+        self._places = [places(pattern) for pattern in patterns]
+        self._shapes = [pattern.shape for pattern in patterns]
+        self._entries = np.cumsum([0, *(pattern.nnz() for pattern in patterns)]).tolist()
+        self._ends = np.cumsum([0, *(pattern.numel() for pattern in patterns)]).tolist()
+        self._where = np.concatenate(
+            [end + i + shape[0] * j for end, shape, (i, j) in zip(self._ends[:-1], self._shapes, self._places, strict=True)]
+        )
+        self._above = self._below = np.zeros(0)
         self._q, self._t = np.empty(function.size1_in(0)), np.zeros(1)
         given = (self._q, self._t, np.array(values, dtype=float))
         self._bound = BoundFunction(function, given, np.empty(function.numel_out(0)))
 
     def scale(self, *sizes: tuple[np.ndarray, np.ndarray]) -> None:
         """What rows are divided by and columns multiplied with, for the first of the matrices."""
-        self._scales = [part.scales(*own) for part, own in zip(self._parts, sizes, strict=False)]
+        own = list(zip(self._places, sizes, strict=False))
+        self._above = np.concatenate([above[j] for (_, j), (_, above) in own])
+        self._below = np.concatenate([below[i] for (i, _), (below, _) in own])
 
     def __call__(self, q: np.ndarray, t: float) -> list[np.ndarray]:
         """All matrices as they are."""
         self._q[:], self._t[0] = q, t
-        column = self._bound()
-        return [part.whole(column[part.own]) for part in self._parts]
+        return self._matrices(self._bound(), len(self._shapes))
 
     def scaled(self, q: np.ndarray, t: float, count: int) -> list[np.ndarray]:
         """So many of the first, without units."""
         self._q[:], self._t[0] = q, t
-        column = self._bound()
-        first = zip(self._parts[:count], self._scales, strict=False)
-        return [part.whole(column[part.own] * above / below) for part, (above, below) in first]
+        own = slice(self._entries[count])
+        return self._matrices(self._bound()[own] * self._above[own] / self._below[own], count)
+
+    def _matrices(self, entries: np.ndarray, count: int) -> list[np.ndarray]:
+        """So many of the first, column-major."""
+        found = np.zeros(self._ends[count])
+        found[self._where[: self._entries[count]]] = entries
+        parts = zip(itertools.pairwise(self._ends), self._shapes[:count], strict=False)
+        return [found[first:last].reshape(shape, order="F") for (first, last), shape in parts]
 
 
 def _lengths_of_rates(A: np.ndarray, N: np.ndarray, turning: np.ndarray) -> np.ndarray:
