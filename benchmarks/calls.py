@@ -14,10 +14,10 @@ from typing import Any
 
 import acausal as ac
 from acausal.collocation.problem import Accuracy
-from acausal.runtime.kernels import How
 from acausal.simulate.simulation import look_at
 from benchmarks.growth import four_bars
 from benchmarks.scenes import SCENES
+from benchmarks.timing import compiled
 from components import Particle, Revolute, RigidBody, Rod, World
 from tests.assembly_scenes import stewart_platform
 
@@ -94,16 +94,6 @@ CASES = (
     Case("net of 10 x 10", lambda: net(10), lambda s: {}, 1.0, lambda s: [s.knots[-1].point.position, s.knots[34].point.velocity, s.rods[40].frame_b.force]),
     _bars(),
 )  # fmt: skip
-
-
-def compiled(model: ac.Model) -> None:
-    """Wait for the compiled kernels of a model."""
-    native = model.functions.native(How.AUTO)
-    assert native is not None
-    native.kernels.spent(math.inf)
-    while native.busy:
-        time.sleep(0.05)
-    native.kernels.spent(0.0)
 
 
 def least(call: Callable[[], object], budget: float = 0.3) -> float:

@@ -1,5 +1,7 @@
 """Forward dynamics, one evaluation: our C with one lane and in all lanes, beside Pinocchio and MuJoCo; chains and robots.
 
+python -m benchmarks.dynamics
+
 The C runs in a loop in C. The others are called from Python; `pin` is given as called, and less what a call of a model with
 one joint takes, so that their binding is left out. Accelerations are compared in the same run.
 """
@@ -21,6 +23,7 @@ from acausal.emit.emit import emit, translation_units
 from acausal.outputs.functions import operations
 from acausal.runtime.load import runtime
 from benchmarks.chains import chain, mujoco_time, pinocchio_chain
+from benchmarks.one_core import one_core
 from benchmarks.timing import median_time
 from components import Prismatic, Revolute, RigidBody, World
 
@@ -216,3 +219,8 @@ def robots_folder() -> Path | None:
         if folder.is_dir():
             return folder
     return None
+
+
+if __name__ == "__main__":
+    one_core()
+    run()

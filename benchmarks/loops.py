@@ -11,6 +11,7 @@ from typing import Any
 
 import acausal as ac
 from benchmarks.growth import four_bars
+from benchmarks.timing import compiled
 from tests.large_scenes import CrankRow, RodNet
 
 _REPEAT = 7
@@ -62,6 +63,7 @@ def row(make: Callable[[int], Made], count: int) -> str:
     _, other = timed(lambda: model.initial_state(start(1)))
     _, again = timed(lambda: model.initial_state(start(1)))
     _, call = timed(lambda: model.simulate(end, start(1), progress=False))
+    compiled(model)
     best, driver = min(both(lambda: model.simulate(end, start(1), progress=False)) for _ in range(_REPEAT))
     rows = model.system.closing.numel()
     starts = "".join(f"{1e3 * t:>9.1f}" for t in (first, other, again))

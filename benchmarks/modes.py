@@ -18,6 +18,7 @@ import acausal as ac
 from acausal.runtime.native import Outcome, Run
 from benchmarks.mode_peers import Try, drake_tries, mujoco_tries, scipy_tries
 from benchmarks.mode_scenes import ModeScene, billiards, carts, hovering, scenes
+from benchmarks.timing import compiled
 
 _SLOW = 20.0
 """Seconds, after which no finer setting of a program is tried."""
@@ -39,6 +40,7 @@ def own_tries(scene: ModeScene) -> Iterator[tuple[Try, ac.Model]]:
     """This package: the whole call."""
     system, start, seen = scene.make()
     model = ac.build(system)
+    compiled(model)
     for rtol in (1e-6, 1e-9, 1e-12):
 
         def run(rtol: float = rtol) -> np.ndarray:
@@ -75,7 +77,8 @@ def against_peers(names: list[str]) -> None:
 
 
 def driver_of(model: ac.Model, end: float, start: dict[Any, Any], rtol: float = 1e-10) -> tuple[float, ac.Trajectory]:
-    """Seconds of the processor of the steps alone, in C: least of some runs; and a run."""
+    """Seconds of the processor of the steps alone, in C, with compiled kernels: least of some runs; and a run."""
+    compiled(model)
     spent: list[float] = []
     advance = Run.advance
 

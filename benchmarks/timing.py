@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from collections.abc import Callable
+
+import acausal as ac
+from acausal.runtime.kernels import How
+
+
+def compiled(model: ac.Model) -> None:
+    """Wait for the compiled kernels of a model."""
+    native = model.functions.native(How.AUTO)
+    assert native is not None
+    native.kernels.spent(math.inf)
+    while native.busy:
+        time.sleep(0.05)
+    native.kernels.spent(0.0)
 
 
 def median_time(call: Callable[[], object], budget: float = 0.2) -> float:

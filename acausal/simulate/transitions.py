@@ -206,8 +206,12 @@ class Transitions(Sequence[Transition]):
         modes = self.run.outputs.system.modes
         assert modes is not None
         pushes = np.arange(n) < modes.one_sided
-        over = np.outer(pushes, self.bridged[some])  # of small bounces the work on what moves is of first order, and what they lose of second
-        rates, seen = (np.where(over, late, (early + late) / 2).T for early, late in ((before[:n], after[:n]), (before[n:], after[n:])))
+        over = np.outer(
+            pushes, self.bridged[some]
+        )  # of small bounces the work on what moves is of first order, and what they lose of second
+        rates, seen = (
+            np.where(over, late, (early + late) / 2).T for early, late in ((before[:n], after[:n]), (before[n:], after[n:]))
+        )
         lost[some] = -self.impulses[some] * rates
         in_balance[some] = (self.impulses[some] * seen).sum(axis=1)
         return lost, in_balance

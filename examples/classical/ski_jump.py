@@ -28,7 +28,9 @@ def main(folder: str = "out") -> float:
     """From the gate to the slope; returns how far it is from the closed form where and when it lands [m]."""
     scene = ac.System()
     scene.world, scene.skier = World(), Particle(70.0)
-    in_run = ParametricCurve(lambda x: (x - LENGTH, 0.0, TABLE + HEIGHT * (ca.exp(-3 * x / LENGTH) - np.exp(-3.0))), (0.0, LENGTH), "m")
+    in_run = ParametricCurve(
+        lambda x: (x - LENGTH, 0.0, TABLE + HEIGHT * (ca.exp(-3 * x / LENGTH) - np.exp(-3.0))), (0.0, LENGTH), "m"
+    )
     hill = ParametricCurve(lambda s: (s * np.cos(SLOPE), 0.0, -s * np.sin(SLOPE)), (0.0, 200.0), "m")
     scene.track, scene.slope = PointOnCurve(in_run, unilateral=True), PointOnCurve(hill, unilateral=True)
     scene.connect(scene.world.frame, scene.track.frame_a)
