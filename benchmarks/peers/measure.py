@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import math
 import statistics
@@ -63,7 +64,12 @@ def measured(built: Built, prepared: Prepared, budget: Budget) -> tuple[float, f
     first, result = _timed(prepared)
     repeats = max(budget.repeats, min(25, int(budget.short / max(first, 1e-6))))
     again = result is not None and first < budget.slow
-    seconds = [_timed(prepared)[0] for _ in range(repeats)] if again else [first]
+    gc.collect()
+    gc.disable()  # as timeit does: what other programs have left in this process is looked through otherwise
+    try:
+        seconds = [_timed(prepared)[0] for _ in range(repeats)] if again else [first]
+    finally:
+        gc.enable()
     error = math.inf if result is None else built.scene.error(prepared.values(result))
     return 1e3 * statistics.median(seconds), error if np.isfinite(error) else math.inf, len(seconds)
 
